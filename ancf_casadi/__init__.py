@@ -1,0 +1,47 @@
+"""Damping and property identification, and large-motion simulation, of very flexible beams."""
+
+from ancf_casadi.beam import Beam, Section
+from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
+from ancf_casadi.element import StrainMeasures
+from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.exceptions import (
+    AncfError,
+    EquilibriumError,
+    FitError,
+    InputError,
+    NumericsError,
+    SimulationError,
+)
+from ancf_casadi.excitation import BaseMotion, FixedBase, HarmonicBase
+from ancf_casadi.model import Model
+from ancf_casadi.modes import Modes, modal_assurance, natural_modes
+from ancf_casadi.simulate import Trajectory, simulate
+from ancf_casadi.version import __version__
+
+__all__ = [
+    "AncfError",
+    "BaseMotion",
+    "Beam",
+    "DampingLaw",
+    "Equilibrium",
+    "EquilibriumError",
+    "FitError",
+    "FixedBase",
+    "HarmonicBase",
+    "InputError",
+    "ModalDamping",
+    "Model",
+    "Modes",
+    "NumericsError",
+    "QuadraticDamping",
+    "RayleighDamping",
+    "Section",
+    "SimulationError",
+    "StrainMeasures",
+    "Trajectory",
+    "__version__",
+    "modal_assurance",
+    "natural_modes",
+    "simulate",
+    "static_equilibrium",
+]

@@ -1,0 +1,297 @@
+"""External damping laws: proportional, quadratic and generic, and their sums.
+
+A law adds the force Q_damp(e, e_t) to the left of the equation of motion, M e_tt + Q_damp + Q_e = Q_g.  The rates e_t
+are those of the laboratory frame, so that external damping is motion against the still air.
+
+    proportional    Q = alpha M e_t + beta (stiffness-proportional part),          Eq. (14)
+    quadratic       Q = int S^T (gamma1 v + gamma2 |v| v) dp,                       Eq. (19), (23)
+    generic         Q = M Phi diag(2 zeta omega) Phi^T M e_t,                       Eq. (32)
+
+A force is the sum of a local part, written with the element Functions and sparse, and of a part F F^T e_t of low
+rank, which an integrator can keep sparse by making F^T e_t its unknowns.
+
+Each law tells the equivalent damping ratio it gives a mode that swings with a tip amplitude A: the viscous ratio with
+the same loss of energy in a period.
+
+References
+----------
+"Comparison of external damping models in a large deformation problem", Section 4; with Eq. (18), (31) and the units of
+eta2 put right (damping on the left; Phi^-T = M Phi; 1/m).
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, final, get_args
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import number
+from ancf_casadi.model import Model
+from ancf_casadi.modes import Modes
+
+ProportionalStiffness = Literal["strain-rate", "tangent", "reference"]
+
+DRAG_CONSTANT = 1183 / 876  # gamma2 = eta2 mu 1183/876, Eq. (24)-(25) exact; the paper rounds 876/1183 to 0.74
+
+
+class DampingLaw(ABC):
+    """What every damping law can do."""
+
+    @abstractmethod
+    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
+        """Return the part of the force that couples neighbouring nodes only, (4 n + 4,), N and N m."""
+
+    @abstractmethod
+    def factor(self, model: Model) -> NDArray[np.float64]:
+        """Return F (4 n + 4, m) of the part F F^T e_t of the force; m is 0 where there is none."""
+
+    @abstractmethod
+    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the equivalent damping ratio of each mode at its tip amplitude (m), (m,)."""
+
+    @final
+    def force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
+        """Return the whole generalized force Q_damp, (4 n + 4,), N and N m."""
+        factor = cs.DM(self.factor(model))
+        return self.local_force(model, e, e_t) + factor @ (factor.T @ e_t)
+
+    @final
+    def __add__(self, other: DampingLaw) -> DampingLaw:
+        """Return the law whose force is the sum of both."""
+        return SumOfLaws((*_terms(self), *_terms(other)))
+
+
+@final
+@dataclass(frozen=True)
+class RayleighDamping(DampingLaw):
+    """Proportional damping C = alpha M + beta K, Eq. (14).
+
+    Parameters
+    ----------
+    alpha : float
+        Mass-proportional coefficient, 1/s.
+    beta : float
+        Stiffness-proportional coefficient, s.
+    stiffness : {"strain-rate", "tangent", "reference"}
+        What K means in large motion.  ``strain-rate``: a Kelvin-Voigt force on the rates of axial strain and
+        curvature, objective, with the elastic K of the straight beam as its linearisation.  ``tangent``: the tangent
+        stiffness where the beam is.  ``reference``: the constant K of the straight beam, the paper's letter; it is
+        not objective, and in rotated elements its axial part resists the motion itself.
+
+    Raises
+    ------
+    InputError
+        If a coefficient is negative or not finite, or the name unknown.
+    """
+
+    alpha: float = 0.0
+    beta: float = 0.0
+    stiffness: ProportionalStiffness = "strain-rate"
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        _coefficients(self, "alpha", "beta")
+        if self.stiffness not in get_args(ProportionalStiffness):
+            known = ", ".join(get_args(ProportionalStiffness))
+            raise InputError(f"must be one of {known}, got {self.stiffness!r}", "stiffness")
+        if self.stiffness == "reference" and self.beta > 0.0:
+            message = "damping proportional to the reference stiffness is not objective: it resists large rotations"
+            warnings.warn(message, stacklevel=3)
+
+    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
+        """Return alpha M e_t and the stiffness-proportional force, Eq. (11) with Eq. (14)."""
+        p = model.properties
+        force = self.alpha * (model.mass(p) @ e_t)
+        if self.beta == 0.0:
+            return force
+        if self.stiffness == "strain-rate":
+            return force + self.beta * model.strain_rate_force(e, e_t, p)
+        where = e if self.stiffness == "tangent" else model.straight
+        return force + self.beta * (model.tangent_stiffness(where, p) @ e_t)
+
+    def factor(self, model: Model) -> NDArray[np.float64]:
+        """Return no columns."""
+        return np.zeros((model.size, 0))
+
+    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return zeta = alpha/(2 omega) + beta omega/2 at any amplitude, Eq. (16)."""
+        return np.asarray(self.alpha / (2 * modes.angular) + self.beta * modes.angular / 2)
+
+
+@final
+@dataclass(frozen=True)
+class QuadraticDamping(DampingLaw):
+    """Air drag along the beam, linear and quadratic in the speed: gamma1 v + gamma2 |v| v, Eq. (19).
+
+    gamma1 = eta1 mu and gamma2 = eta2 mu 1183/876, Eq. (25), so that Eq. (26) is what it becomes in the one-mode
+    form of Eq. (21).
+
+    Parameters
+    ----------
+    eta1 : float
+        Linear coefficient, 1/s.
+    eta2 : float
+        Quadratic coefficient, 1/m.  The paper's tables are per mm.
+
+    Raises
+    ------
+    InputError
+        If a coefficient is negative or not finite.
+    """
+
+    eta1: float = 0.0
+    eta2: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        _coefficients(self, "eta1", "eta2")
+
+    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
+        """Return eta1 M e_t + eta2 1183/876 int S^T mu |v| v dp, Eq. (23)."""
+        p = model.properties
+        force = self.eta1 * (model.mass(p) @ e_t)
+        if self.eta2 == 0.0:
+            return force
+        return force + self.eta2 * DRAG_CONSTANT * model.drag_force(e_t, p)
+
+    def factor(self, model: Model) -> NDArray[np.float64]:
+        """Return no columns."""
+        return np.zeros((model.size, 0))
+
+    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return zeta = eta1/(2 omega) + 4 eta2 c A/(3 pi), with c = 1183/876 int mu |phi|^3 dp / int mu phi^2 dp.
+
+        The mode shape phi is 1 at the tip; c is 1 for the shape of Eq. (21), and less for the higher modes.
+        """
+        model = modes.model
+        shapes = modes.shapes / modes.tip_amplitudes()
+        mass = model.mass(model.properties).sparse()
+        constants = []
+        for phi in shapes.T:
+            drag = model.drag_force(phi, model.properties).full().ravel()
+            constants.append(DRAG_CONSTANT * (phi @ drag) / (phi @ (mass @ phi)))
+        quadratic = 4 * self.eta2 * np.array(constants) * np.abs(amplitudes) / (3 * math.pi)
+        return np.asarray(self.eta1 / (2 * modes.angular) + quadratic)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class ModalDamping(DampingLaw):
+    """Generic damping from measured modal parameters, C = M Phi diag(2 zeta omega) Phi^T M, Eq. (32).
+
+    Modes beyond those given are undamped.
+
+    Parameters
+    ----------
+    modes : Modes
+        Natural modes of the beam, at least as many as there are ratios.
+    ratios : sequence of float
+        Damping ratio of each mode from the first, at least 0 and below 1.
+    frequencies : sequence of float, optional
+        Measured natural frequencies, Hz; those of ``modes`` if not given.
+
+    Raises
+    ------
+    InputError
+        If a ratio is negative, 1 or more, or the lengths do not fit.
+    """
+
+    modes: Modes
+    ratios: Sequence[float]
+    frequencies: Sequence[float] | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Validate, and keep the numbers as tuples."""
+        object.__setattr__(self, "ratios", tuple(damping_ratio(zeta, "ratios") for zeta in self.ratios))
+        if not 1 <= len(self.ratios) <= self.modes.count:
+            raise InputError(f"has {len(self.ratios)} values for {self.modes.count} modes", "ratios")
+        given = self.modes.frequencies[: len(self.ratios)] if self.frequencies is None else self.frequencies
+        if len(given) != len(self.ratios):
+            raise InputError(f"has {len(given)} values for {len(self.ratios)} ratios", "frequencies")
+        frequencies = tuple(number(frequency, "frequencies") for frequency in given)
+        if min(frequencies) <= 0.0:
+            raise InputError("must be positive", "frequencies")
+        object.__setattr__(self, "frequencies", frequencies)
+
+    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
+        """Return zero."""
+        return cs.MX(model.size, 1)
+
+    def factor(self, model: Model) -> NDArray[np.float64]:
+        """Return F = M Phi diag(2 zeta omega)^1/2, so that C = F F^T.
+
+        Raises
+        ------
+        InputError
+            If the modes are those of a mesh with another number of elements.
+        """
+        if self.modes.model.size != model.size:
+            raise InputError("belong to a beam with another number of elements", "modes")
+        coefficients = np.sqrt(4 * math.pi * np.array(self.ratios) * np.array(self.frequencies))
+        mass = self.modes.model.mass(self.modes.model.properties).sparse()
+        return np.asarray(mass @ self.modes.shapes[:, : len(self.ratios)] * coefficients)
+
+    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return phi^T C phi / (2 omega) for each mode, at any amplitude: the given ratios for the given modes."""
+        return np.asarray(((self.factor(modes.model).T @ modes.shapes) ** 2).sum(axis=0) / (2 * modes.angular))
+
+
+@final
+@dataclass(frozen=True)
+class SumOfLaws(DampingLaw):
+    """Several laws acting together; made by adding them.
+
+    Parameters
+    ----------
+    laws : tuple of DampingLaw
+        The terms.
+    """
+
+    laws: tuple[DampingLaw, ...]
+
+    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
+        """Return the sum of the local forces."""
+        forces = [law.local_force(model, e, e_t) for law in self.laws]
+        return cs.sum2(cs.horzcat(*forces))
+
+    def factor(self, model: Model) -> NDArray[np.float64]:
+        """Return the factors side by side."""
+        return np.hstack([law.factor(model) for law in self.laws])
+
+    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sum of the equivalent ratios."""
+        return np.asarray(np.sum([law.damping_ratios(modes, amplitudes) for law in self.laws], axis=0))
+
+
+def damping_ratio(value: Any, where: str) -> float:
+    """Return a damping ratio as a float.
+
+    Raises
+    ------
+    InputError
+        If it is not a number from 0 to below 1.
+    """
+    zeta = number(value, where)
+    if not 0.0 <= zeta < 1.0:
+        raise InputError(f"a damping ratio must be at least 0 and below 1, got {zeta:g}", where)
+    return zeta
+
+
+def _coefficients(law: DampingLaw, *names: str) -> None:
+    for name in names:
+        value = number(getattr(law, name), name)
+        if value < 0.0:
+            raise InputError(f"must not be negative, got {value:g}", name)
+        object.__setattr__(law, name, value)
+
+
+def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
+    return law.laws if isinstance(law, SumOfLaws) else (law,)

@@ -1,0 +1,192 @@
+"""One Euler-Bernoulli element in absolute nodal coordinates: its energies, and the forces that follow from them.
+
+The coordinates e = (r_0, tau_0, r_l, tau_l), Eq. (1), are positions and slopes in the laboratory frame, eight numbers.
+With r = S e, Eq. (2), and line density mu, the energies are
+
+    kinetic   T = 1/2 int mu r_t . r_t dp,                    Eq. (5)
+    strain    U = 1/2 int E A eps^2 dp + 1/2 int E I kappa^2 dp,   Eq. (8)
+
+and differentiation gives the mass matrix M = d2T/de_t2, Eq. (7), the elastic force Q_e = dU/de, Eq. (6), and the
+tangent stiffness K = d2U/de2.  U is a weighted sum of squared strains over Gauss points, U = 1/2 sum_i d_i s_i(e)^2,
+so with J = ds/de and D = diag(d_i)
+
+    elastic force                                   Q_e = J^T D s,
+    strain-rate (Kelvin-Voigt) force a unit time    Q_v = J^T D J e_t,
+
+the second being objective: a rigid motion has no strain rate, hence no damping force.
+
+Axial strain eps: ``engineering`` |r'| - 1, or ``green`` (r'.r' - 1)/2.
+Curvature kappa: ``material`` r' x r''/|r'|^2, ``geometric`` r' x r''/|r'|^3, or ``small`` |r''| (both components).
+
+Two Gauss points for each term: with three or more the axial term over-constrains the cubic in bending, and it locks.
+
+References
+----------
+"Comparison of external damping models in a large deformation problem", Section 2.
+Gerstmayr and Irschik 2008, "On the correct representation of bending and axial deformation in the absolute nodal
+coordinate formulation with an elastic line approach" (the material curvature).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import casadi as cs
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.shape import gauss, hermite, hermite_curvature, hermite_slope
+
+AxialStrain = Literal["engineering", "green"]
+Curvature = Literal["material", "geometric", "small"]
+
+AXIAL_POINTS = 2
+BENDING_POINTS = 2
+MASS_POINTS = 4  # exact: the integrand has degree 6
+DRAG_POINTS = 4
+STILL = 1e-9  # m/s; speeds below are smoothed in |v|, whose derivative has no value at rest
+
+
+@dataclass(frozen=True)
+class StrainMeasures:
+    """Which strain measures enter Eq. (8), and with how many Gauss points.
+
+    Parameters
+    ----------
+    axial : {"engineering", "green"}
+        Longitudinal strain eps.
+    curvature : {"material", "geometric", "small"}
+        Transverse curvature kappa.
+    axial_points, bending_points : int
+        Gauss points of either term; the defaults do not lock.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or a number of points is not 1 to 9.
+    """
+
+    axial: AxialStrain = "engineering"
+    curvature: Curvature = "material"
+    axial_points: int = AXIAL_POINTS
+    bending_points: int = BENDING_POINTS
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        for name, kind in (("axial", AxialStrain), ("curvature", Curvature)):
+            if getattr(self, name) not in get_args(kind):
+                raise InputError(f"must be one of {', '.join(get_args(kind))}, got {getattr(self, name)!r}", name)
+        for name in ("axial_points", "bending_points"):
+            if getattr(self, name) not in range(1, 10):
+                raise InputError(f"must be 1 to 9, got {getattr(self, name)!r}", name)
+
+
+@dataclass(frozen=True)
+class Element:
+    """The CasADi Functions of one element.
+
+    Inputs are e (8), its rate e_t (8) and the properties p = (width, thickness, density, elastic modulus) of the
+    element, SI.
+
+    Parameters
+    ----------
+    strain_energy : Function
+        (e, p) -> U, J.
+    elastic_force : Function
+        (e, p) -> Q_e (8), Eq. (6).
+    tangent_stiffness : Function
+        (e, p) -> K (8, 8).
+    strain_rate_force : Function
+        (e, e_t, p) -> Q_v (8), to be multiplied by a time in s.
+    mass : Function
+        p -> M (8, 8), Eq. (7).
+    gravity_force : Function
+        (p, g) -> Q_g (8), Eq. (7).
+    drag_force : Function
+        (e_t, p) -> int S^T mu |v| v dp (8), to be multiplied by a coefficient in 1/m; the integral in Eq. (23).
+    """
+
+    strain_energy: cs.Function
+    elastic_force: cs.Function
+    tangent_stiffness: cs.Function
+    strain_rate_force: cs.Function
+    mass: cs.Function
+    gravity_force: cs.Function
+    drag_force: cs.Function
+
+
+def element(l: float, measures: StrainMeasures) -> Element:
+    """Derive the Functions of an element of length ``l`` (m) from its energies."""
+    e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", 4)
+    width, thickness, density, elastic_modulus = cs.vertsplit(p)
+    area = width * thickness
+    mu = density * area
+
+    eps, eps_weights = _axial_strains(e, l, measures)
+    kappa, kappa_weights = _curvatures(e, l, measures)
+    s = cs.vertcat(*eps, *kappa)
+    d = cs.vertcat(
+        *(elastic_modulus * area * w for w in eps_weights),
+        *(elastic_modulus * area * thickness**2 / 12 * w for w in kappa_weights),
+    )
+    strain_energy = cs.dot(d, s**2) / 2
+    elastic_force = cs.jtimes(s, e, d * s, True)
+    strain_rate_force = cs.jtimes(s, e, d * cs.jtimes(s, e, e_t), True)
+
+    mass = sum(w * l * mu * _shape(xi, l, hermite).T @ _shape(xi, l, hermite) for xi, w in _rule(MASS_POINTS))
+    g = cs.SX.sym("g", 2)
+    gravity_force = sum(w * l * mu * _shape(xi, l, hermite).T @ g for xi, w in _rule(MASS_POINTS))
+    drag_force = cs.SX.zeros(8)
+    for xi, w in _rule(DRAG_POINTS):
+        shape = _shape(xi, l, hermite)
+        v = shape @ e_t
+        drag_force += w * l * mu * cs.sqrt(cs.sumsqr(v) + STILL**2) * (shape.T @ v)
+
+    def function(name: str, inputs: list[cs.SX], output: Any) -> cs.Function:
+        return cs.Function(name, inputs, [output])
+
+    return Element(
+        strain_energy=function("strain_energy", [e, p], strain_energy),
+        elastic_force=function("elastic_force", [e, p], elastic_force),
+        tangent_stiffness=function("tangent_stiffness", [e, p], cs.densify(cs.jacobian(elastic_force, e))),
+        strain_rate_force=function("strain_rate_force", [e, e_t, p], strain_rate_force),
+        mass=function("mass", [p], cs.densify(mass)),
+        gravity_force=function("gravity_force", [p, g], gravity_force),
+        drag_force=function("drag_force", [e_t, p], drag_force),
+    )
+
+
+def _rule(points: int) -> list[tuple[float, float]]:
+    nodes, weights = gauss(points)
+    return list(zip(nodes.tolist(), weights.tolist(), strict=True))
+
+
+def _shape(xi: float, l: float, functions: Callable[[Any, float], tuple[Any, ...]]) -> cs.SX:
+    """S of Eq. (2), 2 x 8, or its derivative."""
+    return cs.kron(cs.SX(cs.DM(functions(xi, l)).T), cs.SX(cs.DM.eye(2)))
+
+
+def _axial_strains(e: cs.SX, l: float, measures: StrainMeasures) -> tuple[list[cs.SX], list[float]]:
+    strains = []
+    for xi, _ in _rule(measures.axial_points):
+        stretch = cs.sumsqr(_shape(xi, l, hermite_slope) @ e)
+        strains.append(cs.sqrt(stretch) - 1 if measures.axial == "engineering" else (stretch - 1) / 2)
+    return strains, [w * l for _, w in _rule(measures.axial_points)]
+
+
+def _curvatures(e: cs.SX, l: float, measures: StrainMeasures) -> tuple[list[cs.SX], list[float]]:
+    strains: list[cs.SX] = []
+    weights: list[float] = []
+    for xi, w in _rule(measures.bending_points):
+        r1, r2 = _shape(xi, l, hermite_slope) @ e, _shape(xi, l, hermite_curvature) @ e
+        cross = r1[0] * r2[1] - r1[1] * r2[0]
+        if measures.curvature == "small":
+            components = cs.vertsplit(r2)
+        elif measures.curvature == "material":
+            components = [cross / cs.sumsqr(r1)]
+        else:
+            components = [cross / cs.sumsqr(r1) ** 1.5]
+        strains += components
+        weights += [w * l] * len(components)
+    return strains, weights

@@ -1,0 +1,185 @@
+"""The beam as one symbolic model: assembly of the elements, the clamp, and points on the beam.
+
+The nodal coordinates e = (r_0, tau_0, r_1, tau_1, ..., r_n, tau_n), 4 (n + 1) numbers in the laboratory frame, are
+shared by neighbouring elements.  Forces and matrices add up over the elements,
+
+    M e_tt + Q_damp(e, e_t) + Q_e(e) = Q_g,                  Eq. (6), with damping on the left,
+
+and node 0, position and slope, is clamped: the ``free`` coordinates are those of the other nodes.  The element
+Functions are mapped over the elements, never expanded here, so graphs stay small and all derivatives sparse.
+
+The properties P are a matrix with one column (width, thickness, density, elastic modulus) an element, so that
+every Function here is symbolic in them too; ``Model.properties`` holds the beam's own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+
+from ancf_casadi.beam import PROPERTIES, Beam
+from ancf_casadi.element import Element, StrainMeasures, element
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import number
+from ancf_casadi.shape import hermite, hermite_slope
+
+NODE = 4  # coordinates of a node: position and slope
+
+
+@dataclass(frozen=True)
+class Model:
+    """A beam as symbolic equations of motion.
+
+    Each Function takes nodal coordinates e (4 n + 4), rates e_t, and properties P (4, n).
+
+    Parameters
+    ----------
+    beam : Beam
+        What is modelled.
+    measures : StrainMeasures
+        The strain measures of Eq. (8).
+    """
+
+    beam: Beam
+    measures: StrainMeasures = field(default_factory=StrainMeasures)
+
+    @property
+    def size(self) -> int:
+        """Number of nodal coordinates, 4 (n + 1)."""
+        return NODE * (self.beam.elements + 1)
+
+    @property
+    def free(self) -> slice:
+        """The coordinates that the clamp leaves free."""
+        return slice(NODE, self.size)
+
+    @cached_property
+    def properties(self) -> NDArray[np.float64]:
+        """The beam's properties P, (4, n)."""
+        return np.array([getattr(self.beam, name) for name in PROPERTIES])
+
+    @cached_property
+    def straight(self) -> NDArray[np.float64]:
+        """Coordinates of the beam as manufactured: straight along its axis, unstretched, clamp at the origin."""
+        axis = np.array(self.beam.axis)
+        arc = np.linspace(0.0, self.beam.length, self.beam.elements + 1)
+        return np.column_stack([np.outer(arc, axis), np.tile(axis, (arc.size, 1))]).ravel()
+
+    @cached_property
+    def element(self) -> Element:
+        """The Functions of one element."""
+        return element(self.beam.element_length, self.measures)
+
+    @cached_property
+    def strain_energy(self) -> cs.Function:
+        """(e, P) -> U, J, Eq. (8)."""
+        e, _, p = self._symbols()
+        energies = self.element.strain_energy.map(self.beam.elements)(self._gather(e), p)
+        return cs.Function("strain_energy", [e, p], [cs.sum2(energies)], ["e", "P"], ["U"])
+
+    @cached_property
+    def elastic_force(self) -> cs.Function:
+        """(e, P) -> Q_e, Eq. (6)."""
+        e, _, p = self._symbols()
+        forces = self.element.elastic_force.map(self.beam.elements)(self._gather(e), p)
+        return cs.Function("elastic_force", [e, p], [self._scatter(forces)], ["e", "P"], ["Q_e"])
+
+    @cached_property
+    def tangent_stiffness(self) -> cs.Function:
+        """(e, P) -> K = dQ_e/de, sparse."""
+        e, _, p = self._symbols()
+        blocks = self.element.tangent_stiffness.map(self.beam.elements)(self._gather(e), p)
+        return cs.Function("tangent_stiffness", [e, p], [self._scatter_matrix(blocks)], ["e", "P"], ["K"])
+
+    @cached_property
+    def strain_rate_force(self) -> cs.Function:
+        """(e, e_t, P) -> Q_v, the objective Kelvin-Voigt force a unit of time constant."""
+        e, e_t, p = self._symbols()
+        forces = self.element.strain_rate_force.map(self.beam.elements)(self._gather(e), self._gather(e_t), p)
+        return cs.Function("strain_rate_force", [e, e_t, p], [self._scatter(forces)], ["e", "e_t", "P"], ["Q_v"])
+
+    @cached_property
+    def drag_force(self) -> cs.Function:
+        """(e_t, P) -> int S^T mu |v| v dp, the integral in Eq. (23)."""
+        _, e_t, p = self._symbols()
+        forces = self.element.drag_force.map(self.beam.elements)(self._gather(e_t), p)
+        return cs.Function("drag_force", [e_t, p], [self._scatter(forces)], ["e_t", "P"], ["Q"])
+
+    @cached_property
+    def mass(self) -> cs.Function:
+        """P -> M, Eq. (7), sparse."""
+        _, _, p = self._symbols()
+        blocks = self.element.mass.map(self.beam.elements)(p)
+        return cs.Function("mass", [p], [self._scatter_matrix(blocks)], ["P"], ["M"])
+
+    @cached_property
+    def gravity_force(self) -> cs.Function:
+        """(P, g) -> Q_g, Eq. (7); g is the acceleration of gravity (2), m/s^2."""
+        _, _, p = self._symbols()
+        g = cs.MX.sym("g", 2)
+        forces = self.element.gravity_force.map(self.beam.elements)(p, cs.repmat(g, 1, self.beam.elements))
+        return cs.Function("gravity_force", [p, g], [self._scatter(forces)], ["P", "g"], ["Q_g"])
+
+    def interpolation(self, s: float) -> NDArray[np.float64]:
+        """Return S with r(s) = S e for the material point at arc length ``s`` (m) from the clamp, (2, 4 n + 4).
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        return self._interpolation(s, hermite)
+
+    def slope_interpolation(self, s: float) -> NDArray[np.float64]:
+        """Return S' with r'(s) = S' e, (2, 4 n + 4).
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        return self._interpolation(s, hermite_slope)
+
+    def _interpolation(self, s: float, functions: Any) -> NDArray[np.float64]:
+        s = number(s, "s")
+        if not 0.0 <= s <= self.beam.length:
+            raise InputError(f"the point must be on the beam, 0 to {self.beam.length:g} m, got {s:g}", "s")
+        l = self.beam.element_length
+        index = min(int(s / l), self.beam.elements - 1)
+        row = np.zeros(self.size // 2)
+        row[2 * index : 2 * index + 4] = functions(s / l - index, l)
+        return np.asarray(np.kron(row, np.eye(2)), dtype=np.float64)
+
+    def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
+        return (
+            cs.MX.sym("e", self.size),
+            cs.MX.sym("e_t", self.size),
+            cs.MX.sym("P", len(PROPERTIES), self.beam.elements),
+        )
+
+    def _gather(self, e: cs.MX) -> cs.MX:
+        """Coordinates of each element as columns, (8, n)."""
+        nodes = cs.reshape(e, NODE, self.beam.elements + 1)
+        return cs.vertcat(nodes[:, :-1], nodes[:, 1:])
+
+    def _scatter(self, columns: cs.MX) -> cs.MX:
+        """Sum of element forces (8, n) at the nodes."""
+        none = cs.MX(NODE, 1)
+        return cs.vec(cs.horzcat(columns[:NODE, :], none) + cs.horzcat(none, columns[NODE:, :]))
+
+    def _scatter_matrix(self, blocks: cs.MX) -> cs.MX:
+        """Sum of element matrices (8, 8 n) as one sparse matrix."""
+        size = 2 * NODE
+        local = np.arange(size)
+        row, column = np.tile(local, size), np.repeat(local, size)
+        offset = NODE * np.repeat(np.arange(self.beam.elements), size * size)
+        rows, columns = offset + np.tile(row, self.beam.elements), offset + np.tile(column, self.beam.elements)
+        pairs, target = np.unique(np.column_stack([columns, rows]), axis=0, return_inverse=True)
+        pattern = cs.Sparsity.triplet(self.size, self.size, pairs[:, 1].tolist(), pairs[:, 0].tolist())
+        sums = cs.Sparsity.triplet(len(pairs), target.size, target.ravel().tolist(), list(range(target.size)))
+        return cs.MX(pattern, cs.mtimes(cs.MX(cs.DM(sums, 1.0)), cs.vec(blocks)))

@@ -1,0 +1,150 @@
+"""Natural frequencies and mode shapes of small motion about a static equilibrium.
+
+With the tangent stiffness K at the equilibrium (gravity tension and tip loads included) and the mass matrix M, both
+of the free coordinates, the modes solve
+
+    K phi = omega^2 M phi,        Phi^T M Phi = I,               Eq. (30).
+
+The stiff axial modes put the largest omega^2 some 5e10 times above the smallest, and a solver of (K, M) leaves noise
+of that size in the low frequencies.  The inverted pencil M phi = (1/omega^2) K phi has them as its largest
+eigenvalues and keeps all their digits.
+
+References
+----------
+"Comparison of external damping models in a large deformation problem", Section 4.3.
+Allemang 2003, "The modal assurance criterion: twenty years of use and abuse" (MAC).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.exceptions import EquilibriumError, InputError
+from ancf_casadi.model import Model
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The lowest modes about an equilibrium, in ascending order.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+        The state of rest they swing about.
+    frequencies : array (m,)
+        Natural frequencies, Hz.
+    shapes : array (4 n + 4, m)
+        Mass-normalised mode shapes Phi in all nodal coordinates, zero at the clamp; the tip's larger component is
+        positive.
+    """
+
+    equilibrium: Equilibrium
+    frequencies: NDArray[np.float64]
+    shapes: NDArray[np.float64]
+
+    @property
+    def model(self) -> Model:
+        """The model whose modes these are."""
+        return self.equilibrium.model
+
+    @property
+    def count(self) -> int:
+        """Number of modes m."""
+        return len(self.frequencies)
+
+    @property
+    def angular(self) -> NDArray[np.float64]:
+        """Natural frequencies omega, rad/s."""
+        return 2 * np.pi * self.frequencies
+
+    def tip_amplitudes(self) -> NDArray[np.float64]:
+        """Return the size of each mass-normalised mode shape at the tip, (m,), kg^-1/2."""
+        tip = self.model.interpolation(self.model.beam.length)
+        return np.asarray(np.linalg.norm(tip @ self.shapes, axis=0))
+
+    def coordinates_of(self, coordinates: NDArray[np.float64], mode: int) -> NDArray[np.float64]:
+        """Return the share of one mode in given motions, as the displacement of the tip in that mode.
+
+        The projection phi^T M (e - e_rest) is blind to all the other modes of small motion.
+
+        Parameters
+        ----------
+        coordinates : array (..., 4 n + 4)
+            Nodal coordinates, relative to the clamp at the origin.
+        mode : int
+            Mode number, from 0.
+
+        Returns
+        -------
+        array (...,)
+            Tip displacement in the mode, m.
+        """
+        mass = self.model.mass(self.model.properties).sparse()
+        projector = mass @ self.shapes[:, mode] * self.tip_amplitudes()[mode]
+        return np.asarray((coordinates - self.equilibrium.coordinates) @ projector)
+
+
+def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | None = None) -> Modes:
+    """Return the lowest modes about an equilibrium.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    count : int
+        How many modes, 1 to 4 n.
+    equilibrium : Equilibrium, optional
+        State of rest; the one under gravity alone if not given.
+
+    Raises
+    ------
+    InputError
+        If ``count`` is not a whole number in its range, or the equilibrium belongs to another model.
+    EquilibriumError
+        If the equilibrium is unstable, or none is found.
+    """
+    available = model.size - model.free.start
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= available:
+        raise InputError(f"must be 1 to {available} for {model.beam.elements} elements, got {count!r}", "count")
+    if equilibrium is None:
+        equilibrium = static_equilibrium(model)
+    if equilibrium.model != model:
+        raise InputError("belongs to another model", "equilibrium")
+    mass = model.mass(model.properties).full()[model.free, model.free]
+    try:
+        inverse_squares, vectors = scipy.linalg.eigh(
+            mass, equilibrium.stiffness.toarray(), subset_by_index=(available - count, available - 1)
+        )
+    except np.linalg.LinAlgError:
+        raise EquilibriumError(
+            "the equilibrium is unstable, so it has no modes; a standing beam may be too slender for its weight"
+        ) from None
+    omega = 1 / np.sqrt(inverse_squares[::-1])
+    shapes = np.zeros((model.size, count))
+    shapes[model.free] = vectors[:, ::-1] * omega  # eigh makes phi^T K phi = 1
+    tip = model.interpolation(model.beam.length) @ shapes
+    larger = np.abs(tip).argmax(axis=0)
+    shapes *= np.where(tip[larger, np.arange(count)] < 0, -1.0, 1.0)
+    return Modes(equilibrium, omega / (2 * np.pi), shapes)
+
+
+def modal_assurance(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the modal assurance criterion between two sets of shapes, MAC = (a.b)^2 / (a.a b.b).
+
+    Parameters
+    ----------
+    first, second : array (k, m1), (k, m2)
+        Shapes as columns, in the same coordinates of one kind.
+
+    Returns
+    -------
+    array (m1, m2)
+        Values from 0 (orthogonal) to 1 (the same shape).
+    """
+    cross = (first.T @ second) ** 2
+    return np.asarray(cross / np.outer((first**2).sum(axis=0), (second**2).sum(axis=0)))

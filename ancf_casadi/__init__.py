@@ -13,6 +13,7 @@ from ancf_casadi.exceptions import (
     SimulationError,
 )
 from ancf_casadi.excitation import BaseMotion, FixedBase, HarmonicBase
+from ancf_casadi.measurement import Measurement
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes, modal_assurance, natural_modes
 from ancf_casadi.simulate import Trajectory, simulate
@@ -29,6 +30,7 @@ __all__ = [
     "FixedBase",
     "HarmonicBase",
     "InputError",
+    "Measurement",
     "ModalDamping",
     "Model",
     "Modes",

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +91,8 @@ class Beam:
         """Validate, and normalise the axis."""
         object.__setattr__(self, "length", positive(self.length, "length"))
         for name in PROPERTIES:
+            if not hasattr(getattr(self, name), "__len__"):
+                raise InputError("must have one value an element; Beam.uniform spreads a number", name)
             object.__setattr__(self, name, tuple(positive(value, name) for value in getattr(self, name)))
             if len(getattr(self, name)) != len(self.width):
                 raise InputError(f"has {len(getattr(self, name))} values for {len(self.width)} elements", name)
@@ -137,8 +140,10 @@ class Beam:
         InputError
             As ``Beam``, and if a sequence does not have ``elements`` values.
         """
-        if isinstance(elements, bool) or not isinstance(elements, int):
+        if isinstance(elements, bool) or not isinstance(elements, Integral):
             raise InputError(f"must be a whole number, got {elements!r}", "elements")
+        if elements < MINIMUM_ELEMENTS:
+            raise InputError(f"needs at least {MINIMUM_ELEMENTS} elements, got {elements}", "elements")
         given = {"width": width, "thickness": thickness, "density": density, "elastic_modulus": elastic_modulus}
         spread = {name: _spread(value, elements, name) for name, value in given.items()}
         return cls(length=length, axis=axis, gravity=gravity, **spread)

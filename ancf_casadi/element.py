@@ -97,6 +97,8 @@ class Element:
         (e, p) -> Q_e (8), Eq. (6).
     tangent_stiffness : Function
         (e, p) -> K (8, 8).
+    tangent_force : Function
+        (e, e_t, p) -> K e_t (8), to be multiplied by a time in s.
     strain_rate_force : Function
         (e, e_t, p) -> Q_v (8), to be multiplied by a time in s.
     mass : Function
@@ -110,6 +112,7 @@ class Element:
     strain_energy: cs.Function
     elastic_force: cs.Function
     tangent_stiffness: cs.Function
+    tangent_force: cs.Function
     strain_rate_force: cs.Function
     mass: cs.Function
     gravity_force: cs.Function
@@ -150,6 +153,7 @@ def element(l: float, measures: StrainMeasures) -> Element:
         strain_energy=function("strain_energy", [e, p], strain_energy),
         elastic_force=function("elastic_force", [e, p], elastic_force),
         tangent_stiffness=function("tangent_stiffness", [e, p], cs.densify(cs.jacobian(elastic_force, e))),
+        tangent_force=function("tangent_force", [e, e_t, p], cs.jtimes(elastic_force, e, e_t)),
         strain_rate_force=function("strain_rate_force", [e, e_t, p], strain_rate_force),
         mass=function("mass", [p], cs.densify(mass)),
         gravity_force=function("gravity_force", [p, g], gravity_force),

@@ -126,7 +126,7 @@ def static_equilibrium(
                 raise EquilibriumError(
                     f"no static equilibrium was found beyond {factor:.4g} of the load (tip force {force} N, tip moment "
                     f"{moment:g} N m, gravity {model.beam.gravity} m/s^2); either an element bends by more than half a "
-                    "radian, which a cubic cannot follow (use more elements), or the beam buckles (tilt its axis a little)"
+                    "radian, which a cubic cannot follow (use more elements), or the beam buckles (tilt the axis)"
                 )
             continue
         coordinates, factor = trial, min(factor + step, 1.0)

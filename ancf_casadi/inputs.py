@@ -23,7 +23,7 @@ def number(value: Any, where: str) -> float:
     """
     try:
         result = float(value) if not isinstance(value, str | bytes | bool) else math.nan
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         result = math.nan
     if not math.isfinite(result):
         raise InputError(f"must be a finite number, got {value!r}", where)
@@ -52,7 +52,7 @@ def vector(value: Any, where: str) -> tuple[float, float]:
     InputError
         If ``value`` is not a pair of finite numbers.
     """
-    if isinstance(value, str | bytes) or not hasattr(value, "__len__") or len(value) != 2:
+    if isinstance(value, str | bytes | dict | set) or not hasattr(value, "__len__") or len(value) != 2:
         raise InputError(f"must be a pair of numbers (x, y), got {value!r}", where)
     return number(value[0], where), number(value[1], where)
 

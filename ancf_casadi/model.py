@@ -48,6 +48,10 @@ class Model:
     beam: Beam
     measures: StrainMeasures = field(default_factory=StrainMeasures)
 
+    def __reduce__(self) -> tuple[type[Model], tuple[Beam, StrainMeasures]]:
+        """Travel between processes without the Functions, which are derived again there."""
+        return Model, (self.beam, self.measures)
+
     @property
     def size(self) -> int:
         """Number of nodal coordinates, 4 (n + 1)."""
@@ -79,36 +83,39 @@ class Model:
     def strain_energy(self) -> cs.Function:
         """(e, P) -> U, J, Eq. (8)."""
         e, _, p = self._symbols()
-        energies = self.element.strain_energy.map(self.beam.elements)(self._gather(e), p)
+        energies = self.element.strain_energy.map(self.beam.elements)(self.gather(e), p)
         return cs.Function("strain_energy", [e, p], [cs.sum2(energies)], ["e", "P"], ["U"])
 
     @cached_property
     def elastic_force(self) -> cs.Function:
         """(e, P) -> Q_e, Eq. (6)."""
         e, _, p = self._symbols()
-        forces = self.element.elastic_force.map(self.beam.elements)(self._gather(e), p)
-        return cs.Function("elastic_force", [e, p], [self._scatter(forces)], ["e", "P"], ["Q_e"])
+        forces = self.element.elastic_force.map(self.beam.elements)(self.gather(e), p)
+        return cs.Function("elastic_force", [e, p], [self.scatter(forces)], ["e", "P"], ["Q_e"])
 
     @cached_property
     def tangent_stiffness(self) -> cs.Function:
         """(e, P) -> K = dQ_e/de, sparse."""
         e, _, p = self._symbols()
-        blocks = self.element.tangent_stiffness.map(self.beam.elements)(self._gather(e), p)
+        blocks = self.element.tangent_stiffness.map(self.beam.elements)(self.gather(e), p)
         return cs.Function("tangent_stiffness", [e, p], [self._scatter_matrix(blocks)], ["e", "P"], ["K"])
+
+    @cached_property
+    def tangent_force(self) -> cs.Function:
+        """(e, e_t, P) -> K e_t, the rate of the elastic force."""
+        return self._rate_function("tangent_force", self.element.tangent_force)
 
     @cached_property
     def strain_rate_force(self) -> cs.Function:
         """(e, e_t, P) -> Q_v, the objective Kelvin-Voigt force a unit of time constant."""
-        e, e_t, p = self._symbols()
-        forces = self.element.strain_rate_force.map(self.beam.elements)(self._gather(e), self._gather(e_t), p)
-        return cs.Function("strain_rate_force", [e, e_t, p], [self._scatter(forces)], ["e", "e_t", "P"], ["Q_v"])
+        return self._rate_function("strain_rate_force", self.element.strain_rate_force)
 
     @cached_property
     def drag_force(self) -> cs.Function:
         """(e_t, P) -> int S^T mu |v| v dp, the integral in Eq. (23)."""
         _, e_t, p = self._symbols()
-        forces = self.element.drag_force.map(self.beam.elements)(self._gather(e_t), p)
-        return cs.Function("drag_force", [e_t, p], [self._scatter(forces)], ["e_t", "P"], ["Q"])
+        forces = self.element.drag_force.map(self.beam.elements)(self.gather(e_t), p)
+        return cs.Function("drag_force", [e_t, p], [self.scatter(forces)], ["e_t", "P"], ["Q"])
 
     @cached_property
     def mass(self) -> cs.Function:
@@ -123,7 +130,17 @@ class Model:
         _, _, p = self._symbols()
         g = cs.MX.sym("g", 2)
         forces = self.element.gravity_force.map(self.beam.elements)(p, cs.repmat(g, 1, self.beam.elements))
-        return cs.Function("gravity_force", [p, g], [self._scatter(forces)], ["P", "g"], ["Q_g"])
+        return cs.Function("gravity_force", [p, g], [self.scatter(forces)], ["P", "g"], ["Q_g"])
+
+    def gather(self, e: cs.MX) -> cs.MX:
+        """Return the coordinates of each element as columns, (8, n)."""
+        nodes = cs.reshape(e, NODE, self.beam.elements + 1)
+        return cs.vertcat(nodes[:, :-1], nodes[:, 1:])
+
+    def scatter(self, columns: cs.MX) -> cs.MX:
+        """Return the sum at the nodes of element forces (8, n), (4 n + 4,)."""
+        none = cs.MX(NODE, 1)
+        return cs.vec(cs.horzcat(columns[:NODE, :], none) + cs.horzcat(none, columns[NODE:, :]))
 
     def interpolation(self, s: float) -> NDArray[np.float64]:
         """Return S with r(s) = S e for the material point at arc length ``s`` (m) from the clamp, (2, 4 n + 4).
@@ -162,15 +179,10 @@ class Model:
             cs.MX.sym("P", len(PROPERTIES), self.beam.elements),
         )
 
-    def _gather(self, e: cs.MX) -> cs.MX:
-        """Coordinates of each element as columns, (8, n)."""
-        nodes = cs.reshape(e, NODE, self.beam.elements + 1)
-        return cs.vertcat(nodes[:, :-1], nodes[:, 1:])
-
-    def _scatter(self, columns: cs.MX) -> cs.MX:
-        """Sum of element forces (8, n) at the nodes."""
-        none = cs.MX(NODE, 1)
-        return cs.vec(cs.horzcat(columns[:NODE, :], none) + cs.horzcat(none, columns[NODE:, :]))
+    def _rate_function(self, name: str, element: cs.Function) -> cs.Function:
+        e, e_t, p = self._symbols()
+        forces = element.map(self.beam.elements)(self.gather(e), self.gather(e_t), p)
+        return cs.Function(name, [e, e_t, p], [self.scatter(forces)], ["e", "e_t", "P"], ["Q"])
 
     def _scatter_matrix(self, blocks: cs.MX) -> cs.MX:
         """Sum of element matrices (8, 8 n) as one sparse matrix."""

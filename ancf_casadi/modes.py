@@ -18,6 +18,7 @@ Allemang 2003, "The modal assurance criterion: twenty years of use and abuse" (M
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 import scipy.linalg
@@ -109,7 +110,7 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
         If the equilibrium is unstable, or none is found.
     """
     available = model.size - model.free.start
-    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= available:
+    if isinstance(count, bool) or not isinstance(count, Integral) or not 1 <= count <= available:
         raise InputError(f"must be 1 to {available} for {model.beam.elements} elements, got {count!r}", "count")
     if equilibrium is None:
         equilibrium = static_equilibrium(model)

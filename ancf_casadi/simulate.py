@@ -30,6 +30,7 @@ import contextlib
 import functools
 import io
 import math
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -169,7 +170,7 @@ def simulate(
     Raises
     ------
     InputError
-        If a number is not positive, the start is unknown or belongs to another model.
+        If a number is not positive, the start is unknown or belongs to another model, or IDAS refuses an option.
     EquilibriumError
         If there is no equilibrium to start from.
     SimulationError
@@ -193,8 +194,6 @@ def simulate(
             inside = slice(math.ceil(begin * sample_rate - CLOSE), math.floor(end * sample_rate + CLOSE) + 1)
             clamp = _clamp(model, piece)(instants[None, inside]).full().T
             coordinates[inside, :NODE], velocities[inside, :NODE] = clamp[:, :NODE], clamp[:, NODE : 2 * NODE]
-            if end <= begin:
-                break
             size = max(1, math.ceil((end - begin) * sample_rate / STRETCHES))
             integrator = _integrator(model, law, piece, settings)
             for stretch in _stretches(begin, end, sample_rate, size):
@@ -202,7 +201,9 @@ def simulate(
                 state, steps = path[-1], steps + used
                 kept = path[: len(coordinates[stretch.samples])]
                 coordinates[stretch.samples, model.free], velocities[stretch.samples, model.free] = np.hsplit(kept, 2)
-                bar.update(stretch.length)
+                bar.update(min(stretch.length, instants[-1] - bar.n))
+            if piece.end >= instants[-1]:
+                break
             begin = end
     return Trajectory(model, instants, coordinates, velocities, steps, time.perf_counter() - began)
 
@@ -297,16 +298,21 @@ def _integrator(
 
     @functools.cache
     def solver(points: int) -> cs.Function:
-        return cs.integrator("integrator", "idas", dae, 0.0, np.linspace(0.0, 1.0, points + 1)[1:], dict(settings))
+        grid = np.linspace(0.0, 1.0, points + 1)[1:]
+        try:
+            with _quiet():
+                return cs.integrator("integrator", "idas", dae, 0.0, grid, dict(settings))
+        except RuntimeError as error:
+            raise InputError(_refusal(str(error)), "options") from None
 
     def integrate(state: Array, stretch: _Stretch) -> tuple[Array, int]:
         x0 = np.concatenate([(state[:free] - model.straight[model.free]) / length, state[free:] / (length * rate)])
         p0 = [stretch.start, stretch.length]
         constant, slope = linear(0.0, x0, 0.0, p0)
         z0 = -scipy.sparse.linalg.splu(slope.sparse()).solve(constant.full().ravel())
+        run = solver(stretch.points)
         try:
-            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-                run = solver(stretch.points)
+            with _quiet():
                 path = run(x0=x0, z0=z0, p=p0)["xf"].full().T
         except RuntimeError as error:
             raise SimulationError(_advice(str(error), stretch), stretch.start) from None
@@ -317,11 +323,24 @@ def _integrator(
     return integrate
 
 
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep what CasADi prints off the terminal."""
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        yield
+
+
+def _refusal(message: str) -> str:
+    """Say in a line which option CasADi's IDAS interface refuses."""
+    said = re.search(
+        r"Unknown option: .+|Illegal type for .+|Cannot load shared library \S+'|IDA\w+ returned .\w+.", message
+    )
+    return f"CasADi's IDAS interface refuses them: {said[0] if said else message.strip().splitlines()[0]}"
+
+
 def _advice(message: str, stretch: _Stretch) -> str:
     """Say in a line what went wrong in a stretch, and what to try."""
     between = f"between {stretch.start:g} and {stretch.start + stretch.length:g} s"
-    if "nknown option" in message:
-        return f"an option is unknown to CasADi's IDAS interface: {message.strip().splitlines()[-1]}"
     cause = "took too many steps" if "TOO_MUCH_WORK" in message else "could not go on"
     return (
         f"the integrator {cause} {between}: try start='moving' if the base starts with a speed, a larger tolerance, "

@@ -1,0 +1,160 @@
+"""Measured records: the displacement of one point over time, from arrays or a CSV file.
+
+A CSV file has one column of times, the first, and one or more of displacements.  The first line may name them; a name
+that ends in ``_ms`` or ``_mm`` says so of its unit, any other is taken to be in s or m.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ancf_casadi.exceptions import InputError
+
+MAXIMUM_BYTES = 2**30
+PER_UNIT = {"ms": 1e-3, "mm": 1e-3}
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Measurement:
+    """The displacement of one point over time.
+
+    Parameters
+    ----------
+    time : array_like
+        Times, s, increasing; they need not be equally spaced.  Kept as a read-only array.
+    displacement : array_like
+        Displacement at each time, m.  Kept as a read-only array.
+    name : str
+        Where it comes from, for reports.
+
+    Raises
+    ------
+    InputError
+        If the arrays are not vectors of finite numbers of one length, at least 2, or the times do not increase.
+    """
+
+    time: NDArray[np.float64]
+    displacement: NDArray[np.float64]
+    name: str
+
+    def __init__(self, time: ArrayLike, displacement: ArrayLike, name: str = "") -> None:
+        """Validate, and keep read-only copies."""
+        object.__setattr__(self, "time", _series(time, "time"))
+        object.__setattr__(self, "displacement", _series(displacement, "displacement"))
+        object.__setattr__(self, "name", name)
+        if len(self.time) != len(self.displacement):
+            raise InputError(f"has {len(self.displacement)} values for {len(self.time)} times", "displacement")
+        if len(self.time) < 2:
+            raise InputError(f"needs at least 2 samples, got {len(self.time)}", "time")
+        steps = np.diff(self.time)
+        if steps.min() <= 0.0:
+            first = int(np.argmax(steps <= 0.0))
+            before, after = self.time[first], self.time[first + 1]
+            raise InputError(f"must increase, but sample {first + 2} ({after:g} s) follows {before:g} s", "time")
+
+    @classmethod
+    def from_csv(cls, path: str | Path, column: str | None = None) -> Measurement:
+        """Read a CSV file.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file.
+        column : str, optional
+            Name of the column of displacements; without it the file must have two columns.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read or is not a table of numbers, naming the line; if there is no such column;
+            or as ``Measurement``.
+        """
+        rows = _rows(Path(path))
+        line, header = next(rows, (0, []))
+        if not header:
+            raise InputError("has no rows", str(path))
+        named = not any(_is_number(cell) for cell in header)
+        names = [cell.strip() for cell in header] if named else [f"column {i + 1}" for i in range(len(header))]
+        chosen = _choose(names, column, str(path))
+        table = [] if named else [_pair(header, chosen, len(names), f"{path}, line {line}")]
+        table += [_pair(row, chosen, len(names), f"{path}, line {line}") for line, row in rows]
+        if not table:
+            raise InputError("has no rows below its header", str(path))
+        time, displacement = np.array(table).T
+        try:
+            return cls(time * _unit(names[0]), displacement * _unit(names[chosen]), Path(path).name)
+        except InputError as error:
+            raise InputError(str(error), str(path)) from None
+
+
+def _series(values: ArrayLike, where: str) -> NDArray[np.float64]:
+    try:
+        series = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError("must be a vector of numbers", where) from None
+    if series.ndim != 1:
+        raise InputError(f"must be a vector, got an array of shape {series.shape}", where)
+    if not np.isfinite(series).all():
+        first = int(np.argmin(np.isfinite(series)))
+        raise InputError(f"must be finite; sample {first + 1} is {series[first]}", where)
+    series.flags.writeable = False
+    return series
+
+
+def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Give the number and the cells of each line of a CSV file that is not blank."""
+    try:
+        if not path.is_file():
+            raise InputError("is not a file", str(path))
+        if path.stat().st_size > MAXIMUM_BYTES:
+            raise InputError(f"is larger than {MAXIMUM_BYTES >> 20} MB; cut it, or thin it out", str(path))
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file)
+            for row in reader:
+                if any(cell.strip() for cell in row):
+                    yield reader.line_num, row
+    except OSError as error:
+        raise InputError(f"cannot be read ({error.strerror or error})", str(path)) from None
+    except (UnicodeDecodeError, csv.Error):
+        raise InputError("is not a CSV file (text, with commas between the columns)", str(path)) from None
+
+
+def _choose(names: list[str], column: str | None, where: str) -> int:
+    """Return the index of the column of displacements."""
+    if column is None:
+        if len(names) != 2:
+            raise InputError(f"has {len(names)} columns, not a time and a displacement; name one of them", where)
+        return 1
+    if names[1:].count(column) != 1:
+        raise InputError(f"has {names[1:].count(column)} columns '{column}'; there are {', '.join(names[1:])}", where)
+    return names.index(column, 1)
+
+
+def _pair(row: list[str], chosen: int, width: int, where: str) -> tuple[float, float]:
+    """Return the time and the displacement in a row."""
+    if len(row) != width:
+        raise InputError(f"has {len(row)} columns where the first line has {width}", where)
+    for cell in (row[0], row[chosen]):
+        if not (_is_number(cell) and math.isfinite(float(cell))):
+            raise InputError(f"{cell.strip()[:40]!r} is not a finite number", where)
+    return float(row[0]), float(row[chosen])
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _unit(name: str) -> float:
+    """Return the SI value of the unit that a column's name ends in."""
+    return PER_UNIT.get(name.rpartition("_")[2], 1.0)

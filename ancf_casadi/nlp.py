@@ -1,0 +1,334 @@
+"""Bounded least squares and other nonlinear programs, solved by IPOPT with exact derivatives.
+
+Unknowns x with guesses, scales and bounds, and residuals r(x) of which there are m, more than the n unknowns, give
+
+    minimise  1/2 r(S z)' r(S z) / w    subject to  lower <= S z <= upper,
+
+with S the diagonal matrix of the scales and w the largest diagonal entry of S J' J S at the guess, J = dr/dx, so that
+the tolerance of the solver speaks of the unknowns in units of their scales.  Gradient and Hessian are CasADi's.
+
+Where the residuals are white noise, the unknowns that are not at a bound have the covariance
+
+    C = s^2 (J' J)^-1,    s^2 = r' r / (m - n)
+
+to first order, and a quantity with gradient g has the variance g' C g.  An unknown at a bound is taken as known.
+
+References
+----------
+A. Waechter, L. T. Biegler, On the implementation of an interior-point filter line-search algorithm for large-scale
+nonlinear programming, Mathematical Programming 106 (2006).
+G. A. F. Seber, C. J. Wild, Nonlinear Regression, Wiley (1989), Section 2.1.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+
+from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.inputs import positive
+
+SILENT: Mapping[str, Any] = {
+    "print_time": False,
+    "show_eval_warnings": False,
+    "ipopt.print_level": 0,
+    "ipopt.sb": "yes",
+}
+TIGHT: Mapping[str, Any] = {
+    "ipopt.tol": 1e-12,
+    "ipopt.compl_inf_tol": 1e-18,  # an unknown that just touches its bound ends its square root away
+    "ipopt.acceptable_tol": 1e-8,
+    "ipopt.bound_relax_factor": 0.0,
+    "ipopt.max_iter": 300,
+}
+AT_BOUND = 1e-6  # of the scale: what an interior point method leaves between an unknown and its bound
+ADVICE = {
+    "Maximum_Iterations_Exceeded": "the iteration limit was reached; start closer, or raise 'ipopt.max_iter'",
+    "Maximum_CpuTime_Exceeded": "the time limit was reached; start closer, or raise it",
+    "Maximum_WallTime_Exceeded": "the time limit was reached; start closer, or raise it",
+    "Infeasible_Problem_Detected": "no point near meets all constraints; widen the bounds, or start elsewhere",
+    "Restoration_Failed": "no point near meets all constraints; start elsewhere, or check the scales",
+    "Diverging_Iterates": "the unknowns ran away; bound them, or check that the data determine them",
+    "Invalid_Number_Detected": "a value or derivative is not finite; start elsewhere, or bound the unknowns",
+    "Search_Direction_Becomes_Too_Small": "the steps became too small; check the scales, or loosen 'ipopt.tol'",
+    "Error_In_Step_Computation": "no step could be computed; check the scales, or start elsewhere",
+    "Invalid_Option": "an option is unknown, or its linear solver is not installed",
+}
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A quantity to be estimated.
+
+    Parameters
+    ----------
+    name : str
+        What it is called in the result.
+    guess : float
+        Where to start.
+    scale : float
+        A change that matters: the problem is solved in units of it.
+    lower, upper : float
+        Bounds.
+    unit : str
+        SI unit, for reports.
+
+    Raises
+    ------
+    InputError
+        If the scale is not positive, the bounds are not in order, or the guess is not finite and between them.
+    """
+
+    name: str
+    guess: float
+    scale: float = 1.0
+    lower: float = -math.inf
+    upper: float = math.inf
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        positive(self.scale, f"{self.name}: scale")
+        if not self.lower < self.upper:
+            raise InputError(f"the lower bound {self.lower:g} is not below the upper {self.upper:g}", self.name)
+        if not (math.isfinite(self.guess) and self.lower <= self.guess <= self.upper):
+            raise InputError(f"the guess {self.guess:g} is not within [{self.lower:g}, {self.upper:g}]", self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The solution of a nonlinear program.
+
+    Parameters
+    ----------
+    x : ndarray
+        Where the minimum is.
+    objective : float
+        Its value.
+    iterations : int
+        Iterations of IPOPT.
+    solve_seconds : float
+        Time they took, without that of building the problem.
+    """
+
+    x: NDArray[np.float64]
+    objective: float
+    iterations: int
+    solve_seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Estimated unknowns, and how well the data determine them.
+
+    ``fit["name"]`` is the value of an unknown.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Names of the n unknowns.
+    values : ndarray
+        Their estimates (n,).
+    covariance : ndarray
+        Covariance (n, n); nan for unknowns at a bound.
+    at_bound : ndarray of bool
+        Which unknowns are at a bound (n,).
+    residuals : ndarray
+        What the model leaves unexplained (m,).
+    iterations : int
+        Iterations of IPOPT.
+    solve_seconds : float
+        Time they took.
+    """
+
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    at_bound: NDArray[np.bool_]
+    residuals: NDArray[np.float64]
+    iterations: int
+    solve_seconds: float
+
+    def __getitem__(self, name: str) -> float:
+        """Return the value of an unknown."""
+        return float(self.values[self.names.index(name)])
+
+    @property
+    def residual_rms(self) -> float:
+        """Root of the mean squared residual, Eq. (10)."""
+        return math.sqrt(np.mean(self.residuals**2))
+
+    @property
+    def standard_errors(self) -> NDArray[np.float64]:
+        """Standard errors (n,); nan for unknowns at a bound."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def standard_error(self, name: str) -> float:
+        """Return the standard error of an unknown; nan at a bound."""
+        return float(self.standard_errors[self.names.index(name)])
+
+    def correlation(self, first: str, second: str) -> float:
+        """Return the correlation of two unknowns; nan if one is at a bound, or there is no residual."""
+        i, j = self.names.index(first), self.names.index(second)
+        scale = math.sqrt(self.covariance[i, i] * self.covariance[j, j])
+        return float(self.covariance[i, j] / scale) if scale else math.nan
+
+    def derived(self, quantities: Callable[..., cs.MX]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return functions of the unknowns, and their standard errors to first order.
+
+        Parameters
+        ----------
+        quantities : callable
+            Takes the unknowns as MX scalars, in their order; returns an MX vector.
+
+        Returns
+        -------
+        values, standard_errors : ndarray
+            A standard error is nan where a quantity depends on no unknown, or only on such as are at a bound.
+        """
+        x = cs.MX.sym("x", len(self.names))
+        q = cs.densify(quantities(*cs.vertsplit(x)))
+        values, jacobian = _numbers(cs.Function("quantities", [x], [q, cs.densify(cs.jacobian(q, x))]), self.values)
+        free = ~self.at_bound
+        slopes = jacobian[:, free]
+        errors = np.sqrt(np.sum((slopes @ self.covariance[np.ix_(free, free)]) * slopes, axis=1))
+        return values, np.where(slopes.any(axis=1), errors, math.nan)
+
+
+def least_squares(
+    residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown], *, options: Mapping[str, Any] | None = None
+) -> Fit:
+    """Estimate unknowns by least squares within their bounds.
+
+    Parameters
+    ----------
+    residuals : callable
+        Takes the unknowns as MX scalars, in their order; returns the residuals as an MX vector.
+    unknowns : sequence of Unknown
+        What to estimate.
+    options : mapping, optional
+        Options of ``nlpsol`` and IPOPT (``"ipopt.max_iter"``); they override those set here.
+
+    Raises
+    ------
+    InputError
+        If two unknowns share a name, or there are fewer residuals than unknowns.
+    FitError
+        If IPOPT does not converge, or the residuals do not determine the unknowns.
+    """
+    names = tuple(unknown.name for unknown in unknowns)
+    if len(set(names)) < len(names):
+        raise InputError(f"share a name: {', '.join(names)}", "unknowns")
+    scale, guess, lower, upper = np.array([[u.scale, u.guess, u.lower, u.upper] for u in unknowns]).T
+
+    z = cs.MX.sym("z", len(names))
+    r = residuals(*cs.vertsplit(cs.DM(scale) * z))
+    if r.numel() < len(names):
+        raise InputError(f"{r.numel()} values cannot determine {len(names)} unknowns", "residuals")
+    evaluate = cs.Function("residuals", [z], [cs.densify(r), cs.densify(cs.jtimes(r, z, cs.DM.eye(len(names))))])
+
+    _, jacobian = _numbers(evaluate, guess / scale)
+    weight = float(np.max(np.sum(jacobian**2, axis=0)))
+    if not (math.isfinite(weight) and weight > 0.0):
+        raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
+    solution = solve_nlp(
+        {"x": z, "f": cs.sumsqr(r) / (2 * weight)},
+        guess / scale,
+        lower=lower / scale,
+        upper=upper / scale,
+        options={**TIGHT, **(options or {})},
+    )
+
+    at_lower = solution.x - lower / scale < AT_BOUND
+    at_upper = upper / scale - solution.x < AT_BOUND
+    values = np.select([at_lower, at_upper], [lower, upper], solution.x * scale)
+    remaining, jacobian = _numbers(evaluate, values / scale)
+    covariance = _covariance(remaining, jacobian / scale, ~(at_lower | at_upper), names)
+    return Fit(names, values, covariance, at_lower | at_upper, remaining, solution.iterations, solution.solve_seconds)
+
+
+def solve_nlp(
+    nlp: Mapping[str, cs.MX],
+    start: NDArray[np.float64],
+    *,
+    lower: NDArray[np.float64] | float = -math.inf,
+    upper: NDArray[np.float64] | float = math.inf,
+    constraint_lower: NDArray[np.float64] | float = 0.0,
+    constraint_upper: NDArray[np.float64] | float = 0.0,
+    options: Mapping[str, Any] | None = None,
+) -> Solution:
+    """Solve a nonlinear program with IPOPT, silently.
+
+    Parameters
+    ----------
+    nlp : mapping
+        Variables ``x``, objective ``f`` and, if there are any, constraints ``g``.
+    start : ndarray
+        Where to start.
+    lower, upper : ndarray or float
+        Bounds of ``x``.
+    constraint_lower, constraint_upper : ndarray or float
+        Bounds of ``g``; equations by default.
+    options : mapping, optional
+        Options of ``nlpsol`` and IPOPT, for example ``hess_lag`` or ``"ipopt.max_iter"``.
+
+    Raises
+    ------
+    FitError
+        If IPOPT does not converge, or CasADi refuses the problem.
+    """
+    bounds = {"lbx": lower, "ubx": upper}
+    if "g" in nlp:
+        bounds |= {"lbg": constraint_lower, "ubg": constraint_upper}
+    try:
+        solver = cs.nlpsol("solver", "ipopt", nlp, {**SILENT, **(options or {})})
+        began = time.perf_counter()
+        result = solver(x0=start, **bounds)
+        seconds = time.perf_counter() - began
+    except RuntimeError as error:
+        raise FitError(f"the problem cannot be solved as stated: {_reason(error)}") from None
+    stats = solver.stats()
+    if not stats["success"]:
+        status = stats["return_status"]
+        advice = ADVICE.get(status, "start elsewhere, or check scales and bounds")
+        raise FitError(f"no minimum was found after {stats['iter_count']} iterations ({status}): {advice}", stats)
+    return Solution(result["x"].full().ravel(), float(result["f"]), stats["iter_count"], seconds)
+
+
+def _numbers(function: cs.Function, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return a vector and its Jacobian, from a Function that gives both."""
+    vector, jacobian = function(x)
+    return vector.full().ravel(), jacobian.full()
+
+
+def _covariance(
+    residuals: NDArray[np.float64], jacobian: NDArray[np.float64], free: NDArray[np.bool_], names: tuple[str, ...]
+) -> NDArray[np.float64]:
+    """Return s^2 (J' J)^-1 for the free unknowns, by a singular value decomposition with columns of unit length."""
+    length = np.linalg.norm(jacobian[:, free], axis=0)
+    _, singular, directions = np.linalg.svd(
+        jacobian[:, free] / np.where(length > 0.0, length, 1.0), full_matrices=False
+    )
+    if free.any() and singular[-1] < len(residuals) * np.finfo(float).eps:
+        weak = np.flatnonzero(free)[np.abs(directions[-1]) > 0.1]
+        raise FitError(f"the data do not determine {', '.join(names[i] for i in weak)}; fix one, or add data")
+    surplus = len(residuals) - np.count_nonzero(free)
+    variance = residuals @ residuals / surplus if surplus else math.nan
+    root = (directions.T / singular) / length[:, None]
+    covariance = np.full((len(names), len(names)), math.nan)
+    covariance[np.ix_(free, free)] = variance * root @ root.T
+    return covariance
+
+
+def _reason(error: RuntimeError) -> str:
+    """Return what a message of CasADi says at its end, without the places in its source."""
+    said = re.split(r"\S*casadi/\S+:\d+: ", str(error))[-1]
+    return " ".join(said.split())[:200]

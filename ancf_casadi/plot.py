@@ -1,0 +1,59 @@
+"""Figures of records and motions, made without a display.
+
+Each function returns a matplotlib ``Figure``; ``png`` turns it into a file's content.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+from ancf_casadi.measurement import Measurement
+from ancf_casadi.simulate import Trajectory
+
+MEASURED = "#222222"
+COMPUTED = "#1b7f5c"
+RESOLUTION = 130  # dots an inch
+FINE = 4000  # points of a drawn curve
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as the content of a PNG file, the same for the same figure."""
+    out = io.BytesIO()
+    figure.savefig(out, format="png", dpi=RESOLUTION, bbox_inches="tight", metadata={"Software": None})
+    return out.getvalue()
+
+
+def decay_figure(
+    record: Measurement, fitted: Callable[[ArrayLike], NDArray[np.float64]], release_time: float
+) -> Figure:
+    """Draw a record and the fitted displacement from the release (s) on."""
+    figure = Figure(figsize=(8, 3.6), layout="constrained")
+    axes = figure.subplots()
+    axes.plot(record.time, 1e3 * record.displacement, ".", ms=2.5, color=MEASURED, label="record")
+    time = np.linspace(release_time, record.time[-1], FINE)
+    axes.plot(time, 1e3 * fitted(time), lw=1, color=COMPUTED, label="fit")
+    axes.axvline(release_time, ls=":", lw=0.8, color=MEASURED)
+    axes.set(xlabel="time, s", ylabel="displacement, mm")
+    axes.legend(frameon=False)
+    return figure
+
+
+def motion_figure(run: Trajectory) -> Figure:
+    """Draw the tip as seen from the clamp over time, and shapes of the beam through the run."""
+    figure = Figure(figsize=(9, 3.8), layout="constrained")
+    over_time, in_plane = figure.subplots(1, 2, width_ratios=(2, 1))
+    for name, motion in zip("xy", (run.tip - run.base).T, strict=True):
+        over_time.plot(run.time, 1e3 * (motion - motion[0]), lw=0.6, label=f"{name}, from the start")
+    over_time.set(xlabel="time, s", ylabel="tip to clamp, mm")
+    over_time.legend(frameon=False)
+    arc = np.linspace(0.0, run.model.beam.length, 60)
+    for row in np.linspace(0, len(run.time) - 1, 12).astype(int):
+        x, y = 1e3 * np.array([run.model.interpolation(float(s)) @ run.coordinates[row] for s in arc]).T
+        in_plane.plot(x, y, lw=0.8, color=COMPUTED, alpha=0.3 + 0.7 * row / max(1, len(run.time) - 1))
+    in_plane.set(xlabel="x, mm", ylabel="y, mm", aspect="equal")
+    return figure

@@ -1,0 +1,56 @@
+"""Draw the README's picture: a large swing of the paper's beam, and Table 11.
+
+Usage: python docs/overview.py RESULTS_DIR, with the folder that ``ancf-casadi reproduce`` wrote.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, simulate
+from ancf_casadi.plot import MEASURED, png
+from problems import paper
+from problems.reproduction import LAWS
+from problems.study_figures import COLOURS
+
+SWING = HarmonicBase(amplitude=5e-3, frequency=1.876, stop=10.0)
+
+
+def overview(results: dict) -> Figure:
+    """Return the picture."""
+    figure = Figure(figsize=(9, 4), layout="constrained")
+    shapes, ratios = figure.subplots(1, 2, width_ratios=(1, 1.3))
+    model = Model(paper.standard_beam())
+    law = ModalDamping(natural_modes(model), paper.DAMPING_RATIOS)
+    run = simulate(model, damping=law, base=SWING, start="moving", duration=10.5, sample_rate=200.0)
+    arc = np.linspace(0.0, model.beam.length, 80)
+    rows = np.arange(len(run.time) - 55, len(run.time), 3)
+    for row in rows:
+        x, y = 1e3 * np.array([model.interpolation(float(s)) @ run.coordinates[row] for s in arc]).T
+        shapes.plot(x, y, color=COLOURS["generic"], lw=1, alpha=0.25 + 0.75 * (row - rows[0]) / (rows[-1] - rows[0]))
+    shapes.set(aspect="equal", xlabel="x, mm", ylabel="y, mm")
+    shapes.set_title("A steel strip, 500 x 5 x 0.5 mm, driven 5 mm", fontsize=10)
+
+    modes = np.arange(1, 6)
+    comparison = results["damping_comparison"]
+    measured = 100 * np.array(comparison["experiment"])
+    ratios.semilogy(modes, measured, "s", ms=11, mfc="none", color=MEASURED, label="identified")
+    for name in LAWS:
+        ratios.semilogy(modes, 100 * np.array(comparison[name]), "o-", color=COLOURS[name], label=f"{name} law")
+    ratios.set(xlabel="mode", ylabel="damping ratio, %", xticks=modes)
+    ratios.set_title("Five modes, one beam, three damping laws", fontsize=10)
+    ratios.legend(frameon=False)
+    for axes in (shapes, ratios):
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(alpha=0.25)
+    return figure
+
+
+if __name__ == "__main__":
+    folder = Path(sys.argv[1])
+    (Path(__file__).parent / "overview.png").write_bytes(
+        png(overview(json.loads((folder / "results.json").read_text())))
+    )

@@ -1,0 +1,212 @@
+"""The command ``ancf-casadi``: one sub-command for each thing the toolkit does.
+
+Exit code 0; 2 where the input is unusable, with one line that says what and where; 1 where the numerics failed, with
+what to try.  Results go to standard output, as text or with ``--json`` as data; progress goes to standard error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.exceptions import AncfError, InputError
+from ancf_casadi.measurement import Measurement
+from ancf_casadi.model import Model
+from ancf_casadi.modes import natural_modes
+from ancf_casadi.report import Table, check_folder, to_json, write_file
+from ancf_casadi.simulate import Trajectory, simulate
+from ancf_casadi.version import __version__
+from problems.decay_fitting import fit_decay
+from problems.frequency_matching import match_frequencies
+from problems.study_file import numbers, read_beam, read_match, read_simulation
+
+INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code."""
+    options = _parser().parse_args(arguments)
+    try:
+        print(options.run(options))
+        sys.stdout.flush()
+    except InputError as error:
+        return _failed(error, 2)
+    except AncfError as error:
+        return _failed(error, 1)
+    except KeyboardInterrupt:
+        return _failed("stopped; nothing was written", INTERRUPTED)
+    except BrokenPipeError:  # the reader of our output has left
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 0
+
+
+def _failed(reason: object, code: int) -> int:
+    print(f"ancf-casadi: {' '.join(str(reason).split())}", file=sys.stderr)
+    return code
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="ancf-casadi", description="Damping, properties and large motion of very flexible beams."
+    )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    def command(name: str, run: Callable[[argparse.Namespace], str], about: str) -> argparse.ArgumentParser:
+        added = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
+        added.add_argument("--json", action="store_true", help="print data for machines")
+        added.set_defaults(run=run)
+        return added
+
+    study = command("reproduce", _reproduce, "the paper's whole study on its embedded data")
+    study.add_argument("--out", type=Path, default=Path("results"), metavar="DIR", help="folder (default: results)")
+    study.add_argument("--quick", action="store_true", help="short excitations and loose tolerances, for a look")
+    study.add_argument(
+        "--jobs", type=_jobs, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)"
+    )
+    decay = command("fit-decay", _fit_decay, "frequency and damping from one measured decay")
+    decay.add_argument("file", metavar="FILE.csv", help="times (s) and displacements (m)")
+    decay.add_argument("--law", choices=("linear", "quadratic"), default="linear", help="damping law (default: linear)")
+    decay.add_argument("--column", help="name of the displacement column (default: the second)")
+    decay.add_argument("--plot", type=Path, metavar="FILE.png", help="draw record and fit")
+    modes = command("modes", _modes, "natural frequencies of a beam about its equilibrium")
+    modes.add_argument("file", metavar="BEAM.toml", help="a file with the table [beam]")
+    modes.add_argument("--count", type=int, default=5, metavar="N", help="how many (default: 5)")
+    match = command("match", _match, "the beam nearest to a given one that has the measured frequencies")
+    match.add_argument("file", metavar="BEAM.toml", help="a file with the tables [beam] and [match]")
+    motion = command("simulate", _simulate, "the large motion of a beam")
+    motion.add_argument("file", metavar="STUDY.toml", help="tables [beam], [simulation], [damping], [base]")
+    motion.add_argument("--out", type=Path, metavar="FILE.csv", help="write the motion of the tip")
+    motion.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the motion of the tip")
+    return parser
+
+
+def _jobs(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number above 0, got {text!r}")
+    return int(text)
+
+
+def _reproduce(options: argparse.Namespace) -> str:
+    from problems import reproduction, study_report  # loaded for this command alone, and by its processes
+
+    folder = check_folder(options.out)
+    effort = reproduction.QUICK if options.quick else reproduction.FULL
+    study = reproduction.reproduce(effort=effort, jobs=options.jobs, progress=True)
+    written = study_report.write_study(study, folder)
+    if options.json:
+        return to_json(study_report.results(study)).rstrip()
+    texts = [table.text() for table in study_report.tables(study)]
+    if options.quick:
+        texts.append(
+            "Quick look: excitations are a tenth as long and tolerances looser; Table 11 is a few percent off."
+        )
+    return "\n\n".join([*texts, f"{len(written)} files in {folder}"])
+
+
+def _fit_decay(options: argparse.Namespace) -> str:
+    record = Measurement.from_csv(options.file, column=options.column)
+    plot = None if options.plot is None else _new_file(options.plot)
+    fit = fit_decay(record, law=options.law)
+    if plot is not None:
+        from ancf_casadi.plot import decay_figure, png  # matplotlib is slow to import
+
+        write_file(plot, png(decay_figure(record, fit.displacement, fit.release_time)))
+    return to_json(fit.to_dict()).rstrip() if options.json else fit.report()
+
+
+def _modes(options: argparse.Namespace) -> str:
+    modes = natural_modes(Model(read_beam(options.file)), count=options.count)
+    if options.json:
+        tip = modes.equilibrium.tip.tolist()
+        return to_json({"frequencies_hz": modes.frequencies.tolist(), "equilibrium_tip_m": tip}).rstrip()
+    rows = list(enumerate(modes.frequencies.tolist(), start=1))
+    x, y = modes.equilibrium.tip
+    return Table("modes", "Natural modes", ("mode", "f_Hz"), rows, (f"about the tip at ({x:.6g}, {y:.6g}) m",)).text()
+
+
+def _match(options: argparse.Namespace) -> str:
+    beam, request = read_match(options.file)
+    request["targets"] = numbers(request["targets"], f"{options.file}: targets")
+    match = match_frequencies(beam, **request)
+    if options.json:
+        data = {
+            "target_hz": match.targets,
+            "standard_hz": match.standard,
+            "matched_hz": match.frequencies,
+            "width_m": match.beam.width,
+            "thickness_m": match.beam.thickness,
+            "density": match.beam.density,
+            "elastic_modulus": match.beam.elastic_modulus,
+            "max_relative_error": match.max_relative_error,
+            "at_bound": match.at_bound,
+            "iterations": match.iterations,
+            "solve_seconds": match.solve_seconds,
+        }
+        return to_json(data).rstrip()
+    frequencies = zip(match.targets, match.standard, match.frequencies, strict=True)
+    properties = zip(
+        match.beam.width, match.beam.thickness, match.beam.density, match.beam.elastic_modulus, strict=True
+    )
+    tables = [
+        Table("frequencies", "Natural frequencies, Hz", ("mode", "target", "before", "matched"),
+              [(mode, *row) for mode, row in enumerate(frequencies, start=1)],
+              (f"largest relative error {match.max_relative_error:.1e}",)),
+        Table("properties", "Properties of the matched beam",
+              ("element", "width_m", "thickness_m", "density", "modulus_Pa"),
+              [(element, *row) for element, row in enumerate(properties, start=1)],
+              (f"at a bound: {', '.join(match.at_bound) or 'nothing'}",)),
+    ]  # fmt: skip
+    return "\n\n".join(table.text() for table in tables)
+
+
+def _simulate(options: argparse.Namespace) -> str:
+    study = read_simulation(options.file)
+    out, plot = (None if path is None else _new_file(path) for path in (options.out, options.plot))
+    run = simulate(study.model, damping=study.damping, base=study.base, progress=True, **study.settings)
+    if out is not None:
+        write_file(out, _motion(run).csv())
+    if plot is not None:
+        from ancf_casadi.plot import motion_figure, png  # matplotlib is slow to import
+
+        write_file(plot, png(motion_figure(run)))
+    relative = run.tip - run.base
+    summary = {
+        "samples": len(run.time),
+        "duration_s": float(run.time[-1]),
+        "tip_at_end_m": run.tip[-1].tolist(),
+        "tip_travel_m": np.ptp(relative, axis=0).tolist(),
+        "steps": run.steps,
+        "seconds": run.wall_seconds,
+    }
+    if options.json:
+        return to_json(summary).rstrip()
+    return "\n".join(f"{name:<14}{_plain(value)}" for name, value in summary.items())
+
+
+def _motion(run: Trajectory) -> Table:
+    columns = ("time_s", "tip_x_m", "tip_y_m", "base_x_m", "base_y_m")
+    rows = np.column_stack([run.time, run.tip, run.base]).tolist()
+    return Table("motion", "Motion of the tip", columns, rows)
+
+
+def _plain(value: Any) -> str:
+    values = value if isinstance(value, list) else [value]
+    return "  ".join(f"{item:.6g}" if isinstance(item, float) else str(item) for item in values)
+
+
+def _new_file(path: Path) -> Path:
+    check_folder(path.parent)
+    if path.is_dir():
+        raise InputError("is a folder", str(path))
+    return path
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,167 @@
+"""Beams, laws and base motions from TOML files.
+
+A file has the table ``[beam]``, with the keys of ``Beam.uniform``, and as the command asks
+
+    [match]       targets (Hz), bounds
+    [[damping]]   law = "rayleigh":  alpha, beta, stiffness
+                  law = "quadratic": eta1 (1/s), eta2 (1/m)
+                  law = "modal":     ratios, frequencies (Hz);  several tables add up
+    [base]        amplitude (m), frequency (Hz), stop (s), direction, stop_at
+    [simulation]  duration (s), sample_rate (1/s), start, tolerance
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from ancf_casadi.beam import Beam
+from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.excitation import HarmonicBase
+from ancf_casadi.inputs import check_keys, number, read_toml
+from ancf_casadi.model import Model
+from ancf_casadi.modes import natural_modes
+
+Made = TypeVar("Made")
+
+TABLES = ("beam", "match", "damping", "base", "simulation")
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """What ``simulate`` is asked for in a file.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    damping : DampingLaw or None
+        The law, or the sum of several.
+    base : HarmonicBase or None
+        Motion of the clamp.
+    settings : dict
+        Other arguments of ``simulate``.
+    """
+
+    model: Model
+    damping: DampingLaw | None
+    base: HarmonicBase | None
+    settings: dict[str, Any]
+
+
+def read_beam(path: str) -> Beam:
+    """Read the beam of a file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or a table, key or value is not usable.
+    """
+    return Beam.from_table(_document(path).get("beam"), path)
+
+
+def read_match(path: str) -> tuple[Beam, dict[str, Any]]:
+    """Read a beam, and the targets and bounds to match it to.
+
+    Raises
+    ------
+    InputError
+        As ``read_beam``.
+    """
+    document = _document(path)
+    beam = Beam.from_table(document.get("beam"), path)
+    return beam, _table(document.get("match"), {"targets"}, {"bounds"}, f"{path}: [match]")
+
+
+def read_simulation(path: str) -> Simulation:
+    """Read a beam, its damping, the motion of its base and the settings of the simulation.
+
+    Raises
+    ------
+    InputError
+        As ``read_beam``.
+    """
+    document = _document(path)
+    model = Model(Beam.from_table(document.get("beam"), path))
+    where = f"{path}: [simulation]"
+    settings = _table(document.get("simulation"), {"duration"}, {"sample_rate", "start", "tolerance"}, where)
+    return Simulation(
+        model, _damping(document.get("damping", []), model, path), _base(document.get("base"), path), settings
+    )
+
+
+def _document(path: str) -> dict[str, Any]:
+    document = read_toml(path)
+    check_keys(document, {"beam"}, set(TABLES), path)
+    return document
+
+
+def _table(table: Any, required: set[str], optional: set[str], where: str) -> dict[str, Any]:
+    if not isinstance(table, dict):
+        raise InputError("the table is missing", where)
+    check_keys(table, required, optional, where)
+    return table
+
+
+def _base(table: Any, path: str) -> HarmonicBase | None:
+    if table is None:
+        return None
+    where = f"{path}: [base]"
+    given = _table(table, {"amplitude", "frequency"}, {"stop", "direction", "stop_at"}, where)
+    return _made(lambda: HarmonicBase(**given), where)
+
+
+def _damping(tables: Any, model: Model, path: str) -> DampingLaw | None:
+    if isinstance(tables, dict):
+        tables = [tables]
+    if not isinstance(tables, list):
+        raise InputError("must be a table [damping], or several [[damping]]", path)
+    total: DampingLaw | None = None
+    for table in tables:
+        law = _law(table, model, f"{path}: [damping]")
+        total = law if total is None else total + law
+    return total
+
+
+def _law(table: Any, model: Model, where: str) -> DampingLaw:
+    known = {
+        "rayleigh": {"alpha", "beta", "stiffness"},
+        "quadratic": {"eta1", "eta2"},
+        "modal": {"ratios", "frequencies"},
+    }
+    kind = table.get("law") if isinstance(table, dict) else None
+    if kind not in known:
+        raise InputError(f"law must be one of {', '.join(known)}, got {kind!r}", where)
+    required = {"law", "ratios"} if kind == "modal" else {"law"}
+    given = _table(table, required, known[kind], where)
+    arguments = {key: value for key, value in given.items() if key != "law"}
+    if kind == "rayleigh":
+        return _made(lambda: RayleighDamping(**arguments), where)
+    if kind == "quadratic":
+        return _made(lambda: QuadraticDamping(**arguments), where)
+    ratios = numbers(arguments.pop("ratios"), f"{where}: ratios")
+    if "frequencies" in arguments:
+        arguments["frequencies"] = numbers(arguments["frequencies"], f"{where}: frequencies")
+    return _made(lambda: ModalDamping(natural_modes(model, count=max(1, len(ratios))), ratios, **arguments), where)
+
+
+def numbers(values: Any, where: str) -> list[float]:
+    """Return a list of finite numbers.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    if not isinstance(values, list | tuple):
+        raise InputError(f"must be a list of numbers, got {values!r}", where)
+    return [number(value, where) for value in values]
+
+
+def _made(make: Callable[[], Made], where: str) -> Made:
+    try:
+        return make()
+    except InputError as error:
+        raise InputError(str(error), where) from None

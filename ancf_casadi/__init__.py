@@ -12,11 +12,12 @@ from ancf_casadi.exceptions import (
     NumericsError,
     SimulationError,
 )
-from ancf_casadi.excitation import BaseMotion, FixedBase, HarmonicBase
+from ancf_casadi.excitation import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes, modal_assurance, natural_modes
-from ancf_casadi.simulate import Trajectory, simulate
+from ancf_casadi.simulate import simulate
+from ancf_casadi.trajectory import State, Trajectory
 from ancf_casadi.version import __version__
 
 __all__ = [
@@ -37,9 +38,12 @@ __all__ = [
     "NumericsError",
     "QuadraticDamping",
     "RayleighDamping",
+    "SampledBase",
     "Section",
     "SimulationError",
+    "State",
     "StrainMeasures",
+    "SweepBase",
     "Trajectory",
     "__version__",
     "modal_assurance",

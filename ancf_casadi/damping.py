@@ -7,8 +7,9 @@ are those of the laboratory frame, so that external damping is motion against th
     quadratic       Q = int S^T (gamma1 v + gamma2 |v| v) dp,                       Eq. (19), (23)
     generic         Q = M Phi diag(2 zeta omega) Phi^T M e_t,                       Eq. (32)
 
-A force is the sum of a local part, written with the element Functions and sparse, and of a part F F^T e_t of low
-rank, which an integrator can keep sparse by making F^T e_t its unknowns.
+A force is the sum of a local part, written with the element Functions and sparse, and of a part B diag(d) B^T e_t of
+low rank, which an integrator can keep sparse by making B^T e_t its unknowns.  Both are symbolic in the properties of
+the beam and in the parameters of the law.  A coefficient of exactly 0 is no parameter: its term is absent.
 
 Each law tells the equivalent damping ratio it gives a mode that swings with a tip amplitude A: the viscous ratio with
 the same loss of energy in a period.
@@ -26,6 +27,7 @@ import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, Literal, final, get_args
 
 import casadi as cs
@@ -37,6 +39,7 @@ from ancf_casadi.inputs import number
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes
 
+Array = NDArray[np.float64]
 ProportionalStiffness = Literal["strain-rate", "tangent", "reference"]
 
 DRAG_CONSTANT = 1183 / 876  # gamma2 = eta2 mu 1183/876, Eq. (24)-(25) exact; the paper rounds 876/1183 to 0.74
@@ -45,23 +48,33 @@ DRAG_CONSTANT = 1183 / 876  # gamma2 = eta2 mu 1183/876, Eq. (24)-(25) exact; th
 class DampingLaw(ABC):
     """What every damping law can do."""
 
+    @property
     @abstractmethod
-    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
+    def parameters(self) -> tuple[tuple[str, float], ...]:
+        """Name and value of each parameter."""
+
+    @abstractmethod
+    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
         """Return the part of the force that couples neighbouring nodes only, (4 n + 4,), N and N m."""
 
-    @abstractmethod
-    def factor(self, model: Model) -> NDArray[np.float64]:
-        """Return F (4 n + 4, m) of the part F F^T e_t of the force; m is 0 where there is none."""
+    def projection(self, model: Model) -> Array:
+        """Return B (4 n + 4, m) of the part B diag(d) B^T e_t of the force; m is 0 where there is none."""
+        return np.zeros((model.size, 0))
+
+    def rates(self, parameters: cs.MX) -> cs.MX:
+        """Return d (m,) of the part B diag(d) B^T e_t of the force, 1/s."""
+        return cs.MX(0, 1)
 
     @abstractmethod
-    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return the equivalent damping ratio of each mode at its tip amplitude (m), (m,)."""
 
     @final
     def force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
-        """Return the whole generalized force Q_damp, (4 n + 4,), N and N m."""
-        factor = cs.DM(self.factor(model))
-        return self.local_force(model, e, e_t) + factor @ (factor.T @ e_t)
+        """Return the whole generalized force Q_damp, (4 n + 4,), N and N m, with the parameters' values."""
+        values, properties = cs.MX(cs.DM([value for _, value in self.parameters])), cs.MX(cs.DM(model.properties))
+        B = cs.DM(self.projection(model))
+        return self.local_force(model, e, e_t, properties, values) + B @ (self.rates(values) * (B.T @ e_t))
 
     @final
     def __add__(self, other: DampingLaw) -> DampingLaw:
@@ -106,23 +119,25 @@ class RayleighDamping(DampingLaw):
             message = "damping proportional to the reference stiffness is not objective: it resists large rotations"
             warnings.warn(message, stacklevel=3)
 
-    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
+    @property
+    def parameters(self) -> tuple[tuple[str, float], ...]:
+        """Alpha (1/s) and beta (s)."""
+        return _nonzero(alpha=self.alpha, beta=self.beta)
+
+    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
         """Return alpha M e_t and the stiffness-proportional force, Eq. (11) with Eq. (14)."""
-        p = model.properties
-        force = self.alpha * (model.mass(p) @ e_t)
-        if self.beta == 0.0:
-            return force
-        if self.stiffness == "strain-rate":
-            return force + self.beta * model.strain_rate_force(e, e_t, p)
-        if self.stiffness == "tangent":
-            return force + self.beta * model.tangent_force(e, e_t, p)
-        return force + self.beta * (model.tangent_stiffness(model.straight, p) @ e_t)
+        forces = []
+        if self.alpha:
+            forces.append(model.inertia_force(e_t, properties))
+        if self.beta and self.stiffness == "strain-rate":
+            forces.append(model.strain_rate_force(e, e_t, properties))
+        elif self.beta and self.stiffness == "tangent":
+            forces.append(model.tangent_force(e, e_t, properties))
+        elif self.beta:
+            forces.append(model.tangent_stiffness(model.straight, properties) @ e_t)
+        return cs.horzcat(cs.MX(model.size, 0), *forces) @ parameters
 
-    def factor(self, model: Model) -> NDArray[np.float64]:
-        """Return no columns."""
-        return np.zeros((model.size, 0))
-
-    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return zeta = alpha/(2 omega) + beta phi^T K phi/(2 omega) at any amplitude.
 
         With the ``tangent`` stiffness phi^T K phi is omega^2, and this Eq. (16).  The other two lack the stiffness that
@@ -167,19 +182,21 @@ class QuadraticDamping(DampingLaw):
         """Validate."""
         _coefficients(self, "eta1", "eta2")
 
-    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
+    @property
+    def parameters(self) -> tuple[tuple[str, float], ...]:
+        """Eta1 (1/s) and eta2 (1/m)."""
+        return _nonzero(eta1=self.eta1, eta2=self.eta2)
+
+    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
         """Return eta1 M e_t + eta2 1183/876 int S^T mu |v| v dp, Eq. (23)."""
-        p = model.properties
-        force = self.eta1 * (model.mass(p) @ e_t)
-        if self.eta2 == 0.0:
-            return force
-        return force + self.eta2 * DRAG_CONSTANT * model.drag_force(e_t, p)
+        forces = []
+        if self.eta1:
+            forces.append(model.inertia_force(e_t, properties))
+        if self.eta2:
+            forces.append(DRAG_CONSTANT * model.drag_force(e_t, properties))
+        return cs.horzcat(cs.MX(model.size, 0), *forces) @ parameters
 
-    def factor(self, model: Model) -> NDArray[np.float64]:
-        """Return no columns."""
-        return np.zeros((model.size, 0))
-
-    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return zeta = eta1/(2 omega) + 4 eta2 c A/(3 pi), with c = 1183/876 int mu |phi|^3 dp / int mu phi^2 dp.
 
         The mode shape phi is 1 at the tip; c is 1 for the shape of Eq. (21), and less for the higher modes.
@@ -236,12 +253,17 @@ class ModalDamping(DampingLaw):
             raise InputError("must be positive", "frequencies")
         object.__setattr__(self, "frequencies", frequencies)
 
-    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
+    @property
+    def parameters(self) -> tuple[tuple[str, float], ...]:
+        """The damping ratios."""
+        return tuple((f"ratio{k + 1}", zeta) for k, zeta in enumerate(self.ratios))
+
+    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
         """Return zero."""
         return cs.MX(model.size, 1)
 
-    def factor(self, model: Model) -> NDArray[np.float64]:
-        """Return F = M Phi diag(2 zeta omega)^1/2, so that C = F F^T.
+    def projection(self, model: Model) -> Array:
+        """Return B = M Phi, so that C = B diag(2 zeta omega) B^T.
 
         Raises
         ------
@@ -250,13 +272,17 @@ class ModalDamping(DampingLaw):
         """
         if self.modes.model.size != model.size:
             raise InputError("belong to a beam with another number of elements", "modes")
-        coefficients = np.sqrt(4 * math.pi * np.array(self.ratios) * np.array(self.frequencies))
         mass = self.modes.model.mass(self.modes.model.properties).sparse()
-        return np.asarray(mass @ self.modes.shapes[:, : len(self.ratios)] * coefficients)
+        return np.asarray(mass @ self.modes.shapes[:, : len(self.ratios)])
 
-    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+    def rates(self, parameters: cs.MX) -> cs.MX:
+        """Return 2 zeta omega."""
+        return 4 * math.pi * cs.DM(list(self.frequencies or ())) * parameters
+
+    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return phi^T C phi / (2 omega) for each mode, at any amplitude: the given ratios for the given modes."""
-        return np.asarray(((self.factor(modes.model).T @ modes.shapes) ** 2).sum(axis=0) / (2 * modes.angular))
+        rates = 4 * math.pi * np.array(self.ratios) * np.array(self.frequencies)
+        return np.asarray(rates @ (self.projection(modes.model).T @ modes.shapes) ** 2 / (2 * modes.angular))
 
 
 @final
@@ -272,18 +298,32 @@ class SumOfLaws(DampingLaw):
 
     laws: tuple[DampingLaw, ...]
 
-    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
+    @property
+    def parameters(self) -> tuple[tuple[str, float], ...]:
+        """The parameters of all terms, in their order."""
+        return tuple(parameter for law in self.laws for parameter in law.parameters)
+
+    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
         """Return the sum of the local forces."""
-        forces = [law.local_force(model, e, e_t) for law in self.laws]
-        return cs.sum2(cs.horzcat(*forces))
+        terms = zip(self.laws, self._split(parameters), strict=True)
+        return cs.sum2(cs.horzcat(*(law.local_force(model, e, e_t, properties, own) for law, own in terms)))
 
-    def factor(self, model: Model) -> NDArray[np.float64]:
-        """Return the factors side by side."""
-        return np.hstack([law.factor(model) for law in self.laws])
+    def projection(self, model: Model) -> Array:
+        """Return the projections side by side."""
+        return np.hstack([law.projection(model) for law in self.laws])
 
-    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+    def rates(self, parameters: cs.MX) -> cs.MX:
+        """Return the rates of all terms."""
+        return cs.vertcat(*(law.rates(own) for law, own in zip(self.laws, self._split(parameters), strict=True)))
+
+    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return the sum of the equivalent ratios."""
         return np.asarray(np.sum([law.damping_ratios(modes, amplitudes) for law in self.laws], axis=0))
+
+    def _split(self, parameters: cs.MX) -> list[cs.MX]:
+        """Return each term's share of the parameters."""
+        ends = np.cumsum([0, *(len(law.parameters) for law in self.laws)]).tolist()
+        return [parameters[begin:end] for begin, end in pairwise(ends)]
 
 
 def damping_ratio(value: Any, where: str) -> float:
@@ -298,6 +338,10 @@ def damping_ratio(value: Any, where: str) -> float:
     if not 0.0 <= zeta < 1.0:
         raise InputError(f"a damping ratio must be at least 0 and below 1, got {zeta:g}", where)
     return zeta
+
+
+def _nonzero(**coefficients: float) -> tuple[tuple[str, float], ...]:
+    return tuple((name, value) for name, value in coefficients.items() if value)
 
 
 def _coefficients(law: DampingLaw, *names: str) -> None:

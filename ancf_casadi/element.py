@@ -103,6 +103,8 @@ class Element:
         (e, e_t, p) -> Q_v (8), to be multiplied by a time in s.
     mass : Function
         p -> M (8, 8), Eq. (7).
+    inertia_force : Function
+        (e_tt, p) -> M e_tt (8), or any other rate.
     gravity_force : Function
         (p, g) -> Q_g (8), Eq. (7).
     drag_force : Function
@@ -115,6 +117,7 @@ class Element:
     tangent_force: cs.Function
     strain_rate_force: cs.Function
     mass: cs.Function
+    inertia_force: cs.Function
     gravity_force: cs.Function
     drag_force: cs.Function
 
@@ -137,7 +140,7 @@ def element(l: float, measures: StrainMeasures) -> Element:
     elastic_force = cs.jtimes(s, e, d * s, True)
     strain_rate_force = cs.jtimes(s, e, d * cs.jtimes(s, e, e_t), True)
 
-    mass = sum(w * l * mu * _shape(xi, l, hermite).T @ _shape(xi, l, hermite) for xi, w in _rule(MASS_POINTS))
+    mass = sum(w * l * _shape(xi, l, hermite).T @ _shape(xi, l, hermite) for xi, w in _rule(MASS_POINTS))
     g = cs.SX.sym("g", 2)
     gravity_force = sum(w * l * mu * _shape(xi, l, hermite).T @ g for xi, w in _rule(MASS_POINTS))
     drag_force = cs.SX.zeros(8)
@@ -147,7 +150,7 @@ def element(l: float, measures: StrainMeasures) -> Element:
         drag_force += w * l * mu * cs.sqrt(cs.sumsqr(v) + STILL**2) * (shape.T @ v)
 
     def function(name: str, inputs: list[cs.SX], output: Any) -> cs.Function:
-        return cs.Function(name, inputs, [output])
+        return cs.Function(name, inputs, [cs.cse(output)])
 
     return Element(
         strain_energy=function("strain_energy", [e, p], strain_energy),
@@ -155,7 +158,8 @@ def element(l: float, measures: StrainMeasures) -> Element:
         tangent_stiffness=function("tangent_stiffness", [e, p], cs.densify(cs.jacobian(elastic_force, e))),
         tangent_force=function("tangent_force", [e, e_t, p], cs.jtimes(elastic_force, e, e_t)),
         strain_rate_force=function("strain_rate_force", [e, e_t, p], strain_rate_force),
-        mass=function("mass", [p], cs.densify(mass)),
+        mass=function("mass", [p], cs.densify(mu * mass)),
+        inertia_force=function("inertia_force", [e_t, p], mu * (mass @ e_t)),
         gravity_force=function("gravity_force", [p, g], gravity_force),
         drag_force=function("drag_force", [e_t, p], drag_force),
     )
@@ -171,11 +175,22 @@ def _shape(xi: float, l: float, functions: Callable[[Any, float], tuple[Any, ...
     return cs.kron(cs.SX(cs.DM(functions(xi, l)).T), cs.SX(cs.DM.eye(2)))
 
 
+def axial_strain(slope: Any, measure: AxialStrain) -> Any:
+    """Return eps from the components of r', numbers, arrays or symbols."""
+    stretch = slope[0] ** 2 + slope[1] ** 2
+    return stretch**0.5 - 1 if measure == "engineering" else (stretch - 1) / 2
+
+
+def curvature(slope: Any, second: Any, measure: Curvature) -> Any:
+    """Return kappa from the components of r' and r'', numbers, arrays or symbols; for ``small``, along the normal."""
+    cross = slope[0] * second[1] - slope[1] * second[0]
+    power = {"material": 1.0, "geometric": 1.5, "small": 0.5}[measure]
+    return cross / (slope[0] ** 2 + slope[1] ** 2) ** power
+
+
 def _axial_strains(e: cs.SX, l: float, measures: StrainMeasures) -> tuple[list[cs.SX], list[float]]:
-    strains = []
-    for xi, _ in _rule(measures.axial_points):
-        stretch = cs.sumsqr(_shape(xi, l, hermite_slope) @ e)
-        strains.append(cs.sqrt(stretch) - 1 if measures.axial == "engineering" else (stretch - 1) / 2)
+    slopes = [cs.vertsplit(_shape(xi, l, hermite_slope) @ e) for xi, _ in _rule(measures.axial_points)]
+    strains = [axial_strain(slope, measures.axial) for slope in slopes]
     return strains, [w * l for _, w in _rule(measures.axial_points)]
 
 
@@ -183,14 +198,9 @@ def _curvatures(e: cs.SX, l: float, measures: StrainMeasures) -> tuple[list[cs.S
     strains: list[cs.SX] = []
     weights: list[float] = []
     for xi, w in _rule(measures.bending_points):
-        r1, r2 = _shape(xi, l, hermite_slope) @ e, _shape(xi, l, hermite_curvature) @ e
-        cross = r1[0] * r2[1] - r1[1] * r2[0]
-        if measures.curvature == "small":
-            components = cs.vertsplit(r2)
-        elif measures.curvature == "material":
-            components = [cross / cs.sumsqr(r1)]
-        else:
-            components = [cross / cs.sumsqr(r1) ** 1.5]
+        slope = cs.vertsplit(_shape(xi, l, hermite_slope) @ e)
+        second = cs.vertsplit(_shape(xi, l, hermite_curvature) @ e)
+        components = second if measures.curvature == "small" else [curvature(slope, second, measures.curvature)]
         strains += components
         weights += [w * l] * len(components)
     return strains, weights

@@ -59,11 +59,17 @@ class SimulationError(NumericsError):
         What failed, and what to try.
     time : float
         The simulated time that was reached, in s.
+
+    Attributes
+    ----------
+    partial : Trajectory or None
+        The motion up to there.
     """
 
     def __init__(self, message: str, time: float, stats: Mapping[str, Any] | None = None) -> None:
         super().__init__(message, stats)
         self.time = time
+        self.partial: Any = None
 
 
 class FitError(NumericsError):

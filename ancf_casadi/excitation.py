@@ -1,8 +1,12 @@
 """Prescribed motion of the clamp.
 
-A base motion is a sequence of smooth pieces u(t), the displacement of the clamp from where the beam was at rest.  The
-integrator restarts where one piece ends, so that no step straddles a kink; velocity and acceleration of the clamp
-come from u by symbolic differentiation.
+A base motion is a sequence of smooth pieces; in each, displacement u(t) and rotation phi(t) of the clamp, counted from
+where the beam was at rest, move the clamped node to
+
+    r_0 = u,    tau_0 = R(phi) axis,
+
+and symbolic differentiation gives its velocity and acceleration.  The integrator restarts where a piece ends, so that
+no step straddles a kink.  Motions are symbolic in their parameters too.
 """
 
 from __future__ import annotations
@@ -14,11 +18,16 @@ from dataclasses import dataclass
 from typing import Literal, final, get_args
 
 import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import make_interp_spline
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import number, positive, vector
+from ancf_casadi.inputs import positive, vector
 
 StopAt = Literal["rest", "once"]
+
+SPLINE_DEGREE = 5  # the acceleration of the clamp is then twice continuously differentiable
 
 
 @dataclass(frozen=True)
@@ -29,16 +38,21 @@ class Piece:
     ----------
     end : float
         Time at which it ends, s; infinite for the last.
-    displacement : callable
-        u(t), m: from a symbolic time (s) to the two components.
+    motion : callable
+        From the time (s) and the parameters of the motion to displacement (m, two components) and rotation (rad).
     """
 
     end: float
-    displacement: Callable[[cs.SX], cs.SX]
+    motion: Callable[[cs.MX, cs.MX], cs.MX]
 
 
 class BaseMotion(ABC):
     """What every base motion can do."""
+
+    @property
+    def parameters(self) -> tuple[tuple[str, float], ...]:
+        """Name and value of each parameter."""
+        return ()
 
     @abstractmethod
     def pieces(self) -> tuple[Piece, ...]:
@@ -52,7 +66,7 @@ class FixedBase(BaseMotion):
 
     def pieces(self) -> tuple[Piece, ...]:
         """Return one piece without displacement."""
-        return (_held(0.0, 0.0),)
+        return (Piece(math.inf, lambda t, parameters: cs.MX(3, 1)),)
 
 
 @final
@@ -90,35 +104,158 @@ class HarmonicBase(BaseMotion):
         """Validate, and normalise the direction."""
         positive(self.amplitude, "amplitude")
         positive(self.frequency, "frequency")
-        if self.stop != math.inf:
-            positive(self.stop, "stop")
+        _check_stop(self.stop)
         if self.stop_at not in get_args(StopAt):
             raise InputError(f"must be one of {', '.join(get_args(StopAt))}, got {self.stop_at!r}", "stop_at")
-        x, y = vector(self.direction, "direction")
-        if math.hypot(x, y) == 0.0:
-            raise InputError("must not be the zero vector", "direction")
-        object.__setattr__(self, "direction", (x / math.hypot(x, y), y / math.hypot(x, y)))
+        object.__setattr__(self, "direction", _unit(self.direction))
+
+    @property
+    def parameters(self) -> tuple[tuple[str, float], ...]:
+        """The amplitude, m."""
+        return (("amplitude", self.amplitude),)
 
     @property
     def stop_time(self) -> float:
         """Time at which the base does stop, s."""
         if self.stop_at == "once" or self.stop == math.inf:
             return self.stop
-        half_periods = math.ceil(2 * self.frequency * number(self.stop, "stop") - 0.5 - 1e-9)
+        half_periods = math.ceil(2 * self.frequency * self.stop - 0.5 - 1e-9)
         return (half_periods + 0.5) / (2 * self.frequency)
 
     def pieces(self) -> tuple[Piece, ...]:
         """Return the harmonic motion and, if it stops, the hold."""
         omega = 2 * math.pi * self.frequency
-
-        def moving(t: cs.SX) -> cs.SX:
-            return self.amplitude * cs.sin(omega * t) * cs.SX(cs.DM(self.direction))
-
-        if self.stop_time == math.inf:
-            return (Piece(math.inf, moving),)
-        reached = self.amplitude * math.sin(omega * self.stop_time)
-        return Piece(self.stop_time, moving), _held(reached * self.direction[0], reached * self.direction[1])
+        return _until(self.stop_time, _along(self.direction, lambda t, amplitude: amplitude * cs.sin(omega * t)))
 
 
-def _held(x: float, y: float) -> Piece:
-    return Piece(math.inf, lambda t: cs.SX(cs.DM([x, y])))
+@final
+@dataclass(frozen=True)
+class SweepBase(BaseMotion):
+    """u = amplitude sin(phase(t)), the frequency growing or falling evenly from one value to another, then a stop.
+
+    Parameters
+    ----------
+    amplitude : float
+        Amplitude, m, above 0.
+    frequencies : (float, float)
+        Frequency at time 0 and at the stop, Hz, above 0.
+    stop : float
+        Time of the stop, s, above 0; the base speed jumps to zero there.
+    direction : (float, float)
+        Direction of the motion, any length above 0; kept as a unit vector.
+
+    Raises
+    ------
+    InputError
+        If a value is not a number in its range.
+    """
+
+    amplitude: float
+    frequencies: tuple[float, float]
+    stop: float
+    direction: tuple[float, float] = (1.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Validate, and normalise the direction."""
+        positive(self.amplitude, "amplitude")
+        for frequency in vector(self.frequencies, "frequencies"):
+            positive(frequency, "frequencies")
+        positive(self.stop, "stop")
+        object.__setattr__(self, "direction", _unit(self.direction))
+
+    @property
+    def parameters(self) -> tuple[tuple[str, float], ...]:
+        """The amplitude, m."""
+        return (("amplitude", self.amplitude),)
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """Return the sweep and the hold."""
+        first, last = self.frequencies
+        rate = (last - first) / self.stop
+
+        def sweep(t: cs.MX, amplitude: cs.MX) -> cs.MX:
+            return amplitude * cs.sin(2 * math.pi * (first * t + rate * t**2 / 2))
+
+        return _until(self.stop, _along(self.direction, sweep))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class SampledBase(BaseMotion):
+    """A measured motion of the clamp, interpolated by splines of degree 5, then held.
+
+    Parameters
+    ----------
+    time : array_like (k,)
+        Instants, s, increasing; the motion begins with the first.
+    displacement : array_like (k, 2)
+        Displacement, m, counted from the first sample.
+    rotation : array_like (k,), optional
+        Rotation, rad, counterclockwise, counted from the first sample.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 6 samples, the shapes differ, a value is not finite or the times do not increase.
+    """
+
+    time: ArrayLike
+    displacement: ArrayLike
+    rotation: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        """Validate, and keep arrays counted from the first sample."""
+        time = _array(self.time, "time")
+        if time.ndim != 1 or time.size <= SPLINE_DEGREE:
+            raise InputError(f"needs at least {SPLINE_DEGREE + 1} instants", "time")
+        if (np.diff(time) <= 0.0).any():
+            raise InputError("must increase", "time")
+        displacement = _array(self.displacement, "displacement")
+        rotation = np.zeros(time.size) if self.rotation is None else _array(self.rotation, "rotation")
+        if displacement.shape != (time.size, 2):
+            raise InputError(f"must have the shape ({time.size}, 2), got {displacement.shape}", "displacement")
+        if rotation.shape != time.shape:
+            raise InputError(f"must have the shape ({time.size},), got {rotation.shape}", "rotation")
+        for name, values in (("time", time), ("displacement", displacement), ("rotation", rotation)):
+            object.__setattr__(self, name, values - values[0])
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """Return the measured motion and the hold."""
+        time = np.asarray(self.time, dtype=float)
+        motion = np.column_stack([np.asarray(self.displacement), np.asarray(self.rotation)])
+        spline = make_interp_spline(time, motion, k=SPLINE_DEGREE)
+        curve = cs.Function.bspline("curve", [spline.t.tolist()], spline.c.ravel().tolist(), [SPLINE_DEGREE], 3)
+        return _until(float(time[-1]), lambda t, parameters: curve(t))
+
+
+def _until(stop: float, motion: Callable[[cs.MX, cs.MX], cs.MX]) -> tuple[Piece, ...]:
+    """Return a motion and, if it ends, the hold of where it has come to."""
+    if stop == math.inf:
+        return (Piece(math.inf, motion),)
+    return Piece(stop, motion), Piece(math.inf, lambda t, parameters: motion(cs.MX(stop), parameters))
+
+
+def _along(direction: tuple[float, float], size: Callable[[cs.MX, cs.MX], cs.MX]) -> Callable[[cs.MX, cs.MX], cs.MX]:
+    return lambda t, parameters: size(t, parameters) * cs.DM([*direction, 0.0])
+
+
+def _check_stop(stop: float) -> None:
+    if stop != math.inf:
+        positive(stop, "stop")
+
+
+def _unit(direction: tuple[float, float]) -> tuple[float, float]:
+    x, y = vector(direction, "direction")
+    if math.hypot(x, y) == 0.0:
+        raise InputError("must not be the zero vector", "direction")
+    return x / math.hypot(x, y), y / math.hypot(x, y)
+
+
+def _array(values: ArrayLike, name: str) -> NDArray[np.float64]:
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError("must be numbers", name) from None
+    if not np.isfinite(array).all():
+        raise InputError("must be finite", name)
+    return array

@@ -26,7 +26,7 @@ from ancf_casadi.beam import PROPERTIES, Beam
 from ancf_casadi.element import Element, StrainMeasures, element
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.inputs import number
-from ancf_casadi.shape import hermite, hermite_slope
+from ancf_casadi.shape import gauss, hermite, hermite_curvature, hermite_slope
 
 NODE = 4  # coordinates of a node: position and slope
 
@@ -125,6 +125,13 @@ class Model:
         return cs.Function("mass", [p], [self._scatter_matrix(blocks)], ["P"], ["M"])
 
     @cached_property
+    def inertia_force(self) -> cs.Function:
+        """(e_tt, P) -> M e_tt, or any other rate."""
+        _, e_tt, p = self._symbols()
+        forces = self.element.inertia_force.map(self.beam.elements)(self.gather(e_tt), p)
+        return cs.Function("inertia_force", [e_tt, p], [self.scatter(forces)], ["e_tt", "P"], ["Q"])
+
+    @cached_property
     def gravity_force(self) -> cs.Function:
         """(P, g) -> Q_g, Eq. (7); g is the acceleration of gravity (2), m/s^2."""
         _, _, p = self._symbols()
@@ -162,12 +169,37 @@ class Model:
         """
         return self._interpolation(s, hermite_slope)
 
-    def _interpolation(self, s: float, functions: Any) -> NDArray[np.float64]:
+    def curvature_interpolation(self, s: float) -> NDArray[np.float64]:
+        """Return S'' with r''(s) = S'' e, (2, 4 n + 4), 1/m.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        return self._interpolation(s, hermite_curvature)
+
+    def gauss_slopes(self, e: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return r' at the two Gauss points of each element, (2, 2 n), where the strains are accurate."""
+        l = self.beam.element_length
+        points = ((np.arange(self.beam.elements)[:, None] + gauss(2)[0]) * l).ravel()
+        return np.array([self.slope_interpolation(float(s)) @ e for s in points]).T
+
+    def element_of(self, s: float) -> int:
+        """Return the number, from 0, of the element with the point at arc length ``s`` (m).
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
         s = number(s, "s")
         if not 0.0 <= s <= self.beam.length:
             raise InputError(f"the point must be on the beam, 0 to {self.beam.length:g} m, got {s:g}", "s")
-        l = self.beam.element_length
-        index = min(int(s / l), self.beam.elements - 1)
+        return min(int(s / self.beam.element_length), self.beam.elements - 1)
+
+    def _interpolation(self, s: float, functions: Any) -> NDArray[np.float64]:
+        index, l = self.element_of(s), self.beam.element_length
         row = np.zeros(self.size // 2)
         row[2 * index : 2 * index + 4] = functions(s / l - index, l)
         return np.asarray(np.kron(row, np.eye(2)), dtype=np.float64)

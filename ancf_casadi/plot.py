@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from ancf_casadi.measurement import Measurement
-from ancf_casadi.simulate import Trajectory
+from ancf_casadi.trajectory import Trajectory
 
 MEASURED = "#222222"
 COMPUTED = "#1b7f5c"

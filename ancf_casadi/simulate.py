@@ -1,23 +1,14 @@
 """Time integration of the large motion by IDAS, with exact Jacobians.
 
-The free coordinates q, their rates v and accelerations a form the semi-explicit system
-
-    q_t = v,    v_t = a,    0 = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g   (free rows),
-
-in which the clamped node carries the base motion: its position, velocity and acceleration enter e, e_t and e_tt.
-With the accelerations as algebraic unknowns the Jacobian stays as sparse as the mesh; a damping force of low rank, F
-F^T e_t, is written F w with the further unknowns w = F^T e_t for the same reason.
-
-Scaling.  What IDAS sees are (q - q_straight)/L, v/(L W), a/(L W^2) and w, with the beam's length L and the bending
-frequency W of a single element.  One tolerance, relative to L, then serves all unknowns, and the noise that Newton's
-method leaves in the positions is not divided by the step into a velocity error that fails every other step.
-Accelerations and w stay out of the error test.
-
 Order.  Undamped high modes lie on the imaginary axis, where backward differentiation formulas of order 3 to 5 are
 unstable; the order is 2.
 
-Stretches.  Each smooth piece of the base motion is cut into stretches t = start + T s with s from 0 to 1, start and T
-being parameters, so that one integrator serves them all; the state is handed on, and progress shown, between them.
+Stretches.  Each smooth piece of the base motion is cut into stretches, and IDAS restarted on each with consistent
+accelerations; the state is handed on, and progress shown, between them.  A run that is interrupted or fails keeps what
+the stretches before have found.
+
+Compilation.  Where the simulated time is ``COMPILED_FROM`` or more and there is a C compiler, the equations are
+compiled.  The choice depends on nothing else, so that a run gives the same numbers each time.
 
 References
 ----------
@@ -30,9 +21,8 @@ import contextlib
 import functools
 import io
 import math
-import re
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
@@ -42,18 +32,24 @@ import scipy.sparse.linalg
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from ancf_casadi.compilation import compiled, interpreted
 from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.element import axial_strain
+from ancf_casadi.equations import Equations
 from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.exceptions import InputError, SimulationError
-from ancf_casadi.excitation import BaseMotion, FixedBase, Piece
+from ancf_casadi.excitation import BaseMotion, FixedBase
 from ancf_casadi.inputs import positive
 from ancf_casadi.model import NODE, Model
+from ancf_casadi.trajectory import State, Trajectory
 
 Array = NDArray[np.float64]
 Start = Literal["equilibrium", "straight", "moving"]
 
 TOLERANCE = 1e-8
+COMPILED_FROM = 1.0  # s of simulated time
 STRETCHES = 25  # of a piece of the base motion; a restart costs about a hundred small steps
+LARGEST_STRETCH = 0.01  # axial strain of a start
 BAR = "{l_bar}{bar}| {n:.2f}/{total:.2f} s [{elapsed}<{remaining}]"
 DEFAULTS = {
     "reltol": 1e-12,
@@ -67,69 +63,6 @@ DEFAULTS = {
 CLOSE = 1e-9  # of a sampling interval; instants nearer than that are the same
 
 
-@dataclass(frozen=True)
-class Trajectory:
-    """A simulated motion, sampled at equal intervals.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    time : array (k,)
-        Instants, s, from 0.
-    coordinates, velocities : array (k, 4 n + 4)
-        Nodal coordinates and their rates in the laboratory frame.
-    steps : int
-        Steps of the integrator.
-    wall_seconds : float
-        Time it took, s, building the integrator included.
-    """
-
-    model: Model
-    time: Array
-    coordinates: Array
-    velocities: Array
-    steps: int
-    wall_seconds: float
-
-    @property
-    def tip(self) -> Array:
-        """Position of the tip, (k, 2), m."""
-        return self.coordinates[:, -NODE:-2]
-
-    @property
-    def base(self) -> Array:
-        """Position of the clamp, (k, 2), m."""
-        return self.coordinates[:, :2]
-
-    @property
-    def relative_coordinates(self) -> Array:
-        """Nodal coordinates as seen from the clamp, (k, 4 n + 4)."""
-        nodes = self.coordinates.reshape(len(self.time), -1, NODE).copy()
-        nodes[:, :, :2] -= self.base[:, None, :]
-        return nodes.reshape(self.coordinates.shape)
-
-    def position(self, s: float) -> Array:
-        """Return the position of the material point at arc length ``s`` (m), (k, 2), m.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
-        return np.asarray(self.coordinates @ self.model.interpolation(s).T)
-
-    def velocity(self, s: float) -> Array:
-        """Return the velocity of the material point at arc length ``s`` (m), (k, 2), m/s.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
-        return np.asarray(self.velocities @ self.model.interpolation(s).T)
-
-
 def simulate(
     model: Model,
     *,
@@ -137,7 +70,7 @@ def simulate(
     damping: DampingLaw | None = None,
     base: BaseMotion | None = None,
     sample_rate: float = 1000.0,
-    start: Start | Equilibrium = "equilibrium",
+    start: Start | Equilibrium | State = "equilibrium",
     tolerance: float = TOLERANCE,
     options: Mapping[str, Any] | None = None,
     progress: bool = False,
@@ -156,10 +89,10 @@ def simulate(
         Motion of the clamp; fixed if not given.
     sample_rate : float
         Samples a second in the result, 1/s.
-    start : {"equilibrium", "straight", "moving"} or Equilibrium
+    start : {"equilibrium", "straight", "moving"}, Equilibrium or State
         ``equilibrium``: at rest under gravity, also where the base starts with a speed, which is a blow to the clamp.
         ``moving``: the same shape, with the speed of the base.  ``straight``: at rest as manufactured, gravity then
-        acts.  An ``Equilibrium``: released from there at rest.
+        acts.  An ``Equilibrium``: released from there at rest.  A ``State``: as given.
     tolerance : float
         Local error of the positions relative to the length of the beam.
     options : mapping, optional
@@ -174,173 +107,209 @@ def simulate(
     EquilibriumError
         If there is no equilibrium to start from.
     SimulationError
-        If the integrator fails.
+        If the integrator fails; its ``partial`` holds the motion up to there.
+    KeyboardInterrupt
+        Not raised once a stretch is done: an interrupted run returns what there is.
     """
     began = time.perf_counter()
     duration, sample_rate = positive(duration, "duration"), positive(sample_rate, "sample_rate")
     tolerance = positive(tolerance, "tolerance")
     law = RayleighDamping() if damping is None else damping
-    pieces = (FixedBase() if base is None else base).pieces()
+    base = FixedBase() if base is None else base
+    equations = Equations(model, law)
     settings = {**DEFAULTS, "abstol": tolerance, **(options or {})}
+    instants = np.arange(math.floor(duration * sample_rate + CLOSE) + 1) / sample_rate
+    finish, now = float(instants[-1]), 0.0
+    make = compiled if finish >= COMPILED_FROM else interpreted
+    residual, energetics = make(equations.residual), make(equations.energetics)
+    pieces = base.pieces()
+    state = _initial_state(equations, equations.clamp(pieces[0], base), start)
+    paths: list[_Path] = []
 
-    samples = math.floor(duration * sample_rate + CLOSE) + 1
-    instants = np.arange(samples) / sample_rate
-    coordinates, velocities = np.empty((samples, model.size)), np.empty((samples, model.size))
-    state, steps, begin = _initial_state(model, pieces[0], start), 0, 0.0
-    coordinates[0, model.free], velocities[0, model.free] = np.split(state, 2)
-    with tqdm(total=instants[-1], disable=not progress, bar_format=BAR) as bar:
+    with tqdm(total=finish, disable=not progress, bar_format=BAR) as bar:
         for piece in pieces:
-            end = min(piece.end, instants[-1])
-            inside = slice(math.ceil(begin * sample_rate - CLOSE), math.floor(end * sample_rate + CLOSE) + 1)
-            clamp = _clamp(model, piece)(instants[None, inside]).full().T
-            coordinates[inside, :NODE], velocities[inside, :NODE] = clamp[:, :NODE], clamp[:, NODE : 2 * NODE]
-            size = max(1, math.ceil((end - begin) * sample_rate / STRETCHES))
-            integrator = _integrator(model, law, piece, settings)
-            for stretch in _stretches(begin, end, sample_rate, size):
-                path, used = integrator(state, stretch)
-                state, steps = path[-1], steps + used
-                kept = path[: len(coordinates[stretch.samples])]
-                coordinates[stretch.samples, model.free], velocities[stretch.samples, model.free] = np.hsplit(kept, 2)
-                bar.update(min(stretch.length, instants[-1] - bar.n))
-            if piece.end >= instants[-1]:
+            end = min(piece.end, finish)
+            size = max(1, math.ceil((end - now) * sample_rate / STRETCHES))
+            integrate = _integrator(equations, residual, energetics, equations.clamp(piece, base), settings)
+            for stretch in _stretches(now, end, sample_rate, size):
+                try:
+                    paths.append(integrate(state, stretch))
+                except SimulationError as error:
+                    error.partial = _trajectory(equations, instants, paths, began)
+                    raise
+                except KeyboardInterrupt:
+                    return _trajectory(equations, instants, paths, began)
+                state = paths[-1].last
+                bar.update(stretch.length)
+            now = end
+            if end >= finish:
                 break
-            begin = end
-    return Trajectory(model, instants, coordinates, velocities, steps, time.perf_counter() - began)
+    return _trajectory(equations, instants, paths, began)
 
 
 @dataclass(frozen=True)
 class _Stretch:
     """A stretch of time between two restarts.
 
-    ``points`` instants at equal intervals end it; the last hands on the state, and those that are samples of the result
-    fill its rows ``samples``.
+    ``points`` instants at equal intervals, the start not among them, end it; the last hands on the state.  The first of
+    them, ``samples`` in number, are instants of the result; at time 0 the start is one too.
     """
 
     start: float
     length: float
     points: int
-    samples: slice
+    samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """What a stretch gives.
+
+    Scaled states x (k, 2 N), clamped nodes (k, 12), forces on them (k, 4) and energies (k, 2) at its samples, the last
+    state and energies, and the number of steps.
+    """
+
+    states: Array
+    clamps: Array
+    forces: Array
+    energies: Array
+    last: Array
+    last_energies: Array
+    steps: int
 
 
 def _stretches(begin: float, end: float, rate: float, size: int) -> Iterator[_Stretch]:
     """Cut the time from begin to end at samples, ``size`` samples a stretch; the ends may lie between two samples."""
     first, last = math.ceil(begin * rate - CLOSE), math.floor(end * rate + CLOSE)
     if first > last:
-        yield _Stretch(begin, end - begin, 1, slice(0, 0))
+        yield _Stretch(begin, end - begin, 1, 0)
         return
     if first / rate - begin > CLOSE / rate:
-        yield _Stretch(begin, first / rate - begin, 1, slice(first, first + 1))
+        yield _Stretch(begin, first / rate - begin, 1, 1)
     for k in range(first, last, size):
         points = min(size, last - k)
-        yield _Stretch(k / rate, points / rate, points, slice(k + 1, k + 1 + points))
+        yield _Stretch(k / rate, points / rate, points, points)
     if end - last / rate > CLOSE / rate:
-        yield _Stretch(last / rate, end - last / rate, 1, slice(0, 0))
+        yield _Stretch(last / rate, end - last / rate, 1, 0)
 
 
-def _clamp(model: Model, piece: Piece) -> cs.Function:
-    """Position and slope of the clamped node, their rates and their accelerations at time t, (12,)."""
-    t = cs.SX.sym("t")
-    u = piece.displacement(t)
-    rate = cs.jacobian(u, t)
-    fixed = cs.SX(2, 1)
-    node = [u, cs.SX(cs.DM(model.beam.axis)), rate, fixed, cs.jacobian(rate, t), fixed]
-    return cs.Function("clamp", [t], [cs.vertcat(*node)])
-
-
-def _initial_state(model: Model, piece: Piece, start: Start | Equilibrium) -> Array:
-    """Free coordinates and rates at time 0."""
-    if isinstance(start, Equilibrium):
-        if start.model != model:
-            raise InputError("the equilibrium belongs to another model", "start")
-        coordinates = start.coordinates
-    elif start not in get_args(Start):
-        raise InputError(f"must be one of {', '.join(get_args(Start))}, or an Equilibrium, got {start!r}", "start")
+def _initial_state(equations: Equations, clamp: cs.Function, start: Start | Equilibrium | State) -> Array:
+    """Scaled state x at time 0."""
+    model = equations.model
+    rates = clamp(0.0).full().ravel()[NODE : 2 * NODE]
+    if isinstance(start, State):
+        for name, given in (("coordinates", start.coordinates), ("velocities", start.velocities)):
+            if given.shape != (model.size,) or not np.isfinite(given).all():
+                raise InputError(f"the {name} must be {model.size} finite numbers", "start")
+        coordinates, velocities = start.coordinates, start.velocities
     else:
-        coordinates = model.straight if start == "straight" else static_equilibrium(model).coordinates
-    speed = _clamp(model, piece)(0.0).full().ravel()[NODE : 2 * NODE]
-    velocities = np.tile(speed if start == "moving" else np.zeros(NODE), model.beam.elements)
-    return np.concatenate([coordinates[model.free], velocities])
+        if isinstance(start, Equilibrium):
+            if start.model != model:
+                raise InputError("the equilibrium belongs to another model", "start")
+            coordinates = start.coordinates
+        elif start in get_args(Start):
+            coordinates = model.straight if start == "straight" else static_equilibrium(model).coordinates
+        else:
+            known = ", ".join(get_args(Start))
+            raise InputError(f"must be one of {known}, an Equilibrium or a State, got {start!r}", "start")
+        velocities = _rigid_motion(coordinates, rates) if start == "moving" else np.zeros(model.size)
+    stretch = np.abs(axial_strain(model.gauss_slopes(coordinates), "engineering")).max()
+    if stretch > LARGEST_STRETCH:
+        raise InputError(
+            f"stretches the beam by {100 * stretch:.1f} %, which sets off axial waves; bend it without stretching, as "
+            "static_equilibrium with a tip load does",
+            "start",
+        )
+    return equations.scaled(coordinates[model.free], velocities[model.free])
 
 
-def _bending_rate(model: Model) -> float:
-    """Return the highest bending frequency of a single pinned element, pi^2 (E I/mu)^1/2/l^2, rad/s."""
-    _, thickness, density, elastic_modulus = model.properties
-    stiffness = np.sqrt(elastic_modulus / density) * thickness / math.sqrt(12)
-    return float(math.pi**2 * stiffness.max() / model.beam.element_length**2)
+def _rigid_motion(coordinates: Array, rates: Array) -> Array:
+    """Rates of a beam that moves as one with the clamped node, whose rates are given."""
+    nodes = coordinates.reshape(-1, NODE)
+    turn = np.cross(nodes[0, 2:], rates[2:]) / (nodes[0, 2:] @ nodes[0, 2:])
+    arms = np.column_stack([nodes[:, :2] - nodes[0, :2], nodes[:, 2:]])
+    velocities = turn * np.column_stack([-arms[:, 1], arms[:, 0], -arms[:, 3], arms[:, 2]])
+    velocities[:, :2] += rates[:2]
+    return np.asarray(velocities.ravel())
 
 
 def _integrator(
-    model: Model, law: DampingLaw, piece: Piece, settings: Mapping[str, Any]
-) -> Callable[[Array, _Stretch], tuple[Array, int]]:
-    """Return what integrates a stretch: (state, stretch) -> states at its points, and the number of steps."""
-    length, rate = model.beam.length, _bending_rate(model)
-    free = model.size - NODE
-    factor = law.factor(model)
-
-    s, start, span = cs.MX.sym("s"), cs.MX.sym("start"), cs.MX.sym("span")
-    x, z = cs.MX.sym("x", 2 * free), cs.MX.sym("z", free + factor.shape[1])
-    q, v = model.straight[model.free] + length * x[:free], length * rate * x[free:]
-    a, w = length * rate**2 * z[:free], z[free:]
-    clamp = _clamp(model, piece)(start + span * s)
-    node, rates, accelerations = cs.vertsplit(clamp, NODE)
-    e, e_t, e_tt = cs.vertcat(node, q), cs.vertcat(rates, v), cs.vertcat(accelerations, a)
-    p = model.properties
-    damping = law.local_force(model, e, e_t) + cs.DM(factor) @ w
-    balance = model.mass(p) @ e_tt + damping + model.elastic_force(e, p) - model.gravity_force(p, model.beam.gravity)
-    ode = span * cs.vertcat(v / length, a / (length * rate))
-    alg = cs.vertcat(balance[model.free], cs.DM(factor.T) @ e_t - w)
-
-    equations = cs.Function("equations", [s, x, z, cs.vertcat(start, span)], [ode, alg])
-    symbols = [cs.SX.sym(name, equations.size1_in(i)) for i, name in enumerate("txzp")]
-    ode_sx, alg_sx = equations(*symbols)
-    dae = dict(zip("txzp", symbols, strict=True)) | {"ode": ode_sx, "alg": alg_sx}
-    linear = cs.Function("linear", symbols, [alg_sx, cs.jacobian(alg_sx, symbols[2])])  # alg is linear in z
+    equations: Equations,
+    residual: cs.Function,
+    energetics: cs.Function,
+    clamp: cs.Function,
+    settings: Mapping[str, Any],
+) -> Callable[[Array, _Stretch], _Path]:
+    """Return what integrates a stretch from a state."""
+    parameters = equations.parameters
+    s, time_span = cs.MX.sym("s"), cs.MX.sym("time", 2)
+    x, z = cs.MX.sym("x", residual.size1_in(0)), cs.MX.sym("z", residual.size1_in(1))
+    start, span = cs.vertsplit(time_span)
+    x_t, alg = residual(x, z, clamp(start + span * s), parameters)
+    powers, reaction = energetics(x, z, clamp(start + span * s), parameters)
+    dae = {"t": s, "x": x, "z": z, "p": time_span, "ode": span * x_t, "alg": alg, "quad": span * powers}
+    slope = cs.jacobian(alg, z)
+    linear = cs.Function("linear", [s, x, z, time_span], [alg, slope])  # alg is linear in z
+    forces = cs.Function("forces", [x, z, s, time_span], [reaction])
 
     @functools.cache
     def solver(points: int) -> cs.Function:
-        grid = np.linspace(0.0, 1.0, points + 1)[1:]
-        try:
-            with _quiet():
-                return cs.integrator("integrator", "idas", dae, 0.0, grid, dict(settings))
-        except RuntimeError as error:
-            raise InputError(_refusal(str(error)), "options") from None
+        return cs.integrator("integrator", "idas", dae, 0.0, np.linspace(0.0, 1.0, points + 1)[1:], dict(settings))
 
-    def integrate(state: Array, stretch: _Stretch) -> tuple[Array, int]:
-        x0 = np.concatenate([(state[:free] - model.straight[model.free]) / length, state[free:] / (length * rate)])
-        p0 = [stretch.start, stretch.length]
-        constant, slope = linear(0.0, x0, 0.0, p0)
-        z0 = -scipy.sparse.linalg.splu(slope.sparse()).solve(constant.full().ravel())
-        run = solver(stretch.points)
+    def integrate(state: Array, stretch: _Stretch) -> _Path:
+        p = [stretch.start, stretch.length]
+        constant, matrix = linear(0.0, state, 0.0, p)
+        z0 = -scipy.sparse.linalg.splu(matrix.sparse()).solve(constant.full().ravel())
         try:
-            with _quiet():
-                path = run(x0=x0, z0=z0, p=p0)["xf"].full().T
+            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+                run = solver(stretch.points)
+                result = run(x0=state, z0=z0, p=p)
         except RuntimeError as error:
             raise SimulationError(_advice(str(error), stretch), stretch.start) from None
-        path[:, :free] = model.straight[model.free] + length * path[:, :free]
-        path[:, free:] *= length * rate
-        return path, int(run.stats()["nsteps"])
+        instants = np.arange(stretch.points + 1) / stretch.points
+        states = np.vstack([state, result["xf"].full().T])
+        unknowns = np.vstack([z0, result["zf"].full().T])
+        energies = np.vstack([np.zeros(2), result["qf"].full().T])
+        kept = slice(0 if stretch.start == 0.0 else 1, stretch.samples + 1)
+        return _Path(
+            states=states[kept],
+            clamps=clamp((stretch.start + stretch.length * instants)[None, :]).full().T[kept],
+            forces=forces(states.T, unknowns.T, instants[None, :], p).full().T[kept],
+            energies=energies[kept],
+            last=states[-1],
+            last_energies=energies[-1],
+            steps=int(run.stats()["nsteps"]),
+        )
 
     return integrate
 
 
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep what CasADi prints off the terminal."""
-    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        yield
-
-
-def _refusal(message: str) -> str:
-    """Say in a line which option CasADi's IDAS interface refuses."""
-    said = re.search(
-        r"Unknown option: .+|Illegal type for .+|Cannot load shared library \S+'|IDA\w+ returned .\w+.", message
+def _trajectory(equations: Equations, instants: Array, paths: Sequence[_Path], began: float) -> Trajectory:
+    """Put the stretches together; there may be fewer than asked for."""
+    before = np.cumsum([np.zeros(2), *(path.last_energies for path in paths)], axis=0)
+    energies = np.vstack(
+        [start + path.energies for start, path in zip(before, paths, strict=False)] or [np.empty((0, 2))]
     )
-    return f"CasADi's IDAS interface refuses them: {said[0] if said else message.strip().splitlines()[0]}"
+    q, v = equations.unscaled(np.vstack([path.states for path in paths] or [np.empty((0, 2 * equations.free))]))
+    clamps = np.vstack([path.clamps for path in paths] or [np.empty((0, 3 * NODE))])
+    return Trajectory(
+        model=equations.model,
+        time=instants[: len(q)],
+        coordinates=np.hstack([clamps[:, :NODE], q]),
+        velocities=np.hstack([clamps[:, NODE : 2 * NODE], v]),
+        clamp_force=np.vstack([path.forces for path in paths] or [np.empty((0, NODE))]),
+        dissipated_energy=energies[:, 0],
+        base_work=energies[:, 1],
+        steps=sum(path.steps for path in paths),
+        wall_seconds=time.perf_counter() - began,
+    )
 
 
 def _advice(message: str, stretch: _Stretch) -> str:
     """Say in a line what went wrong in a stretch, and what to try."""
     between = f"between {stretch.start:g} and {stretch.start + stretch.length:g} s"
+    if "nknown option" in message:
+        return f"an option is unknown to CasADi's IDAS interface: {message.strip().splitlines()[-1]}"
     cause = "took too many steps" if "TOO_MUCH_WORK" in message else "could not go on"
     return (
         f"the integrator {cause} {between}: try start='moving' if the base starts with a speed, a larger tolerance, "

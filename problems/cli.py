@@ -20,7 +20,8 @@ from ancf_casadi.measurement import Measurement
 from ancf_casadi.model import Model
 from ancf_casadi.modes import natural_modes
 from ancf_casadi.report import Table, check_folder, to_json, write_file
-from ancf_casadi.simulate import Trajectory, simulate
+from ancf_casadi.simulate import simulate
+from ancf_casadi.trajectory import Trajectory
 from ancf_casadi.version import __version__
 from problems.decay_fitting import fit_decay
 from problems.frequency_matching import match_frequencies

@@ -34,7 +34,7 @@ from ancf_casadi.nlp import Unknown, least_squares
 
 @dataclass(frozen=True)
 class RayleighErrors:
-    """Standard errors of alpha (1/s) and beta (s); nan at a bound, and where only two modes are given."""
+    """Standard errors of alpha (1/s) and beta (s); nan at a bound, and where two modes are matched."""
 
     alpha: float
     beta: float
@@ -95,8 +95,8 @@ def fit_rayleigh(
     FitError
         If the fit does not converge.
     """
-    ω = 2 * math.pi * np.array([positive(frequency, "frequencies") for frequency in frequencies])
-    ζ = np.array([number(ratio, "ratios") for ratio in ratios])
+    hertz = tuple(positive(frequency, "frequencies") for frequency in frequencies)
+    ω, ζ = 2 * math.pi * np.array(hertz), np.array([number(ratio, "ratios") for ratio in ratios])
     given = np.ones(len(ω)) if standard_deviations is None else standard_deviations
     σ = np.array([positive(deviation, "standard_deviations") for deviation in given])
     if len(ω) < 2:
@@ -110,14 +110,12 @@ def fit_rayleigh(
         raise InputError("must be at least 0 and below 1", "ratios")
 
     alpha, beta = _two_modes(ω, ζ)
-    errors, warnings = RayleighErrors(math.nan, math.nan), ()
+    errors = RayleighErrors(math.nan, math.nan)
+    warnings: tuple[str, ...] = ()
     if len(ω) > 2 or min(alpha, beta) < 0.0:
         alpha, beta, errors, warnings = _least_squares(ω, ζ, σ)
     predicted = alpha / (2 * ω) + beta * ω / 2
-    hertz = ω / (2 * math.pi)
-    return RayleighFit(
-        alpha, beta, tuple(hertz.tolist()), tuple(ζ.tolist()), tuple(predicted.tolist()), errors, warnings
-    )
+    return RayleighFit(alpha, beta, hertz, tuple(ζ.tolist()), tuple(predicted.tolist()), errors, warnings)
 
 
 def _two_modes(ω: NDArray[np.float64], ζ: NDArray[np.float64]) -> tuple[float, float]:
@@ -140,8 +138,8 @@ def _least_squares(
         ],
     )
     warnings = tuple(
-        f"{name} is at its bound 0: without it, damping {change} with frequency faster than the law can"
-        for name, change, bound in zip(fit.names, ("rises", "falls"), fit.at_bound, strict=True)
+        f"{name} is at its bound 0; below it the law would feed energy in"
+        for name, bound in zip(fit.names, fit.at_bound, strict=True)
         if bound
     )
     errors = RayleighErrors(*fit.standard_errors.tolist())

@@ -25,6 +25,8 @@ from __future__ import annotations
 import contextlib
 import math
 import multiprocessing
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
@@ -85,7 +87,7 @@ class Effort:
 
 
 FULL = Effort(accuracy=4e-6, driving=1.0, window=1.0)
-QUICK = Effort(accuracy=5e-5, driving=0.1, window=0.4)
+QUICK = Effort(accuracy=2e-5, driving=0.1, window=0.4)
 
 
 @dataclass(frozen=True)
@@ -348,23 +350,41 @@ def _run(tasks: list[Transient], jobs: int, executor: Executor | None, progress:
     """Run the experiments, the costly ones first; the results come in the order of the tasks."""
     results: dict[int, TransientResult] = {}
     order = sorted(range(len(tasks)), key=lambda k: -tasks[k].duration * tasks[k].base.frequency)
+    total = sum(task.duration for task in tasks)
     with contextlib.ExitStack() as stack:
-        total = sum(task.duration for task in tasks)
         bar = stack.enter_context(tqdm(total=total, disable=not progress, bar_format=BAR, desc="transients"))
         if executor is None and jobs > 1:
-            context = multiprocessing.get_context("spawn")
-            executor = stack.enter_context(ProcessPoolExecutor(jobs, mp_context=context))
+            executor = stack.enter_context(_processes(jobs))
         if executor is None:
-            for k in order:
-                results[k] = run_transient(tasks[k])
-                bar.update(tasks[k].duration)
+            finished = ((k, run_transient(tasks[k])) for k in order)
         else:
             futures = {executor.submit(run_transient, tasks[k]): k for k in order}
-            stack.callback(lambda: [future.cancel() for future in futures])
-            for future in as_completed(futures):
-                results[futures[future]] = future.result()
-                bar.update(tasks[futures[future]].duration)
+            finished = ((futures[future], future.result()) for future in as_completed(futures))
+        for k, result in finished:
+            results[k] = result
+            bar.update(min(tasks[k].duration, total - bar.n))
     return [results[k] for k in range(len(tasks))]
+
+
+@contextlib.contextmanager
+def _processes(jobs: int) -> Iterator[Executor]:
+    """Give processes that leave Ctrl-C to this one, and end at once where it stops early."""
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_start_process)
+    try:
+        yield pool
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in set(multiprocessing.active_children()) - others:
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown()
+
+
+def _start_process() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    tqdm.set_lock(threading.RLock())  # its own is shared between processes, and would outlive one that is ended
 
 
 @contextlib.contextmanager

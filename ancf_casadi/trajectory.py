@@ -1,0 +1,215 @@
+"""What a simulated motion shows: places, forces, energies.
+
+Axial force and bending moment follow from the strains, N = E A eps and M = E I kappa.  Within an element the strains
+of a cubic are accurate at its two Gauss points only; elsewhere they are taken from the straight line through those.
+
+The balance of energy is
+
+    T + U + V - (T + U + V at the start) = work of the base - energy lost to damping,
+
+with kinetic energy T, strain energy U, and the potential V = -Q_g.e of gravity; work and loss are integrated by IDAS
+along with the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+
+from ancf_casadi.element import axial_strain, curvature
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.model import NODE, Model
+from ancf_casadi.shape import gauss
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where a beam is and how it moves at one instant, a start for a simulation.
+
+    Parameters
+    ----------
+    coordinates, velocities : array (4 n + 4,)
+        Nodal coordinates and their rates in the laboratory frame.
+    """
+
+    coordinates: Array
+    velocities: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A simulated motion, sampled at equal intervals.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    time : array (k,)
+        Instants, s, from 0.
+    coordinates, velocities : array (k, 4 n + 4)
+        Nodal coordinates and their rates in the laboratory frame.
+    clamp_force : array (k, 4)
+        Generalized force of the base on the clamped node: its force, N, and the force conjugate to its slope, N m.
+    dissipated_energy : array (k,)
+        Energy lost to damping since the start, J.
+    base_work : array (k,)
+        Work done by the base since the start, J.
+    steps : int
+        Steps of the integrator.
+    wall_seconds : float
+        Time it took, s, building the integrator included.
+    """
+
+    model: Model
+    time: Array
+    coordinates: Array
+    velocities: Array
+    clamp_force: Array
+    dissipated_energy: Array
+    base_work: Array
+    steps: int
+    wall_seconds: float
+
+    @property
+    def tip(self) -> Array:
+        """Position of the tip, (k, 2), m."""
+        return self.coordinates[:, -NODE:-2]
+
+    @property
+    def base(self) -> Array:
+        """Position of the clamp, (k, 2), m."""
+        return self.coordinates[:, :2]
+
+    @property
+    def relative_coordinates(self) -> Array:
+        """Nodal coordinates as seen from the clamp, (k, 4 n + 4)."""
+        nodes = self.coordinates.reshape(len(self.time), -1, NODE).copy()
+        nodes[:, :, :2] -= self.base[:, None, :]
+        return nodes.reshape(self.coordinates.shape)
+
+    def state(self, index: int) -> State:
+        """Return the state at a sample.
+
+        Raises
+        ------
+        InputError
+            If there is no such sample.
+        """
+        if not -len(self.time) <= index < len(self.time):
+            raise InputError(f"there are {len(self.time)} samples, got {index}", "index")
+        return State(self.coordinates[index], self.velocities[index])
+
+    def position(self, s: float) -> Array:
+        """Return the position of the material point at arc length ``s`` (m), (k, 2), m.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        return np.asarray(self.coordinates @ self.model.interpolation(s).T)
+
+    def velocity(self, s: float) -> Array:
+        """Return the velocity of the material point at arc length ``s`` (m), (k, 2), m/s.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        return np.asarray(self.velocities @ self.model.interpolation(s).T)
+
+    def slope(self, s: float) -> Array:
+        """Return the direction of the beam at arc length ``s`` (m), angle against the x axis, (k,), rad, unwrapped.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        x, y = self.model.slope_interpolation(s) @ self.coordinates.T
+        return np.asarray(np.unwrap(np.arctan2(y, x)))
+
+    def curvature(self, s: float) -> Array:
+        """Return the curvature at arc length ``s`` (m), (k,), 1/m, positive counterclockwise.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        kind = self.model.measures.curvature
+        return self._from_gauss_points(s, lambda slope, second: curvature(slope, second, kind))
+
+    def axial_force(self, s: float) -> Array:
+        """Return the axial force at arc length ``s`` (m), (k,), N, tension positive.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        kind = self.model.measures.axial
+        width, thickness, _, modulus = self.model.properties[:, self.model.element_of(s)]
+        stiffness = float(modulus * width * thickness)
+        return np.asarray(stiffness * self._from_gauss_points(s, lambda slope, _: axial_strain(slope, kind)))
+
+    def bending_moment(self, s: float) -> Array:
+        """Return the bending moment at arc length ``s`` (m), (k,), N m, positive counterclockwise.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        width, thickness, _, modulus = self.model.properties[:, self.model.element_of(s)]
+        return np.asarray(float(modulus * width * thickness**3 / 12) * self.curvature(s))
+
+    @cached_property
+    def kinetic_energy(self) -> Array:
+        """T, (k,), J."""
+        mass = self.model.mass(self.model.properties).sparse()
+        return np.asarray((self.velocities * (self.velocities @ mass)).sum(axis=1) / 2)
+
+    @cached_property
+    def strain_energy(self) -> Array:
+        """U, (k,), J."""
+        e = cs.MX.sym("e", self.model.size)
+        energy = cs.Function("U", [e], [self.model.strain_energy(e, self.model.properties)])
+        return np.asarray(energy(self.coordinates.T).full().ravel())
+
+    @cached_property
+    def potential_energy(self) -> Array:
+        """V of gravity, (k,), J, 0 for a beam at the origin."""
+        force = self.model.gravity_force(self.model.properties, self.model.beam.gravity).full().ravel()
+        return np.asarray(-self.coordinates @ force)
+
+    @property
+    def energy(self) -> Array:
+        """T + U + V, (k,), J."""
+        return self.kinetic_energy + self.strain_energy + self.potential_energy
+
+    @property
+    def balance_error(self) -> Array:
+        """What is left of the balance of energy, (k,), J; 0 for an exact solution."""
+        return np.asarray(self.energy - self.energy[0] - self.base_work + self.dissipated_energy)
+
+    def _from_gauss_points(self, s: float, strain: Callable[[Array, Array], Array]) -> Array:
+        """Return a strain of r' and r'' at arc length s from the straight line through the two Gauss points."""
+        l, index = self.model.beam.element_length, self.model.element_of(s)
+        first, second = ((index + gauss(2)[0]) * l).tolist()
+        values = [
+            strain(
+                self.model.slope_interpolation(point) @ self.coordinates.T,
+                self.model.curvature_interpolation(point) @ self.coordinates.T,
+            )
+            for point in (first, second)
+        ]
+        return np.asarray(values[0] + (s - first) / (second - first) * (values[1] - values[0]))

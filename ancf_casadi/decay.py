@@ -37,8 +37,6 @@ from typing import TypeVar
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import next_fast_len, rfft
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.measurement import Measurement
@@ -48,11 +46,12 @@ Series = NDArray[np.float64]
 
 MINIMUM_SAMPLES = 10
 MINIMUM_PERIODS = 1.5  # as the spectrum sees them; its peak is up to half a period off
-SERIES_BELOW = 0.1  # where the series of (1 - exp(-x))/x takes over from the closed form
-SERIES_TERMS = 11  # 0.1^11/12! is below 1e-19
+SERIES_BELOW = 0.01  # where the series of (1 - exp(-x))/x takes over from the closed form
+SERIES_TERMS = 7  # 0.01^7/8! is below 1e-18
 MINIMUM_WINDOW = 8  # samples; fewer may look quiet by chance where there is noise
 QUIET = 0.25  # of the strongest swing in half a period: any free oscillation swings by half of it at least
 LEVEL = 0.02  # of the strongest swing: what counts as not having moved
+NOISE_PEAK = 25.0  # times the median of its powers is more than the spectrum of noise reaches, but for 1 bin in 3e7
 NOISE_ODDS = 1e-4  # chance to take pure noise for an oscillation
 
 
@@ -201,8 +200,7 @@ def find_release(time: Series, displacement: Series) -> int:
         return 0
     period = 1 / _peak_frequency(time, displacement - displacement.mean(), steps=True)
     width = int(np.clip(round(period / (time[1] - time[0]) / 2), MINIMUM_WINDOW, len(time)))
-    windows = slice(width // 2, width // 2 + len(time) - width + 1)
-    swing = (maximum_filter1d(displacement, width) - minimum_filter1d(displacement, width))[windows]
+    swing = _running_maximum(displacement, width) + _running_maximum(-displacement, width)
     quiet = np.flatnonzero(swing[: int(np.argmax(swing))] <= QUIET * swing.max())
     if quiet.size == 0:
         return 0
@@ -227,17 +225,25 @@ def _evenly_spaced(record: Measurement) -> tuple[Series, Series]:
     return time, np.interp(time, record.time, record.displacement)
 
 
+def _running_maximum(values: Series, width: int) -> Series:
+    """Return the maximum of each ``width`` successive values, from maxima over 1, 2, 4, ... of them."""
+    maximum, span = values, 1
+    while 2 * span <= width:
+        maximum, span = np.maximum(maximum[:-span], maximum[span:]), 2 * span
+    return np.maximum(maximum[: len(values) - width + 1], maximum[width - span :])
+
+
 def _peak_frequency(time: Series, swing: Series, *, steps: bool = False) -> float:
     """Return the frequency (Hz) of the highest peak of the spectrum; of that of the velocity, if there are steps.
 
-    A step has a spectrum like 1/f, that of its derivative is flat.  So is that of noise, the median of the powers,
-    which is therefore taken off before it grows with f^2.
+    A step has a spectrum like 1/f, that of its derivative is flat.  What may be a peak of noise, whose spectrum is flat
+    too, is taken off before it grows with f^2.
     """
-    length = next_fast_len(4 * len(swing), real=True)
-    power = np.abs(rfft(swing, length)) ** 2
+    length = 2 ** math.ceil(math.log2(4 * len(swing)))
+    power = np.abs(np.fft.rfft(swing, length)) ** 2
     frequency = np.arange(len(power)) / (length * (time[1] - time[0]))
     if steps:
-        power = frequency**2 * np.maximum(power - 10 * np.median(power), 0.0)
+        power = frequency**2 * np.maximum(power - NOISE_PEAK * np.median(power), 0.0)
     return float(frequency[1 + np.argmax(power[1:])])
 
 

@@ -8,9 +8,11 @@ in which the clamped node carries the base motion: its position, velocity and ac
 the accelerations as algebraic unknowns the Jacobian stays as sparse as the mesh; the part B diag(d) B^T e_t of a
 damping force is written B (d * w) with the further unknowns w = B^T e_t for the same reason.
 
-Scaling.  The unknowns are x = ((q - q_straight)/L, v/(L W)) and z = (a/(L W^2), w), with the beam's length L and the
-bending frequency W of a single element.  One tolerance, relative to L, then serves them all, and the noise that
+Scaling.  The unknowns are x = ((q - q_straight)/L, v/(L W)) and z = (a/(L W^2), w/(L W)), with the beam's length L and
+the bending frequency W of a single element.  One tolerance, relative to L, then serves them all, and the noise that
 Newton's method leaves in the positions is not divided by the step into a velocity error that fails every other step.
+The balance of forces is divided by diag(M) L W^2; a sparse factorisation then finds its pivots on the diagonal, where
+they leave the band of the mesh alone.
 
 Time.  A stretch of time is t = start + span s with s from 0 to 1; start and span are parameters, so that one function
 serves all stretches.
@@ -70,11 +72,18 @@ class Equations:
         return float(math.pi**2 * stiffness.max() / self.model.beam.element_length**2)
 
     @cached_property
+    def weights(self) -> Array:
+        """What the force balance is divided by, diag(M) L W^2 of the free coordinates."""
+        diagonal = self.model.mass(self.model.properties).sparse().diagonal()[self.model.free]
+        return np.asarray(diagonal * self.model.beam.length * self.rate**2)
+
+    @cached_property
     def parameters(self) -> Array:
-        """What the equations depend on besides time: W, gravity, properties, parameters of the law, B."""
+        """What the equations depend on besides time: W, weights, gravity, properties, the law's parameters, B."""
         values = [value for _, value in self.law.parameters]
         parts = [
             [self.rate],
+            self.weights,
             self.model.beam.gravity,
             self.model.properties.T.ravel(),
             values,
@@ -88,9 +97,7 @@ class Equations:
 
         ``clamp`` is the clamped node's position, velocity and acceleration, (12,).
         """
-        return self._function(
-            "residual", lambda b: [b.x_t, cs.vertcat(b.forces[self.model.free], b.remainder)], differentiable=True
-        )
+        return self._function("residual", lambda b: [b.x_t, b.remainder], differentiable=True)
 
     @cached_property
     def energetics(self) -> cs.Function:
@@ -112,13 +119,13 @@ class Equations:
         """Write the equation of motion."""
         model, law, free = self.model, self.law, self.free
         length, m = model.beam.length, self.projection.shape[1]
-        sizes = [1, 2, model.properties.size, len(law.parameters), model.size * m]
-        rate, gravity, properties, own, projection = cs.vertsplit(parameters, np.cumsum([0, *sizes]).tolist())
+        sizes = [1, free, 2, model.properties.size, len(law.parameters), model.size * m]
+        rate, weights, gravity, properties, own, projection = cs.vertsplit(parameters, np.cumsum([0, *sizes]).tolist())
         p = cs.reshape(properties, *model.properties.shape)
         B = cs.reshape(projection, model.size, m)
 
         q, v = model.straight[model.free] + length * x[:free], length * rate * x[free:]
-        a, w = length * rate**2 * z[:free], z[free:]
+        a, w = length * rate**2 * z[:free], length * rate * z[free:]
         position, velocity, acceleration = cs.vertsplit(clamp, NODE)
         e, e_t, e_tt = cs.vertcat(position, q), cs.vertcat(velocity, v), cs.vertcat(acceleration, a)
         damping = law.local_force(model, e, e_t, p, own) + B @ (law.rates(own) * w)
@@ -127,7 +134,7 @@ class Equations:
         return _Balance(
             x_t=cs.vertcat(v / length, a / (length * rate)),
             forces=forces,
-            remainder=B.T @ e_t - w,
+            remainder=cs.vertcat(forces[model.free] / weights, (B.T @ e_t - w) / (length * rate)),
             powers=cs.vertcat(cs.dot(e_t, damping), cs.dot(velocity, forces[:NODE])),
         )
 
@@ -157,7 +164,7 @@ class Equations:
 
 @dataclass(frozen=True)
 class _Balance:
-    """The symbols of the equation of motion: rates of x, forces at all nodes, what w lacks, powers."""
+    """The symbols of the equation of motion: rates of x, forces at all nodes, residual of z, powers."""
 
     x_t: cs.MX
     forces: cs.MX

@@ -112,6 +112,20 @@ def write_file(path: Path, content: str | bytes) -> None:
         raise InputError(f"cannot be written ({error.strerror or error})", str(path)) from None
 
 
+def remove_file(path: Path) -> None:
+    """Remove a file, if there is one.
+
+    Raises
+    ------
+    InputError
+        If it cannot be removed.
+    """
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot be removed ({error.strerror or error})", str(path)) from None
+
+
 def _shown(cell: Cell) -> str:
     if cell is None:
         return ""

@@ -21,6 +21,7 @@ import contextlib
 import functools
 import io
 import math
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -119,6 +120,8 @@ def simulate(
     equations = Equations(model, law)
     settings = {**DEFAULTS, "abstol": tolerance, **(options or {})}
     instants = np.arange(math.floor(duration * sample_rate + CLOSE) + 1) / sample_rate
+    if len(instants) < 2:
+        raise InputError(f"must be one sampling interval at least, {1 / sample_rate:g} s, got {duration:g}", "duration")
     finish, now = float(instants[-1]), 0.0
     make = compiled if finish >= COMPILED_FROM else interpreted
     residual, energetics = make(equations.residual), make(equations.energetics)
@@ -140,7 +143,7 @@ def simulate(
                 except KeyboardInterrupt:
                     return _trajectory(equations, instants, paths, began)
                 state = paths[-1].last
-                bar.update(stretch.length)
+                bar.update(min(stretch.length, finish - bar.n))
             now = end
             if end >= finish:
                 break
@@ -226,7 +229,8 @@ def _initial_state(equations: Equations, clamp: cs.Function, start: Start | Equi
 def _rigid_motion(coordinates: Array, rates: Array) -> Array:
     """Rates of a beam that moves as one with the clamped node, whose rates are given."""
     nodes = coordinates.reshape(-1, NODE)
-    turn = np.cross(nodes[0, 2:], rates[2:]) / (nodes[0, 2:] @ nodes[0, 2:])
+    x, y = nodes[0, 2:]
+    turn = (x * rates[3] - y * rates[2]) / (x * x + y * y)
     arms = np.column_stack([nodes[:, :2] - nodes[0, :2], nodes[:, 2:]])
     velocities = turn * np.column_stack([-arms[:, 1], arms[:, 0], -arms[:, 3], arms[:, 2]])
     velocities[:, :2] += rates[:2]
@@ -254,15 +258,20 @@ def _integrator(
 
     @functools.cache
     def solver(points: int) -> cs.Function:
-        return cs.integrator("integrator", "idas", dae, 0.0, np.linspace(0.0, 1.0, points + 1)[1:], dict(settings))
+        grid = np.linspace(0.0, 1.0, points + 1)[1:]
+        try:
+            with _quiet():
+                return cs.integrator("integrator", "idas", dae, 0.0, grid, dict(settings))
+        except RuntimeError as error:
+            raise InputError(_refusal(str(error)), "options") from None
 
     def integrate(state: Array, stretch: _Stretch) -> _Path:
         p = [stretch.start, stretch.length]
         constant, matrix = linear(0.0, state, 0.0, p)
         z0 = -scipy.sparse.linalg.splu(matrix.sparse()).solve(constant.full().ravel())
+        run = solver(stretch.points)
         try:
-            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-                run = solver(stretch.points)
+            with _quiet():
                 result = run(x0=state, z0=z0, p=p)
         except RuntimeError as error:
             raise SimulationError(_advice(str(error), stretch), stretch.start) from None
@@ -305,11 +314,23 @@ def _trajectory(equations: Equations, instants: Array, paths: Sequence[_Path], b
     )
 
 
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep what CasADi prints off the terminal."""
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        yield
+
+
+def _refusal(message: str) -> str:
+    """Say in a line which option CasADi's IDAS interface refuses."""
+    reasons = r"Unknown option: .+|Illegal type for .+|Cannot load shared library \S+'|IDA\w+ returned .\w+."
+    said = re.search(reasons, message)
+    return f"CasADi's IDAS interface refuses them: {said[0] if said else message.strip().splitlines()[0]}"
+
+
 def _advice(message: str, stretch: _Stretch) -> str:
     """Say in a line what went wrong in a stretch, and what to try."""
     between = f"between {stretch.start:g} and {stretch.start + stretch.length:g} s"
-    if "nknown option" in message:
-        return f"an option is unknown to CasADi's IDAS interface: {message.strip().splitlines()[-1]}"
     cause = "took too many steps" if "TOO_MUCH_WORK" in message else "could not go on"
     return (
         f"the integrator {cause} {between}: try start='moving' if the base starts with a speed, a larger tolerance, "

@@ -323,7 +323,7 @@ class SumOfLaws(DampingLaw):
     def _split(self, parameters: cs.MX) -> list[cs.MX]:
         """Return each term's share of the parameters."""
         ends = np.cumsum([0, *(len(law.parameters) for law in self.laws)]).tolist()
-        return [parameters[begin:end] for begin, end in pairwise(ends)]
+        return [cs.reshape(parameters[begin:end], end - begin, 1) for begin, end in pairwise(ends)]
 
 
 def damping_ratio(value: Any, where: str) -> float:

@@ -16,7 +16,8 @@ so with J = ds/de and D = diag(d_i)
 the second being objective: a rigid motion has no strain rate, hence no damping force.
 
 Axial strain eps: ``engineering`` |r'| - 1, or ``green`` (r'.r' - 1)/2.
-Curvature kappa: ``material`` r' x r''/|r'|^2, ``geometric`` r' x r''/|r'|^3, or ``small`` |r''| (both components).
+Curvature kappa: ``material`` r' x r''/|r'|^2, ``geometric`` r' x r''/|r'|^3, or ``small`` |r''|, whose components
+along r' and across it are the two strains that turn with the beam.
 
 Two Gauss points for each term: with three or more the axial term over-constrains the cubic in bending, and it locks.
 
@@ -200,7 +201,9 @@ def _curvatures(e: cs.SX, l: float, measures: StrainMeasures) -> tuple[list[cs.S
     for xi, w in _rule(measures.bending_points):
         slope = cs.vertsplit(_shape(xi, l, hermite_slope) @ e)
         second = cs.vertsplit(_shape(xi, l, hermite_curvature) @ e)
-        components = second if measures.curvature == "small" else [curvature(slope, second, measures.curvature)]
+        components = [curvature(slope, second, measures.curvature)]
+        if measures.curvature == "small":
+            components.append((slope[0] * second[0] + slope[1] * second[1]) / (slope[0] ** 2 + slope[1] ** 2) ** 0.5)
         strains += components
         weights += [w * l] * len(components)
     return strains, weights

@@ -161,6 +161,11 @@ class Equations:
         displacement, velocities = np.split(x, 2, axis=-1)
         return self.model.straight[self.model.free] + length * displacement, length * self.rate * velocities
 
+    def kinetic_energy(self, x: Array, clamp: Array) -> float:
+        """Return T of a state x (2 N,) with a clamped node (12,), J."""
+        rates = np.concatenate([clamp[NODE : 2 * NODE], self.unscaled(x)[1]])
+        return float(rates @ (self.model.mass(self.model.properties).sparse() @ rates) / 2)
+
 
 @dataclass(frozen=True)
 class _Balance:

@@ -6,6 +6,7 @@ and carries the data a program needs to react, so that no error of a solver libr
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -66,7 +67,7 @@ class SimulationError(NumericsError):
         The motion up to there.
     """
 
-    def __init__(self, message: str, time: float, stats: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, message: str, time: float = math.nan, stats: Mapping[str, Any] | None = None) -> None:
         super().__init__(message, stats)
         self.time = time
         self.partial: Any = None

@@ -20,7 +20,6 @@ from typing import Literal, final, get_args
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import make_interp_spline
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.inputs import positive, vector
@@ -221,6 +220,8 @@ class SampledBase(BaseMotion):
 
     def pieces(self) -> tuple[Piece, ...]:
         """Return the measured motion and the hold."""
+        from scipy.interpolate import make_interp_spline  # slow to import, and needed here alone
+
         time = np.asarray(self.time, dtype=float)
         motion = np.column_stack([np.asarray(self.displacement), np.asarray(self.rotation)])
         spline = make_interp_spline(time, motion, k=SPLINE_DEGREE)

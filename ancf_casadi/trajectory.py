@@ -1,7 +1,8 @@
 """What a simulated motion shows: places, forces, energies.
 
-Axial force and bending moment follow from the strains, N = E A eps and M = E I kappa.  Within an element the strains
-of a cubic are accurate at its two Gauss points only; elsewhere they are taken from the straight line through those.
+Axial force and bending moment follow from the strains, N = E A eps and M = E I kappa.  In an element the
+curvature of a cubic is accurate at its two Gauss points, and elsewhere taken from the straight line through those; the
+axial strain is accurate as their mean only, and taken from the straight line through the means of two elements.
 
 The balance of energy is
 
@@ -156,10 +157,11 @@ class Trajectory:
         InputError
             If the point is not on the beam.
         """
-        kind = self.model.measures.axial
-        width, thickness, _, modulus = self.model.properties[:, self.model.element_of(s)]
-        stiffness = float(modulus * width * thickness)
-        return np.asarray(stiffness * self._from_gauss_points(s, lambda slope, _: axial_strain(slope, kind)))
+        self.model.element_of(s)
+        place = s / self.model.beam.element_length - 0.5
+        index = min(max(int(place), 0), self.model.beam.elements - 2)
+        first, second = self._mean_axial_force(index), self._mean_axial_force(index + 1)
+        return np.asarray(first + (place - index) * (second - first))
 
     def bending_moment(self, s: float) -> Array:
         """Return the bending moment at arc length ``s`` (m), (k,), N m, positive counterclockwise.
@@ -200,6 +202,14 @@ class Trajectory:
     def balance_error(self) -> Array:
         """What is left of the balance of energy, (k,), J; 0 for an exact solution."""
         return np.asarray(self.energy - self.energy[0] - self.base_work + self.dissipated_energy)
+
+    def _mean_axial_force(self, index: int) -> Array:
+        """Return the mean over an element of E A eps, (k,)."""
+        width, thickness, _, modulus = self.model.properties[:, index]
+        points = ((index + gauss(2)[0]) * self.model.beam.element_length).tolist()
+        slopes = [self.model.slope_interpolation(point) @ self.coordinates.T for point in points]
+        strains = [axial_strain(slope, self.model.measures.axial) for slope in slopes]
+        return np.asarray(float(modulus * width * thickness) * np.mean(strains, axis=0))
 
     def _from_gauss_points(self, s: float, strain: Callable[[Array, Array], Array]) -> Array:
         """Return a strain of r' and r'' at arc length s from the straight line through the two Gauss points."""

@@ -115,7 +115,7 @@ class DecayFit:
         return self.fit.residual_rms
 
     def displacement(self, time: ArrayLike) -> NDArray[np.float64]:
-        """Return the fitted displacement (m) at times (s) of the record."""
+        """Return the fitted displacement (m) at times (s) of the record, from the release on."""
         t = cs.DM(np.asarray(time, dtype=float) - self.release_time)
         curve = CLOSED_FORMS[self.law](cs.MX(t), *(cs.MX(value) for value in self.fit.values))
         return np.asarray(cs.evalf(curve)).ravel()
@@ -291,10 +291,10 @@ def _warnings(law: Law, fit: Fit, amplitude: float) -> tuple[str, ...]:
         if uncertainty > INDISTINCT * fit["eta2"]:
             warnings.append(f"eta2 cannot be told from zero: {fit['eta2']:.2g} +- {uncertainty:.2g} 1/m")
     r = fit.residuals
-    repetition = r[1:] @ r[:-1] / (r @ r)
-    if fit.residual_rms > ROUNDING * amplitude and repetition > COLOURED:
+    repeated, total = float(r[1:] @ r[:-1]), float(r @ r)
+    if fit.residual_rms > ROUNDING * amplitude and repeated > COLOURED * total:
         warnings.append(
-            f"successive residuals correlate at {repetition:.2f}: they are not noise, the law does not tell all, "
+            f"successive residuals correlate at {repeated / total:.2f}: they are not noise, the law does not tell all, "
             "and the standard errors are too small"
         )
     return tuple(warnings)

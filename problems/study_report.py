@@ -17,7 +17,7 @@ import numpy as np
 from ancf_casadi.decay import equivalent_damping_ratio
 from ancf_casadi.model import Model
 from ancf_casadi.modes import natural_modes
-from ancf_casadi.report import Table, to_json, write_file
+from ancf_casadi.report import Table, remove_file, to_json, write_file
 from ancf_casadi.version import __version__
 from problems import paper
 from problems.reproduction import FRAME_RATE, LAWS, NOISE, RECORD, SEED, START_AMPLITUDES, Study, TransientResult
@@ -98,6 +98,8 @@ def results(study: Study) -> dict[str, Any]:
 def write_study(study: Study, folder: Path) -> list[Path]:
     """Write tables, figures and, when all else is there, ``results.json``; return what was written.
 
+    A ``results.json`` that is there already goes first, so that one never stands beside tables it does not belong to.
+
     Raises
     ------
     InputError
@@ -108,6 +110,7 @@ def write_study(study: Study, folder: Path) -> list[Path]:
     contents: list[tuple[str, str | bytes]] = [(f"{table.name}.csv", table.csv()) for table in tables(study)]
     contents += study_figures.figures(study)
     contents.append(("results.json", to_json(results(study))))
+    remove_file(folder / "results.json")
     for name, content in contents:
         write_file(folder / name, content)
     return [folder / name for name, _ in contents]

@@ -1,0 +1,61 @@
+"""Beams that several tests share."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from ancf_casadi import Beam, Model
+
+PAPER = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}  # Table 1
+
+
+@pytest.fixture(scope="session", autouse=True)
+def interpreted(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Run the equations without a C compiler, which a test that is about it turns on; keep off the user's cache."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ANCF_CASADI_COMPILE", "0")
+        patch.setenv("ANCF_CASADI_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="session")
+def paper_beam() -> Callable[..., Beam]:
+    """Maker of the paper's beam (Table 1), hanging, with 20 elements; keywords of ``Beam.uniform`` change it."""
+
+    def make(elements: int = 20, **changes: Any) -> Beam:
+        return Beam.uniform(**{**PAPER, "elements": elements, **changes})
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def rubber_beam() -> Callable[..., Beam]:
+    """Maker of a beam that swings like the paper's but is 40 times as thick and as much softer.
+
+    Its axial modes are slow enough for an explicit integrator.
+    """
+
+    def make(elements: int = 3, **changes: Any) -> Beam:
+        thick = {"thickness": 0.5e-3 * 40, "elastic_modulus": 210e9 / 40**2}
+        return Beam.uniform(**{**PAPER, **thick, "elements": elements, **changes})
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def bending_stiffness() -> Callable[[Beam], float]:
+    """E I of the first element, N m^2."""
+    return lambda beam: beam.elastic_modulus[0] * beam.sections[0].second_moment
+
+
+@pytest.fixture(scope="session")
+def hanging(paper_beam: Callable[..., Beam]) -> Model:
+    """The paper's beam, hanging, 20 elements."""
+    return Model(paper_beam())
+
+
+@pytest.fixture(scope="session")
+def weightless(paper_beam: Callable[..., Beam]) -> Model:
+    """The paper's beam along the x axis, 20 elements, without gravity."""
+    return Model(paper_beam(axis=(1.0, 0.0), gravity=(0.0, 0.0)))

@@ -1,0 +1,97 @@
+"""Simulations of whatever a user may reasonably choose end well, or say why not.
+
+Every law has a share proportional to the strain rate, 0.3 % in the first mode.  With nothing at all to damp the modes
+of the mesh, a large motion keeps them ringing and the integrator follows them: right, but slow.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from ancf_casadi import (
+    AncfError,
+    Beam,
+    HarmonicBase,
+    ModalDamping,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    SweepBase,
+    natural_modes,
+    simulate,
+    static_equilibrium,
+)
+
+MATERIALS = {"steel": (8000.0, 210e9), "silicone": (1070.0, 264e3)}
+STEPS_A_PERIOD = 60_000  # of mode 1, at most
+PERIODS = 1.5
+
+
+@st.composite
+def experiments(draw):
+    """A model, and keyword arguments of ``simulate``, scaled to its first mode."""
+    density, elastic_modulus = MATERIALS[draw(st.sampled_from(sorted(MATERIALS)))]
+    thickness = 10 ** draw(st.floats(-4, np.log10(0.02)))
+    slenderness = 10 ** draw(st.floats(1.2, 3.0))
+    length = min(thickness * slenderness, 2.0)
+    angle = draw(st.floats(-np.pi, np.pi))
+    beam = Beam.uniform(
+        length=length,
+        width=10 * thickness,
+        thickness=thickness,
+        density=density,
+        elastic_modulus=elastic_modulus,
+        elements=draw(st.integers(2, 12)),
+        axis=(np.cos(angle), np.sin(angle)),
+    )
+    model = Model(beam)
+    mode = natural_modes(model, count=2)
+    f = float(mode.frequencies[0])
+    zeta = draw(st.sampled_from([0.0, 0.003, 0.05, 2.0]))
+    law = draw(
+        st.sampled_from(
+            [
+                RayleighDamping(alpha=2 * zeta * 2 * np.pi * f),
+                QuadraticDamping(eta1=2 * zeta * 2 * np.pi * f, eta2=zeta / length),
+                ModalDamping(mode, (min(zeta, 0.9), 0.01)),
+            ]
+        )
+    ) + RayleighDamping(beta=1e-3 / f)
+    size = 10 ** draw(st.floats(-6, -1.5)) * length
+    kind = draw(st.sampled_from(["harmonic", "sweep", "release", "straight"]))
+    arguments = {"damping": law, "duration": PERIODS / f, "sample_rate": 50 * f}
+    small = {"start": "moving", "tolerance": min(1e-8, 1e-5 * size / length)}  # a small motion wants a small tolerance
+    if kind == "harmonic":
+        base = HarmonicBase(amplitude=size, frequency=f, stop=0.6 / f, direction=(np.sin(angle), -np.cos(angle)))
+        return model, arguments | {"base": base} | small
+    if kind == "sweep":
+        base = SweepBase(amplitude=size, frequencies=(f, 3 * f), stop=0.7 / f, direction=(1.0, 0.3))
+        return model, arguments | {"base": base} | small
+    if kind == "release":
+        stiffness = elastic_modulus * 10 * thickness * thickness**3 / 12
+        push = 3 * draw(st.floats(0.01, 0.6)) * stiffness / length**2
+        return model, arguments | {
+            "start": static_equilibrium(model, tip_force=(-push * np.sin(angle), push * np.cos(angle)))
+        }
+    return model, arguments | {"start": "straight"}
+
+
+@pytest.mark.slow
+@settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@given(st.data())
+def test_every_reasonable_experiment_ends_within_its_steps_and_balances_its_energy(data):
+    """Or it is refused with an error of ours, before or while it is drawn."""
+    try:
+        model, arguments = data.draw(experiments())
+        run = simulate(model, **arguments)
+    except AncfError as error:
+        assert len(str(error)) > 20
+        return
+    assert run.time[-1] == pytest.approx(arguments["duration"], rel=0.03)
+    assert np.isfinite(run.coordinates).all()
+    assert run.steps < PERIODS * STEPS_A_PERIOD
+    exchanged = np.abs(run.base_work).max() + np.ptp(run.kinetic_energy) + np.abs(run.dissipated_energy).max()
+    moved = np.ptp(run.relative_coordinates, axis=0).max() / model.beam.length
+    if moved > 1e-3:  # a motion well above the tolerance
+        assert np.abs(run.balance_error).max() < 0.02 * exchanged

@@ -200,6 +200,11 @@ class QuadraticDamping(DampingLaw):
         """Return zeta = eta1/(2 omega) + 4 eta2 c A/(3 pi), with c = 1183/876 int mu |phi|^3 dp / int mu phi^2 dp.
 
         The mode shape phi is 1 at the tip; c is 1 for the shape of Eq. (21), and less for the higher modes.
+
+        Raises
+        ------
+        InputError
+            If there is not one amplitude a mode.
         """
         model = modes.model
         shapes = modes.shapes / modes.tip_amplitudes()
@@ -208,6 +213,8 @@ class QuadraticDamping(DampingLaw):
         for phi in shapes.T:
             drag = model.drag_force(phi, model.properties).full().ravel()
             constants.append(DRAG_CONSTANT * (phi @ drag) / (phi @ (mass @ phi)))
+        if len(amplitudes) != modes.count:
+            raise InputError(f"has {len(amplitudes)} values for {modes.count} modes", "amplitudes")
         quadratic = 4 * self.eta2 * np.array(constants) * np.abs(amplitudes) / (3 * math.pi)
         return np.asarray(self.eta1 / (2 * modes.angular) + quadratic)
 

@@ -7,11 +7,13 @@ what to try.  Results go to standard output, as text or with ``--json`` as data;
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
+import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -28,23 +30,68 @@ from problems.frequency_matching import match_frequencies
 from problems.study_file import numbers, read_beam, read_match, read_simulation
 
 INTERRUPTED = 130
+STOPPED = "stopped; nothing was written"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code."""
-    options = _parser().parse_args(arguments)
     try:
-        print(options.run(options))
-        sys.stdout.flush()
-    except InputError as error:
-        return _failed(error, 2)
-    except AncfError as error:
-        return _failed(error, 1)
-    except KeyboardInterrupt:
-        return _failed("stopped; nothing was written", INTERRUPTED)
+        try:
+            return _run(_parser().parse_args(arguments))
+        finally:
+            sys.stdout.flush()
     except BrokenPipeError:  # the reader of our output has left
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    with _interrupts() as options.interrupts:
+        try:
+            print(options.run(options))
+        except InputError as error:
+            return _failed(error, 2)
+        except AncfError as error:
+            return _failed(STOPPED, INTERRUPTED) if options.interrupts else _failed(error, 1)
+        except KeyboardInterrupt:
+            return _failed(STOPPED, INTERRUPTED)
+        except MemoryError:
+            return _failed("out of memory; fewer samples, or fewer elements, take less", 1)
     return 0
+
+
+@contextlib.contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """Note each Ctrl-C, which may reach us as a failure of the solver it hit, or as a run that ended early."""
+    noted: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        noted.append(number)
+        raise KeyboardInterrupt
+
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield noted
+    finally:
+        if before is signal.default_int_handler:
+            signal.signal(signal.SIGINT, before)
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        """Refuse in one line."""
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+@contextlib.contextmanager
+def _located(where: str) -> Iterator[None]:
+    """Name the file in what is wrong with its values."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(str(error), where) from None
 
 
 def _failed(reason: object, code: int) -> int:
@@ -53,9 +100,7 @@ def _failed(reason: object, code: int) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="ancf-casadi", description="Damping, properties and large motion of very flexible beams."
-    )
+    parser = _Parser(prog="ancf-casadi", description="Damping, properties and large motion of very flexible beams.")
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
@@ -114,7 +159,8 @@ def _reproduce(options: argparse.Namespace) -> str:
 def _fit_decay(options: argparse.Namespace) -> str:
     record = Measurement.from_csv(options.file, column=options.column)
     plot = None if options.plot is None else _new_file(options.plot)
-    fit = fit_decay(record, law=options.law)
+    with _located(options.file):
+        fit = fit_decay(record, law=options.law)
     if plot is not None:
         from ancf_casadi.plot import decay_figure, png  # matplotlib is slow to import
 
@@ -134,8 +180,9 @@ def _modes(options: argparse.Namespace) -> str:
 
 def _match(options: argparse.Namespace) -> str:
     beam, request = read_match(options.file)
-    request["targets"] = numbers(request["targets"], f"{options.file}: targets")
-    match = match_frequencies(beam, **request)
+    with _located(f"{options.file}: [match]"):
+        request["targets"] = numbers(request["targets"], "targets")
+        match = match_frequencies(beam, **request)
     if options.json:
         data = {
             "target_hz": match.targets,
@@ -170,7 +217,10 @@ def _match(options: argparse.Namespace) -> str:
 def _simulate(options: argparse.Namespace) -> str:
     study = read_simulation(options.file)
     out, plot = (None if path is None else _new_file(path) for path in (options.out, options.plot))
-    run = simulate(study.model, damping=study.damping, base=study.base, progress=True, **study.settings)
+    with _located(f"{options.file}: [simulation]"):
+        run = simulate(study.model, damping=study.damping, base=study.base, progress=True, **study.settings)
+    if options.interrupts:  # it returns what it has
+        raise KeyboardInterrupt
     if out is not None:
         write_file(out, _motion(run).csv())
     if plot is not None:

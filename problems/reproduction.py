@@ -313,15 +313,18 @@ def run_transient(transient: Transient) -> TransientResult:
         If the integration or the fit does not reach its answer.
     """
     modes, mode, base = transient.modes, transient.mode, transient.base
+    sample_rate = SAMPLES * base.frequency
     run = simulate(
         modes.model,
         duration=transient.duration,
         damping=transient.law,
         base=base,
-        sample_rate=SAMPLES * base.frequency,
+        sample_rate=sample_rate,
         start="moving",
         tolerance=transient.tolerance,
     )
+    if len(run.time) < transient.duration * sample_rate:  # it returns what it has
+        raise KeyboardInterrupt
     after = run.time >= run.time[-1] - transient.window
     decay = Measurement(run.time[after], modes.coordinates_of(run.relative_coordinates[after], mode))
     fit = fit_decay(decay, release_time=float(decay.time[0]), ratio_bounds=(-0.1, 0.9))

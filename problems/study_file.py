@@ -99,8 +99,10 @@ def _document(path: str) -> dict[str, Any]:
 
 
 def _table(table: Any, required: set[str], optional: set[str], where: str) -> dict[str, Any]:
-    if not isinstance(table, dict):
+    if table is None:
         raise InputError("the table is missing", where)
+    if not isinstance(table, dict):
+        raise InputError(f"must be a table, got {table!r}", where)
     check_keys(table, required, optional, where)
     return table
 
@@ -132,7 +134,7 @@ def _law(table: Any, model: Model, where: str) -> DampingLaw:
         "modal": {"ratios", "frequencies"},
     }
     kind = table.get("law") if isinstance(table, dict) else None
-    if kind not in known:
+    if not isinstance(kind, str) or kind not in known:
         raise InputError(f"law must be one of {', '.join(known)}, got {kind!r}", where)
     required = {"law", "ratios"} if kind == "modal" else {"law"}
     given = _table(table, required, known[kind], where)
@@ -144,7 +146,8 @@ def _law(table: Any, model: Model, where: str) -> DampingLaw:
     ratios = numbers(arguments.pop("ratios"), f"{where}: ratios")
     if "frequencies" in arguments:
         arguments["frequencies"] = numbers(arguments["frequencies"], f"{where}: frequencies")
-    return _made(lambda: ModalDamping(natural_modes(model, count=max(1, len(ratios))), ratios, **arguments), where)
+    count = min(max(1, len(ratios)), model.size - model.free.start)
+    return _made(lambda: ModalDamping(natural_modes(model, count=count), ratios, **arguments), where)
 
 
 def numbers(values: Any, where: str) -> list[float]:

@@ -1,0 +1,46 @@
+import subprocess
+import sys
+from importlib.resources import files
+from pathlib import Path
+
+import pytest
+
+import ancf_casadi
+
+ROOT = Path(__file__).parents[1]
+
+
+def python(code):
+    return subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_modules_import_only_what_the_contracts_in_pyproject_allow():
+    code = "from importlinter.cli import lint_imports; raise SystemExit(lint_imports(no_cache=True))"
+    run = python(code)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert "0 broken" in run.stdout
+
+
+@pytest.mark.parametrize("package", ["ancf_casadi", "problems"])
+def test_importing_the_packages_does_not_import_matplotlib(package):
+    run = python(f"import sys, {package}; print('matplotlib' in sys.modules)")
+    assert run.stdout.strip() == "False", run.stderr
+
+
+@pytest.mark.parametrize("package", ["ancf_casadi", "problems"])
+def test_the_packages_say_that_they_are_typed(package):
+    assert files(package).joinpath("py.typed").is_file()
+
+
+def test_all_is_sorted_and_every_name_in_it_exists():
+    assert ancf_casadi.__all__ == sorted(ancf_casadi.__all__)
+    assert all(hasattr(ancf_casadi, name) for name in ancf_casadi.__all__)
+
+
+def test_every_error_is_an_ancf_error_and_says_where():
+    numerics = (ancf_casadi.EquilibriumError, ancf_casadi.SimulationError, ancf_casadi.FitError)
+    assert all(issubclass(error, ancf_casadi.NumericsError) for error in numerics)
+    assert issubclass(ancf_casadi.NumericsError, ancf_casadi.AncfError)
+    error = ancf_casadi.InputError("must be positive", "width")
+    assert (str(error), error.where) == ("width: must be positive", "width")
+    assert isinstance(error, ancf_casadi.AncfError)

@@ -1,0 +1,194 @@
+import dataclasses
+import math
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ancf_casadi import Beam, InputError, Section
+
+GOOD = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9, "elements": 4}
+PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
+
+TOML = """
+[beam]
+length = 0.5
+elements = 4
+width = 5e-3
+thickness = [0.5e-3, 0.5e-3, 0.4e-3, 0.4e-3]
+density = 8000
+elastic_modulus = 210e9
+axis = [0, 1]
+"""
+
+magnitudes = st.floats(min_value=1e-6, max_value=1e12)
+
+
+def test_a_rectangular_section_has_area_bh_and_second_moment_bh3_12():
+    section = Section(width=6.0, thickness=2.0)
+    assert section.area == 12.0
+    assert section.second_moment == 4.0
+
+
+def test_a_number_is_spread_over_the_elements_and_a_sequence_is_kept():
+    beam = Beam.uniform(**{**GOOD, "thickness": [1e-3, 2e-3, 3e-3, 4e-3]})
+    assert beam.elements == 4
+    assert beam.element_length == 0.125
+    assert beam.width == (5e-3,) * 4
+    assert beam.thickness == (1e-3, 2e-3, 3e-3, 4e-3)
+    assert [section.thickness for section in beam.sections] == [1e-3, 2e-3, 3e-3, 4e-3]
+
+
+def test_arrays_and_numpy_integers_are_as_good_as_lists_and_ints():
+    given_arrays = Beam.uniform(**{**GOOD, "width": np.full(4, 5e-3), "elements": np.int64(4)})
+    assert given_arrays == Beam.uniform(**GOOD)
+
+
+def test_the_mass_adds_up_over_unequal_elements():
+    beam = Beam.uniform(**{**GOOD, "width": [1e-3, 2e-3, 3e-3, 4e-3], "density": [1e3, 2e3, 3e3, 4e3]})
+    assert beam.mass == pytest.approx(0.125 * 0.5e-3 * (1 + 4 + 9 + 16))
+
+
+def test_the_beam_hangs_under_standard_gravity_unless_told_otherwise():
+    beam = Beam.uniform(**GOOD)
+    assert (beam.axis, beam.gravity) == ((0.0, -1.0), (0.0, -9.81))
+
+
+def test_the_axis_is_kept_as_a_unit_vector():
+    assert Beam.uniform(**GOOD, axis=(3.0, -4.0)).axis == (0.6, -0.8)
+
+
+def test_a_beam_cannot_be_changed_in_place():
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        Beam.uniform(**GOOD).length = 1.0
+
+
+def test_with_returns_a_changed_copy_and_spreads_numbers():
+    beam = Beam.uniform(**GOOD)
+    changed = beam.with_(density=7850.0, thickness=[1e-3, 1e-3, 2e-3, 2e-3], axis=(0.0, 2.0))
+    assert changed.density == (7850.0,) * 4
+    assert changed.thickness == (1e-3, 1e-3, 2e-3, 2e-3)
+    assert changed.axis == (0.0, 1.0)
+    assert changed.width == beam.width
+    assert beam == Beam.uniform(**GOOD)
+
+
+def test_a_toml_file_gives_the_beam_of_its_table(tmp_path):
+    path = tmp_path / "beam.toml"
+    path.write_text(TOML)
+    changes = {"thickness": [0.5e-3, 0.5e-3, 0.4e-3, 0.4e-3], "axis": (0.0, 1.0)}
+    assert Beam.from_toml(path) == Beam.uniform(**{**GOOD, **changes})
+
+
+@pytest.mark.parametrize("name", PROPERTIES)
+@pytest.mark.parametrize(
+    "value", [0.0, -1.0, math.nan, math.inf, "wide", None, True, 10**400, [5e-3, -5e-3, 5e-3, 5e-3]]
+)
+def test_a_property_that_is_not_a_positive_number_is_refused_by_name(name, value):
+    with pytest.raises(InputError, match=f"^{name}: must be (positive|a finite number), got") as caught:
+        Beam.uniform(**{**GOOD, name: value})
+    assert caught.value.where == name
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"length": 0.0}, "length: must be positive, got 0"),
+        ({"length": math.nan}, "length: must be a finite number, got nan"),
+        ({"elements": 1}, "elements: needs at least 2 elements, got 1"),
+        ({"elements": -3}, "elements: needs at least 2 elements, got -3"),
+        ({"elements": 4.0}, "elements: must be a whole number, got 4.0"),
+        ({"elements": True}, "elements: must be a whole number, got True"),
+        ({"width": [5e-3] * 3}, "width: has 3 values for 4 elements"),
+        ({"axis": (0.0, 0.0)}, "axis: must not be the zero vector"),
+        ({"axis": (0.0, 0.0, 1.0)}, "axis: must be a pair of numbers (x, y), got (0.0, 0.0, 1.0)"),
+        ({"axis": {"x": 0.0, "y": 1.0}}, "axis: must be a pair of numbers (x, y), got {'x': 0.0, 'y': 1.0}"),
+        ({"axis": "up"}, "axis: must be a pair of numbers (x, y), got 'up'"),
+        ({"gravity": 9.81}, "gravity: must be a pair of numbers (x, y), got 9.81"),
+        ({"gravity": (0.0, -math.inf)}, "gravity: must be a finite number, got -inf"),
+    ],
+)
+def test_unusable_input_is_refused_with_its_name_and_what_would_be_right(changes, message):
+    with pytest.raises(InputError, match=f"^{re.escape(message)}$"):
+        Beam.uniform(**{**GOOD, **changes})
+
+
+def test_the_constructor_asks_for_one_value_an_element():
+    with pytest.raises(InputError, match=r"^thickness: has 3 values for 2 elements$"):
+        Beam(0.5, (5e-3,) * 2, (0.5e-3,) * 3, (8000.0,) * 2, (210e9,) * 2)
+    with pytest.raises(InputError, match=r"^width: must have one value an element; Beam\.uniform spreads a number$"):
+        Beam(0.5, 5e-3, 0.5e-3, 8000.0, 210e9)
+    with pytest.raises(InputError, match=r"^elements: needs at least 2 elements, got 1$"):
+        Beam(0.5, (5e-3,), (0.5e-3,), (8000.0,), (210e9,))
+
+
+def test_with_refuses_what_is_no_property_of_a_beam():
+    with pytest.raises(InputError, match=r"^colour: is not a property of a beam; those are axis, density, "):
+        Beam.uniform(**GOOD).with_(colour="red")
+    with pytest.raises(InputError, match=r"^width: has 2 values for 4 elements$"):
+        Beam.uniform(**GOOD).with_(width=[1e-3, 1e-3])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("length = 0.5", "{path}: has no table [beam]"),
+        ("beam = 3", "{path}: has no table [beam]"),
+        (TOML.replace("width = 5e-3", ""), "{path}: [beam]: the key 'width' is missing"),
+        (TOML + "colour = 'red'", "{path}: [beam]: unknown key 'colour'; known are axis, density, elastic_modulus"),
+        (TOML.replace("5e-3\nthickness", "-5e-3\nthickness"), "{path}: [beam]: width: must be positive, got -0.005"),
+        (TOML.replace("[0, 1]", "{x = 0, y = 1}"), "{path}: [beam]: axis: must be a pair of numbers (x, y), got {"),
+        ("[beam", "{path}: is not TOML ("),
+    ],
+)
+def test_an_unusable_toml_file_is_refused_naming_file_and_key(tmp_path, text, message):
+    path = tmp_path / "beam.toml"
+    path.write_text(text)
+    with pytest.raises(InputError, match=f"^{re.escape(message.replace('{path}', str(path)))}"):
+        Beam.from_toml(path)
+
+
+def test_a_toml_file_that_is_not_there_is_refused_naming_it(tmp_path):
+    path = tmp_path / "missing.toml"
+    with pytest.raises(InputError, match=f"^{re.escape(str(path))}: cannot be read \\(No such file or directory\\)$"):
+        Beam.from_toml(path)
+
+
+@settings(max_examples=40, deadline=None, database=None)
+@given(
+    length=magnitudes,
+    width=magnitudes,
+    thickness=magnitudes,
+    density=magnitudes,
+    elements=st.integers(min_value=2, max_value=30),
+    angle=st.floats(min_value=-10.0, max_value=10.0),
+)
+def test_any_positive_numbers_make_a_beam_of_mass_rho_b_h_l(length, width, thickness, density, elements, angle):
+    axis = (math.cos(angle), math.sin(angle))
+    beam = Beam.uniform(
+        length=length,
+        width=width,
+        thickness=thickness,
+        density=density,
+        elastic_modulus=1.0,
+        elements=elements,
+        axis=axis,
+    )
+    assert beam.mass == pytest.approx(density * width * thickness * length, rel=1e-12)
+    assert beam.element_length * beam.elements == pytest.approx(length, rel=1e-12)
+    assert math.hypot(*beam.axis) == pytest.approx(1.0, rel=1e-12)
+
+
+@settings(max_examples=40, deadline=None, database=None)
+@given(
+    name=st.sampled_from(PROPERTIES),
+    index=st.integers(min_value=0, max_value=3),
+    value=st.one_of(st.floats(max_value=0.0), st.just(math.inf), st.just(math.nan)),
+)
+def test_one_unusable_value_in_any_element_is_enough_to_refuse_a_beam(name, index, value):
+    values = [1.0] * 4
+    values[index] = value
+    with pytest.raises(InputError, match=f"^{name}: must be (positive|a finite number), got"):
+        Beam.uniform(**{**GOOD, name: values})

@@ -1,0 +1,544 @@
+"""The command: what it prints, what it writes, and how it refuses."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ancf_casadi import FitError, Measurement, SimulationError
+from ancf_casadi.version import __version__
+from problems import cli, reproduction
+from problems.cli import main
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+RECORD = Path(__file__).parents[2] / "shared" / "data" / "silicone_beam" / "beam_gravity_tip.csv"
+PNG = b"\x89PNG\r\n\x1a\n"
+
+BEAM = (EXAMPLES / "beam.toml").read_text()
+STUDY = (EXAMPLES / "study.toml").read_text()
+SMALL = {"elements = 20": "elements = 4", "duration = 8.0 ": "duration = 0.4 ", "stop = 4.0 ": "stop = 0.2 "}
+
+real_record = pytest.mark.skipif(not RECORD.exists(), reason="the measured records are not part of the repository")
+
+
+def edited(text: str, *changes: tuple[str, str]) -> str:
+    """Return a file with parts replaced, each of which must be there."""
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch) -> Path:
+    """A folder, the current one, with a beam, a small study and a decay."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "beam.toml").write_text(BEAM)
+    (tmp_path / "study.toml").write_text(edited(STUDY, *SMALL.items()))
+    time = np.arange(0.0, 4.0, 0.002)
+    omega, zeta = 2 * np.pi * 3.0, 0.02
+    decay = 5e-3 * np.exp(-zeta * omega * time) * np.cos(omega * np.sqrt(1 - zeta**2) * time)
+    noise = 2e-5 * np.random.default_rng(5).standard_normal(time.size)
+    rows = [f"{t:.6f},{1e3 * y:.9f}" for t, y in zip(time, decay + noise, strict=True)]
+    (tmp_path / "decay.csv").write_text("\n".join(["time_s,tip_mm", *rows]) + "\n")
+    return tmp_path
+
+
+class TestModes:
+    def test_text(self, files, capsys):
+        assert main(["modes", "beam.toml", "--count", "3"]) == 0
+        captured = capsys.readouterr()
+        rows = [line.split() for line in captured.out.splitlines()[4:7]]
+        assert [row[0] for row in rows] == ["1", "2", "3"]
+        assert [float(row[1]) for row in rows] == pytest.approx([1.87613, 10.5785, 29.2588], rel=3e-5)
+        assert captured.err == ""
+
+    def test_json(self, files, capsys):
+        """Hanging, exact: Chebyshev collocation; the tip is the stretched length below the clamp."""
+        assert main(["modes", "beam.toml", "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        exact = [1.87613156, 10.57854292, 29.25877251, 57.14312999, 94.32271386]
+        assert data["frequencies_hz"] == pytest.approx(exact, rel=2e-4)
+        assert data["equilibrium_tip_m"] == pytest.approx([0.0, -0.5], abs=1e-6)
+
+
+class TestMatch:
+    def test_json(self, files, capsys):
+        assert main(["match", "beam.toml", "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["target_hz"] == [1.85, 10.19, 26.84, 53.20, 88.60]
+        assert data["matched_hz"] == pytest.approx(data["target_hz"], rel=1e-6)
+        assert data["max_relative_error"] < 1e-6
+        assert data["at_bound"] == []
+        for name, standard in (
+            ("width_m", 5e-3),
+            ("thickness_m", 0.5e-3),
+            ("density", 8e3),
+            ("elastic_modulus", 2.1e11),
+        ):
+            assert data[name] == pytest.approx([standard] * 20, rel=0.1)
+
+    def test_text(self, files, capsys):
+        (files / "beam.toml").write_text(edited(BEAM, ("elements = 20", "elements = 8"), (", 53.20, 88.60", "")))
+        assert main(["match", "beam.toml"]) == 0
+        frequencies, properties = capsys.readouterr().out.split("\n\n")
+        rows = [[float(cell) for cell in line.split()] for line in frequencies.splitlines()[4:7]]
+        for row, target in zip(rows, (1.85, 10.19, 26.84), strict=True):
+            assert (row[1], row[3]) == (pytest.approx(target), pytest.approx(target, rel=1e-5))
+        assert len(properties.splitlines()) == 4 + 8 + 1
+        assert "at a bound: nothing" in properties
+
+
+class TestFitDecay:
+    @pytest.mark.parametrize("law", ["linear", "quadratic"])
+    def test_json(self, files, capsys, law):
+        """3 Hz and 2 % come back, from millimetres; the quadratic law puts the loss down to eta1."""
+        assert main(["fit-decay", "decay.csv", "--law", law, "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["law"] == law
+        assert data["frequency_hz"] == pytest.approx(3.0, abs=max(4 * data["frequency_stderr_hz"], 1e-3))
+        assert data["damping_ratio"] == pytest.approx(0.02, rel=0.01)
+        assert data["amplitude_m"] == pytest.approx(5e-3, rel=0.01)
+
+    def test_text_gives_values_with_their_standard_errors(self, files, capsys):
+        assert main(["fit-decay", "decay.csv"]) == 0
+        lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines()}
+        for name, truth in (("frequency", 3.0), ("damping_ratio", 0.02), ("amplitude", 5e-3)):
+            value, sign, error = lines[name][1:4]
+            assert sign == "+-"
+            assert 0.0 < float(error) < 0.01 * truth
+            assert float(value) == pytest.approx(truth, abs=4 * float(error))
+
+    def test_column_by_name(self, files, capsys):
+        record = Measurement.from_csv(files / "decay.csv")
+        table = np.column_stack([record.time, 0 * record.time, record.displacement])
+        np.savetxt(files / "two.csv", table, delimiter=",", header="t,rest,tip", comments="")
+        assert main(["fit-decay", "two.csv", "--column", "tip", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["frequency_hz"] == pytest.approx(3.0, rel=1e-3)
+
+    def test_plot(self, files):
+        assert main(["fit-decay", "decay.csv", "--plot", "new/fit.png"]) == 0
+        assert (files / "new" / "fit.png").read_bytes().startswith(PNG)
+
+    @real_record
+    def test_measured_release_of_a_silicone_beam(self, capsys):
+        """Motion capture at 100 frames/s (srl-ethz/diffPD_sim2real): 7.77 Hz and 5.5 %."""
+        assert main(["fit-decay", str(RECORD), "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["frequency_hz"] == pytest.approx(7.77, abs=0.03)
+        assert data["damping_ratio"] == pytest.approx(0.055, abs=0.004)
+        assert 0.0 < data["frequency_stderr_hz"] < 0.03
+        assert 0.0 < data["damping_ratio_stderr"] < 0.004
+
+    @real_record
+    def test_measured_release_as_text(self, capsys):
+        assert main(["fit-decay", str(RECORD)]) == 0
+        lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines()}
+        assert float(lines["frequency"][1]) == pytest.approx(7.77, abs=0.03)
+        assert float(lines["damping_ratio"][1]) == pytest.approx(0.055, abs=0.004)
+        assert [lines["frequency"][2], lines["damping_ratio"][2]] == ["+-", "+-"]
+        assert 0.0 < float(lines["frequency"][3]) < 0.03
+
+
+class TestSimulate:
+    def test_json(self, files, capsys):
+        assert main(["simulate", "study.toml", "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["samples"] == 201
+        assert data["duration_s"] == pytest.approx(0.4)
+        assert data["tip_at_end_m"][1] == pytest.approx(-0.5, abs=1e-3)
+        assert 0.0 < data["tip_travel_m"][0] < 0.05
+        assert data["steps"] > 100
+
+    def test_motion_as_csv(self, files, capsys):
+        """All digits, and the base where it stopped: 2 mm after a quarter of a period of 1.876 Hz."""
+        assert main(["simulate", "study.toml", "--out", "new/motion.csv", "--plot", "new/motion.png"]) == 0
+        assert "samples" in capsys.readouterr().out
+        header, *rows = (files / "new" / "motion.csv").read_text().splitlines()
+        assert header == "time_s,tip_x_m,tip_y_m,base_x_m,base_y_m"
+        motion = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+        assert motion[:, 0] == pytest.approx(np.arange(201) / 500.0)
+        moving = motion[:, 0] < 0.4 / 1.876
+        assert motion[moving, 3] == pytest.approx(2e-3 * np.sin(2 * np.pi * 1.876 * motion[moving, 0]), abs=1e-12)
+        assert motion[-1, 3:] == pytest.approx([-2e-3, 0.0], abs=1e-12) or motion[-1, 3] == pytest.approx(2e-3)
+        assert (files / "new" / "motion.png").read_bytes().startswith(PNG)
+
+
+def test_reproduce_writes_and_prints(files, capsys, monkeypatch):
+    """The command's own part; the study has tests of its own."""
+    calls = {}
+
+    def study(**arguments):
+        calls.update(arguments)
+        raise FitError("no minimum was found")
+
+    monkeypatch.setattr(reproduction, "reproduce", study)
+    assert main(["reproduce", "--quick", "--jobs", "3", "--out", "study"]) == 1
+    assert calls == {"effort": reproduction.QUICK, "jobs": 3, "progress": True}
+    assert one_line(capsys) == "ancf-casadi: no minimum was found"
+    assert not (files / "study").exists()
+
+
+def test_version_and_entry_point(capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["--version"])
+    assert stopped.value.code == 0
+    assert capsys.readouterr().out == f"ancf-casadi {__version__}\n"
+    (script,) = entry_points(group="console_scripts", name="ancf-casadi")
+    assert script.load() is main
+
+
+@pytest.mark.parametrize("command", ["reproduce", "fit-decay", "modes", "match", "simulate"])
+def test_every_command_has_help_and_json(command, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main([command, "--help"])
+    assert stopped.value.code == 0
+    assert "--json" in capsys.readouterr().out
+
+
+def one_line(capsys) -> str:
+    """Return the one line that was printed, to standard error."""
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.splitlines()
+    return line
+
+
+def refused(arguments: list[str], files: Path, capsys) -> str:
+    """Return the one line with which the command refuses, having written nothing."""
+    before = sorted(path.relative_to(files) for path in files.rglob("*"))
+    try:
+        code = main(arguments)
+    except SystemExit as stopped:  # an option that argparse refuses
+        code = stopped.code
+    assert code == 2
+    assert sorted(path.relative_to(files) for path in files.rglob("*")) == before
+    return one_line(capsys)
+
+
+class TestUnusableInput:
+    """Exit code 2, and one line that says what and where."""
+
+    @pytest.mark.parametrize(
+        ("old", "new", "what"),
+        [
+            ("thickness = 0.5e-3", "", "[beam]: the key 'thickness' is missing"),
+            ("elements = 20", "elements = 20\ncolour = 1", "[beam]: unknown key 'colour'; known are axis, density"),
+            ("[match]", "[mach]", "unknown key 'mach'; known are base, beam, damping, match"),
+            ("[beam]", "[bean]", "the key 'beam' is missing"),
+            ("thickness = 0.5e-3", "thickness = -0.5e-3", "[beam]: thickness: must be positive, got -0.0005"),
+            ("density = 8000.0", "density = nan", "[beam]: density: must be a finite number, got nan"),
+            ("density = 8000.0", "density = 'steel'", "[beam]: density: must be a finite number, got 'steel'"),
+            ("width = 5e-3", "width = [5e-3, 4e-3]", "[beam]: width: has 2 values for 20 elements"),
+            ("elements = 20", "elements = 1", "[beam]: elements: needs at least 2 elements, got 1"),
+            ("elements = 20", "elements = 2.5", "[beam]: elements: must be a whole number, got 2.5"),
+            ("axis = [0.0, -1.0]", "axis = [0, 0]", "[beam]: axis: must not be the zero vector"),
+            ("gravity = [0.0, -9.81]", "gravity = 9.81", "[beam]: gravity: must be a pair of numbers (x, y), got 9.81"),
+            ("length = 0.5 ", "length = = 0.5 ", "is not TOML (Invalid value (at line 4, column 10))"),
+        ],
+    )
+    def test_beam(self, files, capsys, old, new, what):
+        (files / "beam.toml").write_text(edited(BEAM, (old, new)))
+        assert refused(["modes", "beam.toml"], files, capsys).startswith(f"ancf-casadi: beam.toml: {what}")
+
+    @pytest.mark.parametrize(
+        ("old", "new", "what"),
+        [
+            ("1.85, 10.19", "10.19, 1.85", "targets: must be ascending, got 10.19, 1.85, 26.84, 53.2, 88.6 Hz"),
+            ("1.85, 10.19", "1.85, -10.19", "targets: must be positive, got -10.19"),
+            ("[1.85", "1.85 #", "targets: must be a list of numbers, got 1.85"),
+            (
+                "[1.85",
+                f"[{', '.join(str(0.01 * k) for k in range(1, 40))}, 1.85",
+                "targets: 44 modes are more than the 40",
+            ),
+            ("bounds = 0.10", "bounds = 0", "bounds: must be positive, got 0"),
+            ("bounds = 0.10", "bounds = 1.5", "bounds: must be at most 1, got 1.5"),
+            ("bounds = 0.10", "bound = 0.10", "unknown key 'bound'; known are bounds, targets"),
+            ("targets = ", "bounds = 0.10 #", None),
+        ],
+    )
+    def test_match(self, files, capsys, old, new, what):
+        text = edited(BEAM, (old, new))
+        if what is None:
+            text, what = text.replace("\nbounds = 0.10\n", "\n", 1), "the key 'targets' is missing"
+        (files / "beam.toml").write_text(text)
+        assert refused(["match", "beam.toml"], files, capsys).startswith(f"ancf-casadi: beam.toml: [match]: {what}")
+
+    def test_match_without_its_table(self, files, capsys):
+        (files / "beam.toml").write_text(BEAM.partition("[match]")[0])
+        line = refused(["match", "beam.toml"], files, capsys)
+        assert line == "ancf-casadi: beam.toml: [match]: the table is missing"
+
+    @pytest.mark.parametrize(
+        ("old", "new", "what"),
+        [
+            (
+                "ratios = [0.0050,",
+                "ratios = [1.0,",
+                "[damping]: ratios: a damping ratio must be at least 0 and below 1",
+            ),
+            (
+                "ratios = [0.0050,",
+                "ratios = [-0.1,",
+                "[damping]: ratios: a damping ratio must be at least 0 and below 1",
+            ),
+            ("ratios = [0.0050,", f"ratios = [{'0.01, ' * 16}", "[damping]: ratios: has 20 values for 16 modes"),
+            ("ratios = [0.0050,", "rations = [0.0050,", "[damping]: the key 'ratios' is missing"),
+            ('"quadratic"', '"cubic"', "[damping]: law must be one of rayleigh, quadratic, modal, got 'cubic'"),
+            ('"quadratic"', '["quadratic"]', "[damping]: law must be one of rayleigh, quadratic, modal, got ['quad"),
+            ("eta2 = 0.11", "eta2 = -0.11", "[damping]: eta2: must not be negative, got -0.11"),
+            ("eta2 = 0.11", "zeta2 = 0.11", "[damping]: unknown key 'zeta2'; known are eta1, eta2, law"),
+            ("frequency = 1.876", "frequency = 0", "[base]: frequency: must be positive, got 0"),
+            ("stop = 0.2 ", "stop_at = 'once'\nstop = 'late' ", "[base]: stop: must be a finite number, got 'late'"),
+            ("duration = 0.4", "duration = 0", "[simulation]: duration: must be positive, got 0"),
+            ("duration = 0.4", "length = 0.4", "[simulation]: the key 'duration' is missing"),
+            ("sample_rate = 500.0", "sample_rate = -1", "[simulation]: sample_rate: must be positive, got -1"),
+            (
+                'start = "moving"',
+                'start = "running"',
+                "[simulation]: start: must be one of equilibrium, straight, moving",
+            ),
+        ],
+    )
+    def test_simulate(self, files, capsys, old, new, what):
+        (files / "study.toml").write_text(edited((files / "study.toml").read_text(), (old, new)))
+        line = refused(["simulate", "study.toml", "--out", "motion.csv"], files, capsys)
+        assert line.startswith(f"ancf-casadi: study.toml: {what}")
+
+    @pytest.mark.parametrize(
+        ("content", "what"),
+        [
+            ("t,x\n0,1\n0.1,abc\n", "a.csv, line 3: 'abc' is not a finite number"),
+            ("t,x\n0,1\n0.1,nan\n", "a.csv, line 3: 'nan' is not a finite number"),
+            ("t,x\n0,1\n0.1\n", "a.csv, line 3: has 1 columns where the first line has 2"),
+            ("t,x\n0,1\n0,2\n", "a.csv: time: must increase, but sample 2 (0 s) follows 0 s"),
+            ("t,x,y\n0,1,2\n1,2,3\n", "a.csv: has 3 columns, not a time and a displacement; name one of them"),
+            ("", "a.csv: has no rows"),
+            (b"\x00\xff\xfe", "a.csv: is not a CSV file (text, with commas between the columns)"),
+            ("".join(f"{0.01 * k},1\n" for k in range(300)), "a.csv: record: is constant, nothing oscillates"),
+            ("".join(f"{0.01 * k},{k}\n" for k in range(300)), "a.csv: record: has fewer than two periods"),
+        ],
+    )
+    def test_record(self, files, capsys, content, what):
+        (files / "a.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
+        line = refused(["fit-decay", "a.csv", "--plot", "fit.png"], files, capsys)
+        assert line.startswith(f"ancf-casadi: {what}")
+
+    def test_record_of_noise(self, files, capsys):
+        noise = np.random.default_rng(1).standard_normal(500)
+        (files / "a.csv").write_text("".join(f"{0.01 * k},{y}\n" for k, y in enumerate(noise)))
+        assert "nothing oscillates" in refused(["fit-decay", "a.csv"], files, capsys)
+
+    @pytest.mark.parametrize(
+        ("arguments", "what"),
+        [
+            (["modes", "beam.toml", "--count", "0"], "count: must be 1 to 80 for 20 elements, got 0"),
+            (["modes", "beam.toml", "--count", "81"], "count: must be 1 to 80 for 20 elements, got 81"),
+            (["modes", "beam.toml", "--count", "many"], "argument --count: invalid int value: 'many'"),
+            (["modes", "absent.toml"], "absent.toml: cannot be read (No such file or directory)"),
+            (["modes", "."], ".: cannot be read (Is a directory)"),
+            (["modes", "beam.toml/below"], "beam.toml/below: cannot be read (Not a directory)"),
+            (["modes"], "the following arguments are required: BEAM.toml"),
+            (["fit-decay", "absent.csv"], "absent.csv: is not a file"),
+            (["fit-decay", "decay.csv", "--law", "cubic"], "argument --law: invalid choice: 'cubic'"),
+            (["fit-decay", "decay.csv", "--column", "x"], "decay.csv: has 0 columns 'x'; there are tip_mm"),
+            (["fit-decay", "decay.csv", "--plot", "."], ".: is a folder"),
+            (["fit-decay", "decay.csv", "--plot", "beam.toml/fit.png"], "beam.toml: is not a folder"),
+            (["simulate", "beam.toml"], "beam.toml: [simulation]: the table is missing"),
+            (["simulate", "study.toml", "--out", "."], ".: is a folder"),
+            (["simulate", "study.toml", "--out", "beam.toml/motion.csv"], "beam.toml: is not a folder"),
+            (["reproduce", "--quick", "--out", "beam.toml"], "beam.toml: is not a folder"),
+            (["reproduce", "--quick", "--out", "beam.toml/new/folder"], "beam.toml: is not a folder"),
+            (["reproduce", "--jobs", "0"], "argument --jobs: must be a whole number above 0, got '0'"),
+            (["reproduce", "--fast"], "unrecognized arguments: --fast"),
+            (["fly"], "argument COMMAND: invalid choice: 'fly'"),
+            ([], "the following arguments are required: COMMAND"),
+        ],
+    )
+    def test_arguments(self, files, capsys, arguments, what):
+        line = refused(arguments, files, capsys)
+        assert line.startswith("ancf-casadi")
+        assert what in line
+
+
+class TestFailure:
+    """Exit code 1, and one line that says what to try."""
+
+    def test_a_beam_that_cannot_stand(self, files, capsys):
+        slender = edited(
+            BEAM, ("axis = [0.0, -1.0]", "axis = [0.0, 1.0]"), ("thickness = 0.5e-3", "thickness = 0.2e-3")
+        )
+        (files / "beam.toml").write_text(slender)
+        assert main(["modes", "beam.toml"]) == 1
+        assert "unstable" in one_line(capsys)
+
+    def test_a_fit_that_does_not_converge(self, files, capsys, monkeypatch):
+        def fails(*_, **__):
+            raise FitError("no minimum was found;\nstart elsewhere")
+
+        monkeypatch.setattr(cli, "match_frequencies", fails)
+        assert main(["match", "beam.toml", "--json"]) == 1
+        assert one_line(capsys) == "ancf-casadi: no minimum was found; start elsewhere"
+
+    def test_a_simulation_that_fails_writes_nothing(self, files, capsys, monkeypatch):
+        def fails(*_, **__):
+            raise SimulationError("the integrator could not go on: try a larger tolerance", 0.1)
+
+        monkeypatch.setattr(cli, "simulate", fails)
+        assert main(["simulate", "study.toml", "--out", "motion.csv"]) == 1
+        assert one_line(capsys).endswith("try a larger tolerance")
+        assert not (files / "motion.csv").exists()
+
+    def test_an_integrator_that_fails(self, files, capsys):
+        """No step can meet a tolerance below rounding; the bar before the line is progress, not the message."""
+        text = (files / "study.toml").read_text().replace('start = "moving"', 'start = "moving"\ntolerance = 1e-30')
+        (files / "study.toml").write_text(text)
+        assert main(["simulate", "study.toml", "--out", "motion.csv"]) == 1
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert captured.err.splitlines()[-1].startswith("ancf-casadi: the integrator ")
+        assert "Traceback" not in captured.err
+        assert "casadi/" not in captured.err
+        assert not (files / "motion.csv").exists()
+
+    def test_out_of_memory(self, files, capsys, monkeypatch):
+        def fails(*_, **__):
+            raise MemoryError
+
+        monkeypatch.setattr(cli, "simulate", fails)
+        assert main(["simulate", "study.toml"]) == 1
+        assert "out of memory" in one_line(capsys)
+
+
+class TestInterrupted:
+    """Exit code 130, one line, nothing written."""
+
+    @pytest.mark.parametrize("command", ["modes", "match", "simulate", "fit-decay"])
+    def test_anywhere(self, files, capsys, monkeypatch, command):
+        def stopped(*_, **__):
+            raise KeyboardInterrupt
+
+        for name in ("natural_modes", "match_frequencies", "simulate", "fit_decay"):
+            monkeypatch.setattr(cli, name, stopped)
+        file = {"simulate": "study.toml", "fit-decay": "decay.csv"}.get(command, "beam.toml")
+        before = sorted(files.iterdir())
+        assert main([command, file]) == 130
+        assert one_line(capsys) == "ancf-casadi: stopped; nothing was written"
+        assert sorted(files.iterdir()) == before
+
+    def test_study(self, files, capsys, monkeypatch):
+        def stopped(**_):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(reproduction, "reproduce", stopped)
+        assert main(["reproduce", "--out", "study"]) == 130
+        assert one_line(capsys) == "ancf-casadi: stopped; nothing was written"
+        assert not (files / "study").exists()
+
+    def test_taken_for_a_failure_by_a_solver(self, files, capsys, monkeypatch):
+        """IPOPT and IDAS report an exception in their callbacks as their own failure."""
+
+        def swallowed(*_, **__):
+            try:
+                signal.raise_signal(signal.SIGINT)
+            except KeyboardInterrupt:
+                raise FitError("no minimum was found (NonIpopt_Exception_Thrown)") from None
+
+        monkeypatch.setattr(cli, "match_frequencies", swallowed)
+        assert main(["match", "beam.toml"]) == 130
+        assert one_line(capsys) == "ancf-casadi: stopped; nothing was written"
+
+    def test_handler_is_put_back(self, files, capsys):
+        before = signal.getsignal(signal.SIGINT)
+        assert main(["modes", "beam.toml"]) == 0
+        assert signal.getsignal(signal.SIGINT) is before
+
+    @pytest.mark.parametrize("delay", [0.0, 0.3])
+    def test_in_the_midst_of_a_simulation(self, files, delay):
+        """A real Ctrl-C once the integrator is at work, which notices it in one of several ways."""
+        (files / "study.toml").write_text(edited(STUDY, ("duration = 8.0 ", "duration = 200.0 ")))
+        command = [sys.executable, "-m", "problems.cli", "simulate", "study.toml", "--out", "motion.csv"]
+        with subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        ) as process:
+            assert process.stderr is not None
+            while b"/200.00 s" not in process.stderr.read1():
+                assert process.poll() is None
+            try:
+                process.wait(timeout=delay or 1e-3)
+            except subprocess.TimeoutExpired:
+                process.send_signal(signal.SIGINT)
+            output, errors = process.communicate(timeout=60)
+        assert process.returncode == 130
+        assert output == b""
+        assert errors.splitlines()[-1] == b"ancf-casadi: stopped; nothing was written"
+        assert b"Traceback" not in errors
+        assert not (files / "motion.csv").exists()
+
+
+@pytest.mark.parametrize("arguments", [["modes", "beam.toml"], ["match", "beam.toml", "--json"], ["--help"]])
+def test_a_reader_that_has_left_is_no_error(files, arguments):
+    """As in ``ancf-casadi modes beam.toml | true``."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "problems.cli", *arguments],
+            stdout=writer,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+    finally:
+        os.close(writer)
+    assert done.stderr == ""
+    assert done.returncode == 0
+
+
+def test_a_study_that_is_interrupted_leaves_no_processes(files):
+    """Ctrl-C in a terminal reaches the whole group; one process answers, none hangs."""
+    command = [sys.executable, "-m", "problems.cli", "reproduce", "--quick", "--jobs", "2", "--out", "study"]
+    with subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    ) as process:
+        assert process.stderr is not None
+        while b"transients:" not in process.stderr.read1():
+            assert process.poll() is None
+        try:
+            process.wait(timeout=3.0)  # the other processes are at work by then
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGINT)
+        try:
+            output, errors = process.communicate(timeout=30)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            raise
+    assert process.returncode == 130
+    assert output == b""
+    assert errors.splitlines()[-1] == b"ancf-casadi: stopped; nothing was written"
+    assert b"Traceback" not in errors
+    assert not (files / "study").exists()
+    left, deadline = True, time.monotonic() + 10.0
+    while left and time.monotonic() < deadline:
+        try:
+            os.killpg(process.pid, 0)
+        except ProcessLookupError:
+            left = False
+        time.sleep(0.05)
+    assert not left

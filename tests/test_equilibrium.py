@@ -1,0 +1,228 @@
+import re
+
+import numpy as np
+import pytest
+
+from ancf_casadi import Beam, EquilibriumError, InputError, Model, StrainMeasures, static_equilibrium
+
+# P L^2/EI: x/L, y/L, theta of the inextensible elastica with a tip load across; elliptic integrals, agreeing with
+# Chebyshev collocation in all digits.
+ELASTICA = {
+    0.5: (0.984081037529, 0.162143575658, 0.244533647133),
+    1.0: (0.943566763717, 0.301720773800, 0.461351949712),
+    2.0: (0.839358279175, 0.493457480397, 0.781749831557),
+    5.0: (0.612371639276, 0.713791523612, 1.215368117612),
+    10.0: (0.445004402246, 0.810609024880, 1.430285538804),
+}
+LOCKING = StrainMeasures(axial_points=5, bending_points=3)
+
+
+@pytest.fixture(scope="module")
+def tip_loaded(paper_beam, bending_stiffness):
+    """Equilibrium of a weightless beam along x with a tip load P L^2/EI across it."""
+
+    def solve(load, elements=20, measures=None, **changes):
+        beam = paper_beam(elements, axis=(1.0, 0.0), gravity=(0.0, 0.0), **changes)
+        force = load * bending_stiffness(beam) / beam.length**2
+        return static_equilibrium(Model(beam, measures or StrainMeasures()), tip_force=(0.0, force))
+
+    return solve
+
+
+def tip_error(equilibrium, reference):
+    """Distance of the tip from a reference (x/L, y/L), by the length."""
+    return float(np.linalg.norm(equilibrium.tip / equilibrium.model.beam.length - reference[:2]))
+
+
+def clamp_reaction(equilibrium):
+    """Force the clamp exerts on the beam."""
+    model = equilibrium.model
+    loads = model.gravity_force(model.properties, model.beam.gravity).full().ravel()
+    return (model.elastic_force(equilibrium.coordinates, model.properties).full().ravel() - loads)[:2]
+
+
+@pytest.mark.parametrize("load", [1.0, 2.0, 5.0, 10.0])
+def test_twenty_elements_follow_the_elastica(tip_loaded, load):
+    equilibrium = tip_loaded(load)
+    assert tip_error(equilibrium, ELASTICA[load]) < 1e-5
+    assert equilibrium.tip_angle == pytest.approx(ELASTICA[load][2], abs=1e-5)
+
+
+@pytest.mark.parametrize("load", [1.0, 2.0, 5.0, 10.0])
+def test_the_error_in_the_elastica_falls_with_the_fourth_power_of_the_element_length(tip_loaded, load):
+    """The beam is a tenth as thick as the paper's: EA L^2/EI = 1.2e9 makes stretching a matter of 1e-9 L."""
+    errors = [tip_error(tip_loaded(load, n, thickness=0.05e-3), ELASTICA[load]) for n in (5, 10, 20, 40)]
+    rates = -np.diff(np.log2(errors))
+    assert rates[0] == pytest.approx(4.0, abs=0.5)
+    np.testing.assert_allclose(rates[1:], 4.0, atol=0.15)
+
+
+def test_with_more_gauss_points_the_element_locks(tip_loaded):
+    """Why the default is two points for either term: 4e-4 of the length with 5 and 3, 3e-6 with 2 and 2."""
+    assert tip_error(tip_loaded(10.0, measures=LOCKING), ELASTICA[10.0]) > 1e-4
+    assert tip_error(tip_loaded(10.0), ELASTICA[10.0]) < 4e-6
+
+
+@pytest.mark.parametrize("axial", ["engineering", "green"])
+@pytest.mark.parametrize("curvature", ["material", "geometric", "small"])
+def test_a_small_tip_load_deflects_the_tip_by_fl3_3ei_under_every_strain_measure(tip_loaded, axial, curvature):
+    equilibrium = tip_loaded(1e-3, measures=StrainMeasures(axial, curvature))
+    assert equilibrium.tip[1] / 0.5 == pytest.approx(1e-3 / 3, rel=1e-6)
+
+
+@pytest.mark.parametrize(("curvature", "error"), [("material", 1e-5), ("geometric", 1e-5), ("small", 1e-4)])
+@pytest.mark.parametrize("axial", ["engineering", "green"])
+def test_the_measures_agree_on_a_slender_beam_that_hardly_stretches(tip_loaded, axial, curvature, error):
+    assert tip_error(tip_loaded(2.0, measures=StrainMeasures(axial, curvature)), ELASTICA[2.0]) < error
+
+
+@pytest.mark.parametrize(
+    ("curvature", "displacement"),
+    [("material", (-0.508537304326, -1.207239854550)), ("geometric", (-0.508923036548, -1.208400217308))],
+)
+def test_a_stubby_beam_shows_which_curvature_is_meant(curvature, displacement):
+    """Gerstmayr and Irschik 2008: L 2, b = h = 0.1, F = 3 EI/L^2; they converge to the material value.
+
+    The numbers are the extensible elastica's by collocation, with either curvature.
+    """
+    errors = []
+    for elements in (5, 10, 40):
+        beam = Beam.uniform(
+            length=2.0,
+            width=0.1,
+            thickness=0.1,
+            density=7850.0,
+            elastic_modulus=2.07e11,
+            elements=elements,
+            axis=(1.0, 0.0),
+            gravity=(0.0, 0.0),
+        )
+        force = 3 * 2.07e11 * beam.sections[0].second_moment / 4
+        equilibrium = static_equilibrium(Model(beam, StrainMeasures(curvature=curvature)), tip_force=(0.0, -force))
+        errors.append(np.linalg.norm(equilibrium.tip - (2.0, 0.0) - displacement))
+    assert errors[0] < 3e-4
+    assert errors[1] < errors[0] / 8
+    assert errors[2] < 3e-6
+
+
+@pytest.mark.parametrize("moment", [0.5, 1.0, 2.0, np.pi])
+def test_an_end_moment_bends_the_beam_to_an_arc_of_a_circle(weightless, bending_stiffness, moment):
+    """Tip at (sin m/m, (1 - cos m)/m) L, angle m, for m = M L/EI."""
+    m = moment
+    equilibrium = static_equilibrium(weightless, tip_moment=m * bending_stiffness(weightless.beam) / 0.5)
+    assert tip_error(equilibrium, (np.sin(m) / m, (1 - np.cos(m)) / m)) < 1e-5
+    assert abs(np.exp(1j * equilibrium.tip_angle) - np.exp(1j * m)) < 2e-5
+
+
+def test_the_error_of_the_arc_falls_with_the_fourth_power_of_the_element_length(paper_beam, bending_stiffness):
+    errors = []
+    for elements in (5, 10, 20, 40):
+        beam = paper_beam(elements, axis=(1.0, 0.0), gravity=(0.0, 0.0))
+        equilibrium = static_equilibrium(Model(beam), tip_moment=2.0 * bending_stiffness(beam) / 0.5)
+        errors.append(tip_error(equilibrium, (np.sin(2.0) / 2, (1 - np.cos(2.0)) / 2)))
+    np.testing.assert_allclose(-np.diff(np.log2(errors)), 4.0, atol=0.2)
+
+
+def test_an_end_moment_of_two_pi_ei_over_l_closes_the_circle(weightless, bending_stiffness):
+    equilibrium = static_equilibrium(weightless, tip_moment=2 * np.pi * bending_stiffness(weightless.beam) / 0.5)
+    assert np.linalg.norm(equilibrium.tip) / 0.5 < 2e-4
+    assert np.linalg.norm(equilibrium.coordinates[-2:] - (1.0, 0.0)) < 1e-3
+    np.testing.assert_allclose(equilibrium.position(0.25), (0.0, 0.5 / np.pi), atol=1e-4)
+
+
+def test_a_horizontal_beam_sags_under_its_own_weight(paper_beam):
+    """Tip (0.4795670775, -0.1322053449) m, angle 0.3574651341: inextensible, power series and collocation."""
+    equilibrium = static_equilibrium(Model(paper_beam(axis=(1.0, 0.0))))
+    np.testing.assert_allclose(equilibrium.tip, (0.4795670775, -0.1322053449), atol=2e-7)
+    assert equilibrium.tip_angle == pytest.approx(-0.3574651341, abs=2e-7)
+    assert equilibrium.is_stable
+
+
+def test_a_hanging_beam_stretches_by_its_weight_alone(hanging):
+    """rho g L^2/2E."""
+    equilibrium = static_equilibrium(hanging)
+    np.testing.assert_allclose(equilibrium.tip, (0.0, -0.5 - 8000 * 9.81 * 0.5**2 / 2 / 210e9), atol=1e-11)
+    assert equilibrium.tip_angle == pytest.approx(-np.pi / 2, abs=1e-12)
+
+
+def test_a_pull_along_the_axis_stretches_the_beam_by_fl_ea(weightless):
+    area = weightless.beam.sections[0].area
+    equilibrium = static_equilibrium(weightless, tip_force=(1e-4 * 210e9 * area, 0.0))
+    np.testing.assert_allclose(equilibrium.tip, (0.5 * (1 + 1e-4), 0.0), atol=1e-12)
+
+
+def test_the_clamp_bears_the_weight_and_the_tip_force(paper_beam):
+    model = Model(paper_beam(axis=(1.0, 0.0)))
+    equilibrium = static_equilibrium(model, tip_force=(0.01, -0.02), tip_moment=1e-3)
+    expected = -(model.beam.mass * np.array([0.0, -9.81]) + (0.01, -0.02))
+    np.testing.assert_allclose(clamp_reaction(equilibrium), expected, atol=1e-8)
+    np.testing.assert_array_equal(equilibrium.coordinates[:4], model.straight[:4])
+
+
+def test_turning_beam_gravity_and_loads_turns_the_equilibrium(paper_beam):
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    first = static_equilibrium(
+        Model(paper_beam(axis=(1.0, 0.0), gravity=(0.0, -9.81))), tip_force=(0.0, 0.03), tip_moment=2e-3
+    )
+    second = static_equilibrium(
+        Model(paper_beam(axis=turn @ (1.0, 0.0), gravity=turn @ (0.0, -9.81))),
+        tip_force=turn @ (0.0, 0.03),
+        tip_moment=2e-3,
+    )
+    np.testing.assert_allclose(second.tip, turn @ first.tip, atol=1e-9)
+
+
+@pytest.mark.parametrize(("share", "stable"), [(0.99, True), (1.01, False)])
+def test_a_standing_beam_buckles_under_its_own_weight_at_greenhills_length(paper_beam, share, stable):
+    """q L^3/EI = 7.8373 (Greenhill 1881; Timoshenko and Gere 1961, Section 2.12)."""
+    second_moment_over_area = (0.5e-3) ** 2 / 12
+    critical = (7.8373 * 210e9 * second_moment_over_area / (8000.0 * 9.81)) ** (1 / 3)
+    beam = paper_beam(axis=(0.0, 1.0), length=share * critical)
+    assert static_equilibrium(Model(beam)).is_stable is stable
+
+
+@pytest.mark.parametrize(("share", "stable"), [(0.99, True), (1.01, False)])
+def test_a_pressed_cantilever_buckles_at_eulers_load(weightless, bending_stiffness, share, stable):
+    """pi^2 EI/4L^2 (Euler 1744)."""
+    load = share * np.pi**2 * bending_stiffness(weightless.beam) / (4 * 0.5**2)
+    assert static_equilibrium(weightless, tip_force=(-load, 0.0)).is_stable is stable
+
+
+def test_the_stiffness_is_the_jacobian_of_the_imbalance_loads_included(paper_beam, bending_stiffness):
+    """A tip moment follows the tip, so solving a slightly larger load moves the tip as the stiffness says."""
+    model = Model(paper_beam(8, axis=(1.0, 0.0)))
+    unit = bending_stiffness(model.beam) / 0.5
+    states = [static_equilibrium(model, tip_moment=(1.0 + h) * unit, tip_force=(0.0, 0.01)) for h in (-1e-5, 0.0, 1e-5)]
+    slope = states[1].coordinates[-2:]
+    change_of_load = np.zeros(model.size - 4)
+    change_of_load[-2:] = unit * np.array([-slope[1], slope[0]]) / (slope @ slope)
+    change = np.linalg.solve(states[1].stiffness.toarray(), change_of_load)
+    differences = (states[2].coordinates - states[0].coordinates)[model.free] / 2e-5
+    np.testing.assert_allclose(change, differences, atol=1e-6 * abs(differences).max())
+
+
+def test_an_element_bent_beyond_what_a_cubic_can_follow_is_an_error_with_advice(paper_beam, bending_stiffness):
+    beam = paper_beam(5, axis=(1.0, 0.0), gravity=(0.0, 0.0))
+    with pytest.raises(
+        EquilibriumError, match=r"^no static equilibrium was found beyond 0\.\d+ of the load .*\) ?.*use more"
+    ):
+        static_equilibrium(Model(beam), tip_moment=2 * np.pi * bending_stiffness(beam) / 0.5)
+
+
+@pytest.mark.parametrize(
+    ("loads", "message"),
+    [
+        ({"tip_force": (0.0, np.nan)}, "tip_force: must be a finite number, got nan"),
+        ({"tip_force": 1.0}, "tip_force: must be a pair of numbers (x, y), got 1.0"),
+        ({"tip_moment": np.inf}, "tip_moment: must be a finite number, got inf"),
+        ({"tip_moment": "1"}, "tip_moment: must be a finite number, got '1'"),
+    ],
+)
+def test_loads_that_are_no_numbers_are_refused_by_name(weightless, loads, message):
+    with pytest.raises(InputError, match=f"^{re.escape(message)}$"):
+        static_equilibrium(weightless, **loads)
+
+
+def test_a_point_off_the_beam_has_no_position(weightless):
+    with pytest.raises(InputError, match=r"^s: the point must be on the beam, 0 to 0\.5 m, got 0\.51$"):
+        static_equilibrium(weightless).position(0.51)

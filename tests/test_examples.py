@@ -1,0 +1,75 @@
+"""Every example runs, and shows what its first lines promise."""
+
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from problems.cli import main
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@pytest.fixture
+def example(monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    return lambda name: runpy.run_path(str(next(EXAMPLES.glob(f"{name}_*.py"))))
+
+
+def test_every_example_is_tested():
+    tested = {name.removeprefix("test_")[:4] for name in globals() if name.startswith("test_ex")}
+    assert {path.name[:4] for path in EXAMPLES.glob("ex*.py")} == tested
+
+
+def test_ex01_gravity_shifts_the_frequencies(example):
+    found = example("ex01")
+    assert found["weightless"] == pytest.approx(found["exact"], rel=2e-4)
+    assert found["weightless"][0] == pytest.approx(1.6553, abs=5e-5)
+    assert found["hanging"][0] == pytest.approx(1.8761, abs=1e-4)  # power series, 40 digits: 1.87613156
+    assert found["standing"][0] == pytest.approx(1.3994, abs=1e-4)  # power series, 40 digits: 1.39944159
+
+
+def test_ex02_the_circle_closes(example):
+    found = example("ex02")
+    assert found["gap"] < 1e-4
+    assert found["top"] == pytest.approx([0.0, 1 / np.pi], abs=1e-4)
+
+
+def test_ex03_standard_errors_are_the_cramer_rao_bounds(example):
+    fit = example("ex03")["fit"]
+    assert fit.standard_errors.frequency == pytest.approx(8.4060e-5, rel=0.05)
+    assert fit.standard_errors.damping_ratio == pytest.approx(4.5321e-5, rel=0.05)
+    assert abs(fit.frequency - 1.85) < 3 * 8.4060e-5
+    assert abs(fit.damping_ratio - 0.01) < 3 * 4.5321e-5
+
+
+def test_ex04_no_energy_goes_missing(example):
+    found = example("ex04")
+    assert found["swing"] > 0.5
+    assert found["run"].dissipated_energy[-1] == pytest.approx(found["lost"], rel=2e-3)
+    assert found["lost"] > 0.1 * np.ptp(found["run"].kinetic_energy)
+
+
+def test_ex05_all_frequencies_are_met_within_the_bounds(example):
+    found = example("ex05")
+    assert found["match"].max_relative_error < 1e-6
+    assert found["largest_change"] < 0.1
+    assert found["match"].at_bound == ()
+
+
+def test_the_toml_examples_run(capsys):
+    assert main(["modes", str(EXAMPLES / "beam.toml")]) == 0
+    assert "1.87613" in capsys.readouterr().out
+    assert main(["match", str(EXAMPLES / "beam.toml")]) == 0
+    assert "at a bound: nothing" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_the_toml_study_runs(capsys, tmp_path):
+    motion = tmp_path / "motion.csv"
+    assert main(["simulate", str(EXAMPLES / "study.toml"), "--out", str(motion)]) == 0
+    assert "tip_travel_m" in capsys.readouterr().out
+    time, x = np.loadtxt(motion, delimiter=",", skiprows=1, usecols=(0, 1)).T
+    assert time[-1] == pytest.approx(8.0)
+    assert 0.05 < np.ptp(x) < 0.5

@@ -1,0 +1,228 @@
+import pickle
+import re
+
+import numpy as np
+import pytest
+
+from ancf_casadi import InputError, Model, StrainMeasures
+
+STEP = 1e-6
+
+
+@pytest.fixture(scope="module")
+def model(paper_beam):
+    """Four elements that differ in every property, tilted."""
+    return Model(
+        paper_beam(
+            elements=4,
+            width=[5e-3, 4e-3, 6e-3, 5e-3],
+            thickness=[4e-3, 5e-3, 3e-3, 6e-3],
+            density=[8000.0, 7000.0, 9000.0, 8500.0],
+            elastic_modulus=[2.1e9, 1.9e9, 2.3e9, 2.0e9],
+            axis=(0.6, -0.8),
+        )
+    )
+
+
+def deformed(model, seed):
+    """Coordinates of a moderately stretched and bent beam, off its clamp."""
+    noise = np.random.default_rng(seed).normal(size=model.size)
+    return model.straight + noise * np.tile([2e-3, 2e-3, 0.1, 0.1], model.beam.elements + 1)
+
+
+def dense(function, *arguments):
+    return function(*arguments).full().squeeze()
+
+
+def spin(e):
+    """Rates of a rigid rotation at 1 rad/s about the origin."""
+    return (e.reshape(-1, 2) @ np.array([[0.0, 1.0], [-1.0, 0.0]])).ravel()
+
+
+def turn(e, angle):
+    rotation = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return (e.reshape(-1, 2) @ rotation.T).ravel()
+
+
+def elements_of(e):
+    """Coordinates of each element."""
+    return [e[4 * k : 4 * k + 8] for k in range(len(e) // 4 - 1)]
+
+
+def difference(function, x):
+    """Central differences of a function of a vector, one column a component of x."""
+    columns = [(function(x + h) - function(x - h)) / (2 * STEP) for h in STEP * np.eye(len(x))]
+    return np.array(columns).T
+
+
+def test_the_straight_beam_has_its_nodes_along_the_axis_and_unit_slopes(model):
+    nodes = model.straight.reshape(-1, 4)
+    np.testing.assert_allclose(nodes[:, :2], np.outer([0, 0.125, 0.25, 0.375, 0.5], [0.6, -0.8]), atol=1e-15)
+    np.testing.assert_allclose(nodes[:, 2:], np.tile([0.6, -0.8], (5, 1)), atol=1e-15)
+
+
+def test_the_clamp_takes_the_first_nodes_four_coordinates(model):
+    assert model.size == 20
+    assert list(range(model.size))[model.free] == list(range(4, 20))
+
+
+def test_energies_and_forces_are_the_sums_over_the_elements_with_their_own_properties(model):
+    e, rate, g = deformed(model, 0), np.random.default_rng(1).normal(size=model.size), [1.0, -9.81]
+    energy = 0.0
+    sums = {name: np.zeros(model.size) for name in ("elastic", "tangent", "strain_rate", "drag", "gravity")}
+    one = model.element
+    for k, (part, part_rate) in enumerate(zip(elements_of(e), elements_of(rate), strict=True)):
+        p, rows = model.properties[:, k], slice(4 * k, 4 * k + 8)
+        energy += float(one.strain_energy(part, p))
+        sums["elastic"][rows] += dense(one.elastic_force, part, p)
+        sums["tangent"][rows] += dense(one.tangent_force, part, part_rate, p)
+        sums["strain_rate"][rows] += dense(one.strain_rate_force, part, part_rate, p)
+        sums["drag"][rows] += dense(one.drag_force, part_rate, p)
+        sums["gravity"][rows] += dense(one.gravity_force, p, g)
+    P = model.properties
+    assert float(model.strain_energy(e, P)) == pytest.approx(energy, rel=1e-13)
+    got = {
+        "elastic": dense(model.elastic_force, e, P),
+        "tangent": dense(model.tangent_force, e, rate, P),
+        "strain_rate": dense(model.strain_rate_force, e, rate, P),
+        "drag": dense(model.drag_force, rate, P),
+        "gravity": dense(model.gravity_force, P, g),
+    }
+    for name, expected in sums.items():
+        np.testing.assert_allclose(got[name], expected, atol=1e-12 * abs(expected).max(), err_msg=name)
+
+
+def test_matrices_are_the_sums_over_the_elements_and_couple_neighbouring_nodes_only(model):
+    e, P = deformed(model, 0), model.properties
+    mass, stiffness = np.zeros((2, model.size, model.size))
+    for k, part in enumerate(elements_of(e)):
+        rows = slice(4 * k, 4 * k + 8)
+        mass[rows, rows] += dense(model.element.mass, P[:, k])
+        stiffness[rows, rows] += dense(model.element.tangent_stiffness, part, P[:, k])
+    np.testing.assert_allclose(dense(model.mass, P), mass, atol=1e-15 * mass.max())
+    np.testing.assert_allclose(dense(model.tangent_stiffness, e, P), stiffness, atol=1e-12 * stiffness.max())
+    assert model.mass(P).nnz() == model.tangent_stiffness(e, P).nnz() == 16 * (5 + 2 * 4)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_elastic_force_is_the_gradient_of_the_strain_energy(model, seed):
+    e = deformed(model, seed)
+    force = dense(model.elastic_force, e, model.properties)
+    gradient = difference(lambda x: float(model.strain_energy(x, model.properties)), e)
+    np.testing.assert_allclose(force, gradient, atol=1e-6 * abs(force).max())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_tangent_stiffness_is_the_jacobian_of_the_elastic_force(model, seed):
+    e = deformed(model, seed)
+    stiffness = dense(model.tangent_stiffness, e, model.properties)
+    differences = difference(lambda x: dense(model.elastic_force, x, model.properties), e)
+    np.testing.assert_allclose(stiffness, differences, atol=1e-7 * abs(stiffness).max())
+
+
+@pytest.mark.parametrize("angle", [0.4, 2.0, np.pi])
+def test_a_rigid_rotation_stores_no_energy_and_meets_no_elastic_or_strain_rate_force(model, angle):
+    e = turn(model.straight, angle)
+    scale = abs(dense(model.tangent_stiffness, e, model.properties)).max()
+    assert float(model.strain_energy(e, model.properties)) < 1e-25 * scale
+    assert abs(dense(model.elastic_force, e, model.properties)).max() < 1e-14 * scale
+    assert abs(dense(model.strain_rate_force, e, spin(e), model.properties)).max() < 1e-14 * scale
+
+
+def test_a_rigid_motion_of_a_bent_beam_meets_no_strain_rate_force(model):
+    e = deformed(model, 3)
+    rigid = spin(e) + np.tile([0.7, -0.4, 0.0, 0.0], 5)
+    scale = abs(dense(model.tangent_stiffness, e, model.properties)).max()
+    assert abs(dense(model.strain_rate_force, e, rigid, model.properties)).max() < 1e-14 * scale
+
+
+def test_the_linearised_strain_rate_force_of_the_straight_beam_is_its_elastic_stiffness(model):
+    stiffness = dense(model.tangent_stiffness, model.straight, model.properties)
+    columns = [dense(model.strain_rate_force, model.straight, unit, model.properties) for unit in np.eye(model.size)]
+    np.testing.assert_allclose(np.array(columns).T, stiffness, atol=1e-13 * abs(stiffness).max())
+
+
+def test_the_clamp_holds_the_three_rigid_motions_and_the_axial_pattern_that_two_gauss_points_do_not_see(model):
+    """Slopes that change alike at all nodes strain no Gauss point; the clamp fixes the first of them, hence all."""
+    stiffness = dense(model.tangent_stiffness, model.straight, model.properties)
+    values = np.linalg.eigvalsh(stiffness)
+    assert (values < 1e-9 * values.max()).sum() == 4
+    assert np.linalg.eigvalsh(stiffness[model.free, model.free]).min() > 1e-9 * values.max()
+
+
+def test_the_mass_matrix_holds_the_mass_of_the_beam(model):
+    mass = dense(model.mass, model.properties)
+    for direction in ([1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]):
+        translation = np.tile(direction, 5)
+        assert translation @ mass @ translation == pytest.approx(model.beam.mass, rel=1e-13)
+    np.testing.assert_allclose(mass, mass.T, atol=1e-15 * mass.max())
+    assert np.linalg.eigvalsh(mass).min() > 0.0
+
+
+def test_a_uniform_beam_turning_about_its_end_has_the_moment_of_inertia_m_l2_3(hanging):
+    rates = spin(hanging.straight)
+    inertia = rates @ dense(hanging.mass, hanging.properties) @ rates
+    assert inertia == pytest.approx(hanging.beam.mass * 0.5**2 / 3, rel=1e-13)
+
+
+def test_gravity_forces_add_up_to_the_weight(model):
+    force = dense(model.gravity_force, model.properties, [1.5, -9.81]).reshape(-1, 4)
+    np.testing.assert_allclose(force[:, :2].sum(axis=0), model.beam.mass * np.array([1.5, -9.81]), rtol=1e-13)
+
+
+def test_the_functions_are_symbolic_in_the_properties(model):
+    """Mass is linear in the density, stiffness in the modulus."""
+    e = deformed(model, 0)
+    heavier, stiffer = model.properties.copy(), model.properties.copy()
+    heavier[2] *= 3
+    stiffer[3] *= 2
+    np.testing.assert_allclose(dense(model.mass, heavier), 3 * dense(model.mass, model.properties), rtol=1e-13)
+    expected = 2 * dense(model.elastic_force, e, model.properties)
+    np.testing.assert_allclose(dense(model.elastic_force, e, stiffer), expected, rtol=1e-12)
+
+
+def test_a_point_of_the_straight_beam_lies_at_its_arc_length_along_the_axis(model):
+    for s in (0.0, 0.01, 0.125, 0.3, 0.499, 0.5):
+        np.testing.assert_allclose(model.interpolation(s) @ model.straight, s * np.array([0.6, -0.8]), atol=1e-16)
+        np.testing.assert_allclose(model.slope_interpolation(s) @ model.straight, [0.6, -0.8], atol=1e-14)
+
+
+def test_points_at_nodes_are_the_nodal_coordinates(model):
+    e = deformed(model, 0)
+    for k, s in enumerate((0.0, 0.125, 0.25, 0.375, 0.5)):
+        np.testing.assert_allclose(model.interpolation(s) @ e, e[4 * k : 4 * k + 2], atol=1e-15)
+        np.testing.assert_allclose(model.slope_interpolation(s) @ e, e[4 * k + 2 : 4 * k + 4], atol=1e-14)
+
+
+def test_the_slope_is_the_derivative_of_the_position_and_continuous_across_nodes(model):
+    e, h = deformed(model, 0), 1e-7
+    for s in (0.01, 0.125, 0.3, 0.499):
+        slope = (model.interpolation(s + h) - model.interpolation(s - h)) @ e / (2 * h)
+        np.testing.assert_allclose(model.slope_interpolation(s) @ e, slope, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("s", "message"),
+    [
+        (-1e-9, "s: the point must be on the beam, 0 to 0.5 m, got -1e-09"),
+        (0.6, "s: the point must be on the beam, 0 to 0.5 m, got 0.6"),
+        (float("nan"), "s: must be a finite number, got nan"),
+        ("tip", "s: must be a finite number, got 'tip'"),
+    ],
+)
+def test_a_point_that_is_not_on_the_beam_is_refused(model, s, message):
+    for interpolation in (model.interpolation, model.slope_interpolation):
+        with pytest.raises(InputError, match=f"^{re.escape(message)}$"):
+            interpolation(s)
+
+
+def test_models_are_equal_when_beam_and_strain_measures_are(paper_beam):
+    assert Model(paper_beam()) == Model(paper_beam())
+    assert Model(paper_beam()) != Model(paper_beam(density=7850.0))
+    assert Model(paper_beam()) != Model(paper_beam(), StrainMeasures(axial="green"))
+
+
+def test_a_model_travels_between_processes_also_after_use(model):
+    again = pickle.loads(pickle.dumps(model))
+    assert again == model
+    np.testing.assert_array_equal(dense(again.mass, again.properties), dense(model.mass, model.properties))

@@ -1,0 +1,185 @@
+import re
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from ancf_casadi import (
+    EquilibriumError,
+    InputError,
+    Model,
+    StrainMeasures,
+    modal_assurance,
+    natural_modes,
+    static_equilibrium,
+)
+
+# Hz.  Beam of Table 1 (0.5 m, 5 mm, 0.5 mm, 210 GPa).  "exact": roots in 40 digits, with gravity power series, agreeing
+# with Chebyshev collocation.  "cubic": 20 cubic elements, assembled independently.
+CUBIC_8000 = (1.6552932, 10.3735667, 29.0467016, 56.9225661, 94.1071423)
+EXACT_8000 = (1.655293122, 10.373544922, 29.046226159, 56.919010528, 94.091202772)
+EXACT_7850 = (1.671033189, 10.472186237, 29.322424698, 57.460249429, 94.985909456)
+EXACT_HANGING = (1.87613156, 10.57854292, 29.25877251, 57.14312999, 94.32271386)
+EXACT_STANDING = (1.39944159, 10.16418416, 28.83182775, 56.69381756, 93.85900178)
+TABLE_10_STANDARD = (1.6710, 10.4722, 29.3224, 57.4602, 94.9859)  # the fifth as it should be; the paper prints 94.97
+
+WEIGHTLESS = {"axis": (1.0, 0.0), "gravity": (0.0, 0.0)}
+
+
+def cantilever_roots(count):
+    """Beta L of the clamped-free beam: cos x cosh x = -1."""
+    return np.array(
+        [
+            brentq(lambda x: np.cos(x) + 1 / np.cosh(x), (k + 0.4) * np.pi, (k + 0.7) * np.pi, xtol=1e-14)
+            for k in range(count)
+        ]
+    )
+
+
+@pytest.fixture(scope="module")
+def modes(weightless):
+    return natural_modes(weightless, count=6)
+
+
+def test_twenty_elements_give_the_frequencies_of_twenty_cubic_elements(modes):
+    np.testing.assert_allclose(modes.frequencies[:5], CUBIC_8000, rtol=1e-6)
+
+
+def test_frequencies_are_those_of_the_cantilever_formula(modes):
+    """F = (beta L)^2/(2 pi L^2) (EI/mu)^1/2, which 20 elements overestimate by (beta l)^4/1440."""
+    roots = cantilever_roots(5)
+    exact = roots**2 / (2 * np.pi * 0.5**2) * np.sqrt(210e9 / 8000.0) * 0.5e-3 / np.sqrt(12)
+    np.testing.assert_allclose(exact, EXACT_8000, rtol=1e-9)
+    np.testing.assert_allclose(modes.frequencies[:5] / (1 + (roots / 20) ** 4 / 1440), exact, rtol=1e-5)
+
+
+@pytest.mark.parametrize("elements", [5, 10, 20, 40])
+def test_the_error_of_a_frequency_is_beta_l_to_the_fourth_over_1440(paper_beam, elements):
+    frequencies = natural_modes(Model(paper_beam(elements, **WEIGHTLESS)), count=3).frequencies
+    waves = cantilever_roots(3) / elements
+    errors, expected = frequencies / EXACT_8000[:3] - 1, waves**4 / 1440
+    assert (abs(errors - expected) < (0.02 + 0.07 * waves**2) * expected + 2e-9).all()
+
+
+@pytest.mark.parametrize(("axis", "exact"), [((0.0, -1.0), EXACT_HANGING), ((0.0, 1.0), EXACT_STANDING)])
+def test_gravity_raises_the_frequencies_of_a_hanging_beam_and_lowers_those_of_a_standing_one(paper_beam, axis, exact):
+    frequencies = natural_modes(Model(paper_beam(axis=axis))).frequencies
+    np.testing.assert_allclose(frequencies, exact, rtol=3e-4)
+    np.testing.assert_allclose(frequencies[0], exact[0], rtol=1e-6)
+
+
+def test_table_10_standard_is_the_weightless_beam_of_density_7850_not_8000(paper_beam, modes):
+    """Table 1 and 9 print 8000 kg/m^3."""
+    frequencies = natural_modes(Model(paper_beam(density=7850.0, **WEIGHTLESS))).frequencies
+    np.testing.assert_allclose(frequencies, TABLE_10_STANDARD, rtol=2e-4)
+    np.testing.assert_allclose(frequencies, EXACT_7850, rtol=2e-4)
+    assert (np.array(TABLE_10_STANDARD) / modes.frequencies[:5] > 1.009).all()
+
+
+@pytest.mark.parametrize("measures", [StrainMeasures("green", "geometric"), StrainMeasures("engineering", "small")])
+def test_small_motion_does_not_know_the_strain_measure(paper_beam, modes, measures):
+    other = natural_modes(Model(paper_beam(**WEIGHTLESS), measures))
+    np.testing.assert_allclose(other.frequencies, modes.frequencies[:5], rtol=1e-8)
+
+
+def test_weightless_frequencies_depend_on_thickness_modulus_and_density_but_not_on_width_or_direction(
+    paper_beam, modes
+):
+    def frequencies(**changes):
+        return natural_modes(Model(paper_beam(**{**WEIGHTLESS, **changes}))).frequencies
+
+    reference = modes.frequencies[:5]
+    np.testing.assert_allclose(frequencies(width=8e-3), reference, rtol=1e-8)
+    np.testing.assert_allclose(frequencies(axis=(0.6, -0.8)), reference, rtol=1e-8)
+    np.testing.assert_allclose(frequencies(thickness=1e-3), 2 * reference, rtol=1e-7)
+    np.testing.assert_allclose(frequencies(elastic_modulus=4 * 210e9), 2 * reference, rtol=1e-8)
+    np.testing.assert_allclose(frequencies(density=4 * 8000.0), reference / 2, rtol=1e-8)
+
+
+def test_a_stubby_beam_has_an_axial_mode_at_a_quarter_of_the_wave_speed_over_the_length(paper_beam):
+    beam = paper_beam(thickness=0.1, **WEIGHTLESS)
+    found = natural_modes(Model(beam), count=6)
+    axial = np.abs(found.shapes[-4]) > np.abs(found.shapes[-3])
+    expected = np.sqrt(210e9 / 8000.0) / (4 * 0.5)
+    assert found.frequencies[axial][0] == pytest.approx(expected, rel=3e-4)  # second order in the element length
+
+
+def test_modes_are_mass_normalised_and_diagonalise_mass_and_stiffness(hanging):
+    modes = natural_modes(hanging, count=6)
+    shapes, free = modes.shapes, hanging.free
+    mass = hanging.mass(hanging.properties).full()
+    modal_mass = shapes.T @ mass @ shapes
+    modal_stiffness = shapes[free].T @ modes.equilibrium.stiffness @ shapes[free]
+    omega = modes.angular
+    np.testing.assert_allclose(modal_mass, np.eye(6), atol=1e-9)
+    np.testing.assert_allclose(modal_stiffness, np.diag(omega**2), atol=1e-8 * omega[-1] ** 2)
+    np.testing.assert_allclose(omega, 2 * np.pi * modes.frequencies)
+
+
+def test_shapes_vanish_at_the_clamp_and_move_the_tip_to_the_positive_side(modes):
+    assert not modes.shapes[:4].any()
+    assert (modes.shapes[-3] > 0).all()
+
+
+def test_a_mass_normalised_cantilever_mode_moves_the_tip_by_two_over_the_root_of_the_mass(modes):
+    """Phi(L)^2 = 4 for the mode with unit mean square (Bishop and Johnson 1960)."""
+    np.testing.assert_allclose(modes.tip_amplitudes()[:4], 2 / np.sqrt(modes.model.beam.mass), rtol=2e-4)
+
+
+def test_shapes_and_amplitudes_can_be_asked_for_one_mode_or_many(weightless, modes):
+    one = natural_modes(weightless, count=1)
+    assert one.count == 1 and modes.count == 6
+    np.testing.assert_allclose(one.frequencies, modes.frequencies[:1], rtol=1e-10)
+    np.testing.assert_allclose(one.shapes[:, 0], modes.shapes[:, 0], atol=1e-6 * abs(one.shapes).max())
+
+
+def test_the_share_of_a_mode_in_a_motion_is_the_tips_displacement_in_it(modes):
+    amplitudes = np.array([0.3, -0.2, 0.1, 0.0, 0.5, 0.0]) * 1e-3
+    motion = modes.equilibrium.coordinates + modes.shapes @ (amplitudes / modes.tip_amplitudes())
+    for mode, amplitude in enumerate(amplitudes):
+        assert modes.coordinates_of(motion, mode) == pytest.approx(amplitude, abs=1e-12)
+    many = modes.coordinates_of(np.array([modes.equilibrium.coordinates, motion]), 1)
+    np.testing.assert_allclose(many, [0.0, -0.2e-3], atol=1e-12)
+
+
+def test_modes_about_a_loaded_equilibrium_feel_its_tension(weightless, bending_stiffness):
+    """Under a pull that outweighs bending, the first is a string's, omega L (mu/T)^1/2 = pi/2 (1 + (EI/T)^1/2/L)."""
+    tension = 2000 * bending_stiffness(weightless.beam) / 0.5**2
+    pulled = static_equilibrium(weightless, tip_force=(tension, 0.0))
+    omega = natural_modes(weightless, count=1, equilibrium=pulled).angular[0]
+    mu = weightless.beam.mass / 0.5
+    pendulum = omega * 0.5 * np.sqrt(mu / tension)
+    assert pendulum == pytest.approx(np.pi / 2 * (1 + 1 / np.sqrt(2000)), rel=2e-3)
+
+
+def test_modal_assurance_is_one_for_the_same_shape_and_zero_for_orthogonal_ones():
+    rng = np.random.default_rng(0)
+    basis = np.linalg.qr(rng.normal(size=(8, 3)))[0]
+    np.testing.assert_allclose(modal_assurance(basis, -3 * basis), np.eye(3), atol=1e-14)
+    assert modal_assurance(basis[:, :1], basis[:, 1:]).shape == (1, 2)
+    mixed = basis[:, [0]] + basis[:, [1]]
+    np.testing.assert_allclose(modal_assurance(basis, mixed), [[0.5], [0.5], [0.0]], atol=1e-14)
+
+
+@pytest.mark.parametrize("count", [0, -1, 17, 2.0, True, None])
+def test_a_count_of_modes_the_mesh_does_not_have_is_refused(paper_beam, count):
+    with pytest.raises(InputError, match=f"^count: must be 1 to 16 for 4 elements, got {re.escape(repr(count))}$"):
+        natural_modes(Model(paper_beam(4)), count=count)
+
+
+def test_all_modes_the_mesh_has_can_be_had(paper_beam):
+    modes = natural_modes(Model(paper_beam(4)), count=16)
+    assert modes.count == 16
+    assert (np.diff(modes.frequencies) > 0).all()
+
+
+def test_an_equilibrium_of_another_model_is_refused(weightless, hanging):
+    with pytest.raises(InputError, match=r"^equilibrium: belongs to another model$"):
+        natural_modes(weightless, equilibrium=static_equilibrium(hanging))
+
+
+def test_an_unstable_equilibrium_has_no_modes(paper_beam):
+    with pytest.raises(
+        EquilibriumError, match=r"^the equilibrium is unstable, so it has no modes; a standing beam may be"
+    ):
+        natural_modes(Model(paper_beam(axis=(0.0, 1.0), length=0.8)))

@@ -16,7 +16,6 @@ import platform
 import shutil
 import subprocess
 import tempfile
-from importlib.metadata import version
 from pathlib import Path
 
 import casadi as cs
@@ -44,7 +43,7 @@ def compiled(function: cs.Function) -> cs.Function:
     compiler = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc")
     if compiler is None or os.environ.get("ANCF_CASADI_COMPILE") == "0":
         return interpreted(function)
-    what = (FORMAT, version("casadi"), compiler, *FLAGS, platform.machine(), function.serialize())
+    what = (FORMAT, cs.CasadiMeta.version(), compiler, *FLAGS, platform.machine(), function.serialize())
     key = hashlib.sha256("\0".join(what).encode()).hexdigest()
     library = cache_folder() / f"{function.name()}-{key[:32]}.so"
     if not library.exists():

@@ -158,16 +158,16 @@ class TestSimulate:
         assert data["steps"] > 100
 
     def test_motion_as_csv(self, files, capsys):
-        """All digits, and the base where it stopped: 2 mm after a quarter of a period of 1.876 Hz."""
+        """All digits, and the base where it stopped: at its first rest after 0.2 s, three quarters of a period."""
         assert main(["simulate", "study.toml", "--out", "new/motion.csv", "--plot", "new/motion.png"]) == 0
         assert "samples" in capsys.readouterr().out
         header, *rows = (files / "new" / "motion.csv").read_text().splitlines()
         assert header == "time_s,tip_x_m,tip_y_m,base_x_m,base_y_m"
         motion = np.array([[float(cell) for cell in row.split(",")] for row in rows])
         assert motion[:, 0] == pytest.approx(np.arange(201) / 500.0)
-        moving = motion[:, 0] < 0.4 / 1.876
-        assert motion[moving, 3] == pytest.approx(2e-3 * np.sin(2 * np.pi * 1.876 * motion[moving, 0]), abs=1e-12)
-        assert motion[-1, 3:] == pytest.approx([-2e-3, 0.0], abs=1e-12) or motion[-1, 3] == pytest.approx(2e-3)
+        time = np.minimum(motion[:, 0], 0.75 / 1.876)
+        assert motion[:, 3] == pytest.approx(2e-3 * np.sin(2 * np.pi * 1.876 * time), abs=1e-12)
+        assert motion[:, 4] == pytest.approx(np.zeros(201), abs=1e-12)
         assert (files / "new" / "motion.png").read_bytes().startswith(PNG)
 
 

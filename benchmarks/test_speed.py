@@ -1,0 +1,116 @@
+"""Times of what users wait for; run with ``pytest benchmarks --benchmark-enable``.
+
+The bars of ``benchmarks/README.md`` are for a quiet machine.  On a shared one compare the ratios of a single run.
+"""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    Beam,
+    HarmonicBase,
+    ModalDamping,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    natural_modes,
+    simulate,
+)
+from ancf_casadi.compilation import compiled, interpreted
+from ancf_casadi.equations import Equations
+from problems import match_frequencies, paper
+
+STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
+SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)
+
+
+def model(elements=20):
+    return Model(Beam.uniform(**STEEL, elements=elements))
+
+
+def law_of(name, beam):
+    return {
+        "undamped": lambda: None,
+        "mass-proportional": lambda: RayleighDamping(alpha=0.2325),
+        "strain-rate": lambda: RayleighDamping(alpha=0.228, beta=3.18e-5),
+        "tangent": lambda: RayleighDamping(alpha=0.228, beta=3.18e-5, stiffness="tangent"),
+        "quadratic": lambda: QuadraticDamping(eta1=0.15, eta2=0.11),
+        "generic": lambda: ModalDamping(natural_modes(beam), paper.DAMPING_RATIOS),
+    }[name]()
+
+
+def test_import(benchmark):
+    """``import ancf_casadi`` beyond casadi and numpy: bar 0.3 s."""
+    code = "import time, casadi, numpy; t = time.perf_counter(); import ancf_casadi; print(time.perf_counter() - t)"
+
+    def run():
+        return float(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
+
+    benchmark.extra_info["import_seconds"] = benchmark.pedantic(run, rounds=3)
+    assert benchmark.extra_info["import_seconds"] < 3.0
+
+
+def test_model_with_all_that_simulate_needs(benchmark):
+    """A model of 20 elements, its equilibrium and its equations: bar 0.5 s."""
+
+    def build():
+        beam = model()
+        natural_modes(beam)
+        equations = Equations(beam, RayleighDamping(alpha=0.228, beta=3.18e-5))
+        return interpreted(equations.residual), interpreted(equations.energetics)
+
+    residual, _ = benchmark(build)
+    assert residual.size1_in(0) == 160
+
+
+def test_frequency_matching(benchmark):
+    """42 properties to 5 frequencies: bar 1 s to build and solve, 0.2 s to solve."""
+    match = benchmark(lambda: match_frequencies(paper.standard_beam(), targets=paper.FREQUENCIES))
+    benchmark.extra_info.update(build=match.build_seconds, solve=match.solve_seconds, iterations=match.iterations)
+    assert match.max_relative_error < 1e-6
+
+
+@pytest.mark.parametrize("name", ["undamped", "mass-proportional", "strain-rate", "tangent", "quadratic", "generic"])
+def test_two_seconds_of_a_large_swing(benchmark, name):
+    """Mode 1 driven 5 mm at resonance, 20 elements, at the default tolerance."""
+    beam = model()
+    law = law_of(name, beam)
+    run = benchmark.pedantic(
+        lambda: simulate(beam, damping=law, base=SWING, start="moving", duration=2.0), rounds=3, warmup_rounds=1
+    )
+    benchmark.extra_info["microseconds_a_step"] = 1e6 * run.wall_seconds / run.steps
+    assert np.ptp(run.tip[:, 0]) > 0.1
+
+
+@pytest.mark.parametrize("name", ["mass-proportional", "quadratic", "generic"])
+@pytest.mark.parametrize("elements", [20, 200])
+def test_fine_meshes(benchmark, name, elements):
+    """20 against 200 elements: bar a factor of 12."""
+    beam = model(elements)
+    law = law_of(name, beam)
+    run = benchmark.pedantic(
+        lambda: simulate(beam, damping=law, base=SWING, start="moving", duration=1.0, sample_rate=200.0),
+        rounds=1,
+        warmup_rounds=1,
+    )
+    assert run.steps > 0
+
+
+@pytest.mark.parametrize("make", [interpreted, compiled])
+def test_equations_of_motion(benchmark, make):
+    """One evaluation of the residual, 20 elements."""
+    equations = Equations(model(), RayleighDamping(alpha=0.228, beta=3.18e-5))
+    residual = make(equations.residual)
+    buffer, call = residual.buffer()
+    inputs = [np.zeros(residual.size_in(k), order="F") for k in range(3)] + [equations.parameters]
+    outputs = [np.zeros(residual.size_out(k), order="F") for k in range(2)]
+    inputs[2][2:4, 0] = (0.0, -1.0)
+    for k, values in enumerate(inputs):
+        buffer.set_arg(k, memoryview(values))
+    for k, values in enumerate(outputs):
+        buffer.set_res(k, memoryview(values))
+    benchmark(call)
+    assert np.isfinite(outputs[1]).all()

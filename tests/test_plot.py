@@ -1,0 +1,77 @@
+"""Figures have what they promise, and are the same bytes each time."""
+
+import sys
+import zlib
+from subprocess import run
+
+import numpy as np
+import pytest
+
+from ancf_casadi import Beam, HarmonicBase, Model, Trajectory, simulate
+from ancf_casadi.measurement import Measurement
+from ancf_casadi.plot import FINE, decay_figure, motion_figure, png
+
+RELEASE = 0.5
+
+
+@pytest.fixture(scope="module")
+def motion() -> Trajectory:
+    beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=3)
+    base = HarmonicBase(amplitude=2e-3, frequency=2.0)
+    return simulate(Model(beam), duration=0.2, base=base, start="moving", sample_rate=200.0)
+
+
+def record() -> Measurement:
+    time = np.linspace(0.0, 2.0, 201)
+    return Measurement(time, np.where(time < RELEASE, 4e-3, 4e-3 * np.cos(20 * (time - RELEASE))))
+
+
+def test_a_decay_shows_record_and_fit_from_the_release_on():
+    figure = decay_figure(record(), lambda time: 4e-3 * np.cos(20 * (np.asarray(time) - RELEASE)), RELEASE)
+    (axes,) = figure.axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time, s", "displacement, mm")
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["record", "fit"]
+    measured, fitted, release = axes.lines
+    assert np.asarray(measured.get_ydata()) == pytest.approx(1e3 * record().displacement)
+    assert len(fitted.get_xdata()) == FINE
+    assert (fitted.get_xdata()[0], fitted.get_xdata()[-1]) == (RELEASE, 2.0)
+    assert np.abs(fitted.get_ydata()).max() == pytest.approx(4.0, rel=1e-4)
+    assert list(release.get_xdata()) == [RELEASE, RELEASE]
+
+
+def test_a_motion_shows_the_tip_from_the_clamp_and_shapes_of_the_beam(motion):
+    figure = motion_figure(motion)
+    over_time, in_plane = figure.axes
+    assert (over_time.get_xlabel(), over_time.get_ylabel()) == ("time, s", "tip to clamp, mm")
+    assert (in_plane.get_xlabel(), in_plane.get_ylabel()) == ("x, mm", "y, mm")
+    relative = motion.tip - motion.base
+    for line, component in zip(over_time.lines, relative.T, strict=True):
+        assert np.asarray(line.get_ydata()) == pytest.approx(1e3 * (component - component[0]))
+    first, *_, last = in_plane.lines
+    assert (first.get_xdata()[0], first.get_ydata()[0]) == pytest.approx((0.0, 0.0))
+    assert (last.get_xdata()[-1], last.get_ydata()[-1]) == pytest.approx(1e3 * motion.tip[-1], abs=1e-6)
+
+
+def test_png_is_whole_and_the_same_each_time(motion):
+    """Signature, size in the header, end mark, and no date or version that would change it."""
+    first, second = png(motion_figure(motion)), png(motion_figure(motion))
+    assert first == second
+    assert first.startswith(b"\x89PNG\r\n\x1a\n")
+    assert first.endswith(b"IEND" + zlib.crc32(b"IEND").to_bytes(4))
+    width, height = int.from_bytes(first[16:20]), int.from_bytes(first[20:24])
+    assert 900 < width < 1300
+    assert 400 < height < 600
+    assert b"Software" not in first
+
+
+def test_drawing_needs_no_display_and_no_global_state():
+    """Figures are made without pyplot, which would pick a backend and keep them alive."""
+    code = "import sys, ancf_casadi.plot, problems.study_figures; print('matplotlib.pyplot' in sys.modules)"
+    done = run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == "False\n"
+
+
+def test_the_package_does_not_load_matplotlib():
+    code = "import sys, ancf_casadi, problems.cli; print('matplotlib' in sys.modules)"
+    done = run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
+    assert done.stdout == "False\n"

@@ -22,6 +22,8 @@ import functools
 import io
 import math
 import re
+import signal
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -104,13 +106,17 @@ def simulate(
     Raises
     ------
     InputError
-        If a number is not positive, the start is unknown or belongs to another model, or IDAS refuses an option.
+        If a number is not positive, the start is unknown, belongs to another model, or is a state that stretches the
+        beam by more than 1 %, or IDAS refuses an option.
     EquilibriumError
         If there is no equilibrium to start from.
     SimulationError
         If the integrator fails; its ``partial`` holds the motion up to there.
-    KeyboardInterrupt
-        Not raised once a stretch is done: an interrupted run returns what there is.
+
+    Notes
+    -----
+    Ctrl-C does not raise during the integration: the run ends with the current stretch, a 25th of it at most, and
+    returns what is done, with ``interrupted`` set.
     """
     began = time.perf_counter()
     duration, sample_rate = positive(duration, "duration"), positive(sample_rate, "sample_rate")
@@ -139,18 +145,33 @@ def simulate(
             integrate = _integrator(equations, residual, energetics, clamp, settings)
             for stretch in _stretches(now, end, sample_rate, size):
                 try:
-                    paths.append(integrate(state, stretch))
+                    with _interrupts() as interrupts:
+                        paths.append(integrate(state, stretch))
                 except SimulationError as error:
                     error.partial = _trajectory(equations, instants, paths, began)
                     raise
-                except KeyboardInterrupt:
-                    return _trajectory(equations, instants, paths, began)
+                if interrupts:
+                    return replace(_trajectory(equations, instants, paths, began), interrupted=True)
                 state = paths[-1].last
                 bar.update(min(stretch.length, finish - bar.n))
             now = end
             if end >= finish:
                 break
     return _trajectory(equations, instants, paths, began)
+
+
+@contextlib.contextmanager
+def _interrupts() -> Iterator[list[int]]:
+    """Note each Ctrl-C instead of raising inside a solver, which would not survive it."""
+    noted: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield noted
+        return
+    before = signal.signal(signal.SIGINT, lambda number, frame: noted.append(number))
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @dataclass(frozen=True)

@@ -66,6 +66,8 @@ class Trajectory:
         Steps of the integrator.
     wall_seconds : float
         Time it took, s, building the integrator included.
+    interrupted : bool
+        Whether the run was stopped before its end: then this is what was done.
     """
 
     model: Model
@@ -77,6 +79,7 @@ class Trajectory:
     base_work: Array
     steps: int
     wall_seconds: float
+    interrupted: bool = False
 
     @property
     def tip(self) -> Array:

@@ -219,7 +219,7 @@ def _simulate(options: argparse.Namespace) -> str:
     out, plot = (None if path is None else _new_file(path) for path in (options.out, options.plot))
     with _located(f"{options.file}: [simulation]"):
         run = simulate(study.model, damping=study.damping, base=study.base, progress=True, **study.settings)
-    if options.interrupts:  # it returns what it has
+    if run.interrupted:
         raise KeyboardInterrupt
     if out is not None:
         write_file(out, _motion(run).csv())

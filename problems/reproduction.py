@@ -323,7 +323,7 @@ def run_transient(transient: Transient) -> TransientResult:
         start="moving",
         tolerance=transient.tolerance,
     )
-    if len(run.time) < transient.duration * sample_rate:  # it returns what it has
+    if run.interrupted:
         raise KeyboardInterrupt
     after = run.time >= run.time[-1] - transient.window
     decay = Measurement(run.time[after], modes.coordinates_of(run.relative_coordinates[after], mode))

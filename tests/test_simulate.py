@@ -550,28 +550,6 @@ def test_a_run_that_fails_on_the_way_keeps_what_it_has(small):
     assert abs(partial.tip - undisturbed.tip).max() < 1e-4
 
 
-def test_a_run_that_is_interrupted_returns_what_it_has(small, monkeypatch):
-    original = simulation._integrator
-
-    def interrupted(*arguments):
-        integrate, calls = original(*arguments), []
-
-        def stretch(*given):
-            calls.append(given)
-            if len(calls) > 3:
-                raise KeyboardInterrupt
-            return integrate(*given)
-
-        return stretch
-
-    whole = simulate(small, start="straight", duration=0.5, sample_rate=100.0)
-    monkeypatch.setattr(simulation, "_integrator", interrupted)
-    part = simulate(small, start="straight", duration=0.5, sample_rate=100.0)
-    assert len(part.time) == 7
-    np.testing.assert_array_equal(part.coordinates, whole.coordinates[:7])
-    np.testing.assert_array_equal(part.energy, whole.energy[:7])
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [

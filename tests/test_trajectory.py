@@ -1,6 +1,8 @@
 """Observables, energies, starts and interruptions of simulated motions."""
 
+import os
 import pickle
+import signal
 import sys
 
 import numpy as np
@@ -188,41 +190,44 @@ class TestBaseMotions:
 
 
 class TestInterruptions:
-    def interrupted(self, monkeypatch, error, after):
-        """Let the integration of one stretch fail."""
+    def at_stretch(self, monkeypatch, number, action):
+        """Let something happen as a stretch begins."""
         original, calls = SIMULATE._integrator, []
 
-        def failing(*arguments):
+        def eventful(*arguments):
             integrate = original(*arguments)
 
             def wrapped(state, stretch):
                 calls.append(stretch)
-                if len(calls) > after:
-                    raise error
+                if len(calls) == number:
+                    action()
                 return integrate(state, stretch)
 
             return wrapped
 
-        monkeypatch.setattr(SIMULATE, "_integrator", failing)
+        monkeypatch.setattr(SIMULATE, "_integrator", eventful)
 
-    def test_an_interrupted_run_returns_what_is_done(self, hanging, monkeypatch):
+    def test_ctrl_c_ends_a_run_with_what_is_done(self, hanging, monkeypatch):
+        """The signal comes while the integrator is at work on the sixth stretch; the handler before is there again."""
         start = static_equilibrium(hanging, tip_force=(0.01, 0.0))
         whole = simulate(hanging, start=start, duration=0.1)
-        self.interrupted(monkeypatch, KeyboardInterrupt(), after=5)
+        self.at_stretch(monkeypatch, 6, lambda: os.kill(os.getpid(), signal.SIGINT))
         part = simulate(hanging, start=start, duration=0.1)
-        assert 1 < len(part.time) < len(whole.time)
+        assert part.interrupted
+        assert not whole.interrupted
+        assert len(part.time) == 25
         assert np.array_equal(part.tip, whole.tip[: len(part.time)])
         assert np.array_equal(part.base_work, whole.base_work[: len(part.time)])
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
     def test_a_failed_run_keeps_the_good_part_and_travels_between_processes(self, hanging, monkeypatch):
-        self.interrupted(monkeypatch, SimulationError("the integrator gave up", 0.02), after=5)
+        def fail():
+            raise SimulationError("the integrator gave up", 0.02)
+
+        self.at_stretch(monkeypatch, 6, fail)
         with pytest.raises(SimulationError) as caught:
             simulate(hanging, start="equilibrium", duration=0.1)
         assert len(caught.value.partial.time) == 21
         again = pickle.loads(pickle.dumps(caught.value))
         assert (str(again), again.time) == ("the integrator gave up", 0.02)
         assert np.array_equal(again.partial.tip, caught.value.partial.tip)
-
-    def test_nothing_done_is_nothing_returned(self, hanging, monkeypatch):
-        self.interrupted(monkeypatch, KeyboardInterrupt(), after=0)
-        assert len(simulate(hanging, duration=0.1).time) == 0

@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.inputs import positive
+from ancf_casadi.interrupts import noted_interrupts
 
 SILENT: Mapping[str, Any] = {
     "print_time": False,
@@ -291,10 +292,13 @@ def solve_nlp(
     try:
         solver = cs.nlpsol("solver", "ipopt", nlp, {**SILENT, **(options or {})})
         began = time.perf_counter()
-        result = solver(x0=start, **bounds)
+        with noted_interrupts() as interrupts:
+            result = solver(x0=start, **bounds)
         seconds = time.perf_counter() - began
     except RuntimeError as error:
         raise FitError(f"the problem cannot be solved as stated: {_reason(error)}") from None
+    if interrupts:
+        raise KeyboardInterrupt
     stats = solver.stats()
     if not stats["success"]:
         status = stats["return_status"]

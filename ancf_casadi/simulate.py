@@ -22,8 +22,6 @@ import functools
 import io
 import math
 import re
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -43,6 +41,7 @@ from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.excitation import BaseMotion, FixedBase
 from ancf_casadi.inputs import positive
+from ancf_casadi.interrupts import noted_interrupts
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.trajectory import State, Trajectory
 
@@ -50,7 +49,8 @@ Array = NDArray[np.float64]
 Start = Literal["equilibrium", "straight", "moving"]
 
 TOLERANCE = 1e-8
-COMPILED_FROM = 1.0  # s of simulated time
+COMPILED_FROM = 0.25  # s of simulated time
+MOST_SAMPLES = 1e7  # 13 GB at 20 elements
 STRETCHES = 25  # of a piece of the base motion; a restart costs about a hundred small steps
 LARGEST_STRETCH = 0.01  # axial strain of a given state; that of an equilibrium is balanced
 BAR = "{l_bar}{bar}| {n:.2f}/{total:.2f} s [{elapsed}<{remaining}]"
@@ -125,6 +125,8 @@ def simulate(
     base = FixedBase() if base is None else base
     equations = Equations(model, law)
     settings = {**DEFAULTS, "abstol": tolerance, **(options or {})}
+    if duration * sample_rate > MOST_SAMPLES:
+        raise InputError(f"{duration * sample_rate:.3g} samples are more than {MOST_SAMPLES:.0e}", "sample_rate")
     instants = np.arange(math.floor(duration * sample_rate + CLOSE) + 1) / sample_rate
     if len(instants) < 2:
         raise InputError(f"must be one sampling interval at least, {1 / sample_rate:g} s, got {duration:g}", "duration")
@@ -145,7 +147,7 @@ def simulate(
             integrate = _integrator(equations, residual, energetics, clamp, settings)
             for stretch in _stretches(now, end, sample_rate, size):
                 try:
-                    with _interrupts() as interrupts:
+                    with noted_interrupts() as interrupts:
                         paths.append(integrate(state, stretch))
                 except SimulationError as error:
                     error.partial = _trajectory(equations, instants, paths, began)
@@ -158,20 +160,6 @@ def simulate(
             if end >= finish:
                 break
     return _trajectory(equations, instants, paths, began)
-
-
-@contextlib.contextmanager
-def _interrupts() -> Iterator[list[int]]:
-    """Note each Ctrl-C instead of raising inside a solver, which would not survive it."""
-    noted: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield noted
-        return
-    before = signal.signal(signal.SIGINT, lambda number, frame: noted.append(number))
-    try:
-        yield noted
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ class DecayFit:
     eta1, eta2 : float
         Linear (1/s) and quadratic (1/m) damping coefficient.
     amplitude : float
-        Displacement from the offset at the release, m: r0 of Eq. (9), or e0 of Eq. (27).
+        Amplitude about the offset at the release, m: that of the envelope of Eq. (9), or e0 of Eq. (27).
     offset : float
         Where the point comes to rest, m.
     release_time : float
@@ -269,7 +269,8 @@ def _quadratic_unknowns(guess: DecayGuess) -> list[Unknown]:
 
 def _linear_quantities(ω: cs.MX, ζ: cs.MX, r0: cs.MX, v0: cs.MX, offset: cs.MX | float = 0.0) -> cs.MX:
     """Return frequency, damping ratio, eta1, eta2, amplitude and offset."""
-    return cs.vertcat(ω / (2 * math.pi), ζ, 2 * ζ * ω, 0, r0, offset)
+    amplitude = cs.sqrt(r0**2 + ((v0 + ζ * ω * r0) / (ω * cs.sqrt(1 - ζ**2))) ** 2)
+    return cs.vertcat(ω / (2 * math.pi), ζ, 2 * ζ * ω, 0, amplitude, offset)
 
 
 def _quadratic_quantities(ω: cs.MX, η1: cs.MX, η2: cs.MX, e0: cs.MX, φ: cs.MX, offset: cs.MX | float = 0.0) -> cs.MX:

@@ -167,6 +167,8 @@ def check_targets(targets: Sequence[float], beam: Beam) -> Array:
     InputError
         If they are not positive and ascending, none, or more than the mesh has bending modes.
     """
+    if isinstance(targets, str) or not hasattr(targets, "__len__"):
+        raise InputError(f"must be a sequence of frequencies, got {targets!r}", "targets")
     wanted = np.array([positive(target, "targets") for target in targets])
     if wanted.size == 0:
         raise InputError("needs at least one frequency", "targets")

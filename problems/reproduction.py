@@ -329,8 +329,8 @@ def run_transient(transient: Transient) -> TransientResult:
     decay = Measurement(run.time[after], modes.coordinates_of(run.relative_coordinates[after], mode))
     fit = fit_decay(decay, release_time=float(decay.time[0]), ratio_bounds=(-0.1, 0.9))
     omega = 2 * math.pi * fit.frequency
-    start = math.hypot(fit.fit["r0"], (fit.fit["v0"] + fit.damping_ratio * omega * fit.fit["r0"]) / omega)
-    amplitude = start * math.exp(-fit.damping_ratio * omega * (decay.time[-1] - decay.time[0]) / 2)
+    half_way = (decay.time[-1] - decay.time[0]) / 2
+    amplitude = fit.amplitude * math.exp(-fit.damping_ratio * omega * half_way)
     expected = 0.0
     if transient.law is not None:
         expected = float(transient.law.damping_ratios(modes, [amplitude] * modes.count)[mode])

@@ -57,7 +57,8 @@ def test_a_decay_without_noise_gives_back_the_truth(frequency, ratio, r0, rate):
     fit = fit_decay(time, swing(frequency, ratio, r0, time=time))
     assert fit.frequency == pytest.approx(frequency, rel=1e-12)
     assert fit.damping_ratio == pytest.approx(ratio, rel=1e-10)
-    assert fit.amplitude == pytest.approx(r0, rel=1e-10)
+    assert fit.fit["r0"] == pytest.approx(r0, rel=1e-10)
+    assert fit.amplitude == pytest.approx(r0 / math.sqrt(1 - ratio**2), rel=1e-10)  # of the envelope, released at rest
     assert fit.offset == pytest.approx(0.0, abs=1e-12)
     assert fit.residual_rms < 1e-12
     assert fit.release_time == 0.0
@@ -137,7 +138,9 @@ def test_uneven_times_and_any_start_of_the_clock_do_not_matter():
     fit = fit_decay(time + 1000.0, swing(1.85, 0.01, -0.05, 0.3, time - time[0]) + 0.4)
     assert fit.frequency == pytest.approx(1.85, rel=1e-9)
     assert fit.damping_ratio == pytest.approx(0.01, rel=1e-7)
-    assert fit.amplitude == pytest.approx(-0.05, rel=1e-7)
+    assert fit.fit["r0"] == pytest.approx(-0.05, rel=1e-7)
+    ω, ω_d = 2 * math.pi * 1.85, 2 * math.pi * 1.85 * math.sqrt(1 - 0.01**2)
+    assert fit.amplitude == pytest.approx(math.hypot(0.05, (0.3 - 0.01 * ω * 0.05) / ω_d), rel=1e-7)
     assert fit.offset == pytest.approx(0.4, rel=1e-9)
     assert fit.release_time == time[0] + 1000.0
 

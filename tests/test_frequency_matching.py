@@ -271,3 +271,8 @@ class TestFailure:
         with pytest.raises(FitError, match="no minimum was found after 2 iterations") as caught:
             match_frequencies(small_beam(), targets=(1.85, 10.19))
         assert caught.value.stats["return_status"] == "Maximum_Iterations_Exceeded"
+
+
+def test_a_single_number_is_no_sequence_of_frequencies():
+    with pytest.raises(InputError, match="targets: must be a sequence of frequencies, got 1.85"):
+        match_frequencies(paper.standard_beam(), targets=1.85)

@@ -1,0 +1,386 @@
+"""The cases of ``compare_exudyn.py``, and how Exudyn solves them.
+
+The beam of the paper hangs from a clamp that moves to and fro, and is then held.
+
+    large    25 s of mode 1, up to 0.25 m at the tip; the beam starts with the speed of the clamp.  Three damping laws.
+    blow     3 s of mode 5, undamped; the beam starts at rest and the clamp with a speed, which is a blow to it.
+
+Exudyn's model has the elements, strain measures and quadrature of ours: ``ObjectANCFCable2D`` with
+``useReducedOrderIntegration=2`` (the others lock).  Coordinate constraints drive and hold the clamped node.  The laws:
+
+    mass        an ``ObjectGenericODE2`` an element with the damping matrix alpha M_e
+    generic     one ``ObjectGenericODE2`` over all nodes with C = M Phi diag(2 zeta omega) Phi^T M
+    drag        a ``CartesianSpringDamper`` with a symbolic user function at each of 40 Gauss points
+
+Its settings are the best found for it: exudynFast; generalized alpha with the spectral radius 0.9 (its non-dissipative
+integrators are unstable here); EigenSparse with a reused pattern, one Jacobian a step; the Newton tolerances 1e-6,
+relative, and 1e-8, absolute; one thread.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import sys
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ancf_casadi import (
+    Beam,
+    HarmonicBase,
+    ModalDamping,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    natural_modes,
+    static_equilibrium,
+)
+from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw
+from ancf_casadi.model import NODE
+from ancf_casadi.shape import gauss
+from ancf_casadi.simulate import Start
+
+Array = NDArray[np.float64]
+
+# hanging
+BEAM = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=20)
+RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
+SAMPLE_RATE = 1000.0  # 1/s, in both programs
+LAWS = ("mass", "generic", "drag")
+
+
+@dataclass(frozen=True)
+class Bar:
+    """What is asked of a solution: an error, ``"error"`` or ``"amplitude"``, and its limit."""
+
+    kind: str
+    limit: float
+
+
+@dataclass(frozen=True)
+class Converged:
+    """How our converged solution is made.
+
+    Parameters
+    ----------
+    tolerance : float
+        The tolerance of ``simulate``.  Much below 1e-9 the integrator is at odds with round-off.
+    largest_step : float
+        Bound of the steps, as a share of a stretch of ``simulate``; 0 for none.  It keeps them even.
+    """
+
+    tolerance: float
+    largest_step: float = 0.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """A motion, what is asked of it, and the ladders of accuracies that are tried.
+
+    Parameters
+    ----------
+    name, law, title : str
+        Which case, which damping law, and what it is.
+    base : HarmonicBase
+        Motion of the clamp, along x.
+    duration, window : float
+        Simulated time, and the part of it at the end that is compared, s.
+    start : {"moving", "equilibrium"}
+        Relative or absolute rest.
+    mode : int or None
+        Mode number from 0 whose share of the motion is compared; None for the tip.
+    bars : tuple of Bar
+        What is asked.
+    tolerances, steps : tuple of float
+        Our tolerance and Exudyn's step (s), coarse to fine.
+    converged : Converged
+        Our converged solution; Exudyn's is extrapolated from its two smallest steps.
+    """
+
+    name: str
+    law: str
+    title: str
+    base: HarmonicBase
+    duration: float
+    window: float
+    start: Start
+    mode: int | None
+    bars: tuple[Bar, ...]
+    tolerances: tuple[float, ...]
+    steps: tuple[float, ...]
+    converged: Converged
+
+
+def large(law: str, quick: bool) -> Case:
+    """Return case (a) under one of the laws."""
+    return Case(
+        name="a",
+        law=law,
+        title="25 s of mode 1 with large rotations, tip over the last second",
+        base=HarmonicBase(amplitude=5e-3, frequency=1.85, stop=27.75 / 1.85),
+        duration=25.0,
+        window=1.0,
+        start="moving",
+        mode=None,
+        bars=(Bar("error", 1e-3),),
+        tolerances=(1e-8, 2e-9) if quick else (1e-8, 5e-9, 3e-9, 2e-9, 1e-9),
+        steps=(1e-3, 0.5e-3) if quick else (1e-3, 0.5e-3, 0.25e-3),
+        converged=Converged(3e-9, largest_step=1e-4 if quick else 5e-5),
+    )
+
+
+def blow(quick: bool) -> Case:
+    """Return case (b)."""
+    return Case(
+        name="b",
+        law="undamped",
+        title="3 s of mode 5 after a blow to the clamp, its share over the last second",
+        base=HarmonicBase(amplitude=0.1e-3, frequency=94.3388, stop=2.0),
+        duration=3.0,
+        window=1.0,
+        start="equilibrium",
+        mode=4,
+        bars=(Bar("amplitude", 1e-2), Bar("error", 1e-3)),
+        tolerances=(2e-7, 1e-7, 3e-8) if quick else (2e-7, 1e-7, 3e-8, 1e-8, 3e-9, 1e-9),
+        steps=(0.2e-3, 0.1e-3, 50e-6, 20e-6) if quick else (0.2e-3, 0.1e-3, 50e-6, 20e-6, 10e-6, 5e-6),
+        converged=Converged(1e-8, largest_step=0.0 if quick else 1e-5),
+    )
+
+
+def damping(law: str, model: Model) -> DampingLaw | None:
+    """Return a law for ``simulate``."""
+    match law:
+        case "mass":
+            return RayleighDamping(alpha=0.2325)
+        case "generic":
+            return ModalDamping(natural_modes(model, count=len(RATIOS)), RATIOS)
+        case "drag":
+            return QuadraticDamping(eta1=0.15, eta2=0.11)
+    return None
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A sampled motion and its cost.
+
+    Parameters
+    ----------
+    coordinates : array (k, 4 n + 4) or (k, 2)
+        Nodal coordinates if a mode is looked at, else the position of the tip.
+    steps : int
+        Steps taken.
+    wall, cpu : float
+        Time taken, s, building the model included.
+    """
+
+    coordinates: Array
+    steps: int
+    wall: float
+    cpu: float
+
+
+def solve_exudyn(case: Case, step: float) -> Solution:
+    """Run a case in Exudyn; the equilibrium, the mass matrices and the modes are given to it, and take no time."""
+    model = Model(BEAM)
+    given = _Given(model, static_equilibrium(model).coordinates, damping(case.law, model))
+    exu, items = exudyn()
+    wall, cpu = time.perf_counter(), time.process_time()
+    system = _System(exu, items, case, given)
+    if not system.mbs.SolveDynamic(_settings(exu, case.duration, step)):
+        raise RuntimeError(f"Exudyn failed with the step {step:g} s")
+    wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    return Solution(system.coordinates(), round(case.duration / step), wall, cpu)
+
+
+def exudyn() -> tuple[Any, Any]:
+    """Return Exudyn in its fast version, and its items.
+
+    Raises
+    ------
+    ImportError
+        If it is not installed.
+    """
+    sys.exudynFast = True  # type: ignore[attr-defined]
+    with contextlib.redirect_stdout(io.StringIO()):
+        import exudyn
+        import exudyn.utilities
+
+    return exudyn, exudyn.utilities
+
+
+@dataclass(frozen=True)
+class _Given:
+    """What Exudyn is given: the model for its matrices, the equilibrium and the law."""
+
+    model: Model
+    rest: Array
+    law: DampingLaw | None
+
+
+class _System:
+    """An Exudyn system of a case; it keeps the symbolic user functions alive."""
+
+    def __init__(self, exu: Any, items: Any, case: Case, given: _Given) -> None:
+        self.exu, self.items, self.case, self.given = exu, items, case, given
+        self.container = exu.SystemContainer()
+        self.mbs = self.container.AddSystem()
+        self.ground = self.mbs.AddObject(items.ObjectGround())
+        self.functions: list[Any] = []
+        self.nodes = self._nodes()
+        self.cables = self._cables()
+        self._clamp()
+        {"mass": self._mass, "generic": self._generic, "drag": self._drag}.get(case.law, lambda: None)()
+        self.sensors = [self._sensor(node) for node in (self.nodes if case.mode is not None else self.nodes[-1:])]
+        self.mbs.Assemble()
+
+    def coordinates(self) -> Array:
+        """Return the sampled positions of the tip, or all nodal coordinates."""
+        samples = [np.asarray(self.mbs.GetSensorStoredData(sensor))[:, 1:] for sensor in self.sensors]
+        return samples[0][:, :2] if self.case.mode is None else np.hstack(samples)
+
+    def _nodes(self) -> list[Any]:
+        """Add the nodes at the equilibrium, with the speed of the clamp or without."""
+        straight = self.given.model.straight.reshape(-1, NODE)
+        displacement = self.given.rest.reshape(-1, NODE) - straight
+        speed = [self.case.base.amplitude * 2 * math.pi * self.case.base.frequency, 0.0, 0.0, 0.0]
+        moving = self.case.start == "moving"
+        return [
+            self.mbs.AddNode(
+                self.items.NodePoint2DSlope1(
+                    referenceCoordinates=straight[k],
+                    initialCoordinates=displacement[k],
+                    initialVelocities=speed if moving or k == 0 else [0.0] * NODE,
+                )
+            )
+            for k in range(len(straight))
+        ]
+
+    def _cables(self) -> list[Any]:
+        """Add the elements and their weight."""
+        cables = []
+        for k, section in enumerate(BEAM.sections):
+            modulus = BEAM.elastic_modulus[k]
+            cable = self.mbs.AddObject(
+                self.items.ObjectANCFCable2D(
+                    length=BEAM.element_length,
+                    massPerLength=BEAM.density[k] * section.area,
+                    axialStiffness=modulus * section.area,
+                    bendingStiffness=modulus * section.second_moment,
+                    nodeNumbers=self.nodes[k : k + 2],
+                    useReducedOrderIntegration=2,
+                )
+            )
+            marker = self.mbs.AddMarker(self.items.MarkerBodyMass(bodyNumber=cable))
+            self.mbs.AddLoad(self.items.LoadMassProportional(markerNumber=marker, loadVector=[*BEAM.gravity, 0.0]))
+            cables.append(cable)
+        return cables
+
+    def _clamp(self) -> None:
+        """Drive the first node along x, then hold it; hold its other coordinates."""
+        sym, base = self.exu.symbolic, self.case.base
+        amplitude, omega, stop = base.amplitude, 2 * math.pi * base.frequency, base.stop_time
+        held = amplitude * math.sin(omega * stop)
+
+        def place(mbs: Any, t: Any, item: Any, offset: Any) -> Any:
+            return sym.IfThenElse(t < stop, amplitude * sym.sin(omega * t), sym.Real(held))
+
+        def speed(mbs: Any, t: Any, item: Any, offset: Any) -> Any:
+            return sym.IfThenElse(t < stop, amplitude * omega * sym.cos(omega * t), sym.Real(0.0))
+
+        motion = {
+            "offsetUserFunction": self._symbolic(place, "offsetUserFunction", "ObjectConnectorCoordinate"),
+            "offsetUserFunction_t": self._symbolic(speed, "offsetUserFunction_t", "ObjectConnectorCoordinate"),
+        }
+        fixed = self.mbs.AddMarker(
+            self.items.MarkerNodeCoordinate(nodeNumber=self.mbs.AddNode(self.items.NodePointGround()), coordinate=0)
+        )
+        for k in range(NODE):
+            own = self.mbs.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=self.nodes[0], coordinate=k))
+            self.mbs.AddObject(
+                self.items.ObjectConnectorCoordinate(markerNumbers=[fixed, own], **(motion if k == 0 else {}))
+            )
+
+    def _mass(self) -> None:
+        model, alpha = self.given.model, dict(self.given.law.parameters)["alpha"]
+        for k in range(BEAM.elements):
+            matrix = alpha * model.element.mass(model.properties[:, k]).full()
+            self._viscous(self.nodes[k : k + 2], matrix)
+
+    def _generic(self) -> None:
+        projection = self.given.law.projection(self.given.model)
+        rates = 4 * math.pi * np.array(self.given.law.frequencies) * np.array(self.given.law.ratios)
+        self._viscous(self.nodes, projection * rates @ projection.T)
+
+    def _viscous(self, nodes: list[Any], matrix: Array) -> None:
+        """Add the damping forces of a matrix, on velocities in the laboratory frame."""
+        self.mbs.AddObject(
+            self.items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=np.zeros_like(matrix), dampingMatrix=matrix)
+        )
+
+    def _drag(self) -> None:
+        """Add the drag of 2 Gauss points an element; ours has 4, which is the same to 1e-6."""
+        coefficients, name = dict(self.given.law.parameters), "ObjectConnectorCartesianSpringDamper"
+        share = BEAM.density[0] * BEAM.sections[0].area * BEAM.element_length / 2
+        linear = coefficients["eta1"] * share
+        quadratic = coefficients["eta2"] * DRAG_CONSTANT * share
+        sym = self.exu.symbolic
+
+        def force(
+            mbs: Any, t: Any, item: Any, displacement: Any, velocity: Any, stiffness: Any, damping: Any, offset: Any
+        ) -> Any:
+            size = linear + quadratic * sym.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
+            return [size * velocity[0], size * velocity[1], sym.Real(0.0)]
+
+        function = self._symbolic(force, "springForceUserFunction", name)
+        still = self.mbs.AddMarker(self.items.MarkerBodyPosition(bodyNumber=self.ground))
+        for cable in self.cables:
+            for xi in gauss(2)[0].tolist():
+                place = [xi * BEAM.element_length, 0.0, 0.0]
+                own = self.mbs.AddMarker(self.items.MarkerBodyPosition(bodyNumber=cable, localPosition=place))
+                self.mbs.AddObject(
+                    self.items.ObjectConnectorCartesianSpringDamper(
+                        markerNumbers=[still, own], springForceUserFunction=function
+                    )
+                )
+
+    def _sensor(self, node: Any) -> Any:
+        kinds = self.exu.OutputVariableType
+        return self.mbs.AddSensor(
+            self.items.SensorNode(
+                nodeNumber=node,
+                storeInternal=True,
+                writeToFile=False,
+                outputVariableType=kinds.Position if self.case.mode is None else kinds.CoordinatesTotal,
+            )
+        )
+
+    def _symbolic(self, function: Any, name: str, item: str) -> Any:
+        made = self.items.CreateSymbolicUserFunction(self.mbs, function, name, itemTypeName=item)
+        self.functions.append(made)
+        return made
+
+
+def _settings(exu: Any, duration: float, step: float) -> Any:
+    """Return the best settings found for Exudyn."""
+    settings = exu.SimulationSettings()
+    integration = settings.timeIntegration
+    integration.endTime = duration
+    integration.numberOfSteps = round(duration / step)
+    integration.verboseMode = 0
+    integration.newton.useModifiedNewton = True
+    integration.newton.modifiedNewtonJacUpdatePerStep = True
+    integration.newton.relativeTolerance = 1e-6
+    integration.newton.absoluteTolerance = 1e-8
+    integration.generalizedAlpha.spectralRadius = 0.9
+    integration.generalizedAlpha.computeInitialAccelerations = True
+    settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
+    settings.linearSolver.reuseAnalyzedPattern = True
+    settings.parallel.numberOfThreads = 1
+    settings.solution.file.write = False
+    settings.solution.sensors.writePeriod = 1 / SAMPLE_RATE
+    return settings

@@ -5,8 +5,9 @@ The beam of the paper hangs from a clamp that moves to and fro, and is then held
     large    25 s of mode 1, up to 0.25 m at the tip; the beam starts with the speed of the clamp.  Three damping laws.
     blow     3 s of mode 5, undamped; the beam starts at rest and the clamp with a speed, which is a blow to it.
 
-Exudyn's model has the elements, strain measures and quadrature of ours: ``ObjectANCFCable2D`` with
-``useReducedOrderIntegration=2`` (the others lock).  Coordinate constraints drive and hold the clamped node.  The laws:
+Exudyn's model has the elements and strain measures of ours: ``ObjectANCFCable2D`` with
+``useReducedOrderIntegration=2`` (the other quadratures lock).  Coordinate constraints drive and hold the clamped node.
+The laws:
 
     mass        an ``ObjectGenericODE2`` an element with the damping matrix alpha M_e
     generic     one ``ObjectGenericODE2`` over all nodes with C = M Phi diag(2 zeta omega) Phi^T M

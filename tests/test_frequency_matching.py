@@ -274,5 +274,5 @@ class TestFailure:
 
 
 def test_a_single_number_is_no_sequence_of_frequencies():
-    with pytest.raises(InputError, match="targets: must be a sequence of frequencies, got 1.85"):
+    with pytest.raises(InputError, match=r"targets: must be a sequence of frequencies, got 1\.85"):
         match_frequencies(paper.standard_beam(), targets=1.85)

@@ -82,59 +82,53 @@ class Model:
     @cached_property
     def strain_energy(self) -> cs.Function:
         """(e, P) -> U, J, Eq. (8)."""
-        e, _, p = self._symbols()
+        e, p = self._symbols()
         energies = self.element.strain_energy.map(self.beam.elements)(self.gather(e), p)
         return cs.Function("strain_energy", [e, p], [cs.sum2(energies)], ["e", "P"], ["U"])
 
     @cached_property
     def elastic_force(self) -> cs.Function:
         """(e, P) -> Q_e, Eq. (6)."""
-        e, _, p = self._symbols()
-        forces = self.element.elastic_force.map(self.beam.elements)(self.gather(e), p)
-        return cs.Function("elastic_force", [e, p], [self.scatter(forces)], ["e", "P"], ["Q_e"])
+        return self._force("elastic_force", self.element.elastic_force, "e", output="Q_e")
 
     @cached_property
     def tangent_stiffness(self) -> cs.Function:
         """(e, P) -> K = dQ_e/de, sparse."""
-        e, _, p = self._symbols()
+        e, p = self._symbols()
         blocks = self.element.tangent_stiffness.map(self.beam.elements)(self.gather(e), p)
         return cs.Function("tangent_stiffness", [e, p], [self._scatter_matrix(blocks)], ["e", "P"], ["K"])
 
     @cached_property
     def tangent_force(self) -> cs.Function:
         """(e, e_t, P) -> K e_t, the rate of the elastic force."""
-        return self._rate_function("tangent_force", self.element.tangent_force)
+        return self._force("tangent_force", self.element.tangent_force, "e", "e_t")
 
     @cached_property
     def strain_rate_force(self) -> cs.Function:
         """(e, e_t, P) -> Q_v, the objective Kelvin-Voigt force a unit of time constant."""
-        return self._rate_function("strain_rate_force", self.element.strain_rate_force)
+        return self._force("strain_rate_force", self.element.strain_rate_force, "e", "e_t")
 
     @cached_property
     def drag_force(self) -> cs.Function:
         """(e_t, P) -> int S^T mu |v| v dp, the integral in Eq. (23)."""
-        _, e_t, p = self._symbols()
-        forces = self.element.drag_force.map(self.beam.elements)(self.gather(e_t), p)
-        return cs.Function("drag_force", [e_t, p], [self.scatter(forces)], ["e_t", "P"], ["Q"])
+        return self._force("drag_force", self.element.drag_force, "e_t")
 
     @cached_property
     def mass(self) -> cs.Function:
         """P -> M, Eq. (7), sparse."""
-        _, _, p = self._symbols()
+        _, p = self._symbols()
         blocks = self.element.mass.map(self.beam.elements)(p)
         return cs.Function("mass", [p], [self._scatter_matrix(blocks)], ["P"], ["M"])
 
     @cached_property
     def inertia_force(self) -> cs.Function:
         """(e_tt, P) -> M e_tt, or any other rate."""
-        _, e_tt, p = self._symbols()
-        forces = self.element.inertia_force.map(self.beam.elements)(self.gather(e_tt), p)
-        return cs.Function("inertia_force", [e_tt, p], [self.scatter(forces)], ["e_tt", "P"], ["Q"])
+        return self._force("inertia_force", self.element.inertia_force, "e_tt")
 
     @cached_property
     def gravity_force(self) -> cs.Function:
         """(P, g) -> Q_g, Eq. (7); g is the acceleration of gravity (2), m/s^2."""
-        _, _, p = self._symbols()
+        _, p = self._symbols()
         g = cs.MX.sym("g", 2)
         forces = self.element.gravity_force.map(self.beam.elements)(p, cs.repmat(g, 1, self.beam.elements))
         return cs.Function("gravity_force", [p, g], [self.scatter(forces)], ["P", "g"], ["Q_g"])
@@ -204,17 +198,16 @@ class Model:
         row[2 * index : 2 * index + 4] = functions(s / l - index, l)
         return np.asarray(np.kron(row, np.eye(2)), dtype=np.float64)
 
-    def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        return (
-            cs.MX.sym("e", self.size),
-            cs.MX.sym("e_t", self.size),
-            cs.MX.sym("P", len(PROPERTIES), self.beam.elements),
-        )
+    def _symbols(self) -> tuple[cs.MX, cs.MX]:
+        """Nodal coordinates and properties."""
+        return cs.MX.sym("e", self.size), cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
 
-    def _rate_function(self, name: str, element: cs.Function) -> cs.Function:
-        e, e_t, p = self._symbols()
-        forces = element.map(self.beam.elements)(self.gather(e), self.gather(e_t), p)
-        return cs.Function(name, [e, e_t, p], [self.scatter(forces)], ["e", "e_t", "P"], ["Q"])
+    def _force(self, name: str, element: cs.Function, *inputs: str, output: str = "Q") -> cs.Function:
+        """Sum up at the nodes a force of the element, a function of nodal coordinates or rates and the properties."""
+        vectors = [cs.MX.sym(symbol, self.size) for symbol in inputs]
+        _, p = self._symbols()
+        forces = element.map(self.beam.elements)(*map(self.gather, vectors), p)
+        return cs.Function(name, [*vectors, p], [self.scatter(forces)], [*inputs, "P"], [output])
 
     def _scatter_matrix(self, blocks: cs.MX) -> cs.MX:
         """Sum of element matrices (8, 8 n) as one sparse matrix."""

@@ -17,8 +17,11 @@ import shutil
 import subprocess
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
 
 FLAGS = ("-O2", "-fPIC", "-shared", "-ffp-contract=off")
 SECONDS = 300  # for one compilation
@@ -83,3 +86,32 @@ def _compile(compiler: str, source: str, library: Path) -> bool:
     except (OSError, subprocess.SubprocessError):
         return False
     return True
+
+
+class Buffered:
+    """A Function bound to arrays: called, it reads its inputs from them and writes to ``outputs``.
+
+    A call costs half a microsecond besides the work itself.
+
+    Parameters
+    ----------
+    function : Function
+        What to call; its inputs and outputs are dense.
+    inputs : array
+        Its inputs, real or complex, contiguous, matrices by columns; what they hold when called is what counts.
+    """
+
+    def __init__(self, function: cs.Function, *inputs: NDArray[Any]) -> None:
+        buffer: Any
+        buffer, self._evaluate = function.buffer()
+        self._kept = buffer, [array.reshape(-1).view(float) for array in inputs]
+        self.outputs = [np.zeros(function.numel_out(k)) for k in range(function.n_out())]
+        for k, array in enumerate(self._kept[1]):
+            buffer.set_arg(k, array.data)
+        for k, array in enumerate(self.outputs):
+            buffer.set_res(k, array.data)
+
+    def __call__(self) -> list[NDArray[np.float64]]:
+        """Evaluate, and return ``outputs``, the same arrays each time."""
+        self._evaluate()
+        return self.outputs

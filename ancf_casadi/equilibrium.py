@@ -152,7 +152,7 @@ def _newton(
 ) -> NDArray[np.float64] | None:
     """Solve R(e, factor) = 0 from a neighbouring equilibrium; None if it does not converge or turns too far."""
     coordinates = start.copy()
-    scale = np.tile([model.beam.length, model.beam.length, 1.0, 1.0], model.beam.elements)
+    scale = model.scale[model.free]
     slopes = np.arange(model.size).reshape(-1, NODE)[:, 2:]
     for _ in range(NEWTON_ITERATIONS):
         residual, stiffness = balance(coordinates, load, factor)

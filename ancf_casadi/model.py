@@ -63,6 +63,12 @@ class Model:
         return slice(NODE, self.size)
 
     @cached_property
+    def scale(self) -> NDArray[np.float64]:
+        """What a coordinate is measured by: the length of the beam for positions, 1 for slopes, (4 n + 4,)."""
+        length = self.beam.length
+        return np.tile([length, length, 1.0, 1.0], self.beam.elements + 1)
+
+    @cached_property
     def properties(self) -> NDArray[np.float64]:
         """The beam's properties P, (4, n)."""
         return np.array([getattr(self.beam, name) for name in PROPERTIES])

@@ -192,20 +192,15 @@ class TestBaseMotions:
 class TestInterruptions:
     def at_stretch(self, monkeypatch, number, action):
         """Let something happen as a stretch begins."""
-        original, calls = SIMULATE._integrator, []
+        original = SIMULATE.integrate_by_idas
 
         def eventful(*arguments):
-            integrate = original(*arguments)
-
-            def wrapped(state, stretch):
-                calls.append(stretch)
-                if len(calls) == number:
+            for count, path in enumerate(original(*arguments), start=1):
+                if count == number:
                     action()
-                return integrate(state, stretch)
+                yield path
 
-            return wrapped
-
-        monkeypatch.setattr(SIMULATE, "_integrator", eventful)
+        monkeypatch.setattr(SIMULATE, "integrate_by_idas", eventful)
 
     def test_ctrl_c_ends_a_run_with_what_is_done(self, hanging, monkeypatch):
         """The signal comes while the integrator is at work on the sixth stretch; the handler before is there again."""

@@ -1,0 +1,362 @@
+"""Radau IIA collocation of order 5 for the equation of motion: the Functions of a step.
+
+Stages.  With the nodes c, the weights A of the method and a step h, the increments Z_i of the free coordinates at the
+stages t + c_i h determine rates and accelerations there,
+
+    V = A^-1 Z/h,    a = A^-1 (V - v)/h,    0 = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g   at each stage,
+
+and the last stage is the end of the step.
+
+Newton's method.  T^-1 A^-1 T has one real eigenvalue gamma and one complex pair mu.  With common matrices for all
+stages, and s = gamma/h or mu/h, it takes a real and a complex system in N unknowns, banded as the mesh,
+
+    (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e)/de,
+
+instead of one in 3 N.  K changes as the beam turns, by its axial stiffness, thousands of times the bending stiffness;
+but it nearly turns along.  Residuals are therefore turned back at each node, by the angle of its slope from where the
+matrices are taken, and corrections forth.
+
+Prediction.  The collocation polynomial of the step before is continued, not in coordinates, whose errors would stretch
+the beam, but in the logarithms (length and angle) of the slopes and of the chords between the nodes.
+
+Error.  The embedded formula of order 3 of Hairer and Wanner, filtered by the real system.
+
+Samples within a step.  The quintic polynomial through positions, rates and accelerations at both ends, put right by a
+Newton step of the equation of motion: the polynomial alone may pull the beam by more than its axial forces do.
+
+References
+----------
+E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996), Sections IV.5 and IV.8.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+import scipy.sparse.linalg
+from numpy.typing import NDArray
+
+from ancf_casadi.equations import Equations
+from ancf_casadi.model import NODE
+
+Array = NDArray[np.float64]
+
+STAGES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Tableau:
+    """The coefficients of the method.
+
+    Parameters
+    ----------
+    nodes : array (3,)
+        c.
+    weights, inverse : array (3, 3)
+        A and A^-1.
+    transform : array (3, 3)
+        T, with T^-1 A^-1 T = [[gamma, 0, 0], [0, mu', -mu''], [0, mu'', mu']].
+    gamma, mu : float, complex
+        The eigenvalues of A^-1.
+    embedded : array (3,)
+        Weights of the increments in the error estimate, in which h f(t) has the weight 1/gamma.
+    integral : array (3, 3)
+        For what is known at the nodes, the coefficients of x, x^2 and x^3 in its integral from 0 to x.
+    """
+
+    nodes: Array
+    weights: Array
+    inverse: Array
+    transform: Array
+    gamma: float
+    mu: complex
+    embedded: Array
+    integral: Array
+
+
+def tableau() -> Tableau:
+    """Derive the coefficients from the nodes."""
+    nodes = np.array(cs.collocation_points(STAGES, "radau"))
+    powers = np.arange(1, STAGES + 1)
+    integral = np.linalg.inv(np.vander(nodes, increasing=True)) / powers[:, None]
+    weights: Array = np.asarray(nodes[:, None] ** powers @ integral, dtype=float)
+    inverse = np.asarray(np.linalg.inv(weights), dtype=float)
+    values, vectors = np.linalg.eig(inverse)
+    real, pair = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
+    transform = np.column_stack([vectors[:, real].real, vectors[:, pair].real, -vectors[:, pair].imag])
+    block = np.linalg.solve(transform, inverse @ transform)
+    gamma, mu = float(block[0, 0]), complex(block[1, 1], block[2, 1])
+    moments = 1 / powers - np.array([1 / gamma, 0.0, 0.0])
+    quadrature = np.linalg.solve(nodes ** (powers - 1)[:, None], moments)
+    embedded = (quadrature - weights[-1]) @ inverse
+    return Tableau(nodes, weights, inverse, transform, gamma, mu, embedded, integral)
+
+
+RADAU = tableau()
+
+
+@dataclass(frozen=True, eq=False)
+class Collocation:
+    """The Functions of a step.
+
+    Free coordinates, rates and accelerations are q, v and a (N,); Z (N, 3) are the increments at the stages, W = T^-1 Z
+    in a part that is real (N,) and one that is complex (2, N), real above imaginary parts.  ``clamps`` (12, 3) are the
+    clamped nodes at the stages, ``reference`` (N,) is q where the matrices were taken.
+
+    Parameters
+    ----------
+    equations : Equations
+        The equation of motion.
+    """
+
+    equations: Equations
+
+    @cached_property
+    def bandwidth(self) -> int:
+        """Number of diagonals of the matrices on either side of the main one."""
+        return min(2 * NODE - 1, self.equations.free - 1)
+
+    @cached_property
+    def stages(self) -> cs.Function:
+        """(Z, dW real, dW complex, q, v, h, clamps, reference, parameters) -> T^-1 R real and complex, new Z."""
+        s = self._symbols
+        increments = s.corrected()
+        residuals, _ = self._balance.map(STAGES)(*s.motion(increments), s.repeated(s.parameters))
+        q = s.repeated(s.q) + increments
+        turned = [_turned(residuals[NODE:, i], s.reference, q[:, i], back=True) for i in range(STAGES)]
+        r = cs.horzcat(*turned) @ cs.DM(np.linalg.inv(RADAU.transform)).T
+        return _function("stages", s.of_stages, [r[:, 0], r[:, 1:].T, increments])
+
+    @cached_property
+    def finish(self) -> cs.Function:
+        """(Z, dW real, dW complex, q, v, h, clamps, reference, parameters, a) -> q, v, a at the end, error, Z, powers.
+
+        ``error`` is the right-hand side of the error estimate, turned back; ``powers`` (2, 3) are those lost to damping
+        and put in by the base at the stages.
+        """
+        s = self._symbols
+        a, still = cs.MX.sym("a", self.equations.free), cs.MX(NODE, 1)
+        increments = s.corrected()
+        e, e_t, e_tt = s.motion(increments)
+        _, powers = self._balance.map(STAGES)(e, e_t, e_tt, s.repeated(s.parameters))
+        balance, rate, embedded = self.equations.balance(s.parameters), RADAU.gamma / s.h, cs.DM(RADAU.embedded)
+        off = cs.vertcat(still, s.v / rate + increments @ embedded)
+        rates_off = cs.vertcat(still, a / rate + (e_t[NODE:, :] - s.repeated(s.v)) @ embedded)
+        damped = self._damping_tangent(e[:, -1], e_t[:, -1], off, s.parameters)
+        error = rate * (balance.inertia(rates_off + rate * off) + damped)
+        turned = _turned(error[NODE:], s.reference, e[NODE:, -1], back=True)
+        outputs = [e[NODE:, -1], e_t[NODE:, -1], e_tt[NODE:, -1], turned, increments, powers]
+        return _function("finish", [*s.of_stages, a], outputs)
+
+    @cached_property
+    def matrices(self) -> cs.Function:
+        """(q, v, h, clamp, parameters) -> s^2 M + s D + K, without the part B diag(d) B^T of D, real and complex.
+
+        They are in the band storage of LAPACK, with room for its pivots.
+        """
+        s, clamp, model = self._symbols, cs.MX.sym("clamp", 3 * NODE), self.equations.model
+        balance, free = self.equations.balance(s.parameters), model.free
+        e, e_t = cs.vertcat(clamp[:NODE], s.q), cs.vertcat(clamp[NODE : 2 * NODE], s.v)
+        damping = balance.local_damping(e, e_t)[free]
+        stiffness = model.tangent_stiffness(e, balance.properties)[free, free] + cs.jacobian(damping, s.q)
+        m, d, k = map(self._band, (model.mass(balance.properties)[free, free], cs.jacobian(damping, s.v), stiffness))
+        real, a, b = RADAU.gamma / s.h, RADAU.mu.real / s.h, RADAU.mu.imag / s.h
+        pair = cs.horzcat((a**2 - b**2) * m + a * d + k, 2 * a * b * m + b * d)
+        return _function(
+            "matrices", [s.q, s.v, s.h, clamp, s.parameters], [real**2 * m + real * d + k, cs.densify(pair.T)]
+        )
+
+    @cached_property
+    def prediction(self) -> cs.Function:
+        """(nodes, ratio, clamps, q) -> Z.
+
+        ``nodes`` (4 n + 4, 4) are all coordinates at the start and the stages of the step before; ``ratio`` is that of
+        the new step to it.
+        """
+        s, ratio = self._symbols, cs.MX.sym("ratio")
+        nodes = cs.MX.sym("nodes", self.equations.model.size, STAGES + 1)
+        vectors = [_chords_and_slopes(nodes[:, k]) for k in range(STAGES + 1)]
+        logarithms = [_logarithm(vectors[0], vector) for vector in vectors[1:]]
+        columns = []
+        for i, c in enumerate(RADAU.nodes):
+            shares = _lagrange(np.concatenate([[0.0], RADAU.nodes]), 1 + float(c) * ratio)[1:]
+            exponent = sum((share * part for share, part in zip(shares, logarithms, strict=True)), cs.MX(0))
+            chords, slopes = cs.horzsplit(_exponential(vectors[0], exponent), vectors[0].shape[1] // 2)
+            places = cs.cumsum(chords, 1) + cs.repmat(s.clamps[:2, i], 1, chords.shape[1])
+            columns.append(cs.vec(cs.vertcat(places, slopes)) - s.q)
+        return _function("prediction", [nodes, ratio, s.clamps, s.q], [cs.horzcat(*columns)])
+
+    @cached_property
+    def sample(self) -> cs.Function:
+        """(x, h, q, v, a, q_1, v_1, a_1, clamp, reference, parameters) -> e, e_t, e_tt, R.
+
+        The quintic polynomial at the time x h into a step, and the residual of the free rows, turned back.
+        """
+        s, x, clamp = self._symbols, cs.MX.sym("x"), cs.MX.sym("clamp", 3 * NODE)
+        a, q1, v1, a1 = (cs.MX.sym(name, self.equations.free) for name in ("a", "q1", "v1", "a1"))
+        data = cs.horzcat(s.q, s.h * s.v, s.h**2 * a, q1, s.h * v1, s.h**2 * a1)
+        conditions = np.zeros((6, 6))  # value, first and second derivative at 0 and at 1 of the powers of x
+        for k in range(6):
+            conditions[:3, k] = [k == 0, k == 1, 2 * (k == 2)]
+            conditions[3:, k] = [1, k, k * (k - 1)]
+        powers = cs.vertcat(*(x**k for k in range(6)))
+        motion = []
+        for order in range(3):
+            shares = cs.DM(np.linalg.inv(conditions).T) @ powers
+            motion.append(cs.vertcat(clamp[NODE * order : NODE * (order + 1)], data @ shares / s.h**order))
+            powers = cs.jacobian(powers, x)
+        residual, _ = self._balance(*motion, s.parameters)
+        turned = _turned(residual[NODE:], s.reference, motion[0][NODE:], back=True)
+        inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, clamp, s.reference, s.parameters]
+        return _function("sample", inputs, [*motion, turned])
+
+    @cached_property
+    def observation(self) -> cs.Function:
+        """(e, e_t, e_tt, correction, reference, parameters) -> corrected e, and the force of the base (4,).
+
+        ``correction`` (N,) is turned forth before it is taken off.
+        """
+        e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
+        s, correction = self._symbols, cs.MX.sym("correction", self.equations.free)
+        q = e[NODE:] - _turned(correction, s.reference, e[NODE:], back=False)
+        right = cs.vertcat(e[:NODE], q)
+        forces, _ = self._balance(right, e_t, e_tt, s.parameters)
+        return _function("observation", [e, e_t, e_tt, correction, s.reference, s.parameters], [right, forces[:NODE]])
+
+    def accelerations(self, q: Array, v: Array, clamp: Array) -> Array:
+        """Return the accelerations a of a state (numbers) with a clamped node (12,)."""
+        position, velocity, acceleration = np.split(clamp, 3)
+        motion = [np.concatenate(parts) for parts in ((position, q), (velocity, v), (acceleration, 0 * q))]
+        forces, _ = self._balance(*motion, self.equations.parameters)
+        model = self.equations.model
+        mass = model.mass(model.properties).sparse()[model.free, model.free]
+        return np.asarray(scipy.sparse.linalg.spsolve(mass.tocsc(), -forces.full().ravel()[model.free]))
+
+    @cached_property
+    def _symbols(self) -> _Symbols:
+        free = self.equations.free
+        return _Symbols(
+            increments=cs.MX.sym("Z", free, STAGES),
+            real=cs.MX.sym("real", free),
+            pair=cs.MX.sym("pair", 2, free),
+            q=cs.MX.sym("q", free),
+            v=cs.MX.sym("v", free),
+            h=cs.MX.sym("h"),
+            clamps=cs.MX.sym("clamps", 3 * NODE, STAGES),
+            reference=cs.MX.sym("reference", free),
+            parameters=cs.MX.sym("parameters", self.equations.parameters.size),
+        )
+
+    @cached_property
+    def _balance(self) -> cs.Function:
+        """(e, e_t, e_tt, parameters) -> forces at all nodes, and powers lost to damping and put in by the base."""
+        e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
+        parameters = self._symbols.parameters
+        balance = self.equations.balance(parameters)
+        damping = balance.damping(e, e_t)
+        forces = balance.inertia(e_tt) + damping + balance.conservative(e)
+        powers = cs.vertcat(cs.dot(e_t, damping), cs.dot(e_t[:NODE], forces[:NODE]))
+        return cs.Function("balance", [e, e_t, e_tt, parameters], [forces, powers])
+
+    @cached_property
+    def _damping_tangent(self) -> cs.Function:
+        """(e, e_t, u, parameters) -> dQ_damp/de_t u."""
+        e, e_t, u = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "u"))
+        parameters = self._symbols.parameters
+        force = cs.jtimes(self.equations.balance(parameters).damping(e, e_t), e_t, u)
+        return cs.Function("damping_tangent", [e, e_t, u, parameters], [force])
+
+    def _band(self, matrix: cs.MX) -> cs.MX:
+        """Return a matrix in band storage, a vector."""
+        size, width = self.equations.free, self.bandwidth
+        rows, columns = (np.array(part) for part in matrix.sparsity().get_triplet())
+        places = (2 * width + rows - columns + (3 * width + 1) * columns).tolist()
+        pattern = cs.Sparsity.triplet((3 * width + 1) * size, 1, places, [0] * len(places))
+        return cs.densify(cs.MX(pattern, matrix.nz[:]))
+
+
+@dataclass(frozen=True)
+class _Symbols:
+    """The inputs that the Functions of a step share."""
+
+    increments: cs.MX
+    real: cs.MX
+    pair: cs.MX
+    q: cs.MX
+    v: cs.MX
+    h: cs.MX
+    clamps: cs.MX
+    reference: cs.MX
+    parameters: cs.MX
+
+    @property
+    def of_stages(self) -> list[cs.MX]:
+        """All, in their order as inputs of ``Collocation.stages``."""
+        return [getattr(self, name) for name in self.__dataclass_fields__]
+
+    def repeated(self, vector: cs.MX) -> cs.MX:
+        """Return a vector once a stage."""
+        return cs.repmat(vector, 1, STAGES)
+
+    def corrected(self) -> cs.MX:
+        """Return the increments with T dW taken off, turned forth."""
+        corrections = cs.horzcat(self.real, self.pair.T) @ cs.DM(RADAU.transform).T
+        q = self.repeated(self.q) + self.increments
+        turned = [_turned(corrections[:, i], self.reference, q[:, i], back=False) for i in range(STAGES)]
+        return self.increments - cs.horzcat(*turned)
+
+    def motion(self, increments: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
+        """Return e, e_t and e_tt at the stages, (4 n + 4, 3)."""
+        inverse = cs.DM(RADAU.inverse).T
+        v = increments @ inverse / self.h
+        a = (v - self.repeated(self.v)) @ inverse / self.h
+        nodes = cs.vertsplit(self.clamps, NODE)
+        q = self.repeated(self.q) + increments
+        return cs.vertcat(nodes[0], q), cs.vertcat(nodes[1], v), cs.vertcat(nodes[2], a)
+
+
+def _turned(vector: cs.MX, reference: cs.MX, q: cs.MX, *, back: bool) -> cs.MX:
+    """Turn a vector at each node by the angle of its slope in q from that in the reference, or back."""
+    first, second = (cs.reshape(x, NODE, -1)[2:, :] for x in (reference, q))
+    cosine, sine = cs.sum1(first * second), first[0, :] * second[1, :] - first[1, :] * second[0, :]
+    size = cs.sqrt(cosine**2 + sine**2)
+    cosine, sine = cosine / size, (-sine if back else sine) / size
+    x, y, slope_x, slope_y = cs.vertsplit(cs.reshape(vector, NODE, -1))
+    rows = [cosine * x - sine * y, sine * x + cosine * y]
+    rows += [cosine * slope_x - sine * slope_y, sine * slope_x + cosine * slope_y]
+    return cs.vec(cs.vertcat(*rows))
+
+
+def _chords_and_slopes(e: cs.MX) -> cs.MX:
+    """Return the vectors from each node to the next, then the slopes of all nodes but the first, (2, 2 n)."""
+    nodes = cs.reshape(e, NODE, -1)
+    return cs.horzcat(nodes[:2, 1:] - nodes[:2, :-1], nodes[2:, 1:])
+
+
+def _logarithm(first: cs.MX, second: cs.MX) -> cs.MX:
+    """Return the logarithm of the ratio of lengths, and the angle, from one set of vectors to another, (2, k)."""
+    dot, cross = cs.sum1(first * second), first[0, :] * second[1, :] - first[1, :] * second[0, :]
+    square = cs.sum1(first**2)
+    return cs.vertcat(cs.log((dot**2 + cross**2) / square**2) / 2, cs.atan2(cross, dot))
+
+
+def _exponential(first: cs.MX, exponent: cs.MX) -> cs.MX:
+    """Return the vectors with a given logarithm from a set of vectors, (2, k)."""
+    size = cs.exp(exponent[0, :])
+    cosine, sine = size * cs.cos(exponent[1, :]), size * cs.sin(exponent[1, :])
+    x, y = cs.vertsplit(first)
+    return cs.vertcat(cosine * x - sine * y, sine * x + cosine * y)
+
+
+def _lagrange(nodes: Array, x: cs.MX) -> list[cs.MX]:
+    """Return Lagrange's polynomials of some nodes at x."""
+    factors = [[(x - other) / (node - other) for other in nodes if other != node] for node in nodes]
+    return [cs.MX(math.prod(one, start=cs.MX(1))) for one in factors]
+
+
+def _function(name: str, inputs: list[cs.MX], outputs: list[cs.MX]) -> cs.Function:
+    return cs.Function(name, inputs, [cs.densify(x) for x in outputs], {"is_diff_in": [False] * len(inputs)})

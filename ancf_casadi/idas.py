@@ -1,0 +1,267 @@
+"""Time integration by IDAS, the variable-step backward differentiation formulas of SUNDIALS, with exact Jacobians.
+
+Form.  With the accelerations as algebraic unknowns the Jacobian stays as sparse as the mesh; the part B diag(d) B^T e_t
+of a damping force is written B (d * w) with the further unknowns w = B^T e_t for the same reason.
+
+Scaling.  The unknowns are x = (displacement/S, v/(S W)) and z = (a/(S W^2), w/(L W)), with S the length L of the beam
+for positions and 1 for slopes, and W the bending frequency of a single element.  One tolerance, relative to L, then
+serves them all, and the noise that Newton's method leaves in the positions is not divided by the step into a velocity
+error that fails every other step.  The balance of forces is divided by diag(M) S W^2; a sparse factorisation then finds
+its pivots on the diagonal, where they leave the band of the mesh alone.
+
+Time.  Each smooth piece of the base motion is cut into stretches t = start + span s with s from 0 to 1, and IDAS
+restarted on each with consistent accelerations; start and span are parameters, so that one integrator serves all.
+
+Order.  Undamped high modes lie on the imaginary axis, where backward differentiation formulas of order 3 to 5 are
+unstable; the order is 2.
+
+Energy.  The power of the base, the force on the clamped node times its velocity, and the power lost to damping are
+integrated along, so that every motion can be held against its balance of energy.
+
+References
+----------
+Hindmarsh et al. 2005, "SUNDIALS: Suite of nonlinear and differential/algebraic equation solvers".
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as cs
+import numpy as np
+import scipy.sparse.linalg
+from numpy.typing import NDArray
+
+from ancf_casadi.equations import Equations
+from ancf_casadi.exceptions import InputError, SimulationError
+from ancf_casadi.model import NODE
+from ancf_casadi.stretches import Path, Stretch
+from ancf_casadi.trajectory import State
+
+Array = NDArray[np.float64]
+
+DEFAULTS: Mapping[str, Any] = {
+    "reltol": 1e-12,
+    "max_multistep_order": 2,
+    "linear_solver": "csparse",
+    "cj_scaling": True,
+    "suppress_algebraic": True,
+    "calc_ic": False,
+    "max_num_steps": 200_000,  # between two samples
+}
+
+
+@dataclass(frozen=True, eq=False)
+class SemiExplicit:
+    """The scaled equation of motion with the accelerations as algebraic unknowns.
+
+    Parameters
+    ----------
+    equations : Equations
+        The equation of motion.
+    """
+
+    equations: Equations
+
+    @cached_property
+    def rate(self) -> float:
+        """W, the highest bending frequency of a single pinned element, pi^2 (E I/mu)^1/2/l^2, rad/s."""
+        model = self.equations.model
+        _, thickness, density, elastic_modulus = model.properties
+        stiffness = np.sqrt(elastic_modulus / density) * thickness / math.sqrt(12)
+        return float(math.pi**2 * stiffness.max() / model.beam.element_length**2)
+
+    @cached_property
+    def parameters(self) -> Array:
+        """W, the divisors of the force balance diag(M) S W^2, and the parameters of the forces."""
+        model = self.equations.model
+        diagonal = model.mass(model.properties).sparse().diagonal()[model.free]
+        weights = diagonal * model.scale[model.free] * self.rate**2
+        return np.concatenate([[self.rate], weights, self.equations.parameters])
+
+    @cached_property
+    def residual(self) -> cs.Function:
+        """(x, z, clamp, parameters) -> x_t and the residual of z; differentiable in x and z.
+
+        ``clamp`` is the clamped node's position, velocity and acceleration, (12,).
+        """
+        return self._function("residual", lambda b: [b.x_t, b.remainder], differentiable=True)
+
+    @cached_property
+    def energetics(self) -> cs.Function:
+        """(x, z, clamp, parameters) -> powers and reaction.
+
+        The powers are those lost to damping and put in by the base, W; the reaction is the generalized force of the
+        base on the clamped node, (4,).
+        """
+        return self._function("energetics", lambda b: [b.powers, b.forces[:NODE]], differentiable=False)
+
+    def scaled(self, state: State) -> Array:
+        """Return x of a state."""
+        model = self.equations.model
+        displacement = (state.coordinates - model.straight) / model.scale
+        rates = state.velocities / (model.scale * self.rate)
+        return np.concatenate([displacement[model.free], rates[model.free]])
+
+    def unscaled(self, x: Array, clamps: Array) -> tuple[Array, Array]:
+        """Return all coordinates and their rates from x, (k, 2 N), and the clamped nodes, (k, 12)."""
+        model = self.equations.model
+        displacement, rates = np.split(x, 2, axis=-1)
+        scale = model.scale[model.free]
+        coordinates = model.straight[model.free] + scale * displacement
+        position, velocity, _ = np.split(clamps, 3, axis=-1)
+        return np.hstack([position, coordinates]), np.hstack([velocity, scale * self.rate * rates])
+
+    def _function(self, name: str, outputs: Callable[[_Outputs], list[cs.MX]], *, differentiable: bool) -> cs.Function:
+        free, m = self.equations.free, self.equations.projection.shape[1]
+        x, z = cs.MX.sym("x", 2 * free), cs.MX.sym("z", free + m)
+        clamp, parameters = cs.MX.sym("clamp", 3 * NODE), cs.MX.sym("parameters", self.parameters.size)
+        options = {"is_diff_in": [differentiable, differentiable, False, False]}
+        return cs.Function(name, [x, z, clamp, parameters], outputs(self._write(x, z, clamp, parameters)), options)
+
+    def _write(self, x: cs.MX, z: cs.MX, clamp: cs.MX, parameters: cs.MX) -> _Outputs:
+        """Write the equation of motion in the scaled unknowns."""
+        model, free = self.equations.model, self.equations.free
+        rate, weights, rest = cs.vertsplit(parameters, [0, 1, 1 + free, parameters.numel()])
+        balance, scale = self.equations.balance(rest), model.scale[model.free]
+        q, v = model.straight[model.free] + scale * x[:free], scale * rate * x[free:]
+        a, w = scale * rate**2 * z[:free], model.beam.length * rate * z[free:]
+        position, velocity, acceleration = cs.vertsplit(clamp, NODE)
+        e, e_t, e_tt = cs.vertcat(position, q), cs.vertcat(velocity, v), cs.vertcat(acceleration, a)
+        damping = balance.local_damping(e, e_t) + balance.projection @ (balance.rates * w)
+        forces = balance.inertia(e_tt) + balance.conservative(e) + damping
+        excess = balance.projection.T @ e_t - w
+        return _Outputs(
+            x_t=cs.MX(cs.vertcat(v / scale, a / (scale * rate))),
+            forces=forces,
+            remainder=cs.vertcat(forces[model.free] / weights, excess / (model.beam.length * rate)),
+            powers=cs.vertcat(cs.dot(e_t, damping), cs.dot(velocity, forces[:NODE])),
+        )
+
+
+@dataclass(frozen=True)
+class _Outputs:
+    """The symbols of the equation of motion: rates of x, forces at all nodes, residual of z, powers."""
+
+    x_t: cs.MX
+    forces: cs.MX
+    remainder: cs.MX
+    powers: cs.MX
+
+
+def integrate_by_idas(
+    equations: Equations,
+    make: Callable[[cs.Function], cs.Function],
+    clamp: cs.Function,
+    start: State,
+    stretches: Sequence[Stretch],
+    tolerance: float,
+    options: Mapping[str, Any],
+) -> Iterator[Path]:
+    """Integrate a smooth piece of the motion, and yield what each stretch of it gives.
+
+    Parameters
+    ----------
+    equations : Equations
+        The equation of motion.
+    make : callable
+        What compiles a Function, or does not.
+    clamp : Function
+        (t) -> position, velocity and acceleration of the clamped node, (12,).
+    start : State
+        Where the beam is at the start of the first stretch.
+    stretches : sequence of Stretch
+        Stretches of time, one after the other.
+    tolerance : float
+        Local error of the positions relative to the length of the beam.
+    options : mapping
+        Options of CasADi's IDAS interface; they override ``DEFAULTS``.
+
+    Raises
+    ------
+    InputError
+        If IDAS refuses an option.
+    SimulationError
+        If IDAS fails.
+    """
+    form = SemiExplicit(equations)
+    residual, energetics = make(form.residual), make(form.energetics)
+    settings = {**DEFAULTS, "abstol": tolerance, **options}
+    s, time_span = cs.MX.sym("s"), cs.MX.sym("time", 2)
+    x, z = cs.MX.sym("x", residual.size1_in(0)), cs.MX.sym("z", residual.size1_in(1))
+    begin, span = cs.vertsplit(time_span)
+    x_t, alg = residual(x, z, clamp(begin + span * s), form.parameters)
+    powers, reaction = energetics(x, z, clamp(begin + span * s), form.parameters)
+    dae = {"t": s, "x": x, "z": z, "p": time_span, "ode": span * x_t, "alg": alg, "quad": span * powers}
+    slope = cs.jacobian(alg, z)
+    linear = cs.Function("linear", [s, x, z, time_span], [alg, slope])  # alg is linear in z
+    forces = cs.Function("forces", [x, z, s, time_span], [reaction])
+
+    @functools.cache
+    def solver(points: int) -> cs.Function:
+        grid = np.linspace(0.0, 1.0, points + 1)[1:]
+        try:
+            with _quiet():
+                return cs.integrator("integrator", "idas", dae, 0.0, grid, dict(settings))
+        except RuntimeError as error:
+            raise InputError(_refusal(str(error)), "options") from None
+
+    x0 = form.scaled(start)
+    for stretch in stretches:
+        p = [stretch.start, stretch.length]
+        constant, matrix = linear(0.0, x0, 0.0, p)
+        z0 = -scipy.sparse.linalg.splu(matrix.sparse()).solve(constant.full().ravel())
+        run = solver(stretch.points)
+        try:
+            with _quiet():
+                result = run(x0=x0, z0=z0, p=p)
+        except RuntimeError as error:
+            raise SimulationError(_advice(str(error), stretch), stretch.start) from None
+        states = np.vstack([x0, result["xf"].full().T])
+        unknowns = np.vstack([z0, result["zf"].full().T])
+        clamps = clamp(stretch.instants[None, :]).full().T
+        coordinates, velocities = form.unscaled(states, clamps)
+        energies = np.vstack([np.zeros(2), result["qf"].full().T])
+        kept = stretch.kept
+        yield Path(
+            coordinates=coordinates[kept],
+            velocities=velocities[kept],
+            forces=forces(states.T, unknowns.T, np.linspace(0.0, 1.0, stretch.points + 1)[None, :], p).full().T[kept],
+            energies=energies[kept],
+            end=State(coordinates[-1], velocities[-1]),
+            end_energies=energies[-1],
+            steps=int(run.stats()["nsteps"]),
+        )
+        x0 = states[-1]
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep what CasADi prints off the terminal."""
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        yield
+
+
+def _refusal(message: str) -> str:
+    """Say in a line which option CasADi's IDAS interface refuses."""
+    reasons = r"Unknown option: .+|Illegal type for .+|Cannot load shared library \S+'|IDA\w+ returned .\w+."
+    said = re.search(reasons, message)
+    return f"CasADi's IDAS interface refuses them: {said[0] if said else message.strip().splitlines()[0]}"
+
+
+def _advice(message: str, stretch: Stretch) -> str:
+    """Say in a line what went wrong in a stretch, and what to try."""
+    between = f"between {stretch.start:g} and {stretch.end:g} s"
+    cause = "took too many steps" if "TOO_MUCH_WORK" in message else "could not go on"
+    return (
+        f"the integrator {cause} {between}: try start='moving' if the base starts with a speed, a larger tolerance, "
+        "method='radau', or more elements where the beam bends sharply"
+    )

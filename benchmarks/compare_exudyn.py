@@ -1,16 +1,17 @@
 """This project and Exudyn side by side: the time each takes to reach the same accuracy.
 
-    python benchmarks/compare_exudyn.py [--case a|b|all] [--law mass|generic|drag|all] [--quick] [--repeat N]
+    python benchmarks/compare_exudyn.py [--case a|b|all] [--law mass|generic|drag|all] [--method idas|radau]
 
 needs ``pip install 'ancf-casadi[exudyn]'`` and a C compiler.  ``exudyn_cases.py`` states the cases and Exudyn's model.
 
 How it is measured.  Each program runs in a process of its own, one after the other, on one thread, and climbs a ladder
-of accuracies: ours of tolerances, Exudyn's of step sizes.  A time is that of building the model and integrating it; our
-compilation, once and kept from then on, is told apart, and the matrices that Exudyn is given cost it nothing.  Samples
-are taken a thousand times a second.
+of accuracies: ours of tolerances, by the integrator asked for, Exudyn's of step sizes.  A time is that of building the
+model and integrating it; our compilation, once and kept from then on, is told apart, and the matrices that Exudyn is
+given cost it nothing.  Samples are taken a thousand times a second.
 
-How errors are meant.  Each solution is held against the converged one of the same program: ours has small and even
-steps, and Exudyn's is extrapolated from its two smallest steps, its order being 2.  In a window at the end,
+How errors are meant.  Each solution is held against the converged one of the same program: ours is that of ``radau``
+with a small tolerance, and Exudyn's is extrapolated from its two smallest steps, its order being 2.  In a window at
+the end,
 
     error       the largest distance of the two, as a share of the largest excursion,
     amplitude   the difference of their root mean squares, as a share.
@@ -30,17 +31,19 @@ import platform
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import version
+from typing import get_args
 
 import numpy as np
 from exudyn_cases import BEAM, LAWS, SAMPLE_RATE, Array, Bar, Case, Solution, blow, damping, large, solve_exudyn
 
 from ancf_casadi import Model, natural_modes, simulate, static_equilibrium
 from ancf_casadi.model import NODE
-from ancf_casadi.simulate import COMPILED_FROM
+from ancf_casadi.simulate import COMPILED_FROM, Method
 
 ORDER = 2  # of generalized alpha
 FINER = 1.5  # times the steps of the finest rung are due to a converged solution
@@ -97,13 +100,13 @@ def main() -> None:
     cases += [blow(arguments.quick)] if arguments.case in ("b", "all") else []
     print(_machine())
     for case in cases:
-        compare(case, arguments.repeat)
+        compare(case, arguments.method, not arguments.interpreted, arguments.repeat)
 
 
-def compare(case: Case, repeat: int) -> None:
+def compare(case: Case, method: Method, compiled: bool, repeat: int) -> None:
     """Run both programs, and print what came out."""
-    print(f"\ncase {case.name}, {case.law}: {case.title}")
-    ours, compilation = climb_ours(case, repeat)
+    print(f"\ncase {case.name}, {case.law}, {method}: {case.title}")
+    ours, compilation = climb_ours(case, method, compiled, repeat)
     theirs = climb_exudyn(case, repeat)
     print(ROW.format("program", "setting", "steps", "wall s", "cpu s", "error", "amplitude"))
     for ladder in (ours, theirs):
@@ -131,12 +134,15 @@ def verdict(bar: Bar, ours: Ladder, theirs: Ladder) -> str:
     return f"{bar.kind} of {bar.limit:g}: {', '.join(words)}; {ratio}"
 
 
-def climb_ours(case: Case, repeat: int) -> tuple[Ladder, float]:
+def climb_ours(case: Case, method: Method, compiled: bool, repeat: int) -> tuple[Ladder, float]:
     """Return our ladder, and the seconds of compilation; nothing that was compiled before is used."""
-    with tempfile.TemporaryDirectory() as cache, _process({"ANCF_CASADI_CACHE": cache}) as process:
-        cold, warm = (process.submit(solve_ours, case, case.tolerances[0], COMPILED_FROM).result() for _ in range(2))
-        rungs = _climb(process, solve_ours, case, case.tolerances, repeat)
-        fine = process.submit(solve_converged, case).result()
+    settings, solve = case.tolerances[method], partial(solve_ours, method=method)
+    with tempfile.TemporaryDirectory() as cache:
+        with _process({"ANCF_CASADI_CACHE": cache, "ANCF_CASADI_COMPILE": str(int(compiled))}) as process:
+            cold, warm = (process.submit(solve, case, settings[0], duration=COMPILED_FROM).result() for _ in range(2))
+            rungs = _climb(process, solve, case, settings, repeat)
+        with _process({"ANCF_CASADI_CACHE": cache}) as process:
+            fine = process.submit(solve_ours, case, case.converged, method="radau").result()
     if fine.steps < FINER * rungs[-1].steps:
         print(f"our converged solution has {fine.steps} steps only: its own error counts", file=sys.stderr)
     return Ladder("ours", rungs, signal(case, fine.coordinates)), max(0.0, cold.wall - warm.wall)
@@ -151,9 +157,7 @@ def climb_exudyn(case: Case, repeat: int) -> Ladder:
     return Ladder("exudyn", rungs, fine.signal + (fine.signal - coarse.signal) / gain)
 
 
-def solve_ours(
-    case: Case, tolerance: float, duration: float | None = None, options: Mapping[str, float] | None = None
-) -> Solution:
+def solve_ours(case: Case, tolerance: float, *, method: Method, duration: float | None = None) -> Solution:
     """Run a case in this project, the model and its law built anew."""
     wall, cpu = time.perf_counter(), time.process_time()
     model = Model(BEAM)
@@ -164,17 +168,11 @@ def solve_ours(
         start=case.start,
         duration=duration or case.duration,
         sample_rate=SAMPLE_RATE,
+        method=method,
         tolerance=tolerance,
-        options=options,
     )
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     return Solution(run.tip if case.mode is None else run.coordinates, run.steps, wall, cpu)
-
-
-def solve_converged(case: Case) -> Solution:
-    """Return our converged solution of a case."""
-    bound = case.converged.largest_step
-    return solve_ours(case, case.converged.tolerance, options={"max_step_size": bound} if bound else None)
 
 
 def signal(case: Case, coordinates: Array) -> Array:
@@ -209,7 +207,7 @@ def _climb(
     for setting in settings:
         runs = [process.submit(solve, case, setting).result() for _ in range(repeat)]
         best = min(runs, key=lambda run: run.wall)
-        print(f"  {solve.__name__} {setting:g}: {best.wall:.2f} s", file=sys.stderr, flush=True)
+        print(f"  {setting:g}: {best.wall:.2f} s", file=sys.stderr, flush=True)
         rungs.append(Rung(setting, signal(case, best.coordinates), best.steps, best.wall, best.cpu))
     return rungs
 
@@ -233,6 +231,8 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description="Compare the speed of this project with Exudyn's.")
     parser.add_argument("--case", choices=("a", "b", "all"), default="all", help="a: mode 1, large; b: mode 5, a blow")
     parser.add_argument("--law", choices=(*LAWS, "all"), default="all", help="damping law of case a")
+    parser.add_argument("--method", choices=get_args(Method), default="radau", help="our integrator")
+    parser.add_argument("--interpreted", action="store_true", help="ours as without a C compiler")
     parser.add_argument("--quick", action="store_true", help="short ladders, converged solutions less sure")
     parser.add_argument("--repeat", type=int, default=1, metavar="N", help="keep the fastest of N runs")
     return parser

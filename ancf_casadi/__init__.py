@@ -2,6 +2,7 @@
 
 from ancf_casadi.beam import Beam, Section
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
+from ancf_casadi.differentiable import motion
 from ancf_casadi.element import StrainMeasures
 from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.exceptions import (
@@ -47,6 +48,7 @@ __all__ = [
     "Trajectory",
     "__version__",
     "modal_assurance",
+    "motion",
     "natural_modes",
     "simulate",
     "static_equilibrium",

@@ -37,6 +37,7 @@ from functools import cached_property
 
 import casadi as cs
 import numpy as np
+import scipy.sparse
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
@@ -96,7 +97,20 @@ def tableau() -> Tableau:
     return Tableau(nodes, weights, inverse, transform, gamma, mu, embedded, integral)
 
 
+def quintic() -> Array:
+    """Return the coefficients (6, 6) of the six polynomials of degree 5 with one condition 1 and the others 0.
+
+    The conditions are value, first and second derivative at 0, and the same at 1.
+    """
+    conditions = np.zeros((6, 6))
+    for k in range(6):
+        conditions[:3, k] = [k == 0, k == 1, 2 * (k == 2)]
+        conditions[3:, k] = [1, k, k * (k - 1)]
+    return np.asarray(np.linalg.inv(conditions).T)
+
+
 RADAU = tableau()
+QUINTIC = quintic()
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +139,7 @@ class Collocation:
         """(Z, dW real, dW complex, q, v, h, clamps, reference, parameters) -> T^-1 R real and complex, new Z."""
         s = self._symbols
         increments = s.corrected()
-        residuals, _ = self._balance.map(STAGES)(*s.motion(increments), s.repeated(s.parameters))
+        residuals, _ = self.balance.map(STAGES)(*s.motion(increments), s.repeated(s.parameters))
         q = s.repeated(s.q) + increments
         turned = [_turned(residuals[NODE:, i], s.reference, q[:, i], back=True) for i in range(STAGES)]
         r = cs.horzcat(*turned) @ cs.DM(np.linalg.inv(RADAU.transform)).T
@@ -142,7 +156,7 @@ class Collocation:
         a, still = cs.MX.sym("a", self.equations.free), cs.MX(NODE, 1)
         increments = s.corrected()
         e, e_t, e_tt = s.motion(increments)
-        _, powers = self._balance.map(STAGES)(e, e_t, e_tt, s.repeated(s.parameters))
+        _, powers = self.balance.map(STAGES)(e, e_t, e_tt, s.repeated(s.parameters))
         balance, rate, embedded = self.equations.balance(s.parameters), RADAU.gamma / s.h, cs.DM(RADAU.embedded)
         off = cs.vertcat(still, s.v / rate + increments @ embedded)
         rates_off = cs.vertcat(still, a / rate + (e_t[NODE:, :] - s.repeated(s.v)) @ embedded)
@@ -199,17 +213,13 @@ class Collocation:
         s, x, clamp = self._symbols, cs.MX.sym("x"), cs.MX.sym("clamp", 3 * NODE)
         a, q1, v1, a1 = (cs.MX.sym(name, self.equations.free) for name in ("a", "q1", "v1", "a1"))
         data = cs.horzcat(s.q, s.h * s.v, s.h**2 * a, q1, s.h * v1, s.h**2 * a1)
-        conditions = np.zeros((6, 6))  # value, first and second derivative at 0 and at 1 of the powers of x
-        for k in range(6):
-            conditions[:3, k] = [k == 0, k == 1, 2 * (k == 2)]
-            conditions[3:, k] = [1, k, k * (k - 1)]
         powers = cs.vertcat(*(x**k for k in range(6)))
         motion = []
         for order in range(3):
-            shares = cs.DM(np.linalg.inv(conditions).T) @ powers
+            shares = cs.DM(QUINTIC) @ powers
             motion.append(cs.vertcat(clamp[NODE * order : NODE * (order + 1)], data @ shares / s.h**order))
             powers = cs.jacobian(powers, x)
-        residual, _ = self._balance(*motion, s.parameters)
+        residual, _ = self.balance(*motion, s.parameters)
         turned = _turned(residual[NODE:], s.reference, motion[0][NODE:], back=True)
         inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, clamp, s.reference, s.parameters]
         return _function("sample", inputs, [*motion, turned])
@@ -224,17 +234,22 @@ class Collocation:
         s, correction = self._symbols, cs.MX.sym("correction", self.equations.free)
         q = e[NODE:] - _turned(correction, s.reference, e[NODE:], back=False)
         right = cs.vertcat(e[:NODE], q)
-        forces, _ = self._balance(right, e_t, e_tt, s.parameters)
+        forces, _ = self.balance(right, e_t, e_tt, s.parameters)
         return _function("observation", [e, e_t, e_tt, correction, s.reference, s.parameters], [right, forces[:NODE]])
 
-    def accelerations(self, q: Array, v: Array, clamp: Array) -> Array:
+    def accelerations(self, q: Array, v: Array, clamp: Array, parameters: Array) -> Array:
         """Return the accelerations a of a state (numbers) with a clamped node (12,)."""
         position, velocity, acceleration = np.split(clamp, 3)
         motion = [np.concatenate(parts) for parts in ((position, q), (velocity, v), (acceleration, 0 * q))]
-        forces, _ = self._balance(*motion, self.equations.parameters)
+        forces, _ = self.balance(*motion, parameters)
+        free = self.equations.model.free
+        return np.asarray(scipy.sparse.linalg.spsolve(self.mass(parameters), -forces.full().ravel()[free]))
+
+    def mass(self, parameters: Array) -> scipy.sparse.csc_array:
+        """Return the mass matrix of the free coordinates."""
         model = self.equations.model
-        mass = model.mass(model.properties).sparse()[model.free, model.free]
-        return np.asarray(scipy.sparse.linalg.spsolve(mass.tocsc(), -forces.full().ravel()[model.free]))
+        properties = parameters[2 : 2 + model.properties.size].reshape(model.properties.shape, order="F")
+        return scipy.sparse.csc_array(model.mass(properties).sparse()[model.free, model.free])
 
     @cached_property
     def _symbols(self) -> _Symbols:
@@ -252,7 +267,7 @@ class Collocation:
         )
 
     @cached_property
-    def _balance(self) -> cs.Function:
+    def balance(self) -> cs.Function:
         """(e, e_t, e_tt, parameters) -> forces at all nodes, and powers lost to damping and put in by the base."""
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
         parameters = self._symbols.parameters

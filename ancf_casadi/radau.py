@@ -82,7 +82,8 @@ def integrate_by_radau(
     SimulationError
         If no step is small enough, or they are too many.
     """
-    stepper = _Stepper(equations, make, clamp, start, stretches[0].start, stretches[-1].end, tolerance)
+    form, p = Collocation(equations), equations.parameters
+    stepper = Stepper(form, p, make, clamp, start, stretches[0].start, stretches[-1].end, tolerance)
     size, steps, energies = equations.model.size, 0, np.zeros(2)
     for stretch in stretches:
         samples = []
@@ -114,8 +115,8 @@ class _Sample:
 
 
 @dataclass(frozen=True, eq=False)
-class _Factors:
-    """A factorised matrix A + B diag(r) B^T with banded A.
+class Factors:
+    """A factorised matrix A + B C B^T with banded A.
 
     Parameters
     ----------
@@ -126,7 +127,7 @@ class _Factors:
     projection : array (N, m)
         B.
     correction : array (N, m)
-        X (1 + B^T X)^-1 with X = A^-1 B diag(r).
+        X (1 + B^T X)^-1 with X = A^-1 B C.
     """
 
     band: NDArray[Any]
@@ -136,15 +137,15 @@ class _Factors:
     correction: NDArray[Any]
 
     @staticmethod
-    def of(band: NDArray[Any], width: int, projection: Array, rates: NDArray[Any]) -> _Factors:
-        """Factorise; the band, one column of the matrix after the other, is overwritten."""
+    def of(band: NDArray[Any], width: int, projection: Array, middle: NDArray[Any]) -> Factors:
+        """Factorise; the band, one column of the matrix after the other, is overwritten, ``middle`` is C."""
         factorise, solve = _routines(band)
         factors, pivots, _ = factorise(band.reshape(-1, 3 * width + 1).T, width, width, overwrite_ab=1)
-        correction: NDArray[Any] = projection * rates
-        if rates.size:
+        correction: NDArray[Any] = projection @ middle
+        if middle.size:
             x = solve(factors, width, width, correction, pivots)[0]
-            correction = x @ np.linalg.inv(np.eye(rates.size) + projection.T @ x)
-        return _Factors(factors, pivots, width, projection, correction)
+            correction = x @ np.linalg.inv(np.eye(len(middle)) + projection.T @ x)
+        return Factors(factors, pivots, width, projection, correction)
 
     def solve(self, right: NDArray[Any]) -> NDArray[Any]:
         """Solve for a right-hand side, which is overwritten."""
@@ -155,13 +156,47 @@ class _Factors:
             solution -= self.correction @ (self.projection.T @ solution)
         return solution
 
+    def solve_transposed(self, right: NDArray[Any]) -> NDArray[Any]:
+        """Solve with the transposed matrix for right-hand sides, which are kept."""
+        if self.projection.size:
+            right = right - self.projection @ (self.correction.T @ right)
+        solution: NDArray[Any] = _routines(self.band)[1](
+            self.band, self.width, self.width, right, self.pivots, trans=1
+        )[0]
+        return solution
+
 
 def _routines(band: NDArray[Any]) -> tuple[Callable[..., Any], Callable[..., Any]]:
     """Return LAPACK's routines that factorise a band and solve with its factors."""
     return (lapack.zgbtrf, lapack.zgbtrs) if band.dtype == complex else (lapack.dgbtrf, lapack.dgbtrs)
 
 
-class _Stepper:
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A step that was taken.
+
+    Parameters
+    ----------
+    start, length : float
+        Its start and length, s.
+    q, v, a : array (N,)
+        Free coordinates, rates and accelerations at its start.
+    increments : array (3, N)
+        Increments of the coordinates at its stages.
+    clamps : array (3, 12)
+        The clamped nodes there.
+    """
+
+    start: float
+    length: float
+    q: Array
+    v: Array
+    a: Array
+    increments: Array
+    clamps: Array
+
+
+class Stepper:
     """Goes through a smooth piece of the motion.
 
     Its arrays are the inputs of its Functions: q, v and a where it has come to, what the next step is made from, and
@@ -169,7 +204,11 @@ class _Stepper:
 
     Parameters
     ----------
-    equations, make, clamp, start, tolerance
+    form : Collocation
+        The Functions of a step.
+    parameters : array
+        The parameters of the equation of motion.
+    make, clamp, start, tolerance
         As of ``integrate_by_radau``.
     begin, end : float
         First and last instant, s.
@@ -177,7 +216,8 @@ class _Stepper:
 
     def __init__(
         self,
-        equations: Equations,
+        form: Collocation,
+        parameters: Array,
         make: Callable[[cs.Function], cs.Function],
         clamp: cs.Function,
         start: State,
@@ -185,9 +225,10 @@ class _Stepper:
         end: float,
         tolerance: float,
     ) -> None:
-        form, model, free, p = Collocation(equations), equations.model, equations.free, equations.parameters
+        equations, p = form.equations, parameters
+        model, free = equations.model, equations.free
         self.steps = 0
-        self._now, self._end, self._width = begin, end, form.bandwidth
+        self.now, self._end, self._width = begin, end, form.bandwidth
         self._weights = 1 / (model.scale[model.free] * tolerance * math.sqrt(free))
         self._projection = equations.projection[model.free]
         self._rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).rates).full().ravel()
@@ -195,7 +236,7 @@ class _Stepper:
         self._time, self._clamp, self._clamps = np.zeros(1), np.zeros(3 * NODE), np.zeros((STAGES, 3 * NODE))
         self._q, self._v = start.coordinates[model.free].copy(), start.velocities[model.free].copy()
         self._node = Buffered(clamp, self._time)
-        self._a = form.accelerations(self._q, self._v, self._node_at(begin))
+        self._a = form.accelerations(self._q, self._v, self._node_at(begin), p)
         self._h, self._ratio, self._reference = np.zeros(1), np.zeros(1), self._q.copy()
         self._increments, self._real, self._pair = np.zeros((STAGES, free)), np.zeros(free), np.zeros(free, complex)
         self._before, self._place = np.zeros((3, free)), np.zeros(1)  # q, v and a at the start of the last step
@@ -211,7 +252,7 @@ class _Stepper:
         self._observe = Buffered(make(form.observation), *self._seen, self._off, self._reference, p)
 
         self._nodes[0] = self._all_at(begin, self._q, 0)
-        self._factors: tuple[_Factors, _Factors] | None = None
+        self._factors: tuple[Factors, Factors] | None = None
         self._steady, self._contraction = False, 1.0
         self._proposal, self._most, self._error = FIRST_STEP, GROWTH[1], 1.0
         self._energies, self._work = (
@@ -222,7 +263,7 @@ class _Stepper:
     @property
     def state(self) -> State:
         """Where the beam is after the last step."""
-        return State(self._all_at(self._now, self._q, 0), self._all_at(self._now, self._v, 1))
+        return State(self._all_at(self.now, self._q, 0), self._all_at(self.now, self._v, 1))
 
     def reach(self, instant: float) -> None:
         """Take steps until an instant is behind.
@@ -233,10 +274,17 @@ class _Stepper:
             If no step is small enough, or they are too many.
         """
         before = self.steps
-        while self.steps == 0 or self._now < instant - CLOSE * self._h[0]:
-            self._advance()
+        while self.steps == 0 or self.now < instant - CLOSE * self._h[0]:
+            self.advance()
             if self.steps - before > MOST_STEPS:
-                raise SimulationError(_advice("took too many steps", self._now, self._h[0]), self._now)
+                raise SimulationError(_advice("took too many steps", self.now, self._h[0]), self.now)
+
+    @property
+    def last(self) -> Step:
+        """The last step."""
+        h, (q, v, a) = float(self._h[0]), self._before.copy()
+        increments = self._nodes[1:, NODE:] - q
+        return Step(self.now - h, h, q, v, a, increments, self._clamps.copy())
 
     def sample(self, instant: float) -> _Sample:
         """Return the motion at an instant of the last step."""
@@ -253,14 +301,20 @@ class _Stepper:
         x = self._place_of(instant)
         return np.asarray(self._energies - (1.0 - np.array((x, x**2, x**3))) @ self._work)
 
-    def _advance(self) -> None:
-        """Take a step, as long as the tolerance and Newton's method let it be."""
+    def advance(self) -> None:
+        """Take a step, as long as the tolerance and Newton's method let it be.
+
+        Raises
+        ------
+        SimulationError
+            If no step is small enough.
+        """
         last, h = self._h[0], self._proposal
         while True:
-            left = self._end - self._now
+            left = self._end - self.now
             h = left if h > (1 - CLOSE) * left else min(h, left / 2)
-            if not h > SMALLEST_STEP * max(1.0, self._now):
-                raise SimulationError(_advice("could not go on", self._now, h), self._now)
+            if not h > SMALLEST_STEP * max(1.0, self.now):
+                raise SimulationError(_advice("could not go on", self.now, h), self.now)
             fresh = self._prepare(h, last)
             iterations = self._iterate()
             if iterations:
@@ -281,14 +335,14 @@ class _Stepper:
         self._steady = self._contraction <= STEADY and KEEP[0] <= change < KEEP[1]
         self._proposal = h if self._steady else h * change
         self._most, self._error = min(self._most * RECOVERY, GROWTH[1]), max(error, LEAST_TREND)
-        self._nodes[0] = self._all_at(self._now, self._q, 0)
+        self._nodes[0] = self._all_at(self.now, self._q, 0)
         self._nodes[1:, :NODE] = self._clamps[:, :NODE]
         self._nodes[1:, NODE:] = self._q + increments.reshape(STAGES, -1)
         self._before[:] = self._q, self._v, self._a
         self._q[:], self._v[:], self._a[:] = end
         self._work = h * RADAU.integral @ powers.reshape(STAGES, 2)
         self._energies = self._energies + self._work.sum(axis=0)
-        self._now += h
+        self.now += h
         self.steps += 1
 
     def _prepare(self, h: float, last: float) -> bool:
@@ -296,7 +350,7 @@ class _Stepper:
         fresh = not (self._steady and h == self._h[0])
         self._h[0] = h
         for clamp, c in zip(self._clamps, RADAU.nodes.tolist(), strict=True):
-            clamp[:] = self._node_at(self._now + c * h)
+            clamp[:] = self._node_at(self.now + c * h)
         self._real[:], self._pair[:] = 0.0, 0.0
         if self.steps:
             self._ratio[0] = h / last
@@ -309,10 +363,10 @@ class _Stepper:
             self._reference[:] = self._q + self._increments[middle]
             self._clamp[:] = self._clamps[middle]
             real, pair = self._matrices()
-            rates = self._rates / h
+            rates = np.diag(self._rates / h)
             self._factors = (
-                _Factors.of(real, self._width, self._projection, RADAU.gamma * rates),
-                _Factors.of(pair.view(complex), self._width, self._projection, RADAU.mu * rates),
+                Factors.of(real, self._width, self._projection, RADAU.gamma * rates),
+                Factors.of(pair.view(complex), self._width, self._projection, RADAU.mu * rates),
             )
         return fresh
 
@@ -357,7 +411,7 @@ class _Stepper:
 
     def _place_of(self, instant: float) -> float:
         """Return where in the last step an instant lies, 0 to 1."""
-        return float(1.0 - (self._now - instant) / self._h[0])
+        return float(1.0 - (self.now - instant) / self._h[0])
 
 
 def _advice(problem: str, now: float, step: float) -> str:

@@ -115,11 +115,11 @@ def simulate(
     tolerance = positive(TOLERANCES[method] if tolerance is None else tolerance, "tolerance")
     base = FixedBase() if base is None else base
     equations = Equations(model, RayleighDamping() if damping is None else damping)
-    instants = _instants(duration, sample_rate)
+    instants = sample_times(duration, sample_rate)
     finish, now = float(instants[-1]), 0.0
     make = compiled if finish >= COMPILED_FROM else interpreted
     pieces = base.pieces()
-    state = _initial_state(model, equations.clamp(pieces[0], base), start)
+    state = initial_state(model, equations.clamp(pieces[0], base), start)
     paths: list[Path] = []
 
     def integrate(clamp: cs.Function, stretches: Sequence[Stretch], tolerance: float) -> Iterator[Path]:
@@ -152,8 +152,14 @@ def simulate(
     return _trajectory(model, instants, paths, began)
 
 
-def _instants(duration: float, sample_rate: float) -> Array:
-    """Return the instants of the samples."""
+def sample_times(duration: float, sample_rate: float) -> Array:
+    """Return the instants of the samples.
+
+    Raises
+    ------
+    InputError
+        If they are too many, or fewer than two.
+    """
     if duration * sample_rate > MOST_SAMPLES:
         raise InputError(f"{duration * sample_rate:.3g} samples are more than {MOST_SAMPLES:.0e}", "sample_rate")
     instants = np.arange(math.floor(duration * sample_rate + CLOSE) + 1) / sample_rate
@@ -162,8 +168,16 @@ def _instants(duration: float, sample_rate: float) -> Array:
     return instants
 
 
-def _initial_state(model: Model, clamp: cs.Function, start: Start | Equilibrium | State) -> State:
-    """Return the state at time 0."""
+def initial_state(model: Model, clamp: cs.Function, start: Start | Equilibrium | State) -> State:
+    """Return the state at time 0.
+
+    Raises
+    ------
+    InputError
+        If the start is not one of those that ``simulate`` knows.
+    EquilibriumError
+        If there is no equilibrium to start from.
+    """
     rates = clamp(0.0).full().ravel()[NODE : 2 * NODE]
     if isinstance(start, State):
         for name, given in (("coordinates", start.coordinates), ("velocities", start.velocities)):
@@ -187,19 +201,21 @@ def _initial_state(model: Model, clamp: cs.Function, start: Start | Equilibrium 
         else:
             known = ", ".join(get_args(Start))
             raise InputError(f"must be one of {known}, an Equilibrium or a State, got {start!r}", "start")
-        velocities = _rigid_motion(coordinates, rates) if start == "moving" else np.zeros(model.size)
+        moving = start == "moving"
+        velocities = rigid_motion(model)(coordinates, rates).full().ravel() if moving else np.zeros(model.size)
     return State(coordinates, velocities)
 
 
-def _rigid_motion(coordinates: Array, rates: Array) -> Array:
-    """Rates of a beam that moves as one with the clamped node, whose rates are given."""
-    nodes = coordinates.reshape(-1, NODE)
-    x, y = nodes[0, 2:]
+def rigid_motion(model: Model) -> cs.Function:
+    """(coordinates, rates of the clamped node) -> rates of a beam that moves as one with the clamped node."""
+    e, rates = cs.MX.sym("e", model.size), cs.MX.sym("rates", NODE)
+    nodes = cs.reshape(e, NODE, -1)
+    x, y = nodes[2, 0], nodes[3, 0]
     turn = (x * rates[3] - y * rates[2]) / (x * x + y * y)
-    arms = np.column_stack([nodes[:, :2] - nodes[0, :2], nodes[:, 2:]])
-    velocities = turn * np.column_stack([-arms[:, 1], arms[:, 0], -arms[:, 3], arms[:, 2]])
-    velocities[:, :2] += rates[:2]
-    return np.asarray(velocities.ravel())
+    arms = nodes - cs.vertcat(nodes[:2, 0], 0.0, 0.0)
+    turning = cs.vertcat(-arms[1, :], arms[0, :], -arms[3, :], arms[2, :])
+    moved = turn * turning + cs.vertcat(rates[:2], 0.0, 0.0)
+    return cs.Function("rigid_motion", [e, rates], [cs.vec(moved)])
 
 
 def _with_blow(model: Model, path: Path, clamp: Array) -> Path:

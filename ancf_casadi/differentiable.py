@@ -1,0 +1,201 @@
+"""The motion as a CasADi Function of its parameters.
+
+``motion`` makes the motion that ``simulate(method="radau")`` finds a Function of the law's parameters theta, those of
+the base motion b and the properties P of the elements.  It can stand in any CasADi expression and be differentiated,
+forward (few parameters) and in reverse (few results); ``sensitivity`` says how.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from typing import Any, TypeVar
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.equations import Equations
+from ancf_casadi.equilibrium import Equilibrium
+from ancf_casadi.exceptions import AncfError
+from ancf_casadi.excitation import BaseMotion, FixedBase
+from ancf_casadi.inputs import positive
+from ancf_casadi.model import Model
+from ancf_casadi.sensitivity import Problem, Run
+from ancf_casadi.simulate import TOLERANCES, Start, sample_times
+from ancf_casadi.trajectory import State
+
+
+def motion(
+    model: Model,
+    *,
+    duration: float,
+    damping: DampingLaw | None = None,
+    base: BaseMotion | None = None,
+    sample_rate: float = 1000.0,
+    start: Start | Equilibrium | State = "equilibrium",
+    tolerance: float = TOLERANCES["radau"],
+) -> Motion:
+    """Return the motion as a differentiable CasADi Function.
+
+    Its inputs are ``damping``, the parameters of the law (``law.parameters``); ``base``, those of the base motion
+    (``base.parameters``); and ``properties``, width (m), thickness (m), density (kg/m^3) and elastic modulus (Pa) of
+    each element, (4, n).  Its output ``coordinates`` (4 n + 4, k) are the nodal coordinates at the samples;
+    ``model.interpolation(s) @ coordinates`` are the positions of a material point.
+
+    Parameters
+    ----------
+    model, duration, damping, base, sample_rate, start, tolerance
+        As of ``simulate``.  A start ``equilibrium`` or ``moving``, or an ``Equilibrium``, changes with the properties;
+        a ``State`` does not.
+
+    Raises
+    ------
+    InputError
+        If a number is not positive.
+    """
+    duration, sample_rate = positive(duration, "duration"), positive(sample_rate, "sample_rate")
+    problem = Problem(
+        equations=Equations(model, RayleighDamping() if damping is None else damping),
+        base=FixedBase() if base is None else base,
+        start=start,
+        times=sample_times(duration, sample_rate),
+        tolerance=positive(tolerance, "tolerance"),
+    )
+    return _kept(Motion(problem))
+
+
+class Motion(cs.Callback):
+    """A motion as a CasADi Function (damping, base, properties) -> coordinates; made by ``motion``.
+
+    Parameters
+    ----------
+    problem : Problem
+        The motion.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        cs.Callback.__init__(self)
+        self.problem = problem
+        self._last: Run | None = None
+        self.construct("motion", {})
+
+    def get_n_in(self) -> int:
+        """Return the number of inputs."""
+        return 3
+
+    def get_n_out(self) -> int:
+        """Return the number of outputs."""
+        return 1
+
+    def get_name_in(self, i: int) -> str:
+        """Return the name of an input."""
+        return ("damping", "base", "properties")[i]
+
+    def get_name_out(self, i: int) -> str:
+        """Return the name of an output."""
+        return "coordinates"
+
+    def get_sparsity_in(self, i: int) -> cs.Sparsity:
+        """Return the shape of an input."""
+        return self.shapes[i]
+
+    def get_sparsity_out(self, i: int) -> cs.Sparsity:
+        """Return the shape of an output."""
+        return self.shapes[3]
+
+    @property
+    def shapes(self) -> list[cs.Sparsity]:
+        """Shapes of the three inputs and of the output."""
+        law, base, _ = self.problem.sizes
+        model = self.problem.equations.model
+        shapes = [(law, 1), (base, 1), model.properties.shape, (model.size, self.problem.times.size)]
+        return [cs.Sparsity.dense(*shape) for shape in shapes]
+
+    def run(self, inputs: Sequence[cs.DM]) -> Run:
+        """Return the motion for some inputs, computed once for the same."""
+        values = np.concatenate([part.full().ravel(order="F") for part in inputs])
+        if self._last is None or not np.array_equal(self._last.values, values):
+            self._last = self.problem.solve(values)
+        return self._last
+
+    def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
+        """Return the coordinates; nan where there is no motion, with a warning that says why."""
+        try:
+            return [cs.DM(self.run(arg).coordinates.T)]
+        except AncfError as error:
+            warnings.warn(str(error), RuntimeWarning, stacklevel=2)
+            return [cs.DM.nan(self.shapes[3])]
+
+    def has_forward(self, nfwd: int) -> bool:
+        """Return True."""
+        return True
+
+    def get_forward(self, nfwd: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
+        """Return the derivatives along some directions."""
+        return _kept(_Derivative(self, name, nfwd, forward=True))
+
+    def has_reverse(self, nadj: int) -> bool:
+        """Return True."""
+        return True
+
+    def get_reverse(self, nadj: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
+        """Return the derivatives of some weighted sums."""
+        return _kept(_Derivative(self, name, nadj, forward=False))
+
+
+class _Derivative(cs.Callback):
+    """Derivatives of a motion, as CasADi asks for them: inputs and output, then seeds, give the derivatives."""
+
+    def __init__(self, motion: Motion, name: str, count: int, *, forward: bool) -> None:
+        cs.Callback.__init__(self)
+        self._motion, self._count, self._forward = motion, count, forward
+        *inputs, output = motion.shapes
+        seeds, results = (inputs, [output]) if forward else ([output], inputs)
+        self._shapes = [*inputs, output, *(cs.repmat(shape, 1, count) for shape in seeds)]
+        self._results = [cs.repmat(shape, 1, count) for shape in results]
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        """Return the number of inputs."""
+        return len(self._shapes)
+
+    def get_n_out(self) -> int:
+        """Return the number of outputs."""
+        return len(self._results)
+
+    def get_sparsity_in(self, i: int) -> cs.Sparsity:
+        """Return the shape of an input."""
+        return self._shapes[i]
+
+    def get_sparsity_out(self, i: int) -> cs.Sparsity:
+        """Return the shape of an output."""
+        return self._results[i]
+
+    def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
+        """Return the derivatives; nan where there is no motion."""
+        count, problem = self._count, self._motion.problem
+        try:
+            run = self._motion.run(arg[:3])
+        except AncfError:
+            return [cs.DM.nan(shape) for shape in self._results]
+        seeds = [part.full().reshape(part.size1(), count, -1).transpose(2, 0, 1) for part in arg[4:]]
+        if self._forward:
+            directions = np.vstack([part.reshape(-1, count) for part in seeds])
+            found = [problem.forward(run, directions)]
+        else:
+            weights = problem.reverse(run, seeds[0])
+            law, base, _ = problem.sizes
+            parts, shapes = np.split(weights, [law, law + base]), self._motion.shapes
+            found = [part.reshape(-1, shape.size1(), count) for part, shape in zip(parts, shapes[:3], strict=True)]
+        return [cs.DM(part.transpose(1, 2, 0).reshape(part.shape[1], -1)) for part in found]
+
+
+Kind = TypeVar("Kind", bound=cs.Callback)
+
+_ALIVE: list[cs.Callback] = []  # CasADi keeps no reference to a Function that is written in Python
+
+
+def _kept(function: Kind) -> Kind:
+    _ALIVE.append(function)
+    return function

@@ -1,0 +1,377 @@
+"""Exact derivatives of a motion by the parameters of its law, its base motion and its elements.
+
+Derivatives are those of the steps of ``radau`` that were taken, their lengths held: exact for the numbers that were
+computed, and as close to those of the exact motion as these are.  With the residual R of the stages (``tangent``),
+G = dR/dZ, and what is given for a step in u = (q, v, clamped nodes, parameters),
+
+    forward     dZ = -G^-1 R_u du,    dV = A^-1 dZ/h,    da = A^-1 (dV - dv)/h,
+
+of which the last stage starts the next step, and in reverse the same steps backwards with G^T.
+
+Samples are the quintic polynomials through the ends of the steps; what ``simulate`` adds there, to put the axial forces
+right, is below the tolerance.  A start at rest depends on the properties P of the elements through the static
+equilibrium, dq = -K^-1 (dR/dP) dP.
+
+References
+----------
+E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996), Section IV.8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+import scipy.sparse.linalg
+from numpy.typing import NDArray
+
+from ancf_casadi.beam import PROPERTIES
+from ancf_casadi.collocation import QUINTIC, RADAU, STAGES, Collocation
+from ancf_casadi.compilation import Buffered, compiled, interpreted
+from ancf_casadi.equations import Equations, clamped_node
+from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.excitation import BaseMotion, Piece
+from ancf_casadi.model import NODE, Model
+from ancf_casadi.radau import Factors, Step, Stepper
+from ancf_casadi.simulate import COMPILED_FROM, Start, initial_state, rigid_motion
+from ancf_casadi.stretches import CLOSE
+from ancf_casadi.tangent import Tangent
+from ancf_casadi.trajectory import State
+
+Array = NDArray[np.float64]
+Moving = Callable[[float], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """A smooth piece of a motion that was computed.
+
+    Parameters
+    ----------
+    node, slope : callable
+        From the time to the clamped node (12,), and to its derivatives by the parameters of the base motion (12, m).
+    begin : float
+        Its first instant, s.
+    acceleration : array (N, ...)
+        Derivatives of the first accelerations by q, v, the clamped node and the parameters.
+    steps : list of Step
+        The steps.
+    samples : list of array
+        The samples of each step, as indices.
+    """
+
+    node: Moving
+    slope: Moving
+    begin: float
+    acceleration: Array
+    steps: list[Step]
+    samples: list[NDArray[np.int64]]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A motion that was computed.
+
+    Parameters
+    ----------
+    values : array
+        The values of theta, b and P it belongs to.
+    parameters : array
+        The parameters of its equation of motion.
+    start : array (2 N, ...)
+        Derivatives of the first q and v by theta, b and P.
+    passages : list of Passage
+        Its smooth pieces.
+    coordinates : array (k, 4 n + 4)
+        The nodal coordinates at the samples.
+    """
+
+    values: Array
+    parameters: Array
+    start: Array
+    passages: list[Passage]
+    coordinates: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A motion that depends on theta, b and P.
+
+    Parameters
+    ----------
+    equations : Equations
+        The equation of motion, with the nominal parameters.
+    base : BaseMotion
+        Motion of the clamp.
+    start : str, Equilibrium or State
+        The start.
+    times : array (k,)
+        The samples, s.
+    tolerance : float
+        Tolerance of the steps.
+    """
+
+    equations: Equations
+    base: BaseMotion
+    start: Start | Equilibrium | State
+    times: Array
+    tolerance: float
+
+    @property
+    def sizes(self) -> tuple[int, int, int]:
+        """Number of parameters of the law and of the base motion, and of properties."""
+        law = len(self.equations.law.parameters)
+        return law, len(self.base.parameters), self.equations.model.properties.size
+
+    def solve(self, values: Array) -> Run:
+        """Compute the motion for the values of theta, b and P, one after the other.
+
+        Raises
+        ------
+        AncfError
+            If there is no equilibrium to start from, or the integrator fails.
+        """
+        law, base, size = self.sizes
+        theta, b, properties = np.split(values, [law, law + base])
+        model = self.equations.model
+        parameters = self.equations.parameters.copy()
+        parameters[2 : 2 + size], parameters[2 + size : 2 + size + law] = properties, theta
+        columns = properties.reshape(model.properties.shape, order="F")
+        beam = model.beam.with_(**{name: row.tolist() for name, row in zip(PROPERTIES, columns, strict=True)})
+        state, slope = self._start(Model(beam, model.measures), parameters, b)
+        passages, begin, end = [], 0.0, float(self.times[-1])
+        for piece in self.base.pieces():
+            passage, state = self._pass(piece, begin, min(piece.end, end), state, parameters, b)
+            passages.append(passage)
+            begin = piece.end
+            if begin >= end:
+                break
+        run = Run(values, parameters, slope, passages, np.zeros((self.times.size, model.size)))
+        for passage in passages:
+            for step, samples in zip(passage.steps, passage.samples, strict=True):
+                ends = np.array([step.q, step.v, step.a, *_end(step)])
+                for sample in samples:
+                    time = float(self.times[sample])
+                    run.coordinates[sample, :NODE] = passage.node(time)[:NODE]
+                    run.coordinates[sample, NODE:] = _shares(step, time) @ ends
+        return run
+
+    def forward(self, run: Run, seeds: Array) -> Array:
+        """Return the derivatives of the coordinates, (k, 4 n + 4, d), along directions of the values, (..., d)."""
+        free, d = self.equations.free, seeds.shape[1]
+        dp, db = self._expand(seeds)
+        dq, dv = np.split(run.start @ seeds, [free])
+        result = np.zeros((*run.coordinates.shape, d))
+        product = self._products[0]
+        for passage in run.passages:
+            da = passage.acceleration @ np.vstack([dq, dv, passage.slope(passage.begin) @ db, dp])
+            for step, samples, factors in self._linearised(run, passage):
+                nodes = np.vstack([passage.slope(step.start + c * step.length) @ db for c in RADAU.nodes.tolist()])
+                given = np.vstack([dq, dv, nodes, dp])
+                right = np.column_stack([product(step, run.parameters, direction) for direction in given.T])
+                dz = -factors.solve(right[self._inverse_order])[self._tangent.order].reshape(STAGES, free, d)
+                rates = np.einsum("ij,jkl->ikl", RADAU.inverse, dz) / step.length
+                accelerations = np.tensordot(RADAU.inverse[-1], rates - dv, 1) / step.length
+                ends = np.array([dq, dv, da, dq + dz[-1], rates[-1], accelerations])
+                for sample in samples:
+                    time = float(self.times[sample])
+                    result[sample, :NODE] = passage.slope(time)[:NODE] @ db
+                    result[sample, NODE:] = np.tensordot(_shares(step, time), ends, 1)
+                dq, dv, da = ends[3:]
+        return result
+
+    def reverse(self, run: Run, seeds: Array) -> Array:
+        """Return the derivatives by the values, (..., d), of d sums of the coordinates weighted by (k, 4 n + 4, d)."""
+        free, d = self.equations.free, seeds.shape[2]
+        own = 2 * free
+        product = self._products[1]
+        bar_p, bar_b = np.zeros((run.parameters.size, d)), np.zeros((self.sizes[1], d))
+        q = v = np.zeros((free, d))
+        for passage in reversed(run.passages):
+            a = np.zeros((free, d))
+            for step, samples, factors in self._linearised(run, passage, backwards=True):
+                ends = np.zeros((6, free, d))
+                for sample in samples:
+                    time = float(self.times[sample])
+                    bar_b += passage.slope(time)[:NODE].T @ seeds[sample, :NODE]
+                    ends += np.multiply.outer(_shares(step, time), seeds[sample, NODE:])
+                q, v, a = ends[3] + q, ends[4] + v, ends[5] + a
+                shares = RADAU.inverse[-1] / step.length
+                rates = np.multiply.outer(shares, a)
+                rates[-1] += v
+                increments = np.einsum("ji,jkl->ikl", RADAU.inverse, rates) / step.length
+                increments[-1] += q
+                right = increments.reshape(-1, d)[self._inverse_order]
+                residual = -factors.solve_transposed(right)[self._tangent.order]
+                given = np.column_stack([product(step, run.parameters, direction) for direction in residual.T])
+                nodes = given[own : own + STAGES * 3 * NODE].reshape(STAGES, 3 * NODE, d)
+                for c, node in zip(RADAU.nodes.tolist(), nodes, strict=True):
+                    bar_b += passage.slope(step.start + c * step.length).T @ node
+                bar_p += given[own + STAGES * 3 * NODE :]
+                q = ends[0] + q + given[:free]
+                v = ends[1] - shares.sum() * a + given[free:own]
+                a = ends[2]
+            given = passage.acceleration.T @ a
+            q, v = q + given[:free], v + given[free:own]
+            bar_b += passage.slope(passage.begin).T @ given[own : own + 3 * NODE]
+            bar_p += given[own + 3 * NODE :]
+        law, _, size = self.sizes
+        direct = np.vstack([bar_p[2 + size : 2 + size + law], bar_b, bar_p[2 : 2 + size]])
+        return np.asarray(direct + run.start.T @ np.vstack([q, v]))
+
+    @cached_property
+    def _form(self) -> Collocation:
+        return Collocation(self.equations)
+
+    @cached_property
+    def _tangent(self) -> Tangent:
+        return Tangent(self._form)
+
+    @cached_property
+    def _inverse_order(self) -> NDArray[np.int64]:
+        return np.argsort(self._tangent.order)
+
+    @cached_property
+    def _make(self) -> Callable[[cs.Function], cs.Function]:
+        """What compiles a Function, or does not, once."""
+        made: dict[str, cs.Function] = {}
+        worth = self.times[-1] >= COMPILED_FROM
+
+        def make(function: cs.Function) -> cs.Function:
+            if function.name() not in made:
+                made[function.name()] = compiled(function) if worth else interpreted(function)
+            return made[function.name()]
+
+        return make
+
+    @cached_property
+    def _products(self) -> tuple[_Product, _Product]:
+        """The products with R_u and its transpose."""
+        return _Product(self._make(self._tangent.forward)), _Product(self._make(self._tangent.reverse))
+
+    @cached_property
+    def _matrix(self) -> _Product:
+        return _Product(self._make(self._tangent.matrix))
+
+    @cached_property
+    def _rates(self) -> cs.Function:
+        p = cs.MX.sym("p", self.equations.parameters.size)
+        return cs.Function("rates", [p], [self.equations.balance(p).rates])
+
+    @cached_property
+    def _force_slopes(self) -> cs.Function:
+        """(q, v, a, node, p) -> derivatives of the forces on the free coordinates by (q, v, node, p)."""
+        free = self.equations.free
+        q, v, a = (cs.MX.sym(name, free) for name in "qva")
+        node, p = cs.MX.sym("node", 3 * NODE), cs.MX.sym("p", self.equations.parameters.size)
+        motion = [cs.vertcat(part, x) for part, x in zip(cs.vertsplit(node, NODE), (q, v, a), strict=True)]
+        forces, _ = self._form.balance(*motion, p)
+        jacobians = [cs.jacobian(forces[NODE:], x) for x in (q, v, node, p)]
+        return cs.Function("slopes", [q, v, a, node, p], jacobians)
+
+    def _start(self, model: Model, parameters: Array, b: Array) -> tuple[State, Array]:
+        """Return the first state, and the derivatives of its q and v by the values."""
+        law, base, size = self.sizes
+        free, piece = self.equations.free, self.base.pieces()[0]
+        node, slope, clamp = self._clamp(piece, b)
+        start: Start | Equilibrium | State = self.start
+        if isinstance(start, Equilibrium):
+            start = static_equilibrium(model, tip_force=start.tip_force, tip_moment=start.tip_moment)
+        state = initial_state(model, clamp, start)
+        slopes = np.zeros((2 * free, law + base + size))
+        if start in ("equilibrium", "moving") or isinstance(start, Equilibrium):
+            still = np.zeros(free)
+            fixed = np.concatenate([state.coordinates[:NODE], np.zeros(2 * NODE)])
+            *_, by_parameters = self._force_slopes(state.coordinates[NODE:], still, still, fixed, parameters)
+            rest = start if isinstance(start, Equilibrium) else static_equilibrium(model)
+            right = by_parameters.full()[:, 2 : 2 + size]
+            slopes[:free, law + base :] = -scipy.sparse.linalg.splu(rest.stiffness).solve(right)
+        if start == "moving":
+            e, rates = cs.MX.sym("e", model.size), cs.MX.sym("rates", NODE)
+            moved = rigid_motion(model)(e, rates)[NODE:]
+            jacobian = cs.Function("moved", [e, rates], [cs.jacobian(moved, e)[:, NODE:], cs.jacobian(moved, rates)])
+            by_e, by_rates = (part.full() for part in jacobian(state.coordinates, node(0.0)[NODE : 2 * NODE]))
+            slopes[free:] = by_e @ slopes[:free]
+            slopes[free:, law : law + base] += by_rates @ slope(0.0)[NODE : 2 * NODE]
+        return state, slopes
+
+    def _pass(
+        self, piece: Piece, begin: float, end: float, state: State, parameters: Array, b: Array
+    ) -> tuple[Passage, State]:
+        """Compute a smooth piece of the motion, and the state at its end."""
+        node, slope, clamp = self._clamp(piece, b)
+        stepper = Stepper(self._form, parameters, self._make, clamp, state, begin, end, self.tolerance)
+        steps: list[Step] = []
+        while not steps or stepper.now < end - CLOSE * steps[-1].length:
+            stepper.advance()
+            steps.append(stepper.last)
+        first = steps[0]
+        slopes = self._force_slopes(first.q, first.v, first.a, node(begin), parameters)
+        mass = self._form.mass(parameters)
+        acceleration = -scipy.sparse.linalg.splu(mass).solve(np.hstack([part.full() for part in slopes]))
+        ends = np.array([step.start + step.length for step in steps])
+        inside = (self.times <= end * (1 + CLOSE)) & ((self.times > begin * (1 + CLOSE)) | (begin == 0.0))
+        owner = np.minimum(np.searchsorted(ends, self.times * (1 - CLOSE)), len(steps) - 1)
+        samples = [np.flatnonzero(inside & (owner == k)) for k in range(len(steps))]
+        return Passage(node, slope, begin, acceleration, steps, samples), stepper.state
+
+    def _linearised(
+        self, run: Run, passage: Passage, *, backwards: bool = False
+    ) -> Iterator[tuple[Step, NDArray[np.int64], Factors]]:
+        """Go through the steps of a piece, with their samples and the factors of G."""
+        order = -1 if backwards else 1
+        rates = self._rates(run.parameters).full().ravel()
+        tangent = self._tangent
+        for step, samples in zip(passage.steps[::order], passage.samples[::order], strict=True):
+            middle = np.kron(RADAU.inverse / step.length, np.diag(rates))
+            band = self._matrix(step, run.parameters)
+            yield step, samples, Factors.of(band, tangent.bandwidth, tangent.projection, middle)
+
+    def _expand(self, seeds: Array) -> tuple[Array, Array]:
+        """Return the directions of all parameters of the equation of motion, and of b, from those of the values."""
+        law, base, size = self.sizes
+        theta, b, properties = np.split(seeds, [law, law + base])
+        dp = np.zeros((self.equations.parameters.size, seeds.shape[1]))
+        dp[2 : 2 + size], dp[2 + size : 2 + size + law] = properties, theta
+        return dp, b
+
+    def _clamp(self, piece: Piece, values: Array) -> tuple[Moving, Moving, cs.Function]:
+        """Return what gives the clamped node, and its derivatives by b, at a time; the first as a Function too."""
+        t, b = cs.MX.sym("t"), cs.MX.sym("b", self.sizes[1])
+        node = clamped_node(self.equations.model, piece, t, b)
+        slope = cs.Function("slope", [t, b], [cs.jacobian(node, b)])
+        clamp = cs.Function("clamp", [t], [cs.Function("node", [t, b], [node])(t, values)])
+        return (lambda time: clamp(time).full().ravel()), (lambda time: slope(time, values).full()), clamp
+
+
+class _Product:
+    """A Function of a step and a vector, bound to arrays."""
+
+    def __init__(self, function: cs.Function) -> None:
+        self._inputs = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
+        self._call = Buffered(function, *self._inputs)
+
+    def __call__(self, step: Step, parameters: Array, vector: Array | None = None) -> Array:
+        """Evaluate for the motion of a step."""
+        self._inputs[0][:] = step.increments.ravel()
+        self._inputs[1][:] = step.length
+        self._inputs[2][:] = np.concatenate([step.q, step.v, step.clamps.ravel(), parameters])
+        if vector is not None:
+            self._inputs[3][:] = vector
+        return self._call()[0].copy()
+
+
+def _end(step: Step) -> tuple[Array, Array, Array]:
+    """Return q, v and a at the end of a step."""
+    rates = RADAU.inverse @ step.increments / step.length
+    return step.q + step.increments[-1], rates[-1], RADAU.inverse[-1] @ (rates - step.v) / step.length
+
+
+def _shares(step: Step, time: float) -> Array:
+    """Return the shares of q, v, a at the start of a step, and of those at its end, in the coordinates at a time."""
+    h = step.length
+    units = np.array([1.0, h, h**2, 1.0, h, h**2])
+    return np.asarray(units * (QUINTIC @ ((time - step.start) / h) ** np.arange(6)))

@@ -1,0 +1,134 @@
+"""The linearised equations of a Radau step.
+
+With the residual R(Z, u) of the stages, that of ``collocation`` in the laboratory frame, and all that is given for the
+step in u = (q, v, clamped nodes, parameters),
+
+    G = dR/dZ,    R_u du,    R_u^T dR
+
+are what derivatives of the motion are made of.  G is banded where the stages of a node stand side by side; its part of
+low rank, (A^-1/h) x (B diag(d) B^T), is left to Woodbury's identity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+
+from ancf_casadi.collocation import RADAU, STAGES, Collocation
+from ancf_casadi.model import NODE
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """The Functions of a linearised step.
+
+    Their inputs are Z (N, 3), the length h of the step, and u = (q, v, clamped nodes by stages, parameters).
+
+    Parameters
+    ----------
+    form : Collocation
+        The Functions of the step.
+    """
+
+    form: Collocation
+
+    @cached_property
+    def order(self) -> NDArray[np.int64]:
+        """Where the unknowns, one stage after the other, stand in G, (3 N,)."""
+        stage, coordinate = np.divmod(np.arange(STAGES * self._free), self._free)
+        node, component = np.divmod(coordinate, NODE)
+        return np.asarray((node * STAGES + stage) * NODE + component)
+
+    @property
+    def bandwidth(self) -> int:
+        """Number of diagonals of G on either side of the main one."""
+        return min(2 * STAGES * NODE - 1, STAGES * self._free - 1)
+
+    @cached_property
+    def projection(self) -> Array:
+        """B of the three stages, in the order of G, (3 N, 3 m)."""
+        B = self.form.equations.projection[NODE:]
+        stages = np.zeros((STAGES * B.shape[0], STAGES * B.shape[1]))
+        stages[self.order] = np.kron(np.eye(STAGES), B)
+        return stages
+
+    @cached_property
+    def matrix(self) -> cs.Function:
+        """(Z, h, u) -> G without its part of low rank, in the band storage of LAPACK."""
+        equations = self.form.equations
+        model, free = equations.model, equations.model.free
+        e, e_t = cs.MX.sym("e", model.size), cs.MX.sym("e_t", model.size)
+        p = cs.MX.sym("p", equations.parameters.size)
+        balance = equations.balance(p)
+        damping = balance.local_damping(e, e_t)[free]
+        k = model.tangent_stiffness(e, balance.properties)[free, free] + cs.jacobian(damping, e)[:, NODE:]
+        d, m = cs.jacobian(damping, e_t)[:, NODE:], model.mass(balance.properties)[free, free]
+        pattern = k.sparsity() + d.sparsity() + m.sparsity()
+        entries = cs.Function("entries", [e, e_t, p], [cs.project(block, pattern).nz[:] for block in (k, d, m)])
+
+        z, h, u = self._symbols
+        all_e, all_e_t, _, parameters = self._motion(z, h, u)
+        k, d, m = entries.map(STAGES)(all_e, all_e_t, cs.repmat(parameters, 1, STAGES))
+        first, second = RADAU.inverse, RADAU.inverse @ RADAU.inverse
+        rows, columns = (np.array(part) for part in pattern.get_triplet())
+        values, places, width = [], [], self.bandwidth
+        for i in range(STAGES):
+            for j in range(STAGES):
+                inertia_and_damping = second[i, j] / h**2 * m[:, i] + first[i, j] / h * d[:, i]
+                values.append(inertia_and_damping + k[:, i] if i == j else inertia_and_damping)
+                row, column = self.order[rows + i * self._free], self.order[columns + j * self._free]
+                places.append(2 * width + row - column + (3 * width + 1) * column)
+        place = np.concatenate(places)
+        sorting = np.argsort(place)
+        size = (3 * width + 1) * STAGES * self._free
+        pattern = cs.Sparsity.triplet(size, 1, place[sorting].tolist(), [0] * place.size)
+        band = cs.densify(cs.MX(pattern, cs.vertcat(*values)[sorting.tolist()]))
+        return cs.Function("tangent_matrix", [z, h, u], [band], {"is_diff_in": [False] * 3})
+
+    @cached_property
+    def forward(self) -> cs.Function:
+        """(Z, h, u, du) -> R_u du, (N, 3)."""
+        z, h, u = self._symbols
+        seed = cs.MX.sym("du", u.numel())
+        product = cs.jtimes(self._residual(z, h, u), u, seed)
+        return cs.Function("tangent_forward", [z, h, u, seed], [cs.densify(product)], {"is_diff_in": [False] * 4})
+
+    @cached_property
+    def reverse(self) -> cs.Function:
+        """(Z, h, u, dR) -> R_u^T dR."""
+        z, h, u = self._symbols
+        seed = cs.MX.sym("dR", STAGES * self._free)
+        product = cs.jtimes(self._residual(z, h, u), u, seed, True)
+        return cs.Function("tangent_reverse", [z, h, u, seed], [cs.densify(product)], {"is_diff_in": [False] * 4})
+
+    @property
+    def _free(self) -> int:
+        return self.form.equations.free
+
+    @cached_property
+    def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
+        given = 2 * self._free + STAGES * 3 * NODE + self.form.equations.parameters.size
+        return cs.MX.sym("Z", self._free, STAGES), cs.MX.sym("h"), cs.MX.sym("u", given)
+
+    def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
+        """Return e, e_t and e_tt at the stages, and the parameters."""
+        ends = np.cumsum([0, self._free, self._free, STAGES * 3 * NODE]).tolist()
+        q, v, clamps, parameters = cs.vertsplit(u, [*ends, u.numel()])
+        rates = z @ cs.DM(RADAU.inverse).T / h
+        accelerations = (rates - cs.repmat(v, 1, STAGES)) @ cs.DM(RADAU.inverse).T / h
+        parts = (cs.repmat(q, 1, STAGES) + z, rates, accelerations)
+        nodes = cs.vertsplit(cs.reshape(clamps, 3 * NODE, STAGES), NODE)
+        e, e_t, e_tt = (cs.vertcat(node, part) for node, part in zip(nodes, parts, strict=True))
+        return e, e_t, e_tt, parameters
+
+    def _residual(self, z: cs.MX, h: cs.MX, u: cs.MX) -> cs.MX:
+        """Return R, one stage after the other."""
+        *motion, parameters = self._motion(z, h, u)
+        forces, _ = self.form.balance.map(STAGES)(*motion, cs.repmat(parameters, 1, STAGES))
+        return cs.vec(forces[NODE:, :])

@@ -31,9 +31,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ancf_casadi.decay import DecayGuess, equivalent_damping_ratio, first_guess, linear_decay, quadratic_decay
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.fit import Fit
 from ancf_casadi.inputs import number, vector
 from ancf_casadi.measurement import Measurement
-from ancf_casadi.nlp import Fit, Unknown, least_squares
+from ancf_casadi.nlp import Unknown, least_squares
 
 Law = Literal["linear", "quadratic"]
 

@@ -11,7 +11,7 @@ and with both terms, to first order in the damping,
     a(t) = e0 exp(-x) / (1 + 4 omega eta2 e0 t/(3 pi) (1 - exp(-x))/x),    x = eta1 t/2,                 Eq. (27)
 
 here written so that eta1 = 0 is no exception.  The viscous ratio that loses as much energy in a period at the amplitude
-A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi).
+A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi), and 2 eta0/(pi omega^2 A) more with friction, which is another file.
 
 The closed forms take and give CasADi values, MX, SX or DM, and are smooth in all their arguments.
 
@@ -96,9 +96,12 @@ def quadratic_decay(time: Value, ω: Value, η1: Value, η2: Value, e0: Value, �
     return quadratic_envelope(time, ω, η1, η2, e0) * cs.cos(ω * time + φ)
 
 
-def equivalent_damping_ratio(η1: Value, η2: Value, ω: Value, amplitude: Value) -> Value:
-    """Return the viscous damping ratio with the same loss of energy in a period at an amplitude (m)."""
-    return η1 / (2 * ω) + 4 * η2 * amplitude / (3 * math.pi)
+def equivalent_damping_ratio(η1: Value, η2: Value, ω: Value, amplitude: Value, η0: Value | float = 0.0) -> Value:
+    """Return the viscous damping ratio with the same loss of energy in a period at an amplitude (m).
+
+    Of linear (1/s) and quadratic (1/m) damping, and of friction η0 (force by mass, m/s^2) if there is any.
+    """
+    return η1 / (2 * ω) + 4 * η2 * amplitude / (3 * math.pi) + 2 * η0 / (math.pi * ω**2 * amplitude)
 
 
 @dataclass(frozen=True)

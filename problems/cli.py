@@ -118,7 +118,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     decay = command("fit-decay", _fit_decay, "frequency and damping from one measured decay")
     decay.add_argument("file", metavar="FILE.csv", help="times (s) and displacements (m)")
-    decay.add_argument("--law", choices=("linear", "quadratic"), default="linear", help="damping law (default: linear)")
+    decay.add_argument(
+        "--law", choices=("linear", "quadratic", "friction"), default="linear", help="damping law (default: linear)"
+    )
     decay.add_argument("--column", help="name of the displacement column (default: the second)")
     decay.add_argument("--plot", type=Path, metavar="FILE.png", help="draw record and fit")
     modes = command("modes", _modes, "natural frequencies of a beam about its equilibrium")

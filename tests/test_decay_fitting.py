@@ -257,7 +257,11 @@ def test_nothing_is_printed(capfd):
         ((TIME, noise(16)), {}, "record: is noise"),
         ((TIME, np.exp(-TIME)), {}, "nothing oscillates"),
         ((TIME[:9], np.cos(TIME[:9])), {}, "record: has 9 samples"),
-        ((TIME, swing(1.85, 0.01, 0.05)), {"law": "cubic"}, "law: must be one of linear, quadratic, got 'cubic'"),
+        (
+            (TIME, swing(1.85, 0.01, 0.05)),
+            {"law": "cubic"},
+            "law: must be one of linear, quadratic, friction, got 'cubic'",
+        ),
         ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": (0.0, 1.0)}, "ratio_bounds: must be in order and between"),
         ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": (0.5, 0.1)}, "ratio_bounds: must be in order and between"),
         ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": 0.1}, "ratio_bounds: must be a pair"),

@@ -157,7 +157,7 @@ class Fit:
             If the level is not between 0 and 1.
         """
         half = np.where(self.at_bound, 0.0, quantile(level, self.freedom) * self.standard_errors)
-        reach = self._reach(level)
+        reach = self.reach(level)
         ends = np.array([self.values - half + np.minimum(reach, 0.0), self.values + half + np.maximum(reach, 0.0)])
         return np.asarray(np.clip(ends, self.lower, self.upper)).T
 
@@ -191,7 +191,7 @@ class Fit:
         values, slopes = self._linearised(quantities)
         half = quantile(level, self.freedom) * self._errors(slopes)
         ends = np.array([values - half, values + half]).T
-        steps = slopes * self._reach(level)
+        steps = slopes * self.reach(level)
         bounded = np.isnan(half) & slopes.any(axis=1)
         one_sided = (
             values[:, None] + np.array([np.minimum(steps, 0.0).sum(axis=1), np.maximum(steps, 0.0).sum(axis=1)]).T
@@ -301,7 +301,7 @@ class Fit:
         errors = np.sqrt(np.sum((slopes[:, free] @ self.covariance[np.ix_(free, free)]) * slopes[:, free], axis=1))
         return np.where(slopes[:, free].any(axis=1), errors, math.nan)
 
-    def _reach(self, level: float) -> NDArray[np.float64]:
+    def reach(self, level: float) -> NDArray[np.float64]:
         """Return how far from its bound each unknown there may be, with the sign of the way inwards; 0 if not there."""
         reach = np.zeros(len(self.names))
         slope, curvature = self._influence()

@@ -52,31 +52,30 @@ def profile_interval(fit: Fit, quantity: str | Quantities, level: float = LEVEL)
     room = fit.dispersion * quantile(level, fit.freedom) ** 2
     if not room > 0.0:
         raise InputError("leaves no residuals; without scatter there is no interval", "fit")
-    z = cs.MX.sym("z", len(fit.names))
-    x = cs.vertsplit(cs.DM(fit.scale) * z)
-    q = x[fit.names.index(quantity)] if isinstance(quantity, str) else quantity(*x)
-    left = fit.model.call([z], True, False)[0]
-    excess = 2 * (loss(left, fit.huber) - float(cs.evalf(loss(cs.MX(cs.DM(fit.residuals)), fit.huber)))) / room
-    start = fit.values / fit.scale
-    slope = cs.Function("slope", [z], [cs.densify(cs.gradient(q, z))])(start).full().ravel()
     free = ~fit.at_bound
-    step = np.zeros(len(start))
-    spread = fit.covariance[np.ix_(free, free)] / np.outer(fit.scale[free], fit.scale[free])
-    size = math.sqrt(slope[free] @ spread @ slope[free])
-    if size > 0.0:
-        step[free] = quantile(level, fit.freedom) * spread @ slope[free] / size
-    width = size or float(np.abs(slope).max()) or 1.0
-    lower, upper = fit.lower / fit.scale, fit.upper / fit.scale
+    step = np.where(free, quantile(level, fit.freedom) * fit.standard_errors, np.abs(fit.reach(level)))
+    step = np.where(np.isfinite(step), step, fit.scale)
+    u = cs.MX.sym("u", len(fit.names))  # from the estimate, in steps
+    x = cs.DM(fit.values) + cs.DM(step) * u
+    unknowns = cs.vertsplit(x)
+    q = unknowns[fit.names.index(quantity)] if isinstance(quantity, str) else quantity(*unknowns)
+    residuals = fit.model.call([x / cs.DM(fit.scale)], True, False)[0]
+    at_estimate = cs.Function("at_estimate", [u], [loss(residuals, fit.huber), q, cs.densify(cs.gradient(q, u))])
+    least, estimate, slope = (item.full().ravel() for item in at_estimate(0))
+    towards = np.zeros(len(slope))
+    towards[free] = fit.correlations[np.ix_(free, free)] @ slope[free]
+    width = math.sqrt(towards @ slope) or float(np.abs(slope).max()) or 1.0
+    lower, upper = (fit.lower - fit.values) / step, (fit.upper - fit.values) / step
     ends = []
     for sign in (-1.0, 1.0):
         solution = solve_nlp(
-            {"x": z, "f": -sign * q / width, "g": excess},
-            np.clip(start + sign * step, lower, upper),
+            {"x": u, "f": -sign * (q - estimate[0]) / width, "g": 2 * (loss(residuals, fit.huber) - least[0]) / room},
+            np.clip(sign * towards / width, lower, upper),
             lower=lower,
             upper=upper,
             constraint_lower=-math.inf,
             constraint_upper=1.0,
-            options={"ipopt.tol": 1e-9, "ipopt.bound_relax_factor": 0.0, "ipopt.max_iter": 300},
+            options={"ipopt.tol": 1e-8, "ipopt.bound_relax_factor": 0.0, "ipopt.max_iter": 300},
         )
-        ends.append(-sign * solution.objective * width)
+        ends.append(float(estimate[0]) - sign * solution.objective * width)
     return ends[0], ends[1]

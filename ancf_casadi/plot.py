@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
+from ancf_casadi.envelope import DampingCurve
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.trajectory import Trajectory
 
@@ -65,6 +66,23 @@ def fit_figure(time: NDArray[np.float64], measured: NDArray[np.float64], fitted:
     for edge in (-1.96, 1.96):
         repeated.axhline(edge / len(time) ** 0.5, ls=":", lw=0.8, color=MEASURED)
     repeated.set(xlabel="lag, samples", ylabel="autocorrelation")
+    return figure
+
+
+def damping_figure(curve: DampingCurve) -> Figure:
+    """Draw the damping ratio against the amplitude, with 95 % intervals."""
+    figure = Figure(figsize=(6, 3.6), layout="constrained")
+    axes = figure.subplots()
+    axes.errorbar(
+        1e3 * curve.amplitude,
+        100 * curve.damping_ratio,
+        yerr=196 * curve.damping_ratio_errors,
+        fmt="o",
+        ms=3,
+        lw=0.8,
+        color=COMPUTED,
+    )
+    axes.set(xlabel="amplitude, mm", ylabel="damping ratio, %")
     return figure
 
 

@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from ancf_casadi.envelope import damping_curve
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.model import Model
@@ -129,6 +130,7 @@ def _parser() -> argparse.ArgumentParser:
     decay.add_argument("--robust", action="store_true", help="bear outliers")
     decay.add_argument("--column", help="name of the displacement column (default: the second)")
     decay.add_argument("--plot", type=Path, metavar="FILE.png", help="draw record and fit")
+    decay.add_argument("--curve", type=Path, metavar="FILE.csv", help="write damping against amplitude, from no law")
     modes = command("modes", _modes, "natural frequencies of a beam about its equilibrium")
     modes.add_argument("file", metavar="BEAM.toml", help="a file with the table [beam]")
     modes.add_argument("--count", type=int, default=5, metavar="N", help="how many (default: 5)")
@@ -166,7 +168,7 @@ def _reproduce(options: argparse.Namespace) -> str:
 
 def _fit_decay(options: argparse.Namespace) -> str:
     record = Measurement.from_csv(options.file, column=options.column)
-    plot = None if options.plot is None else _new_file(options.plot)
+    plot, curve = (None if path is None else _new_file(path) for path in (options.plot, options.curve))
     comparison = None
     with _located(options.file):
         if options.law == "auto":
@@ -176,6 +178,9 @@ def _fit_decay(options: argparse.Namespace) -> str:
             fit = comparison.best
         else:
             fit = fit_decay(record, law=options.law, drift=options.drift, robust=options.robust)
+        damping = None if curve is None else damping_curve(record).table().csv()
+    if curve is not None and damping is not None:
+        write_file(curve, damping)
     if plot is not None:
         from ancf_casadi.plot import decay_figure, png  # matplotlib is slow to import
 

@@ -140,6 +140,12 @@ class TestFitDecay:
         low, high = data["damping_ratio_interval"]
         assert low < data["damping_ratio"] < high
 
+    def test_the_curve_of_damping_against_amplitude_is_written(self, files):
+        assert main(["fit-decay", "decay.csv", "--curve", "new/curve.csv"]) == 0
+        header, first, *_ = (files / "new" / "curve.csv").read_text().splitlines()
+        assert header.startswith("time_s,amplitude_m,damping_ratio")
+        assert float(first.split(",")[2]) == pytest.approx(0.02, rel=0.1)
+
     def test_plot(self, files):
         assert main(["fit-decay", "decay.csv", "--plot", "new/fit.png"]) == 0
         assert (files / "new" / "fit.png").read_bytes().startswith(PNG)

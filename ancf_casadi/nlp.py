@@ -133,6 +133,7 @@ def least_squares(
     unknowns: Sequence[Unknown],
     *,
     huber: float = math.inf,
+    gauss_newton: bool = False,
     options: Mapping[str, Any] | None = None,
 ) -> Fit:
     """Estimate unknowns by least squares within their bounds, or by a loss that bears outliers.
@@ -145,6 +146,8 @@ def least_squares(
         What to estimate.
     huber : float
         Residual beyond which the loss grows linearly; least squares without it.
+    gauss_newton : bool
+        Whether to take J' J for the Hessian, where second derivatives are dear, as through an integration.
     options : mapping, optional
         Options of ``nlpsol`` and IPOPT (``"ipopt.max_iter"``); they override those set here.
 
@@ -172,6 +175,8 @@ def least_squares(
     weight = float(np.max(np.sum(jacobian**2, axis=0)))
     if not (math.isfinite(weight) and weight > 0.0):
         raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
+    if gauss_newton:
+        options = {"hess_lag": _gauss_newton(evaluate, huber, weight), **(options or {})}
     solution = solve_nlp(
         {"x": z, "f": loss(r, huber) / weight},
         guess / scale,
@@ -212,6 +217,15 @@ def loss(residuals: cs.MX, huber: float) -> cs.MX:
     if math.isinf(huber):
         return cs.sumsqr(residuals) / 2
     return huber**2 * cs.sum1(cs.sqrt(1 + (residuals / huber) ** 2) - 1)
+
+
+def _gauss_newton(evaluate: cs.Function, huber: float, weight: float) -> cs.Function:
+    """Return J' D J, D the slope psi/r of the loss by residual, as the Hessian of the Lagrange function."""
+    z, factor = cs.MX.sym("z", evaluate.size1_in(0)), cs.MX.sym("factor")
+    r, jacobian = evaluate(z)
+    rows = jacobian / cs.repmat((1 + (r / huber) ** 2) ** 0.25, 1, jacobian.shape[1])
+    hessian = cs.triu(factor / weight * cs.mtimes(rows.T, rows))
+    return cs.Function("hess_lag", [z, cs.MX(0, 1), factor, cs.MX(0, 1)], [hessian])
 
 
 def solve_nlp(

@@ -122,7 +122,7 @@ def _parser() -> argparse.ArgumentParser:
     decay.add_argument("file", metavar="FILE.csv", help="times (s) and displacements (m)")
     decay.add_argument(
         "--law",
-        choices=("linear", "quadratic", "friction", "auto"),
+        choices=("linear", "quadratic", "friction", "one-mode", "auto"),
         default="linear",
         help="damping law, or auto to compare them (default: linear)",
     )

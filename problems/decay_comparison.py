@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -110,7 +110,7 @@ def compare_decay_laws(
     time: Measurement | ArrayLike,
     displacement: ArrayLike | None = None,
     *,
-    laws: Sequence[Law] = get_args(Law),
+    laws: Sequence[Law] = ("linear", "quadratic", "friction"),
     offset: bool = True,
     drift: bool = False,
     release_time: float | None = None,
@@ -123,7 +123,7 @@ def compare_decay_laws(
         Times, s, increasing; or the whole record.
     displacement : array_like
         Displacement at each time, m.
-    laws : sequence of {"linear", "quadratic", "friction"}
+    laws : sequence of {"linear", "quadratic", "friction", "one-mode"}
         The laws, the simplest first.
     offset, drift, release_time
         As in ``fit_decay``.

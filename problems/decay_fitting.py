@@ -38,6 +38,7 @@ from problems.decay_laws import DecayModel, Law
 from problems.decay_result import ROUNDING, DecayFit, decay_result
 
 RATIO_BOUNDS = (0.0, 0.999)
+STEP = 0.1  # rad, of an integrated law
 HUBER = 1.345  # standard deviations of the noise
 NORMAL = 1.4826  # standard deviation of normal noise over the median of its size
 ROBUST_ROUNDS = 3  # in which the scale of the noise settles
@@ -62,8 +63,9 @@ def fit_decay(
         Times, s, increasing; or the whole record.
     displacement : array_like
         Displacement at each time, m.
-    law : {"linear", "quadratic", "friction"}
-        Eq. (9); Eq. (27); or that with friction as a third term.
+    law : {"linear", "quadratic", "friction", "one-mode"}
+        Eq. (9); Eq. (27); that with friction as a third term; or Eq. (26) itself, integrated, where damping is so
+        strong that its solution (27) is not good enough.
     offset : bool
         Whether the point may come to rest elsewhere than at 0.
     drift : bool
@@ -138,7 +140,7 @@ def fit_decays(
         first_guess(record, release_time=release, offset=offset, drift=drift)
         for record, release in zip(records, releases, strict=True)
     ]
-    model = DecayModel(law, offset, drift)
+    model = DecayModel(law, offset, drift, STEP / max(guess.ω for guess in guesses))
     times = [record.time[guess.release :] for record, guess in zip(records, guesses, strict=True)]
     fit, columns = _match(model, records, guesses, (lower, upper), robust)
     ends = np.cumsum([0, *map(len, times)]).tolist()
@@ -165,20 +167,20 @@ def _match(
         columns.append((*shared, *range(len(unknowns), len(unknowns) + len(own))))
         unknowns += [replace(u, name=f"{u.name}_{position}") for u in own] if len(records) > 1 else own
         time = record.time[guess.release :]
-        data.append((cs.MX(cs.DM(time - time[0])), cs.DM(record.displacement[guess.release :])))
+        data.append((time - time[0], cs.DM(record.displacement[guess.release :])))
 
     def residuals(*x: cs.MX) -> cs.MX:
         return cs.vertcat(
             *(model.curve(t, *(x[i] for i in indices)) - y for (t, y), indices in zip(data, columns, strict=True))
         )
 
-    fit = least_squares(residuals, unknowns)
+    fit = least_squares(residuals, unknowns, gauss_newton=model.integrated)
     for _ in range(ROBUST_ROUNDS * robust):
         noise = NORMAL * float(np.median(np.abs(fit.residuals)))
         if noise <= ROUNDING * largest.amplitude:
             break
         starts = [replace(u, guess=value) for u, value in zip(unknowns, fit.values.tolist(), strict=True)]
-        fit = least_squares(residuals, starts, huber=HUBER * noise)
+        fit = least_squares(residuals, starts, huber=HUBER * noise, gauss_newton=model.integrated)
     return fit, columns
 
 

@@ -3,6 +3,7 @@
     linear      Eq. (9)     omega, zeta; r0, v0                       zeta within its bounds
     quadratic   Eq. (27)    omega, eta1, eta2; e0, phi                eta1, eta2, e0 >= 0
     friction    the same    omega, eta1, eta2, eta0; e0, phi          and eta0 >= 0
+    one-mode    Eq. (26)    omega, eta1, eta2; r0, v0                 the equation of motion itself, integrated
 
 Behind the semicolon is what each release has of its own; the rest belongs to the mode.  The scale of each unknown is
 the change of it that moves the curve by about its own size within the decay: 1/T for omega, 1/(omega T) for zeta and so
@@ -22,12 +23,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
 
 from ancf_casadi.decay import DecayGuess, equivalent_damping_ratio, linear_decay, quadratic_decay
 from ancf_casadi.friction import friction_decay
 from ancf_casadi.nlp import Unknown
+from ancf_casadi.one_mode import one_mode_decay
 
-Law = Literal["linear", "quadratic", "friction"]
+Law = Literal["linear", "quadratic", "friction", "one-mode"]
 Symbols = Sequence[cs.MX]
 
 
@@ -44,7 +48,7 @@ class DecayLaw:
     own : callable
         First guess -> unknowns of the release.
     curve : callable
-        Time after the release, unknowns -> displacement from the equilibrium, m.
+        Time after the release, unknowns -> displacement from the equilibrium, m; none if it has to be integrated.
     quantities : callable
         Unknowns -> frequency (Hz), damping ratio at the release, eta1, eta2, eta0, amplitude at the release.
     """
@@ -52,7 +56,7 @@ class DecayLaw:
     terms: tuple[str, ...]
     shared: Callable[[DecayGuess, tuple[float, float]], list[Unknown]]
     own: Callable[[DecayGuess], list[Unknown]]
-    curve: Callable[..., cs.MX]
+    curve: Callable[..., cs.MX] | None
     quantities: Callable[..., cs.MX]
 
 
@@ -106,6 +110,10 @@ def _quadratic_quantities(ω: cs.MX, η1: cs.MX, η2: cs.MX, e0: cs.MX, φ: cs.M
     return cs.vertcat(ω / (2 * math.pi), equivalent_damping_ratio(η1, η2, ω, e0), η1, η2, 0, e0)
 
 
+def _one_mode_quantities(ω: cs.MX, η1: cs.MX, η2: cs.MX, r0: cs.MX, v0: cs.MX) -> cs.MX:
+    return _quadratic_quantities(ω, η1, η2, cs.sqrt(r0**2 + (v0 / ω) ** 2), cs.MX(0))
+
+
 def _friction_curve(t: cs.MX, ω: cs.MX, η1: cs.MX, η2: cs.MX, η0: cs.MX, e0: cs.MX, φ: cs.MX) -> cs.MX:
     return friction_decay(t, ω, η0, η1, η2, e0, φ)
 
@@ -120,6 +128,7 @@ LAWS: Mapping[Law, DecayLaw] = {
     "friction": DecayLaw(
         ("eta1", "eta2", "eta0"), _friction_shared, _envelope_own, _friction_curve, _friction_quantities
     ),
+    "one-mode": DecayLaw(("eta1", "eta2"), _quadratic_shared, _linear_own, None, _one_mode_quantities),
 }
 
 
@@ -129,17 +138,25 @@ class DecayModel:
 
     Parameters
     ----------
-    law : {"linear", "quadratic", "friction"}
+    law : {"linear", "quadratic", "friction", "one-mode"}
         The law.
     offset : bool
         Whether the equilibrium may be elsewhere than at 0.
     drift : bool
         Whether it may move, at a constant velocity.
+    longest_step : float
+        Longest step, if the law has to be integrated, s.
     """
 
     law: Law
     offset: bool
     drift: bool
+    longest_step: float
+
+    @property
+    def integrated(self) -> bool:
+        """Whether the law has no closed form."""
+        return LAWS[self.law].curve is None
 
     def shared(self, guess: DecayGuess, ratio_bounds: tuple[float, float]) -> list[Unknown]:
         """Return the unknowns of the mode."""
@@ -154,10 +171,12 @@ class DecayModel:
         ]
         return LAWS[self.law].own(guess) + baseline[:1] * self.offset + baseline[1:] * self.drift
 
-    def curve(self, t: cs.MX, *x: cs.MX) -> cs.MX:
+    def curve(self, time: NDArray[np.float64], *x: cs.MX) -> cs.MX:
         """Return the displacement (m) at times (s) after the release."""
         law, offset, drift = self._split(x)
-        return LAWS[self.law].curve(t, *law) + offset + drift * t
+        t, curve = cs.MX(cs.DM(time)), LAWS[self.law].curve
+        motion = curve(t, *law) if curve else one_mode_decay(time, *law, longest_step=self.longest_step)
+        return motion + offset + drift * t
 
     def quantities(self, *x: cs.MX) -> cs.MX:
         """Return frequency (Hz), damping ratio, eta1, eta2, eta0, amplitude, offset and drift."""

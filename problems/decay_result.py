@@ -89,7 +89,7 @@ class DecayFit:
 
     Parameters
     ----------
-    law : {"linear", "quadratic", "friction"}
+    law : {"linear", "quadratic", "friction", "one-mode"}
         The law fitted.
     frequency : float
         Natural frequency, Hz; the undamped one under the linear law.
@@ -162,8 +162,8 @@ class DecayFit:
 
     def displacement(self, time: ArrayLike) -> NDArray[np.float64]:
         """Return the fitted displacement (m) at times (s) of the record, from the release on."""
-        t = cs.DM(np.asarray(time, dtype=float) - self.release_time)
-        curve = self.model.curve(cs.MX(t), *(cs.MX(self.fit.values[i]) for i in self.indices))
+        t = np.asarray(time, dtype=float).ravel() - self.release_time
+        curve = self.model.curve(t, *(cs.MX(self.fit.values[i]) for i in self.indices))
         return np.asarray(cs.evalf(curve)).ravel()
 
     def profile_interval(self, name: str, level: float = LEVEL) -> Interval:

@@ -82,7 +82,7 @@ def test_the_result_reads_as_text_and_as_json():
     [
         ((), "laws: must be a sequence of laws"),
         ("linear", "laws: must be a sequence of laws, got 'linear'"),
-        (("cubic",), "law: must be one of linear, quadratic, friction, got 'cubic'"),
+        (("cubic",), "law: must be one of linear, quadratic, friction, one-mode, got 'cubic'"),
     ],
 )
 def test_unusable_laws_are_refused(laws, message):

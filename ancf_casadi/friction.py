@@ -21,7 +21,9 @@ square of its matrix is k = a^2/4 - b c times the identity, and so
 
 which is a tangent where k < 0, and t at k = 0.  At a last instant, before k^1/2 t = i pi/2, A is zero, and friction
 holds the mode from there on.  With eta0 = 0 this is Eq. (27).  Each half swing is about a centre shifted by the band of
-rest, eta0/omega^2; the displacement is off by that, and holds as long as A is well above it.
+rest, d = eta0/omega^2; the displacement is off by that, and holds as long as A is well above it.  Within the last half
+period, where -d < A < d and averages mean nothing, A is replaced by (3 d - A)(A + d)^3/(16 d^3), which goes to zero
+with two continuous derivatives: a fit can find the stop.
 
 References
 ----------
@@ -40,6 +42,7 @@ import casadi as cs
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 
+LEAST_BAND = 1e-9  # of the amplitude at the release
 SERIES_BELOW = 0.01  # where the series of tanh(y^1/2)/y^1/2 takes over; its 9th term is below 1e-19 there
 SERIES = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 6081075, -929569 / 638512875)
 LARGEST_ANGLE = 1.57  # of the tangent, just below pi/2, by when friction has stopped the motion
@@ -61,12 +64,19 @@ def friction_envelope(time: Value, ω: Value, η0: Value, η1: Value, η2: Value
     """
     a, b, c = η1 / 2, 4 * ω * η2 / (3 * math.pi), 2 * η0 / (math.pi * ω)
     s = time * _tanh_ratio(time**2 * (a**2 / 4 - b * c))
-    return cs.fmax(e0 - (a * e0 / 2 + c) * s, 0) / (1 + (a / 2 + b * e0) * s)
+    amplitude = (e0 - (a * e0 / 2 + c) * s) / (1 + (a / 2 + b * e0) * s)
+    return _stopping(amplitude, η0 / ω**2 + LEAST_BAND * e0)
 
 
 def friction_decay(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e0: Value, φ: Value) -> Value:
     """Return the free decay under friction, linear and quadratic damping, with a phase φ (rad) at the release."""
     return friction_envelope(time, ω, η0, η1, η2, e0) * cs.cos(ω * time + φ)
+
+
+def _stopping(amplitude: Value, band: Value) -> Value:
+    """Return the amplitude above the band of rest, 0 below its negative, and a smooth passage in between."""
+    share = cs.fmin(cs.fmax(amplitude / band, -1), 1)
+    return cs.if_else(amplitude > band, amplitude, band * (3 - share) * (share + 1) ** 3 / 16)
 
 
 def _tanh_ratio(y: Value) -> Value:

@@ -43,8 +43,8 @@ import casadi as cs
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 
 LEAST_BAND = 1e-9  # of the amplitude at the release
-SERIES_BELOW = 0.01  # where the series of tanh(y^1/2)/y^1/2 takes over; its 9th term is below 1e-19 there
-SERIES = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 6081075, -929569 / 638512875)
+SERIES_BELOW = 1e-3  # where the series of tanh(y^1/2)/y^1/2 takes over; its 7th term is below 1e-20 there
+SERIES = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925)
 LARGEST_ANGLE = 1.57  # of the tangent, just below pi/2, by when friction has stopped the motion
 
 

@@ -299,9 +299,8 @@ def _covariance(
     Also return the condition number of these columns.
     """
     length = np.linalg.norm(jacobian[:, free], axis=0)
-    _, singular, directions = np.linalg.svd(
-        jacobian[:, free] / np.where(length > 0.0, length, 1.0), full_matrices=False
-    )
+    triangle = np.linalg.qr(jacobian[:, free] / np.where(length > 0.0, length, 1.0), mode="r")
+    _, singular, directions = np.linalg.svd(triangle, full_matrices=False)
     if free.any() and singular[-1] < len(residuals) * np.finfo(float).eps:
         weak = np.flatnonzero(free)[np.abs(directions[-1]) > 0.1]
         raise FitError(f"the data do not determine {', '.join(names[i] for i in weak)}; fix one, or add data")

@@ -131,8 +131,8 @@ def fit_decays(
     lower, upper = vector(ratio_bounds, "ratio_bounds")
     if not -1.0 < lower < upper < 1.0:
         raise InputError(f"must be in order and between -1 and 1, got ({lower:g}, {upper:g})", "ratio_bounds")
-    if not records:
-        raise InputError("are missing", "records")
+    if isinstance(records, Measurement) or not records or not all(isinstance(r, Measurement) for r in records):
+        raise InputError("must be a sequence of one Measurement or more", "records")
     releases = [None] * len(records) if release_times is None else [number(t, "release_times") for t in release_times]
     if len(releases) != len(records):
         raise InputError(f"has {len(releases)} values for {len(records)} records", "release_times")

@@ -308,12 +308,12 @@ def _warnings(named: dict[str, float], errors: DecayErrors, length: float, r: ND
     noisy = math.sqrt(np.mean(r**2)) > ROUNDING * named["amplitude"]
     ζ, error = named["damping_ratio"], errors.damping_ratio
     if noisy and error > VAGUE * abs(ζ):
+        share = f"to {error / abs(ζ):.0%} only" if error < abs(ζ) else "no better than to be zero"
         advice = "less noise, or a larger release, would help"
         if ζ * 2 * math.pi * periods < 1.0:
-            advice = f"one of {length * (error / (VAGUE * max(abs(ζ), error / 10))) ** (2 / 3):.2g} s would do"
-        warnings.append(
-            f"the damping ratio is known to {error / max(abs(ζ), 1e-300):.0%}: the record is short; {advice}"
-        )
+            needed = length * (min(error / abs(ζ), 1.0) / VAGUE) ** (2 / 3) if ζ else math.inf
+            advice = f"the record is too short, one of {needed:.2g} s would do {VAGUE:.0%}"
+        warnings.append(f"the damping ratio is known {share}: {advice}")
     repeated, total = float(r[1:] @ r[:-1]), float(r @ r)
     if noisy and repeated > COLOURED * total:
         warnings.append(

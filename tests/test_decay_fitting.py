@@ -2,6 +2,7 @@
 
 import json
 import math
+import pickle
 from pathlib import Path
 
 import casadi as cs
@@ -309,7 +310,9 @@ def test_several_records_may_differ_in_length_and_clock():
 @pytest.mark.parametrize(
     ("records", "options", "message"),
     [
-        ([], {}, "records: are missing"),
+        ([], {}, "records: must be a sequence of one Measurement or more"),
+        (Measurement(TIME, TIME), {}, "records: must be a sequence of one Measurement or more"),
+        ([TIME], {}, "records: must be a sequence of one Measurement or more"),
         ([Measurement(TIME, TIME)], {"release_times": [0.0, 1.0]}, "release_times: has 2 values for 1 records"),
         ([Measurement(TIME, TIME)], {"release_times": ["now"]}, "release_times: must be a finite number"),
         ([Measurement(TIME, TIME)], {"law": "cubic"}, "law: must be one of"),
@@ -402,11 +405,27 @@ def test_a_short_record_says_so():
     fit = fit_decay(TIME[:1100], swing(1.85, 0.01, 0.05, time=TIME[:1100]) + 1e-3 * noise(30, 1100))
     assert any(w.startswith("the record is short: 4.1 periods of free decay") for w in fit.warnings)
     vague = fit_decay(TIME[:1500], swing(1.85, 0.003, 0.05, time=TIME[:1500]) + 5e-3 * noise(31, 1500))
-    (warning,) = [w for w in vague.warnings if w.startswith("the damping ratio is known to")]
+    (warning,) = [w for w in vague.warnings if w.startswith("the damping ratio is known to ")]
     needed = float(warning.split("one of ")[1].split(" s would do")[0])
     time = np.arange(0.0, needed, 0.002)
     longer = fit_decay(time, swing(1.85, 0.003, 0.05, time=time) + 5e-3 * noise(32, len(time)))
     assert longer.standard_errors.damping_ratio == pytest.approx(0.1 * vague.damping_ratio, rel=0.2)
+
+
+def test_a_noisy_record_says_so():
+    """Longer than the decay: more of it would only be more noise."""
+    fit = fit_decay(TIME, swing(8.0, 0.05, 0.005) + 2e-3 * noise(34))
+    assert fit.standard_errors.damping_ratio > 0.1 * fit.damping_ratio
+    assert any(w.endswith("% only: less noise, or a larger release, would help") for w in fit.warnings)
+    lost = fit_decay(TIME, swing(8.0, 1e-4, 0.005) + 2e-3 * noise(35), ratio_bounds=(-0.1, 0.5))
+    assert any(w.startswith("the damping ratio is known no better than to be zero") for w in lost.warnings)
+
+
+def test_a_fit_survives_the_way_to_another_process():
+    fit = fit_decay(TIME, swing(1.85, 0.01, 0.05) + 1e-3 * noise(36))
+    copy = pickle.loads(pickle.dumps(fit))
+    assert copy.to_dict() == fit.to_dict()
+    assert copy.profile_interval("damping_ratio") == pytest.approx(fit.profile_interval("damping_ratio"), rel=1e-12)
 
 
 def test_the_figure_shows_record_residuals_and_their_autocorrelation():

@@ -5,6 +5,7 @@ from problems.decay_comparison import DecayComparison, compare_decay_laws
 from problems.decay_fitting import fit_decay, fit_decays
 from problems.decay_result import DecayFit
 from problems.frequency_matching import FrequencyMatch, match_frequencies
+from problems.mode_separation import fit_modes
 
 __all__ = [
     "DecayComparison",
@@ -14,6 +15,7 @@ __all__ = [
     "compare_decay_laws",
     "fit_decay",
     "fit_decays",
+    "fit_modes",
     "fit_rayleigh",
     "match_frequencies",
 ]

@@ -84,7 +84,7 @@ def fit_decay(
     FitError
         If the fit does not converge.
     """
-    record = _record(time, displacement)
+    record = as_record(time, displacement)
     release = None if release_time is None else [number(release_time, "release_time")]
     return fit_decays(
         [record], law=law, offset=offset, drift=drift, release_times=release, ratio_bounds=ratio_bounds, robust=robust
@@ -184,7 +184,14 @@ def _match(
     return fit, columns
 
 
-def _record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> Measurement:
+def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> Measurement:
+    """Return a record, or times (s) and displacements (m), as a record.
+
+    Raises
+    ------
+    InputError
+        If the displacements are missing, given twice, or not usable.
+    """
     if isinstance(time, Measurement):
         if displacement is not None:
             raise InputError("is in the record already", "displacement")

@@ -285,7 +285,7 @@ def decay_result(
         law=model.law,
         **named,
         release_time=float(time[0]),
-        correlation=fit.correlation("eta1", "eta2") if "eta2" in fit.names else math.nan,
+        correlation=math.nan if model.law == "linear" else float(fit.correlations[indices[1], indices[2]]),
         standard_errors=standard_errors,
         intervals=DecayIntervals(*((float(low), float(high)) for low, high in ends)),
         warnings=(*fit.warnings(), *_warnings(named, standard_errors, time[-1] - time[0], residuals)),

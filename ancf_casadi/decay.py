@@ -11,7 +11,7 @@ and with both terms, to first order in the damping,
     a(t) = e0 exp(-x) / (1 + 4 omega eta2 e0 t/(3 pi) (1 - exp(-x))/x),    x = eta1 t/2,                 Eq. (27)
 
 here written so that eta1 = 0 is no exception.  The viscous ratio that loses as much energy in a period at the amplitude
-A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi).
+A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi), and 2 eta0/(pi omega^2 A) more with friction, which is another file.
 
 The closed forms take and give CasADi values, MX, SX or DM, and are smooth in all their arguments.
 
@@ -96,9 +96,12 @@ def quadratic_decay(time: Value, ω: Value, η1: Value, η2: Value, e0: Value, �
     return quadratic_envelope(time, ω, η1, η2, e0) * cs.cos(ω * time + φ)
 
 
-def equivalent_damping_ratio(η1: Value, η2: Value, ω: Value, amplitude: Value) -> Value:
-    """Return the viscous damping ratio with the same loss of energy in a period at an amplitude (m)."""
-    return η1 / (2 * ω) + 4 * η2 * amplitude / (3 * math.pi)
+def equivalent_damping_ratio(η1: Value, η2: Value, ω: Value, amplitude: Value, η0: Value | float = 0.0) -> Value:
+    """Return the viscous damping ratio with the same loss of energy in a period at an amplitude (m).
+
+    Of linear (1/s) and quadratic (1/m) damping, and of friction η0 (force by mass, m/s^2) if there is any.
+    """
+    return η1 / (2 * ω) + 4 * η2 * amplitude / (3 * math.pi) + 2 * η0 / (math.pi * ω**2 * amplitude)
 
 
 @dataclass(frozen=True)
@@ -110,7 +113,9 @@ class DecayGuess:
     release : int
         Index of the first sample of the free decay.
     duration : float
-        How long there is something to see: the length of the record from there on or 1/(zeta omega), the lesser, s.
+        How long there is something to see: ``length`` or 1/(zeta omega), the lesser, s.
+    length : float
+        Length of the record from there on, s.
     ω : float
         Natural frequency, rad/s.
     ζ : float
@@ -120,16 +125,20 @@ class DecayGuess:
     phase : float
         Phase at the release, rad; 0 at the highest displacement.
     offset : float
-        Equilibrium the decay tends to, m.
+        Equilibrium the decay tends to, m; where it is at the release, if it drifts.
+    drift : float
+        Velocity of the equilibrium, m/s.
     """
 
     release: int
     duration: float
+    length: float
     ω: float
     ζ: float
     amplitude: float
     phase: float
     offset: float
+    drift: float = 0.0
 
     @property
     def r0(self) -> float:
@@ -143,7 +152,9 @@ class DecayGuess:
         return -self.amplitude * (self.ζ * self.ω * math.cos(self.phase) + ω_d * math.sin(self.phase))
 
 
-def first_guess(record: Measurement, *, release_time: float | None = None, offset: bool = True) -> DecayGuess:
+def first_guess(
+    record: Measurement, *, release_time: float | None = None, offset: bool = True, drift: bool = False
+) -> DecayGuess:
     """Guess the parameters of a decay from its record.
 
     Parameters
@@ -154,6 +165,8 @@ def first_guess(record: Measurement, *, release_time: float | None = None, offse
         When the decay begins, s; found in the record if not given.
     offset : bool
         Whether the decay may tend to another value than 0.
+    drift : bool
+        Whether the equilibrium may move, at a constant velocity.
 
     Raises
     ------
@@ -162,7 +175,7 @@ def first_guess(record: Measurement, *, release_time: float | None = None, offse
     """
     time, displacement = _evenly_spaced(record)
     if release_time is None:
-        release = find_release(time, displacement)
+        release = find_release(time, _without_line(time, displacement) if drift else displacement)
     else:
         release = int(np.searchsorted(time, release_time))
     t, y = time[release:] - time[min(release, len(time) - 1)], displacement[release:]
@@ -170,19 +183,21 @@ def first_guess(record: Measurement, *, release_time: float | None = None, offse
         raise InputError(f"has {len(t)} samples of free decay; a fit needs at least {MINIMUM_SAMPLES}", "record")
     if np.ptp(y) == 0.0:
         raise InputError("is constant, nothing oscillates", "record")
-    ω_d = 2 * math.pi * _peak_frequency(t, y - y.mean())
+    ω_d = 2 * math.pi * _peak_frequency(t, _without_line(t, y) if drift else y - y.mean())
     if ω_d * t[-1] < 2 * math.pi * MINIMUM_PERIODS:
         raise InputError("has fewer than two periods of free decay, or nothing oscillates", "record")
-    λ, c, s, level = _best_rate(t, y, ω_d, offset)
+    λ, c, s, level, slope = _best_rate(t, y, ω_d, offset, drift)
     ω = math.hypot(ω_d, λ)
     return DecayGuess(
         release=int(np.searchsorted(record.time, time[release] - (time[1] - time[0]) / 2)),
         duration=min(float(t[-1]), 1 / λ) if λ else float(t[-1]),
+        length=float(t[-1]),
         ω=ω,
         ζ=λ / ω,
         amplitude=math.hypot(c, s),
         phase=math.atan2(-s, c),
         offset=level,
+        drift=slope,
     )
 
 
@@ -225,6 +240,13 @@ def _evenly_spaced(record: Measurement) -> tuple[Series, Series]:
     return time, np.interp(time, record.time, record.displacement)
 
 
+def _without_line(time: Series, displacement: Series) -> Series:
+    """Return what a straight line, fitted by least squares, leaves."""
+    t: Series = time - time.mean()
+    rest: Series = displacement - displacement.mean() - t * (t @ displacement) / (t @ t)
+    return rest
+
+
 def _running_maximum(values: Series, width: int) -> Series:
     """Return the maximum of each ``width`` successive values, from maxima over 1, 2, 4, ... of them."""
     maximum, span = values, 1
@@ -247,26 +269,28 @@ def _peak_frequency(time: Series, swing: Series, *, steps: bool = False) -> floa
     return float(frequency[1 + np.argmax(power[1:])])
 
 
-def _best_rate(t: Series, y: Series, ω_d: float, offset: bool) -> tuple[float, float, float, float]:
-    """Return decay rate, cosine and sine coefficient and offset that fit best, for a given frequency.
+def _best_rate(t: Series, y: Series, ω_d: float, offset: bool, drift: bool) -> tuple[float, float, float, float, float]:
+    """Return decay rate, cosine and sine coefficient, offset and drift that fit best, for a given frequency.
 
     Raises
     ------
     InputError
         If the oscillation does not stand out from the noise.
     """
-    constant = np.ones((1, len(t))) if offset else np.empty((0, len(t)))
+    baseline = np.array([np.ones(len(t)), t])[[offset, drift]]
     waves = np.array([np.cos(ω_d * t), np.sin(ω_d * t)])
     rates = np.geomspace(0.1 / t[-1], ω_d / 2, 2 + int(math.log2(5 * ω_d * t[-1])))  # about a factor of 2 apart
-    best, coefficients, rate = math.inf, np.zeros(3), 0.0
+    best, coefficients, rate = math.inf, np.zeros(4), 0.0
     for λ in (0.0, *rates.tolist()):
-        basis = np.vstack([np.exp(-λ * t) * waves, constant])
+        basis = np.vstack([np.exp(-λ * t) * waves, baseline])
         linear = np.linalg.lstsq(basis @ basis.T, basis @ y)[0]
         left = float(np.sum((y - linear @ basis) ** 2))
         if left < best:
             best, coefficients, rate = left, linear, λ
-    explained = float(np.sum((y - (y.mean() if offset else 0.0)) ** 2)) - best
+    constant = np.linalg.lstsq(baseline @ baseline.T, baseline @ y)[0] @ baseline if len(baseline) else 0.0
+    explained = float(np.sum((y - constant) ** 2)) - best
     if explained * len(t) < 4 * math.log(len(t) / NOISE_ODDS) * best:
         raise InputError("is noise, nothing oscillates", "record")
-    c, s, level = (*coefficients.tolist(), 0.0)[:3]
-    return rate, c, s, level
+    level = np.zeros(2)
+    level[[offset, drift]] = coefficients[2:]
+    return rate, float(coefficients[0]), float(coefficients[1]), float(level[0]), float(level[1])

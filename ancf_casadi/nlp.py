@@ -7,17 +7,15 @@ Unknowns x with guesses, scales and bounds, and residuals r(x) of which there ar
 with S the diagonal matrix of the scales and w the largest diagonal entry of S J' J S at the guess, J = dr/dx, so that
 the tolerance of the solver speaks of the unknowns in units of their scales.  Gradient and Hessian are CasADi's.
 
-Where the residuals are white noise, the unknowns that are not at a bound have the covariance
-
-    C = s^2 (J' J)^-1,    s^2 = r' r / (m - n)
-
-to first order, and a quantity with gradient g has the variance g' C g.  An unknown at a bound is taken as known.
+Where some residuals are outliers, r^2/2 gives way to the pseudo-Huber loss d^2 ((1 + (r/d)^2)^1/2 - 1), which grows in
+proportion to r beyond a residual d.  What the fit tells of the unknowns is in ``ancf_casadi.fit``.
 
 References
 ----------
 A. Waechter, L. T. Biegler, On the implementation of an interior-point filter line-search algorithm for large-scale
 nonlinear programming, Mathematical Programming 106 (2006).
-G. A. F. Seber, C. J. Wild, Nonlinear Regression, Wiley (1989), Section 2.1.
+P. Charbonnier, L. Blanc-Feraud, G. Aubert, M. Barlaud, Deterministic edge-preserving regularization in computed
+imaging, IEEE Transactions on Image Processing 6 (1997).
 """
 
 from __future__ import annotations
@@ -34,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.fit import Fit, influence
 from ancf_casadi.inputs import positive
 from ancf_casadi.interrupts import noted_interrupts
 
@@ -118,96 +117,26 @@ class Solution:
         Iterations of IPOPT.
     solve_seconds : float
         Time they took, without that of building the problem.
+    status : str
+        What IPOPT said.
     """
 
     x: NDArray[np.float64]
     objective: float
     iterations: int
     solve_seconds: float
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """Estimated unknowns, and how well the data determine them.
-
-    ``fit["name"]`` is the value of an unknown.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Names of the n unknowns.
-    values : ndarray
-        Their estimates (n,).
-    covariance : ndarray
-        Covariance (n, n); nan for unknowns at a bound.
-    at_bound : ndarray of bool
-        Which unknowns are at a bound (n,).
-    residuals : ndarray
-        What the model leaves unexplained (m,).
-    iterations : int
-        Iterations of IPOPT.
-    solve_seconds : float
-        Time they took.
-    """
-
-    names: tuple[str, ...]
-    values: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    at_bound: NDArray[np.bool_]
-    residuals: NDArray[np.float64]
-    iterations: int
-    solve_seconds: float
-
-    def __getitem__(self, name: str) -> float:
-        """Return the value of an unknown."""
-        return float(self.values[self.names.index(name)])
-
-    @property
-    def residual_rms(self) -> float:
-        """Root of the mean squared residual, Eq. (10)."""
-        return math.sqrt(np.mean(self.residuals**2))
-
-    @property
-    def standard_errors(self) -> NDArray[np.float64]:
-        """Standard errors (n,); nan for unknowns at a bound."""
-        return np.sqrt(np.diag(self.covariance))
-
-    def standard_error(self, name: str) -> float:
-        """Return the standard error of an unknown; nan at a bound."""
-        return float(self.standard_errors[self.names.index(name)])
-
-    def correlation(self, first: str, second: str) -> float:
-        """Return the correlation of two unknowns; nan if one is at a bound, or there is no residual."""
-        i, j = self.names.index(first), self.names.index(second)
-        scale = math.sqrt(self.covariance[i, i] * self.covariance[j, j])
-        return float(self.covariance[i, j] / scale) if scale else math.nan
-
-    def derived(self, quantities: Callable[..., cs.MX]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return functions of the unknowns, and their standard errors to first order.
-
-        Parameters
-        ----------
-        quantities : callable
-            Takes the unknowns as MX scalars, in their order; returns an MX vector.
-
-        Returns
-        -------
-        values, standard_errors : ndarray
-            A standard error is nan where a quantity depends on no unknown, or only on such as are at a bound.
-        """
-        x = cs.MX.sym("x", len(self.names))
-        q = cs.densify(quantities(*cs.vertsplit(x)))
-        values, jacobian = _numbers(cs.Function("quantities", [x], [q, cs.densify(cs.jacobian(q, x))]), self.values)
-        free = ~self.at_bound
-        slopes = jacobian[:, free]
-        errors = np.sqrt(np.sum((slopes @ self.covariance[np.ix_(free, free)]) * slopes, axis=1))
-        return values, np.where(slopes.any(axis=1), errors, math.nan)
+    status: str
 
 
 def least_squares(
-    residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown], *, options: Mapping[str, Any] | None = None
+    residuals: Callable[..., cs.MX],
+    unknowns: Sequence[Unknown],
+    *,
+    huber: float = math.inf,
+    gauss_newton: bool = False,
+    options: Mapping[str, Any] | None = None,
 ) -> Fit:
-    """Estimate unknowns by least squares within their bounds.
+    """Estimate unknowns by least squares within their bounds, or by a loss that bears outliers.
 
     Parameters
     ----------
@@ -215,16 +144,22 @@ def least_squares(
         Takes the unknowns as MX scalars, in their order; returns the residuals as an MX vector.
     unknowns : sequence of Unknown
         What to estimate.
+    huber : float
+        Residual beyond which the loss grows linearly; least squares without it.
+    gauss_newton : bool
+        Whether to take J' J for the Hessian, where second derivatives are dear, as through an integration.
     options : mapping, optional
         Options of ``nlpsol`` and IPOPT (``"ipopt.max_iter"``); they override those set here.
 
     Raises
     ------
     InputError
-        If two unknowns share a name, or there are fewer residuals than unknowns.
+        If ``huber`` is not positive, two unknowns share a name, or there are fewer residuals than unknowns.
     FitError
         If IPOPT does not converge, or the residuals do not determine the unknowns.
     """
+    if not huber > 0.0:
+        raise InputError(f"must be positive, got {huber:g}", "huber")
     names = tuple(unknown.name for unknown in unknowns)
     if len(set(names)) < len(names):
         raise InputError(f"share a name: {', '.join(names)}", "unknowns")
@@ -240,8 +175,10 @@ def least_squares(
     weight = float(np.max(np.sum(jacobian**2, axis=0)))
     if not (math.isfinite(weight) and weight > 0.0):
         raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
+    if gauss_newton:
+        options = {"hess_lag": _gauss_newton(evaluate, huber, weight), **(options or {})}
     solution = solve_nlp(
-        {"x": z, "f": cs.sumsqr(r) / (2 * weight)},
+        {"x": z, "f": loss(r, huber) / weight},
         guess / scale,
         lower=lower / scale,
         upper=upper / scale,
@@ -252,8 +189,43 @@ def least_squares(
     at_upper = upper / scale - solution.x < AT_BOUND
     values = np.select([at_lower, at_upper], [lower, upper], solution.x * scale)
     remaining, jacobian = _numbers(evaluate, values / scale)
-    covariance = _covariance(remaining, jacobian / scale, ~(at_lower | at_upper), names)
-    return Fit(names, values, covariance, at_lower | at_upper, remaining, solution.iterations, solution.solve_seconds)
+    jacobian = jacobian / scale
+    at_bound = at_lower | at_upper
+    covariance, condition = _covariance(remaining, jacobian, ~at_bound, names, huber)
+    return Fit(
+        names=names,
+        units=tuple(unknown.unit for unknown in unknowns),
+        values=values,
+        lower=lower,
+        upper=upper,
+        scale=scale,
+        covariance=covariance,
+        at_bound=at_bound,
+        residuals=remaining,
+        jacobian=jacobian,
+        condition=condition,
+        huber=huber,
+        status=solution.status,
+        iterations=solution.iterations,
+        solve_seconds=solution.solve_seconds,
+        model=evaluate,
+    )
+
+
+def loss(residuals: cs.MX, huber: float) -> cs.MX:
+    """Return half the sum of the squared residuals, or their pseudo-Huber loss."""
+    if math.isinf(huber):
+        return cs.sumsqr(residuals) / 2
+    return huber**2 * cs.sum1(cs.sqrt(1 + (residuals / huber) ** 2) - 1)
+
+
+def _gauss_newton(evaluate: cs.Function, huber: float, weight: float) -> cs.Function:
+    """Return J' D J, D the slope psi/r of the loss by residual, as the Hessian of the Lagrange function."""
+    z, factor = cs.MX.sym("z", evaluate.size1_in(0)), cs.MX.sym("factor")
+    r, jacobian = evaluate(z)
+    rows = jacobian / cs.repmat((1 + (r / huber) ** 2) ** 0.25, 1, jacobian.shape[1])
+    hessian = cs.triu(factor / weight * cs.mtimes(rows.T, rows))
+    return cs.Function("hess_lag", [z, cs.MX(0, 1), factor, cs.MX(0, 1)], [hessian])
 
 
 def solve_nlp(
@@ -304,7 +276,9 @@ def solve_nlp(
         status = stats["return_status"]
         advice = ADVICE.get(status, "start elsewhere, or check scales and bounds")
         raise FitError(f"no minimum was found after {stats['iter_count']} iterations ({status}): {advice}", stats)
-    return Solution(result["x"].full().ravel(), float(result["f"]), stats["iter_count"], seconds)
+    return Solution(
+        result["x"].full().ravel(), float(result["f"]), stats["iter_count"], seconds, stats["return_status"]
+    )
 
 
 def _numbers(function: cs.Function, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -314,22 +288,29 @@ def _numbers(function: cs.Function, x: NDArray[np.float64]) -> tuple[NDArray[np.
 
 
 def _covariance(
-    residuals: NDArray[np.float64], jacobian: NDArray[np.float64], free: NDArray[np.bool_], names: tuple[str, ...]
-) -> NDArray[np.float64]:
-    """Return s^2 (J' J)^-1 for the free unknowns, by a singular value decomposition with columns of unit length."""
+    residuals: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+    free: NDArray[np.bool_],
+    names: tuple[str, ...],
+    huber: float,
+) -> tuple[NDArray[np.float64], float]:
+    """Return phi/w (J' J)^-1 for the free unknowns, by a singular value decomposition with columns of unit length.
+
+    Also return the condition number of these columns.
+    """
     length = np.linalg.norm(jacobian[:, free], axis=0)
-    _, singular, directions = np.linalg.svd(
-        jacobian[:, free] / np.where(length > 0.0, length, 1.0), full_matrices=False
-    )
+    triangle = np.linalg.qr(jacobian[:, free] / np.where(length > 0.0, length, 1.0), mode="r")
+    _, singular, directions = np.linalg.svd(triangle, full_matrices=False)
     if free.any() and singular[-1] < len(residuals) * np.finfo(float).eps:
         weak = np.flatnonzero(free)[np.abs(directions[-1]) > 0.1]
         raise FitError(f"the data do not determine {', '.join(names[i] for i in weak)}; fix one, or add data")
     surplus = len(residuals) - np.count_nonzero(free)
-    variance = residuals @ residuals / surplus if surplus else math.nan
+    slope, curvature = influence(residuals, huber)
+    variance = slope @ slope / (surplus * curvature**2) if surplus else math.nan
     root = (directions.T / singular) / length[:, None]
     covariance = np.full((len(names), len(names)), math.nan)
     covariance[np.ix_(free, free)] = variance * root @ root.T
-    return covariance
+    return covariance, float(singular[0] / singular[-1]) if free.any() else math.nan
 
 
 def _reason(error: RuntimeError) -> str:

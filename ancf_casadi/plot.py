@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
+from ancf_casadi.envelope import DampingCurve
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.trajectory import Trajectory
 
@@ -19,6 +20,7 @@ MEASURED = "#222222"
 COMPUTED = "#1b7f5c"
 RESOLUTION = 130  # dots an inch
 FINE = 4000  # points of a drawn curve
+LAGS = 200  # of a drawn autocorrelation
 
 
 def png(figure: Figure) -> bytes:
@@ -40,6 +42,47 @@ def decay_figure(
     axes.axvline(release_time, ls=":", lw=0.8, color=MEASURED)
     axes.set(xlabel="time, s", ylabel="displacement, mm")
     axes.legend(frameon=False)
+    return figure
+
+
+def fit_figure(time: NDArray[np.float64], measured: NDArray[np.float64], fitted: NDArray[np.float64]) -> Figure:
+    """Draw measured (m) and fitted displacement (m) over time (s), what is left, and how that correlates with itself.
+
+    White residuals have 95 % of their autocorrelation within the dotted lines.
+    """
+    figure = Figure(figsize=(8, 6.4), layout="constrained")
+    record, left, repeated = figure.subplots(3, 1, height_ratios=(2, 1, 1))
+    record.plot(time, 1e3 * measured, ".", ms=2.5, color=MEASURED, label="record")
+    record.plot(time, 1e3 * fitted, lw=1, color=COMPUTED, label="fit")
+    record.set(xlabel="time, s", ylabel="displacement, mm")
+    record.legend(frameon=False)
+    residuals = measured - fitted
+    left.plot(time, 1e3 * residuals, lw=0.5, color=MEASURED)
+    left.set(xlabel="time, s", ylabel="residual, mm")
+    lags = min(len(time) - 1, LAGS)
+    spectrum = np.abs(np.fft.rfft(residuals, 2 * len(residuals))) ** 2
+    correlation = np.fft.irfft(spectrum)[: lags + 1] / (np.sum(residuals**2) or 1.0)
+    repeated.plot(np.arange(lags + 1), correlation, lw=1, color=COMPUTED)
+    for edge in (-1.96, 1.96):
+        repeated.axhline(edge / len(time) ** 0.5, ls=":", lw=0.8, color=MEASURED)
+    repeated.set(xlabel="lag, samples", ylabel="autocorrelation")
+    return figure
+
+
+def damping_figure(curve: DampingCurve) -> Figure:
+    """Draw the damping ratio against the amplitude, with 95 % intervals."""
+    figure = Figure(figsize=(6, 3.6), layout="constrained")
+    axes = figure.subplots()
+    axes.errorbar(
+        1e3 * curve.amplitude,
+        100 * curve.damping_ratio,
+        yerr=196 * curve.damping_ratio_errors,
+        fmt="o",
+        ms=3,
+        lw=0.8,
+        color=COMPUTED,
+    )
+    axes.set(xlabel="amplitude, mm", ylabel="damping ratio, %")
     return figure
 
 

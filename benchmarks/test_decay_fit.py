@@ -10,7 +10,7 @@ from ancf_casadi.decay import linear_decay
 from problems.decay_fitting import fit_decay
 
 
-@pytest.mark.parametrize("law", ["linear", "quadratic"])
+@pytest.mark.parametrize("law", ["linear", "quadratic", "friction"])
 @pytest.mark.parametrize(("frequency", "ratio", "r0"), [(1.85, 0.0100, 0.050), (88.60, 0.0030, 0.005)])
 def test_decay_fit(benchmark, frequency, ratio, r0, law):
     time = np.arange(5000) / 1000

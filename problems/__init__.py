@@ -1,7 +1,21 @@
 """The estimation problems of the paper, stated on the tools of ``ancf_casadi``."""
 
 from problems.damping_fitting import RayleighFit, fit_rayleigh
-from problems.decay_fitting import DecayFit, fit_decay
+from problems.decay_comparison import DecayComparison, compare_decay_laws
+from problems.decay_fitting import fit_decay, fit_decays
+from problems.decay_result import DecayFit
 from problems.frequency_matching import FrequencyMatch, match_frequencies
+from problems.mode_separation import fit_modes
 
-__all__ = ["DecayFit", "FrequencyMatch", "RayleighFit", "fit_decay", "fit_rayleigh", "match_frequencies"]
+__all__ = [
+    "DecayComparison",
+    "DecayFit",
+    "FrequencyMatch",
+    "RayleighFit",
+    "compare_decay_laws",
+    "fit_decay",
+    "fit_decays",
+    "fit_modes",
+    "fit_rayleigh",
+    "match_frequencies",
+]

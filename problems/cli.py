@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from ancf_casadi.envelope import damping_curve
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.model import Model
@@ -25,6 +26,7 @@ from ancf_casadi.report import Table, check_folder, to_json, write_file
 from ancf_casadi.simulate import simulate
 from ancf_casadi.trajectory import Trajectory
 from ancf_casadi.version import __version__
+from problems.decay_comparison import compare_decay_laws
 from problems.decay_fitting import fit_decay
 from problems.frequency_matching import match_frequencies
 from problems.study_file import numbers, read_beam, read_match, read_simulation
@@ -118,9 +120,17 @@ def _parser() -> argparse.ArgumentParser:
     )
     decay = command("fit-decay", _fit_decay, "frequency and damping from one measured decay")
     decay.add_argument("file", metavar="FILE.csv", help="times (s) and displacements (m)")
-    decay.add_argument("--law", choices=("linear", "quadratic"), default="linear", help="damping law (default: linear)")
+    decay.add_argument(
+        "--law",
+        choices=("linear", "quadratic", "friction", "one-mode", "auto"),
+        default="linear",
+        help="damping law, or auto to compare them (default: linear)",
+    )
+    decay.add_argument("--drift", action="store_true", help="let the point of rest move at a constant velocity")
+    decay.add_argument("--robust", action="store_true", help="bear outliers")
     decay.add_argument("--column", help="name of the displacement column (default: the second)")
     decay.add_argument("--plot", type=Path, metavar="FILE.png", help="draw record and fit")
+    decay.add_argument("--curve", type=Path, metavar="FILE.csv", help="write damping against amplitude, from no law")
     modes = command("modes", _modes, "natural frequencies of a beam about its equilibrium")
     modes.add_argument("file", metavar="BEAM.toml", help="a file with the table [beam]")
     modes.add_argument("--count", type=int, default=5, metavar="N", help="how many (default: 5)")
@@ -158,14 +168,26 @@ def _reproduce(options: argparse.Namespace) -> str:
 
 def _fit_decay(options: argparse.Namespace) -> str:
     record = Measurement.from_csv(options.file, column=options.column)
-    plot = None if options.plot is None else _new_file(options.plot)
+    plot, curve = (None if path is None else _new_file(path) for path in (options.plot, options.curve))
+    comparison = None
     with _located(options.file):
-        fit = fit_decay(record, law=options.law)
+        if options.law == "auto":
+            if options.robust:
+                raise InputError("compares sums of squares; it cannot be robust", "--law auto")
+            comparison = compare_decay_laws(record, drift=options.drift)
+            fit = comparison.best
+        else:
+            fit = fit_decay(record, law=options.law, drift=options.drift, robust=options.robust)
+        damping = None if curve is None else damping_curve(record).table().csv()
+    if curve is not None and damping is not None:
+        write_file(curve, damping)
     if plot is not None:
         from ancf_casadi.plot import decay_figure, png  # matplotlib is slow to import
 
         write_file(plot, png(decay_figure(record, fit.displacement, fit.release_time)))
-    return to_json(fit.to_dict()).rstrip() if options.json else fit.report()
+    if options.json:
+        return to_json(fit.to_dict() | ({"comparison": comparison.to_dict()} if comparison else {})).rstrip()
+    return comparison.report() if comparison else fit.report()
 
 
 def _modes(options: argparse.Namespace) -> str:

@@ -46,7 +46,8 @@ from ancf_casadi.modes import Modes, natural_modes
 from ancf_casadi.simulate import BAR, simulate
 from problems import paper
 from problems.damping_fitting import RayleighFit, fit_rayleigh
-from problems.decay_fitting import DecayFit, fit_decay
+from problems.decay_fitting import fit_decay
+from problems.decay_result import DecayFit
 from problems.frequency_matching import FrequencyMatch, match_frequencies
 
 Array = NDArray[np.float64]

@@ -123,6 +123,29 @@ class TestFitDecay:
         assert main(["fit-decay", "two.csv", "--column", "tip", "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["frequency_hz"] == pytest.approx(3.0, rel=1e-3)
 
+    def test_the_law_is_chosen_on_request(self, files, capsys):
+        assert main(["fit-decay", "decay.csv", "--law", "auto", "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["law"] == data["comparison"]["best"] == "linear"
+        assert [law["law"] for law in data["comparison"]["laws"]] == ["linear", "quadratic", "friction"]
+        assert main(["fit-decay", "decay.csv", "--law", "auto"]) == 0
+        assert "best by BIC: linear" in capsys.readouterr().out
+        assert "cannot be robust" in refused(["fit-decay", "decay.csv", "--law", "auto", "--robust"], files, capsys)
+
+    def test_drift_and_outliers_are_borne_on_request(self, files, capsys):
+        assert main(["fit-decay", "decay.csv", "--drift", "--robust", "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["frequency_hz"] == pytest.approx(3.0, abs=max(4 * data["frequency_stderr_hz"], 1e-3))
+        assert abs(data["drift_m_per_s"]) < 4 * data["drift_stderr_m_per_s"] + 1e-6
+        low, high = data["damping_ratio_interval"]
+        assert low < data["damping_ratio"] < high
+
+    def test_the_curve_of_damping_against_amplitude_is_written(self, files):
+        assert main(["fit-decay", "decay.csv", "--curve", "new/curve.csv"]) == 0
+        header, first, *_ = (files / "new" / "curve.csv").read_text().splitlines()
+        assert header.startswith("time_s,amplitude_m,damping_ratio")
+        assert float(first.split(",")[2]) == pytest.approx(0.02, rel=0.1)
+
     def test_plot(self, files):
         assert main(["fit-decay", "decay.csv", "--plot", "new/fit.png"]) == 0
         assert (files / "new" / "fit.png").read_bytes().startswith(PNG)

@@ -112,6 +112,16 @@ def test_confidence_intervals_cover_the_truth():
     assert 0.90 <= np.mean(covered) <= 0.99
 
 
+@pytest.mark.parametrize("huber", [math.inf, 0.3])
+def test_the_hessian_of_gauss_and_newton_leads_to_the_same_minimum(huber):
+    unknowns = [Unknown("b1", 250.0, 100.0), Unknown("b2", 5e-4, 1e-4)]
+    exact = least_squares(misra, unknowns, huber=huber)
+    approximate = least_squares(misra, unknowns, huber=huber, gauss_newton=True)
+    np.testing.assert_allclose(approximate.values, exact.values, rtol=1e-8)
+    np.testing.assert_allclose(approximate.covariance, exact.covariance, rtol=1e-6)
+    assert approximate.iterations != exact.iterations
+
+
 def test_nothing_is_printed(capfd):
     least_squares(line, [Unknown("a", 0.0), Unknown("b", 0.0)])
     with pytest.raises(FitError):

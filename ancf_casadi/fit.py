@@ -1,0 +1,334 @@
+"""What a least squares fit tells: estimates, how sure they are, and what to know before using them.
+
+With residuals r(x), their Jacobian J, m of them and n unknowns that are not at a bound, the fit minimises L(x) = sum
+rho(r_i).  Least squares has rho = r^2/2.  A robust fit has the pseudo-Huber loss rho = d^2 ((1 + (r/d)^2)^1/2 - 1),
+which grows in proportion to r beyond d.  With psi = rho' and the mean w of psi'(r_i), white residuals give to first
+order
+
+    C = (phi/w) (J' J)^-1,    phi = sum psi_i^2 / ((m - n) w)             (least squares: w = 1, phi = s^2)
+
+and an interval x_k +- t (C_kk)^1/2 with the quantile t of Student's distribution with m - n degrees of freedom.  An
+interval ends at a bound.  An unknown at its bound is taken as known by the others.  Its own interval begins there and
+ends a distance h inwards, where, with the part p of its column of J that the free unknowns cannot make up for,
+
+    2 (psi' p) h + w p' p h^2 = phi t^2.
+
+The interval by profile likelihood asks less: it is the range of a quantity q(x) over the x within all bounds that have
+2 (L(x) - L_min) <= phi t^2.  Its ends are the solutions of two nonlinear programs, min and max q.  The same level is
+used at a bound, where one end is certain: an interval there covers the truth at least as often as it says.
+
+References
+----------
+G. A. F. Seber, C. J. Wild, Nonlinear Regression, Wiley (1989), Sections 2.1, 5.3.
+P. J. Huber, Robust Statistics, Wiley (1981), Section 7.6.
+M. C. Neale, M. B. Miller, The use of likelihood-based confidence intervals in genetic models, Behavior Genetics 27
+(1997).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import number
+from ancf_casadi.report import Table
+
+Quantities = Callable[..., cs.MX]
+
+LEVEL = 0.95
+CORRELATED = 0.95  # two unknowns beyond this are hardly told apart
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Estimated unknowns, and how well the data determine them.
+
+    ``fit["name"]`` is the value of an unknown.
+
+    Parameters
+    ----------
+    names, units : tuple of str
+        Names of the n unknowns, and their units.
+    values : ndarray
+        Their estimates (n,).
+    lower, upper : ndarray
+        Their bounds (n,).
+    scale : ndarray
+        The changes of them that matter (n,).
+    covariance : ndarray
+        Covariance (n, n); nan for unknowns at a bound.
+    at_bound : ndarray of bool
+        Which unknowns are at a bound (n,).
+    residuals : ndarray
+        What the model leaves unexplained (m,).
+    jacobian : ndarray
+        Derivatives of the residuals (m, n).
+    condition : float
+        Condition number of the Jacobian of the free unknowns, its columns of unit length.
+    huber : float
+        Residual d beyond which the loss grows linearly; infinite for least squares.
+    status : str
+        What the solver said.
+    iterations : int
+        Iterations of IPOPT.
+    solve_seconds : float
+        Time they took.
+    model : casadi.Function
+        Unknowns in units of their scales -> residuals, and their derivatives.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    scale: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    at_bound: NDArray[np.bool_]
+    residuals: NDArray[np.float64]
+    jacobian: NDArray[np.float64]
+    condition: float
+    huber: float
+    status: str
+    iterations: int
+    solve_seconds: float
+    model: cs.Function
+
+    def __getitem__(self, name: str) -> float:
+        """Return the value of an unknown."""
+        return float(self.values[self.names.index(name)])
+
+    @property
+    def rank(self) -> int:
+        """How many unknowns the data determine: those not at a bound."""
+        return int(np.count_nonzero(~self.at_bound))
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of the residuals, m - n."""
+        return len(self.residuals) - self.rank
+
+    @property
+    def residual_rms(self) -> float:
+        """Root of the mean squared residual, Eq. (10)."""
+        return math.sqrt(np.mean(self.residuals**2))
+
+    @property
+    def autocorrelation(self) -> float:
+        """Correlation of successive residuals; nan if there are none."""
+        r = self.residuals
+        total = float(r @ r)
+        return float(r[1:] @ r[:-1]) / total if total > 0.0 else math.nan
+
+    @property
+    def standard_errors(self) -> NDArray[np.float64]:
+        """Standard errors (n,); nan for unknowns at a bound."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def standard_error(self, name: str) -> float:
+        """Return the standard error of an unknown; nan at a bound."""
+        return float(self.standard_errors[self.names.index(name)])
+
+    @property
+    def correlations(self) -> NDArray[np.float64]:
+        """Correlations (n, n); nan for unknowns at a bound, or where there is no residual."""
+        error = self.standard_errors
+        with np.errstate(invalid="ignore"):
+            return self.covariance / np.outer(error, error)
+
+    def correlation(self, first: str, second: str) -> float:
+        """Return the correlation of two unknowns; nan if one is at a bound, or there is no residual."""
+        return float(self.correlations[self.names.index(first), self.names.index(second)])
+
+    def intervals(self, level: float = LEVEL) -> NDArray[np.float64]:
+        """Return the intervals (n, 2) of the unknowns that hold the truth with a probability, to first order.
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 1.
+        """
+        half = np.where(self.at_bound, 0.0, quantile(level, self.freedom) * self.standard_errors)
+        reach = self.reach(level)
+        ends = np.array([self.values - half + np.minimum(reach, 0.0), self.values + half + np.maximum(reach, 0.0)])
+        return np.asarray(np.clip(ends, self.lower, self.upper)).T
+
+    def derived(self, quantities: Quantities) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return functions of the unknowns, and their standard errors to first order.
+
+        Parameters
+        ----------
+        quantities : callable
+            Takes the unknowns as MX scalars, in their order; returns an MX vector.
+
+        Returns
+        -------
+        values, standard_errors : ndarray
+            A standard error is nan where a quantity depends on no unknown, or only on such as are at a bound.
+        """
+        values, slopes = self._linearised(quantities)
+        return values, self._errors(slopes)
+
+    def derived_intervals(self, quantities: Quantities, level: float = LEVEL) -> NDArray[np.float64]:
+        """Return the intervals (q, 2) of functions of the unknowns, to first order.
+
+        One that depends only on unknowns at a bound has their interval; otherwise these are taken as known.  Nan for
+        one that depends on no unknown.
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 1.
+        """
+        values, slopes = self._linearised(quantities)
+        half = quantile(level, self.freedom) * self._errors(slopes)
+        ends = np.array([values - half, values + half]).T
+        steps = slopes * self.reach(level)
+        bounded = np.isnan(half) & slopes.any(axis=1)
+        one_sided = (
+            values[:, None] + np.array([np.minimum(steps, 0.0).sum(axis=1), np.maximum(steps, 0.0).sum(axis=1)]).T
+        )
+        return np.where(bounded[:, None], one_sided, ends)
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return what to know before using the estimates: bounds, correlations, intervals that reach a bound."""
+        notes = [
+            f"{name} is at its bound {value:g}"
+            for name, value, there in zip(self.names, self.values, self.at_bound, strict=True)
+            if there
+        ]
+        with np.errstate(invalid="ignore"):
+            pairs = np.argwhere(np.triu(np.abs(self.correlations), 1) > CORRELATED).tolist()
+        notes += [
+            f"{self.names[i]} and {self.names[j]} correlate at {self.correlations[i, j]:.3f}: the data hardly tell "
+            "them apart"
+            for i, j in pairs
+        ]
+        for k in np.flatnonzero(~self.at_bound).tolist():
+            for bound, end in zip((self.lower[k], self.upper[k]), self.intervals()[k], strict=True):
+                if end == bound:
+                    notes.append(
+                        f"{self.names[k]} cannot be told from {f'its bound {bound:g}' if bound else 'zero'}: "
+                        f"{self.values[k]:.2g} +- {self.standard_errors[k]:.2g} {self.units[k]}".rstrip()
+                    )
+        return tuple(notes)
+
+    def table(self) -> Table:
+        """Return the unknowns with units, standard errors, intervals and bounds."""
+        rows = [
+            (
+                name,
+                float(value),
+                unit,
+                *(_known(number) for number in (error, low, high)),
+                "at its bound" if there else "",
+            )
+            for name, value, unit, error, (low, high), there in zip(
+                self.names, self.values, self.units, self.standard_errors, self.intervals(), self.at_bound, strict=True
+            )
+        ]
+        columns = ("unknown", "value", "unit", "standard_error", "lower_95", "upper_95", "")
+        notes = [
+            f"{len(self.residuals)} residuals, rms {self.residual_rms:.3g}, successive ones correlate at "
+            f"{self.autocorrelation:.2f}",
+            f"rank {self.rank} of {len(self.names)}, condition {self.condition:.3g}",
+            f"{self.status} after {self.iterations} iterations",
+        ]
+        return Table("fit", "Estimates with 95 % intervals", columns, rows, notes)
+
+    def report(self) -> str:
+        """Return the result as text."""
+        return "\n".join([self.table().text(), *(f"  note: {note}" for note in self.warnings())])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON, with None for what is not known."""
+        per_unknown = zip(
+            self.names, self.units, self.values, self.standard_errors, self.intervals(), self.lower, self.upper,
+            self.at_bound, strict=True,
+        )  # fmt: skip
+        return {
+            "unknowns": [
+                {
+                    "name": name,
+                    "unit": unit,
+                    "value": float(value),
+                    "standard_error": _known(error),
+                    "interval_95": [_known(low), _known(high)],
+                    "bounds": [_known(lower), _known(upper)],
+                    "at_bound": bool(there),
+                }
+                for name, unit, value, error, (low, high), lower, upper, there in per_unknown
+            ],
+            "covariance": [[_known(value) for value in row] for row in self.covariance],
+            "correlations": [[_known(value) for value in row] for row in self.correlations],
+            "rank": self.rank,
+            "condition": _known(self.condition),
+            "residuals": len(self.residuals),
+            "residual_rms": self.residual_rms,
+            "autocorrelation": _known(self.autocorrelation),
+            "status": self.status,
+            "iterations": self.iterations,
+            "solve_seconds": self.solve_seconds,
+            "warnings": list(self.warnings()),
+        }
+
+    @property
+    def dispersion(self) -> float:
+        """Variance phi of the residuals as the loss sees them; nan if they are not more than the free unknowns."""
+        slope, curvature = self._influence()
+        return float(slope @ slope) / (self.freedom * curvature) if self.freedom else math.nan
+
+    def _influence(self) -> tuple[NDArray[np.float64], float]:
+        """Return psi (m,) and w."""
+        return influence(self.residuals, self.huber)
+
+    def _linearised(self, quantities: Quantities) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        x = cs.MX.sym("x", len(self.names))
+        q = cs.densify(quantities(*cs.vertsplit(x)))
+        values, slopes = cs.Function("quantities", [x], [q, cs.densify(cs.jacobian(q, x))])(self.values)
+        return values.full().ravel(), slopes.full()
+
+    def _errors(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+        free = ~self.at_bound
+        errors = np.sqrt(np.sum((slopes[:, free] @ self.covariance[np.ix_(free, free)]) * slopes[:, free], axis=1))
+        return np.where(slopes[:, free].any(axis=1), errors, math.nan)
+
+    def reach(self, level: float) -> NDArray[np.float64]:
+        """Return how far from its bound each unknown there may be, with the sign of the way inwards; 0 if not there."""
+        reach = np.zeros(len(self.names))
+        slope, curvature = self._influence()
+        room = self.dispersion * quantile(level, self.freedom) ** 2
+        free = self.jacobian[:, ~self.at_bound] * self.scale[~self.at_bound]
+        for k in np.flatnonzero(self.at_bound).tolist():
+            inwards = 1.0 if self.values[k] == self.lower[k] else -1.0
+            column = inwards * self.jacobian[:, k]
+            column = column - free @ np.linalg.lstsq(free, column)[0]
+            g, a = max(float(slope @ column), 0.0), curvature * float(column @ column)
+            slowness = g + math.sqrt(g**2 + a * room)
+            reach[k] = inwards * (room / slowness if slowness > 0.0 else math.inf)
+        return reach
+
+
+def influence(residuals: NDArray[np.float64], huber: float) -> tuple[NDArray[np.float64], float]:
+    """Return the derivatives psi of the loss at residuals, and the mean w of its second derivatives."""
+    stretch = 1 + (residuals / huber) ** 2
+    return residuals / np.sqrt(stretch), float(np.mean(stretch**-1.5))
+
+
+def quantile(level: float, freedom: int) -> float:
+    """Return the quantile of Student's distribution for a two-sided interval of a level; nan without freedom."""
+    if not 0.0 < number(level, "level") < 1.0:
+        raise InputError(f"must be between 0 and 1, got {level:g}", "level")
+    return float(stdtrit(freedom, 0.5 + level / 2)) if freedom else math.nan
+
+
+def _known(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,80 @@
+"""The one-mode equation of motion: against another integrator, its linear closed form, and its order."""
+
+import math
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ancf_casadi.decay import linear_decay, quadratic_decay
+from ancf_casadi.one_mode import one_mode_decay
+from problems import compare_decay_laws, fit_decay
+
+ω = 2 * math.pi * 1.85
+TIME = np.arange(0.0, 5.0, 1 / 200)
+
+
+def decay(η1, η2, r0=0.076, v0=-0.1, time=TIME, angle=0.1):
+    return np.asarray(cs.evalf(one_mode_decay(time, *map(cs.MX, (ω, η1, η2, r0, v0)), longest_step=angle / ω))).ravel()
+
+
+def reference(η1, η2, r0=0.076, v0=-0.1):
+    return solve_ivp(
+        lambda t, y: [y[1], -η1 * y[1] - η2 * y[1] * abs(y[1]) - ω**2 * y[0]],
+        (0.0, TIME[-1]),
+        [r0, v0],
+        t_eval=TIME,
+        rtol=1e-12,
+        atol=1e-14,
+    ).y[0]
+
+
+@pytest.mark.parametrize(("η1", "η2"), [(0.15, 0.11), (0.0, 3.0), (1.0, 2.0), (0.0, 0.0)])
+@pytest.mark.parametrize("every", [1, 20])
+def test_it_is_the_solution_of_another_integrator(η1, η2, every):
+    time = TIME[::every]
+    np.testing.assert_allclose(decay(η1, η2, time=time), reference(η1, η2)[::every], atol=1.5e-6 * 0.076)
+
+
+def test_without_drag_it_is_the_closed_form():
+    closed = np.asarray(linear_decay(cs.DM(TIME), ω, 0.15 / (2 * ω), 0.076, -0.1)).ravel()
+    np.testing.assert_allclose(decay(0.15, 0.0), closed, atol=1e-7 * 0.076)
+
+
+def test_errors_fall_with_the_third_power_of_the_step_at_least():
+    time = TIME[::20]
+    exact = reference(0.5, 5.0)[::20]
+    coarse, fine = (np.abs(decay(0.5, 5.0, time=time, angle=a) - exact).max() for a in (1.2, 0.15))
+    assert coarse > 8**3 * fine
+
+
+def test_times_may_be_uneven_and_in_any_order():
+    order = np.random.default_rng(1).permutation(len(TIME))[:50]
+    np.testing.assert_allclose(decay(0.15, 0.5, time=TIME[order]), decay(0.15, 0.5)[order], atol=2e-6 * 0.076)
+
+
+def test_a_fit_of_the_equation_recovers_strong_damping_from_its_first_guess():
+    """Where Eq. (27) is off: the equivalent ratio is 15 % at the release."""
+    truth = 0.5, 4.0
+    y = reference(*truth) + 2e-5 * np.random.default_rng(2).standard_normal(len(TIME))
+    fit = fit_decay(TIME, y, law="one-mode")
+    assert fit.eta1 == pytest.approx(0.5, abs=4 * fit.standard_errors.eta1)
+    assert fit.eta2 == pytest.approx(4.0, abs=4 * fit.standard_errors.eta2)
+    assert fit.frequency == pytest.approx(1.85, abs=4 * fit.standard_errors.frequency)
+    assert fit.residual_rms == pytest.approx(2e-5, rel=0.1)
+    np.testing.assert_allclose(fit.displacement(TIME) - fit.residuals, y, atol=1e-12)
+    averaged = fit_decay(TIME, y, law="quadratic")
+    assert averaged.residual_rms > 3 * fit.residual_rms
+    assert abs(averaged.frequency - 1.85) > 20 * fit.standard_errors.frequency
+    assert compare_decay_laws(TIME, y, laws=("quadratic", "one-mode")).best.law == "one-mode"
+
+
+def test_with_little_damping_both_laws_agree():
+    y = np.asarray(quadratic_decay(cs.DM(TIME), ω, 0.03, 0.1, 0.076, 0.1)).ravel()
+    y += 2e-4 * np.random.default_rng(3).standard_normal(len(TIME))
+    averaged, exact = (fit_decay(TIME, y, law=law) for law in ("quadratic", "one-mode"))
+    for name in ("frequency", "eta1", "eta2", "amplitude", "damping_ratio"):
+        error, value = getattr(averaged.standard_errors, name), getattr(averaged, name)
+        assert getattr(exact, name) == pytest.approx(value, abs=0.6 * error + 0.1 * averaged.damping_ratio * value)
+        assert getattr(exact.standard_errors, name) == pytest.approx(error, rel=0.1)

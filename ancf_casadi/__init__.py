@@ -17,6 +17,7 @@ from ancf_casadi.excitation import BaseMotion, FixedBase, HarmonicBase, SampledB
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes, modal_assurance, natural_modes
+from ancf_casadi.parallel import run_all
 from ancf_casadi.simulate import simulate
 from ancf_casadi.trajectory import State, Trajectory
 from ancf_casadi.version import __version__
@@ -50,6 +51,7 @@ __all__ = [
     "modal_assurance",
     "motion",
     "natural_modes",
+    "run_all",
     "simulate",
     "static_equilibrium",
 ]

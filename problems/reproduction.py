@@ -24,18 +24,15 @@ from __future__ import annotations
 
 import contextlib
 import math
-import multiprocessing
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
-from tqdm import tqdm
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
 from ancf_casadi.decay import linear_decay, quadratic_decay
@@ -43,7 +40,8 @@ from ancf_casadi.excitation import HarmonicBase
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes, natural_modes
-from ancf_casadi.simulate import BAR, simulate
+from ancf_casadi.parallel import run_all
+from ancf_casadi.simulate import simulate
 from problems import paper
 from problems.damping_fitting import RayleighFit, fit_rayleigh
 from problems.decay_fitting import fit_decay
@@ -352,43 +350,9 @@ def run_transient(transient: Transient) -> TransientResult:
 
 def _run(tasks: list[Transient], jobs: int, executor: Executor | None, progress: bool) -> list[TransientResult]:
     """Run the experiments, the costly ones first; the results come in the order of the tasks."""
-    results: dict[int, TransientResult] = {}
-    order = sorted(range(len(tasks)), key=lambda k: -tasks[k].duration * tasks[k].base.frequency)
-    total = sum(task.duration for task in tasks)
-    with contextlib.ExitStack() as stack:
-        bar = stack.enter_context(tqdm(total=total, disable=not progress, bar_format=BAR, desc="transients"))
-        if executor is None and jobs > 1:
-            executor = stack.enter_context(_processes(jobs))
-        if executor is None:
-            finished = ((k, run_transient(tasks[k])) for k in order)
-        else:
-            futures = {executor.submit(run_transient, tasks[k]): k for k in order}
-            finished = ((futures[future], future.result()) for future in as_completed(futures))
-        for k, result in finished:
-            results[k] = result
-            bar.update(min(tasks[k].duration, total - bar.n))
-    return [results[k] for k in range(len(tasks))]
-
-
-@contextlib.contextmanager
-def _processes(jobs: int) -> Iterator[Executor]:
-    """Give processes that leave Ctrl-C to this one, and end at once where it stops early."""
-    others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_start_process)
-    try:
-        yield pool
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for process in set(multiprocessing.active_children()) - others:
-            process.terminate()
-        raise
-    finally:
-        pool.shutdown()
-
-
-def _start_process() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    tqdm.set_lock(threading.RLock())  # its own is shared between processes, and would outlive one that is ended
+    calls = [partial(run_transient, task) for task in tasks]
+    periods = [task.duration * task.base.frequency for task in tasks]
+    return run_all(calls, executor=executor, jobs=jobs, sizes=periods, progress=progress, title="transients")
 
 
 @contextlib.contextmanager

@@ -1,0 +1,325 @@
+"""Both integrators against exact solutions, balances of energy, reference values, and each other."""
+
+from itertools import pairwise
+
+import casadi as cs
+import numpy as np
+import pytest
+import scipy.sparse.linalg
+
+from ancf_casadi import (
+    HarmonicBase,
+    ModalDamping,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    SampledBase,
+    State,
+    natural_modes,
+    simulate,
+    static_equilibrium,
+)
+from ancf_casadi.element import StrainMeasures
+
+LENGTH = 0.5
+WEIGHTLESS = {"gravity": (0.0, 0.0), "axis": (1.0, 0.0)}
+CUBIC_ELEMENTS = np.array([1.6552932, 10.3735667, 29.0467016, 56.9225661, 94.1071423])  # Hz, 20 of them, linear
+BOTH = pytest.mark.parametrize("method", ["idas", "radau"])
+
+
+@pytest.fixture(scope="module")
+def thick(rubber_beam):
+    """Horizontal beam whose axial waves are slow, so that an undamped run need not resolve 100 kHz."""
+    return Model(rubber_beam(6, axis=(1.0, 0.0)))
+
+
+def bent(modes, amplitudes):
+    """Rest under the load that bends the linear beam like sum A_k phi_k: no stretch, unlike the mode shapes."""
+    model, free = modes.model, modes.model.free
+    weights = np.array(amplitudes) * modes.angular**2 / modes.tip_amplitudes()
+    load = model.mass(model.properties).sparse() @ modes.shapes @ weights
+    load_at_rest = model.elastic_force(modes.equilibrium.coordinates, model.properties).full().ravel()
+    e = modes.equilibrium.coordinates.copy()
+    for share in np.linspace(0.2, 1.0, 5):
+        for _ in range(12):
+            off = model.elastic_force(e, model.properties).full().ravel() - load_at_rest - share * load
+            stiffness = model.tangent_stiffness(e, model.properties).sparse()[free, free]
+            correction = scipy.sparse.linalg.spsolve(stiffness.tocsc(), off[free])
+            e[free] -= correction
+    assert abs(correction).max() < 1e-11
+    return State(e, np.zeros(model.size))
+
+
+def phasor(run, modes, mode):
+    """Complex share q - i q_t/omega of a mode; its argument grows by omega, its logarithm falls by zeta omega."""
+    rest = modes.equilibrium.coordinates
+    rates = modes.coordinates_of(run.velocities + rest, mode)
+    return modes.coordinates_of(run.coordinates, mode) - 1j * rates / modes.angular[mode]
+
+
+def decay_and_frequency(run, modes, mode):
+    """Damping ratio and frequency (Hz) of a mode."""
+    share = phasor(run, modes, mode)
+    omega = np.polyfit(run.time, np.unwrap(np.angle(share)), 1)[0]
+    return -np.polyfit(run.time, np.log(abs(share)), 1)[0] / omega, omega / (2 * np.pi)
+
+
+def released(model, load, **settings):
+    """Weightless beam let go from rest under a tip force of load E I/L^2 across it."""
+    stiffness = model.beam.elastic_modulus[0] * model.beam.sections[0].second_moment
+    start = static_equilibrium(model, tip_force=(0.0, load * stiffness / LENGTH**2))
+    return simulate(model, start=start, **settings)
+
+
+# ---------------------------------------------------------------------------------------------------- small motion
+
+
+@pytest.mark.parametrize(
+    ("method", "tolerance", "mode", "size", "duration", "damping", "shift"),
+    [
+        ("radau", 1e-8, 0, 1e-3, 2.4, 1e-6, 3e-6),
+        ("radau", 1e-8, 4, 3e-4, 0.1, 1e-6, 8e-5),  # of which 6e-5 is the amplitude
+        ("idas", 1e-9, 0, 1e-3, 2.4, 2e-4, 3e-4),
+        ("idas", 1e-9, 4, 3e-4, 0.1, 1e-5, 4e-4),
+    ],
+)
+def test_an_undamped_mode_keeps_amplitude_and_frequency(
+    weightless, method, tolerance, mode, size, duration, damping, shift
+):
+    modes = natural_modes(weightless)
+    start = bent(modes, size * LENGTH * (np.arange(5) == mode))
+    rate = 30 * CUBIC_ELEMENTS[mode]
+    run = simulate(weightless, start=start, duration=duration, sample_rate=rate, method=method, tolerance=tolerance)
+    ratio, frequency = decay_and_frequency(run, modes, mode)
+    assert abs(ratio) < damping
+    assert abs(frequency / CUBIC_ELEMENTS[mode] - 1) < shift
+
+
+@pytest.mark.parametrize(("method", "tolerance", "limit"), [("idas", 1e-9, 5e-3), ("radau", 1e-9, 1e-3)])
+def test_five_modes_at_once_swing_each_for_itself(weightless, method, tolerance, limit):
+    """Tip = sum A_k cos omega_k t, with omega_k of 20 cubic elements."""
+    sizes = 1e-3 * LENGTH / np.arange(1, 6) ** 2
+    start = bent(natural_modes(weightless), sizes)
+    run = simulate(weightless, start=start, duration=0.24, sample_rate=1000.0, method=method, tolerance=tolerance)
+    exact = np.cos(2 * np.pi * np.outer(run.time, CUBIC_ELEMENTS)) @ sizes
+    assert abs(run.tip[:, 1] - exact).max() < limit * sizes.sum()
+
+
+# ---------------------------------------------------------------------------------------------------- large motion
+
+
+@pytest.mark.parametrize(
+    ("method", "tolerance", "amplitude", "ratio"),
+    [
+        ("radau", 1e-8, 0.1, 1.000194484),
+        ("radau", 1e-8, 0.2, 1.000785941),
+        ("idas", 3e-10, 0.1, 1.000194484),
+        ("idas", 3e-10, 0.2, 1.000785941),
+    ],
+)
+def test_the_frequency_of_a_large_swing_is_that_of_harmonic_balance(paper_beam, method, tolerance, amplitude, ratio):
+    shift, reached = backbone(Model(paper_beam(8, **WEIGHTLESS)), amplitude, 1, method, tolerance)
+    assert reached == pytest.approx(amplitude, rel=0.05)
+    assert shift == pytest.approx((ratio - 1) * (reached / amplitude) ** 2, abs=2e-5)
+
+
+@pytest.mark.parametrize("amplitude", [0.1, 0.2])
+def test_the_frequency_of_a_hanging_beam_hardly_depends_on_its_amplitude(paper_beam, amplitude):
+    shift, reached = backbone(Model(paper_beam(8)), amplitude, 0, "radau", 1e-8)
+    assert shift == pytest.approx(0.0014 * reached**2, abs=3e-6)
+
+
+def backbone(model, amplitude, across, method, tolerance):
+    """Shift of the frequency of mode 1 and its mean tip amplitude/L, from upward crossings; the others are damped."""
+    modes = natural_modes(model, count=6)
+    others = ModalDamping(modes, (0.0, 0.1, 0.1, 0.1, 0.1, 0.1)) + RayleighDamping(beta=3e-5)
+    run = simulate(
+        model,
+        damping=others,
+        start=bent(modes, amplitude * LENGTH * (np.arange(6) == 0)),
+        duration=2.3,
+        sample_rate=1000.0,
+        method=method,
+        tolerance=tolerance,
+    )
+    x = run.tip[:, across]
+    (before,) = np.nonzero((x[:-1] < 0) & (x[1:] >= 0))
+    crossings = run.time[before] - x[before] / (x[before + 1] - x[before]) / 1000.0
+    frequency = (len(crossings) - 2) / (crossings[-1] - crossings[1])  # the first swing still holds the others
+    swings = [abs(x[i:j]).max() for i, j in pairwise(before[1:])]
+    return frequency / modes.frequencies[0] - 1, np.mean(swings) / LENGTH
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-7])
+def test_an_undamped_release_from_a_bend_of_eight_tenths_of_the_length_needs_few_steps(weightless, tolerance):
+    run = released(weightless, 9.1, duration=1.0, sample_rate=1000.0, method="radau", tolerance=tolerance)
+    assert run.tip[0, 1] > 0.79 * LENGTH and run.tip[:, 1].min() < -0.5 * LENGTH
+    assert run.steps < (10_000 if tolerance == 1e-6 else 60_000)
+    assert abs(run.energy - run.energy[0]).max() < 1e-4 * run.energy[0]
+
+
+def test_the_tip_of_a_large_motion_converges_at_order_four_with_the_elements(paper_beam):
+    tips = {
+        elements: released(
+            Model(paper_beam(elements, **WEIGHTLESS)),
+            3.0,
+            damping=RayleighDamping(alpha=0.2, beta=3e-5),
+            duration=0.15,
+            sample_rate=200.0,
+            method="radau",
+            tolerance=1e-8,
+        ).tip
+        for elements in (10, 20, 80)
+    }
+    coarse, fine = (abs(tips[elements] - tips[80]).max() / LENGTH for elements in (10, 20))
+    assert abs(tips[80][:, 1] - tips[80][0, 1]).max() > 0.3 * LENGTH
+    assert fine < 1e-5
+    assert np.log2(coarse / fine) == pytest.approx(4.0, abs=0.4)
+
+
+# ------------------------------------------------------------------------------------------------------- tolerance
+
+
+@pytest.mark.parametrize(("method", "loose", "factor"), [("idas", 1e-6, 15.0), ("radau", 1e-5, 100.0)])
+def test_error_and_loss_of_energy_fall_with_the_tolerance_as_the_order_says(paper_beam, method, loose, factor):
+    """Error of order p, step of local error e: tolerance^(p/(e + 1)), 2/3 for IDAS at order 2 and 5/4 for radau."""
+    model = Model(paper_beam(6, **WEIGHTLESS))
+
+    def run(method, tolerance):
+        law = RayleighDamping(alpha=0.2, beta=3e-5)
+        settings = {"duration": 0.2, "sample_rate": 200.0, "method": method, "tolerance": tolerance}
+        return released(model, 3.0, damping=law, **settings)
+
+    exact = run("radau", 1e-10)
+    errors, losses = [], []
+    for tolerance in (loose, loose / 100):
+        found = run(method, tolerance)
+        errors.append(abs(found.tip - exact.tip).max() / LENGTH)
+        losses.append(abs(found.balance_error).max() / exact.strain_energy[0])
+    assert errors[0] > factor * errors[1] and losses[0] > factor / 3 * losses[1]
+    assert errors[1] < 5e-5 and losses[1] < 5e-5
+
+
+@BOTH
+@pytest.mark.parametrize("law", [None, RayleighDamping(alpha=1.0, beta=1e-4)], ids=["undamped", "damped"])
+def test_energy_is_kept_or_accounted_for_and_the_better_the_smaller_the_tolerance(thick, method, law):
+    errors = []
+    for tolerance in (1e-7, 1e-9):
+        run = simulate(
+            thick,
+            start="straight",
+            damping=law,
+            duration=0.2,
+            sample_rate=1000.0,
+            method=method,
+            tolerance=tolerance,
+        )
+        errors.append(abs(run.balance_error).max() / run.kinetic_energy.max())
+        assert bool(run.dissipated_energy[-1] > 0.01 * run.kinetic_energy.max()) == (law is not None)
+    assert errors[0] < 2e-4
+    assert errors[1] < errors[0] / 10
+
+
+# ----------------------------------------------------------------------------------------------------- objectivity
+
+
+@pytest.mark.parametrize("axial", ["engineering", "green"])
+@pytest.mark.parametrize("curvature", ["material", "geometric", "small"])
+def test_a_rotated_beam_has_the_strain_energy_and_the_rotated_force_of_the_beam_unrotated(paper_beam, axial, curvature):
+    model = Model(paper_beam(5), StrainMeasures(axial=axial, curvature=curvature))
+    nodes = model.straight + 0.05 * np.random.default_rng(1).standard_normal(model.size) * model.scale
+    turn = np.array([[np.cos(2.0), -np.sin(2.0)], [np.sin(2.0), np.cos(2.0)]])
+    turned = (nodes.reshape(-1, 2) @ turn.T).ravel()
+    p = model.properties
+    force = model.elastic_force(nodes, p).full().reshape(-1, 2) @ turn.T
+    assert float(model.strain_energy(turned, p)) == pytest.approx(float(model.strain_energy(nodes, p)), rel=1e-12)
+    np.testing.assert_allclose(model.elastic_force(turned, p).full().ravel(), force.ravel(), atol=1e-11 * force.max())
+
+
+def test_a_rigid_motion_of_a_bent_beam_meets_no_strain_rate_force(paper_beam):
+    model = Model(paper_beam(5))
+    e = model.straight + 0.05 * np.random.default_rng(1).standard_normal(model.size) * model.scale
+    spin = (e.reshape(-1, 2) @ np.array([[0.0, 1.0], [-1.0, 0.0]])).ravel()
+    other = np.random.default_rng(2).standard_normal(model.size) * model.scale
+    still, moved = (cs.DM(model.strain_rate_force(e, e_t, model.properties)).full() for e_t in (spin, other))
+    assert abs(still).max() < 1e-12 * abs(moved).max()
+
+
+@BOTH
+def test_a_beam_turned_as_a_whole_is_strained_by_the_centrifugal_force_alone_and_not_damped(paper_beam, method):
+    """N = mu Omega^2 (L^2 - s^2)/2, so that U = mu^2 Omega^4 L^5/(15 E A)."""
+    model, speed = Model(paper_beam(6, **WEIGHTLESS)), 4 * np.pi
+    run = turned(model, RayleighDamping(beta=1e-3), speed, method)
+    area = model.beam.sections[0].area
+    strained = (model.beam.mass / LENGTH) ** 2 * speed**4 * LENGTH**5 / (15 * 210e9 * area)
+    assert run.strain_energy[10:] == pytest.approx(strained, rel=0.02)
+    assert run.dissipated_energy[-1] < 2e-6 * run.kinetic_energy[0]
+    radius = np.linalg.norm(run.tip, axis=1)
+    np.testing.assert_allclose(np.unwrap(np.arctan2(run.tip[:, 1], run.tip[:, 0])), speed * run.time, atol=1e-5)
+    np.testing.assert_allclose(radius, LENGTH, rtol=2e-6)
+
+
+@BOTH
+def test_damping_by_the_reference_stiffness_resists_the_turn(paper_beam, method):
+    model = Model(paper_beam(6, **WEIGHTLESS))
+    with pytest.warns(UserWarning, match="not objective"):
+        law = RayleighDamping(beta=1e-3, stiffness="reference")
+    run = turned(model, law, 4 * np.pi, method)
+    assert run.dissipated_energy[-1] > run.kinetic_energy[0]
+
+
+def turned(model, law, speed, method):
+    """Motion of a beam under a clamp that turns evenly, begun with its motion."""
+    t = np.linspace(0.0, 0.25, 101)
+    base = SampledBase(t, np.zeros((101, 2)), speed * t)
+    return simulate(
+        model, base=base, damping=law, start="moving", duration=0.12, sample_rate=500.0, method=method, tolerance=1e-8
+    )
+
+
+# ---------------------------------------------------------------------------------------- against each other
+
+
+@pytest.mark.parametrize("law", ["rayleigh", "quadratic", "modal"])
+@pytest.mark.parametrize("struck", [False, True], ids=["let go", "struck"])
+def test_both_integrators_find_the_same_motion_forces_and_energies_also_within_their_steps(thick, law, struck):
+    """Let go horizontally; or driven, and the clamp stopped at speed between two samples."""
+    damping = {
+        "rayleigh": RayleighDamping(alpha=0.2, beta=3e-5),
+        "quadratic": QuadraticDamping(eta1=0.2, eta2=1.0) + RayleighDamping(beta=3e-5),
+        "modal": ModalDamping(natural_modes(thick), (0.02,) * 5) + RayleighDamping(beta=3e-5),
+    }[law]
+    base = HarmonicBase(0.03, 1.85, stop=0.10003, direction=(0.0, 1.0), stop_at="once") if struck else None
+    start = "moving" if struck else "straight"
+    settings = {"damping": damping, "base": base, "start": start, "duration": 0.2, "sample_rate": 5000.0}
+    idas = simulate(thick, method="idas", tolerance=1e-9, **settings)
+    radau = simulate(thick, method="radau", tolerance=1e-8, **settings)
+    assert radau.steps < len(radau.time) / 2
+    assert np.ptp(radau.tip[:, 1]) > 0.03
+    lost = idas.dissipated_energy[-1]
+    assert abs(radau.tip - idas.tip).max() < 1e-6
+    assert lost > 1e-4 and abs(radau.dissipated_energy - idas.dissipated_energy).max() < 1e-4 * lost
+    assert abs(radau.base_work - idas.base_work).max() < 1e-4 * np.ptp(idas.kinetic_energy)
+    assert abs(idas.base_work).any() == struck
+    for part in (slice(0, 2), slice(2, 4)):
+        force = idas.clamp_force[1:, part]
+        assert abs(radau.clamp_force[1:, part] - force).max() < 2e-3 * abs(force).max()
+
+
+@BOTH
+def test_the_power_of_the_clamps_force_is_the_work_of_the_base(thick, method):
+    """Samples ten times as dense as the steps of radau: Simpson's rule."""
+    run = simulate(
+        thick,
+        base=HarmonicBase(0.02, 4.0, direction=(0.6, 0.8)),
+        damping=RayleighDamping(beta=1e-3),
+        start="moving",
+        duration=0.2,
+        sample_rate=10_000.0,
+        method=method,
+        tolerance=1e-8,
+    )
+    power = (run.clamp_force * run.velocities[:, :4]).sum(axis=1)
+    work = (power[0] + 4 * power[1:-1:2].sum() + 2 * power[2:-1:2].sum() + power[-1]) / 30_000.0
+    assert abs(run.base_work).max() > 1e-3
+    assert work == pytest.approx(run.base_work[-1], abs=1e-4 * abs(run.base_work).max())

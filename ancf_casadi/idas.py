@@ -93,7 +93,11 @@ class SemiExplicit:
 
         ``clamp`` is the clamped node's position, velocity and acceleration, (12,).
         """
-        return self._function("residual", lambda b: [b.x_t, b.remainder], differentiable=True)
+        inputs = self._symbols
+        outputs = self._write(*inputs)
+        names = ["x", "z", "clamp", "parameters"], ["x_t", "alg"]
+        options: Any = {"is_diff_in": [True, True, False, False], "custom_jacobian": self._jacobian}
+        return cs.Function("residual", list(inputs), [outputs.x_t, outputs.remainder], *names, options)
 
     @cached_property
     def energetics(self) -> cs.Function:
@@ -102,7 +106,10 @@ class SemiExplicit:
         The powers are those lost to damping and put in by the base, W; the reaction is the generalized force of the
         base on the clamped node, (4,).
         """
-        return self._function("energetics", lambda b: [b.powers, b.forces[:NODE]], differentiable=False)
+        inputs = self._symbols
+        outputs = self._write(*inputs)
+        options = {"is_diff_in": [False] * 4}
+        return cs.Function("energetics", list(inputs), [outputs.powers, outputs.forces[:NODE]], options)
 
     def scaled(self, state: State) -> Array:
         """Return x of a state."""
@@ -120,27 +127,80 @@ class SemiExplicit:
         position, velocity, _ = np.split(clamps, 3, axis=-1)
         return np.hstack([position, coordinates]), np.hstack([velocity, scale * self.rate * rates])
 
-    def _function(self, name: str, outputs: Callable[[_Outputs], list[cs.MX]], *, differentiable: bool) -> cs.Function:
+    @cached_property
+    def _jacobian(self) -> cs.Function:
+        """The Jacobian of the residual, written block by block.
+
+        Rows and columns of B are full; with them, CasADi would find all other columns one at a time.
+        """
+        x, z, clamp, parameters = self._symbols
+        model, free, m = self.equations.model, self.equations.free, self.equations.projection.shape[1]
+        rate, weights, rest = cs.vertsplit(parameters, [0, 1, 1 + free, parameters.numel()])
+        balance, scale = self.equations.balance(rest), cs.MX(cs.DM(model.scale[model.free]))
+        k, d, mass = self._blocks(*self._coordinates(x, rate, clamp), rest)
+        length, B, identity = model.beam.length, balance.projection[NODE:, :], cs.DM.eye(free)
+        none = cs.DM(free, free)
+        w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.rates * length * rate
+        jacobians = [
+            cs.horzcat(cs.DM(2 * free, free), cs.vertcat(rate * identity, none)),
+            cs.horzcat(cs.vertcat(none, rate * identity), cs.DM(2 * free, m)),
+            cs.MX(2 * free, clamp.numel()),
+            cs.MX(2 * free, parameters.numel()),
+            cs.vertcat(
+                cs.horzcat(_scaled(k, 1 / weights, scale), _scaled(d, 1 / weights, scale * rate)),
+                cs.horzcat(cs.MX(m, free), w_by_v),
+            ),
+            cs.vertcat(
+                cs.horzcat(_scaled(mass, 1 / weights, scale * rate**2), _scaled(B, 1 / weights, by_w)),
+                cs.horzcat(cs.MX(m, free), -cs.DM.eye(m)),
+            ),
+            cs.MX(free + m, clamp.numel()),
+            cs.MX(free + m, parameters.numel()),
+        ]
+        unused = [cs.MX.sym("out_x_t", cs.Sparsity(2 * free, 1)), cs.MX.sym("out_alg", cs.Sparsity(free + m, 1))]
+        ins = ["x", "z", "clamp", "parameters", "out_x_t", "out_alg"]
+        outs = [f"jac_{of}_{by}" for of in ("x_t", "alg") for by in ins[:4]]
+        return cs.Function("jac_residual", [x, z, clamp, parameters, *unused], jacobians, ins, outs)
+
+    @cached_property
+    def _blocks(self) -> cs.Function:
+        """(e, e_t, parameters of the forces) -> K, D without its part of low rank, and M of the free coordinates."""
+        model = self.equations.model
+        e, e_t = cs.MX.sym("e", model.size), cs.MX.sym("e_t", model.size)
+        parameters = cs.MX.sym("parameters", self.equations.parameters.size)
+        balance, free = self.equations.balance(parameters), model.free
+        damping = balance.local_damping(e, e_t)[free]
+        k = model.tangent_stiffness(e, balance.properties)[free, free] + cs.jacobian(damping, e)[:, free]
+        d, mass = cs.jacobian(damping, e_t)[:, free], cs.jacobian(balance.inertia(e_t), e_t)[free, free]
+        return cs.Function("blocks", [e, e_t, parameters], [k, d, mass])
+
+    @cached_property
+    def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
         free, m = self.equations.free, self.equations.projection.shape[1]
-        x, z = cs.MX.sym("x", 2 * free), cs.MX.sym("z", free + m)
-        clamp, parameters = cs.MX.sym("clamp", 3 * NODE), cs.MX.sym("parameters", self.parameters.size)
-        options = {"is_diff_in": [differentiable, differentiable, False, False]}
-        return cs.Function(name, [x, z, clamp, parameters], outputs(self._write(x, z, clamp, parameters)), options)
+        sizes = {"x": 2 * free, "z": free + m, "clamp": 3 * NODE, "parameters": self.parameters.size}
+        x, z, clamp, parameters = (cs.MX.sym(name, size) for name, size in sizes.items())
+        return x, z, clamp, parameters
+
+    def _coordinates(self, x: cs.MX, rate: cs.MX, clamp: cs.MX) -> tuple[cs.MX, cs.MX]:
+        """Return e and e_t."""
+        model, free = self.equations.model, self.equations.free
+        scale = model.scale[model.free]
+        q, v = model.straight[model.free] + scale * x[:free], scale * rate * x[free:]
+        return cs.vertcat(clamp[:NODE], q), cs.vertcat(clamp[NODE : 2 * NODE], v)
 
     def _write(self, x: cs.MX, z: cs.MX, clamp: cs.MX, parameters: cs.MX) -> _Outputs:
         """Write the equation of motion in the scaled unknowns."""
         model, free = self.equations.model, self.equations.free
         rate, weights, rest = cs.vertsplit(parameters, [0, 1, 1 + free, parameters.numel()])
         balance, scale = self.equations.balance(rest), model.scale[model.free]
-        q, v = model.straight[model.free] + scale * x[:free], scale * rate * x[free:]
+        e, e_t = self._coordinates(x, rate, clamp)
         a, w = scale * rate**2 * z[:free], model.beam.length * rate * z[free:]
-        position, velocity, acceleration = cs.vertsplit(clamp, NODE)
-        e, e_t, e_tt = cs.vertcat(position, q), cs.vertcat(velocity, v), cs.vertcat(acceleration, a)
+        e_tt, velocity = cs.vertcat(clamp[2 * NODE :], a), clamp[NODE : 2 * NODE]
         damping = balance.local_damping(e, e_t) + balance.projection @ (balance.rates * w)
         forces = balance.inertia(e_tt) + balance.conservative(e) + damping
         excess = balance.projection.T @ e_t - w
         return _Outputs(
-            x_t=cs.MX(cs.vertcat(v / scale, a / (scale * rate))),
+            x_t=cs.vertcat(rate * x[free:], rate * z[:free]),
             forces=forces,
             remainder=cs.vertcat(forces[model.free] / weights, excess / (model.beam.length * rate)),
             powers=cs.vertcat(cs.dot(e_t, damping), cs.dot(velocity, forces[:NODE])),
@@ -155,6 +215,13 @@ class _Outputs:
     forces: cs.MX
     remainder: cs.MX
     powers: cs.MX
+
+
+def _scaled(matrix: cs.MX, left: cs.MX, right: cs.MX) -> cs.MX:
+    """Return diag(left) matrix diag(right)."""
+    rows, columns = matrix.sparsity().get_triplet()
+    factors = cs.vec(cs.MX(left)[rows]) * cs.vec(cs.MX(right)[columns])
+    return cs.MX(matrix.sparsity(), cs.vec(matrix.nz[:]) * factors)
 
 
 def integrate_by_idas(
@@ -220,11 +287,12 @@ def integrate_by_idas(
         constant, matrix = linear(0.0, x0, 0.0, p)
         z0 = -scipy.sparse.linalg.splu(matrix.sparse()).solve(constant.full().ravel())
         run = solver(stretch.points)
+        printed = io.StringIO()
         try:
-            with _quiet():
+            with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
                 result = run(x0=x0, z0=z0, p=p)
         except RuntimeError as error:
-            raise SimulationError(_advice(str(error), stretch), stretch.start) from None
+            raise _failure(printed.getvalue() + str(error), stretch) from None
         states = np.vstack([x0, result["xf"].full().T])
         unknowns = np.vstack([z0, result["zf"].full().T])
         clamps = clamp(stretch.instants[None, :]).full().T
@@ -257,11 +325,22 @@ def _refusal(message: str) -> str:
     return f"CasADi's IDAS interface refuses them: {said[0] if said else message.strip().splitlines()[0]}"
 
 
-def _advice(message: str, stretch: Stretch) -> str:
-    """Say in a line what went wrong in a stretch, and what to try."""
-    between = f"between {stretch.start:g} and {stretch.end:g} s"
-    cause = "took too many steps" if "TOO_MUCH_WORK" in message else "could not go on"
-    return (
-        f"the integrator {cause} {between}: try start='moving' if the base starts with a speed, a larger tolerance, "
-        "method='radau', or more elements where the beam bends sharply"
+def _failure(message: str, stretch: Stretch) -> SimulationError:
+    """Say in a line when and how IDAS failed, why that may be, and what to try."""
+    said = re.search(r"[Aa]t t = ([-+.\de]+)(?: and h = ([-+.\de]+))?", message)
+    time = stretch.start + stretch.length * (float(said[1]) if said else 0.0)
+    step = f" with a step of {stretch.length * float(said[2]):.1e} s" if said and said[2] else ""
+    if "TOO_MUCH_WORK" in message:
+        what = "took too many steps between two samples"
+        why = "modes of the mesh may ring with nothing to damp them, or a blow to the clamp have set them off"
+    elif "CONV_FAIL" in message:
+        what = "could not solve for a step"
+        why = "the beam may bend more sharply than its elements can follow, or the tolerance be below rounding"
+    else:
+        what = "could not keep to the tolerance"
+        why = "the tolerance may be below rounding, or the beam have been struck"
+    return SimulationError(
+        f"the integrator {what} at {time:.6g} s{step}: {why}; try method='radau', start='moving' if the base starts "
+        "with a speed, another tolerance, a little damping proportional to the strain rate, or more elements",
+        time,
     )

@@ -44,6 +44,8 @@ Method = Literal["idas", "radau"]
 TOLERANCES: Mapping[Method, float] = {"idas": 1e-8, "radau": 1e-7}
 COMPILED_FROM = 0.25  # s of simulated time
 MOST_SAMPLES = 1e7  # 13 GB at 20 elements
+MOST_STEPS = 5_000_000  # a minute or two
+CHECKED = 1001  # instants of a piece of the base motion
 STRETCHES = 25  # of a piece of the base motion; a restart of IDAS costs about a hundred small steps
 LARGEST_STRETCH = 0.01  # axial strain of a given state; that of an equilibrium is balanced
 BAR = "{l_bar}{bar}| {n:.2f}/{total:.2f} s [{elapsed}<{remaining}]"
@@ -60,6 +62,7 @@ def simulate(
     method: Method = "idas",
     tolerance: float | None = None,
     options: Mapping[str, Any] | None = None,
+    most_steps: int = MOST_STEPS,
     progress: bool = False,
 ) -> Trajectory:
     """Integrate the motion of a beam.
@@ -88,18 +91,20 @@ def simulate(
         for ``radau`` if not given.
     options : mapping, optional
         Options of CasADi's IDAS interface; they override the defaults.
+    most_steps : int
+        Steps after which a run is given up.
     progress : bool
         Whether to show a progress bar in simulated seconds.
 
     Raises
     ------
     InputError
-        If a number is not positive, the method or the start is unknown, the start belongs to another model, or is a
-        state that stretches the beam by more than 1 %, or IDAS refuses an option.
+        If a number is not positive, the method or the start is unknown, the base motion is not finite, the start
+        belongs to another model, or is a state that stretches the beam by more than 1 %, or IDAS refuses an option.
     EquilibriumError
         If there is no equilibrium to start from.
     SimulationError
-        If the integrator fails; its ``partial`` holds the motion up to there.
+        If the integrator fails or takes too many steps; its ``partial`` holds the motion up to there.
 
     Notes
     -----
@@ -112,6 +117,7 @@ def simulate(
         raise InputError(f"must be one of {', '.join(get_args(Method))}, got {method!r}", "method")
     if options and method != "idas":
         raise InputError("are those of IDAS; method='radau' has none", "options")
+    most_steps = round(positive(most_steps, "most_steps"))
     tolerance = positive(TOLERANCES[method] if tolerance is None else tolerance, "tolerance")
     base = FixedBase() if base is None else base
     equations = Equations(model, RayleighDamping() if damping is None else damping)
@@ -132,6 +138,7 @@ def simulate(
             end = min(piece.end, finish)
             size = max(1, math.ceil((end - now) * sample_rate / STRETCHES))
             clamp = equations.clamp(piece, base)
+            _check_base(clamp, now, end)
             if paths:
                 paths[-1] = _with_blow(model, paths[-1], clamp(now).full().ravel())
             stretches = list(cut(now, end, sample_rate, size))
@@ -140,6 +147,7 @@ def simulate(
                 try:
                     with noted_interrupts() as interrupts:
                         paths.append(next(found))
+                    _check_steps(paths, stretch, most_steps)
                 except SimulationError as error:
                     error.partial = _trajectory(model, instants, paths, began)
                     raise
@@ -150,6 +158,26 @@ def simulate(
             if end >= finish:
                 break
     return _trajectory(model, instants, paths, began)
+
+
+def _check_base(clamp: cs.Function, begin: float, end: float) -> None:
+    """Refuse a base motion that is not finite."""
+    times = np.linspace(begin, end, CHECKED)
+    finite = np.isfinite(clamp(times[None, :]).full()).all(axis=0)
+    if not finite.all():
+        raise InputError(f"its position, speed or acceleration is not finite at {times[~finite][0]:g} s", "base")
+
+
+def _check_steps(paths: Sequence[Path], stretch: Stretch, most: int) -> None:
+    """Give up a run that crawls."""
+    steps = sum(path.steps for path in paths)
+    if steps > most:
+        raise SimulationError(
+            f"the integrator took {steps} steps up to {stretch.end:g} s, more than {most}, lately of "
+            f"{stretch.length / paths[-1].steps:.1e} s: modes of the mesh may ring with nothing to damp them; try "
+            "method='radau', a little damping proportional to the strain rate, a larger tolerance, or more most_steps",
+            stretch.end,
+        )
 
 
 def sample_times(duration: float, sample_rate: float) -> Array:

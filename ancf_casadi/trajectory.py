@@ -8,7 +8,7 @@ The balance of energy is
 
     T + U + V - (T + U + V at the start) = work of the base - energy lost to damping,
 
-with kinetic energy T, strain energy U, and the potential V = -Q_g.e of gravity; work and loss are integrated by IDAS
+with kinetic energy T, strain energy U, and the potential V = -Q_g.e of gravity; work and loss are integrated
 along with the motion.
 """
 

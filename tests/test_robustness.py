@@ -1,7 +1,7 @@
 """Simulations of whatever a user may reasonably choose end well, or say why not.
 
-Every law has a share proportional to the strain rate, 0.3 % in the first mode.  With nothing at all to damp the modes
-of the mesh, a large motion keeps them ringing and the integrator follows them: right, but slow.
+With nothing to damp the modes of the mesh, a large motion keeps them ringing.  ``radau`` passes over them and always
+ends within its steps; ``idas`` follows them, and may say that it takes too many.
 """
 
 import numpy as np
@@ -10,13 +10,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from ancf_casadi import (
-    AncfError,
     Beam,
+    EquilibriumError,
     HarmonicBase,
     ModalDamping,
     Model,
     QuadraticDamping,
     RayleighDamping,
+    SimulationError,
     SweepBase,
     natural_modes,
     simulate,
@@ -24,7 +25,7 @@ from ancf_casadi import (
 )
 
 MATERIALS = {"steel": (8000.0, 210e9), "silicone": (1070.0, 264e3)}
-STEPS_A_PERIOD = 60_000  # of mode 1, at most
+MOST_STEPS = {"radau": 20_000, "idas": 50_000}
 PERIODS = 1.5
 
 
@@ -57,11 +58,14 @@ def experiments(draw):
                 ModalDamping(mode, (min(zeta, 0.9), 0.01)),
             ]
         )
-    ) + RayleighDamping(beta=1e-3 / f)
+    ) + RayleighDamping(beta=draw(st.sampled_from([0.0, 1e-3])) / f)
     size = 10 ** draw(st.floats(-6, -1.5)) * length
     kind = draw(st.sampled_from(["harmonic", "sweep", "release", "straight"]))
+    method = draw(st.sampled_from(["radau", "radau", "idas"]))
     arguments = {"damping": law, "duration": PERIODS / f, "sample_rate": 50 * f}
-    small = {"start": "moving", "tolerance": min(1e-8, 1e-5 * size / length)}  # a small motion wants a small tolerance
+    arguments |= {"method": method, "most_steps": MOST_STEPS[method]}
+    usual = 1e-8 if method == "idas" else 1e-6
+    small = {"start": "moving", "tolerance": min(usual, 1e-5 * size / length)}  # a small motion wants a small tolerance
     if kind == "harmonic":
         base = HarmonicBase(amplitude=size, frequency=f, stop=0.6 / f, direction=(np.sin(angle), -np.cos(angle)))
         return model, arguments | {"base": base} | small
@@ -78,19 +82,22 @@ def experiments(draw):
 
 
 @pytest.mark.slow
-@settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_every_reasonable_experiment_ends_within_its_steps_and_balances_its_energy(data):
-    """Or it is refused with an error of ours, before or while it is drawn."""
+    """Or there is no equilibrium to start from, or ``idas`` says that its steps are too many."""
     try:
         model, arguments = data.draw(experiments())
         run = simulate(model, **arguments)
-    except AncfError as error:
-        assert len(str(error)) > 20
+    except EquilibriumError:
+        return
+    except SimulationError as error:
+        assert arguments["method"] == "idas"
+        assert "method='radau'" in str(error)
+        assert np.isfinite(error.partial.coordinates).all()
         return
     assert run.time[-1] == pytest.approx(arguments["duration"], rel=0.03)
     assert np.isfinite(run.coordinates).all()
-    assert run.steps < PERIODS * STEPS_A_PERIOD
     exchanged = np.abs(run.base_work).max() + np.ptp(run.kinetic_energy) + np.abs(run.dissipated_energy).max()
     moved = np.ptp(run.relative_coordinates, axis=0).max() / model.beam.length
     if moved > 1e-3:  # a motion well above the tolerance

@@ -29,6 +29,8 @@ from ancf_casadi.shape import gauss
 
 Array = NDArray[np.float64]
 
+AT_ONCE = 1000  # samples whose energy is computed together, for the memory it takes
+
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -188,7 +190,8 @@ class Trajectory:
         """U, (k,), J."""
         e = cs.MX.sym("e", self.model.size)
         energy = cs.Function("U", [e], [self.model.strain_energy(e, self.model.properties)])
-        return np.asarray(energy(self.coordinates.T).full().ravel())
+        parts = np.array_split(self.coordinates, len(self.time) // AT_ONCE + 1)
+        return np.concatenate([np.empty(0), *(energy(part.T).full().ravel() for part in parts if len(part))])
 
     @cached_property
     def potential_energy(self) -> Array:

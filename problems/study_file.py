@@ -7,7 +7,7 @@ A file has the table ``[beam]``, with the keys of ``Beam.uniform``, and as the c
                   law = "quadratic": eta1 (1/s), eta2 (1/m)
                   law = "modal":     ratios, frequencies (Hz);  several tables add up
     [base]        amplitude (m), frequency (Hz), stop (s), direction, stop_at
-    [simulation]  duration (s), sample_rate (1/s), start, tolerance
+    [simulation]  duration (s), sample_rate (1/s), start, method, tolerance
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def read_simulation(path: str) -> Simulation:
     document = _document(path)
     model = Model(Beam.from_table(document.get("beam"), path))
     where = f"{path}: [simulation]"
-    settings = _table(document.get("simulation"), {"duration"}, {"sample_rate", "start", "tolerance"}, where)
+    settings = _table(document.get("simulation"), {"duration"}, {"sample_rate", "start", "method", "tolerance"}, where)
     return Simulation(
         model, _damping(document.get("damping", []), model, path), _base(document.get("base"), path), settings
     )

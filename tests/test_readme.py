@@ -17,13 +17,19 @@ def shell_lines():
 
 @pytest.mark.slow
 def test_the_python_runs_and_finds_the_damping_it_put_in(capsys):
-    (code,) = re.findall(r"```python\n(.*?)```", README, re.S)
+    code = "".join(re.findall(r"```python\n(.*?)```", README, re.S))
     names = {}
     exec(compile(code, "README.md", "exec"), names)
     assert "linear decay" in capsys.readouterr().out
     assert names["match"].max_relative_error < 1e-6
     assert names["fit"].frequency == pytest.approx(1.85, rel=1e-3)
     assert names["fit"].damping_ratio == pytest.approx(0.0100, rel=0.03)
+    by_ratios, by_amplitude = names["sensitivity"](names["law"].ratios, names["base"].amplitude)
+    swing = names["run"].tip[:501:5, 0]  # nearly proportional to the amplitude of the base, over the first second
+    assert by_amplitude.full()[::2, 0] == pytest.approx(
+        swing / names["base"].amplitude, abs=0.02 * abs(swing).max() / 1e-3
+    )
+    assert abs(by_ratios.full()[:, 0]).max() > 1e-3
 
 
 def test_two_lines_set_everything_up():

@@ -100,8 +100,8 @@ class TestSimulation:
         assert study.settings == {"duration": 2.0}
 
     def test_settings(self, file):
-        text = 'sample_rate = 250.0\nstart = "straight"\ntolerance = 1e-9\n'
-        settings = {"duration": 2.0, "sample_rate": 250.0, "start": "straight", "tolerance": 1e-9}
+        text = 'sample_rate = 250.0\nstart = "straight"\nmethod = "radau"\ntolerance = 1e-9\n'
+        settings = {"duration": 2.0, "sample_rate": 250.0, "start": "straight", "method": "radau", "tolerance": 1e-9}
         assert read_simulation(file(BEAM, SIMULATION, text)).settings == settings
 
     def test_base(self, file):

@@ -26,7 +26,7 @@ import math
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, Literal, final, get_args
 
@@ -52,6 +52,16 @@ class DampingLaw(ABC):
     @abstractmethod
     def parameters(self) -> tuple[tuple[str, float], ...]:
         """Name and value of each parameter."""
+
+    @abstractmethod
+    def with_parameters(self, values: Sequence[float] | Array) -> DampingLaw:
+        """Return the law with other values of its parameters, in their order.
+
+        Raises
+        ------
+        InputError
+            If a value is out of its range.
+        """
 
     @abstractmethod
     def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
@@ -124,6 +134,10 @@ class RayleighDamping(DampingLaw):
         """Alpha (1/s) and beta (s)."""
         return _nonzero(alpha=self.alpha, beta=self.beta)
 
+    def with_parameters(self, values: Sequence[float] | Array) -> RayleighDamping:
+        """Return the law with other coefficients."""
+        return replace(self, **_named(self, values))
+
     def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
         """Return alpha M e_t and the stiffness-proportional force, Eq. (11) with Eq. (14)."""
         forces = []
@@ -186,6 +200,10 @@ class QuadraticDamping(DampingLaw):
     def parameters(self) -> tuple[tuple[str, float], ...]:
         """Eta1 (1/s) and eta2 (1/m)."""
         return _nonzero(eta1=self.eta1, eta2=self.eta2)
+
+    def with_parameters(self, values: Sequence[float] | Array) -> QuadraticDamping:
+        """Return the law with other coefficients."""
+        return replace(self, **_named(self, values))
 
     def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
         """Return eta1 M e_t + eta2 1183/876 int S^T mu |v| v dp, Eq. (23)."""
@@ -265,6 +283,10 @@ class ModalDamping(DampingLaw):
         """The damping ratios."""
         return tuple((f"ratio{k + 1}", zeta) for k, zeta in enumerate(self.ratios))
 
+    def with_parameters(self, values: Sequence[float] | Array) -> ModalDamping:
+        """Return the law with other ratios."""
+        return replace(self, ratios=tuple(_named(self, values).values()))
+
     def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
         """Return zero."""
         return cs.MX(model.size, 1)
@@ -310,6 +332,11 @@ class SumOfLaws(DampingLaw):
         """The parameters of all terms, in their order."""
         return tuple(parameter for law in self.laws for parameter in law.parameters)
 
+    def with_parameters(self, values: Sequence[float] | Array) -> SumOfLaws:
+        """Return the sum with other values of the parameters of all terms."""
+        own = iter(_numbers(self, values))
+        return SumOfLaws(tuple(law.with_parameters([next(own) for _ in law.parameters]) for law in self.laws))
+
     def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
         """Return the sum of the local forces."""
         terms = zip(self.laws, self._split(parameters), strict=True)
@@ -349,6 +376,18 @@ def damping_ratio(value: Any, where: str) -> float:
 
 def _nonzero(**coefficients: float) -> tuple[tuple[str, float], ...]:
     return tuple((name, value) for name, value in coefficients.items() if value)
+
+
+def _numbers(law: DampingLaw, values: Sequence[float] | Array) -> list[float]:
+    """Return one value a parameter of the law."""
+    if len(values) != len(law.parameters):
+        raise InputError(f"has {len(values)} for {len(law.parameters)} parameters", "values")
+    return [float(value) for value in values]
+
+
+def _named(law: DampingLaw, values: Sequence[float] | Array) -> dict[str, Any]:
+    """Return the values with the names of the law's parameters."""
+    return {name: value for (name, _), value in zip(law.parameters, _numbers(law, values), strict=True)}
 
 
 def _coefficients(law: DampingLaw, *names: str) -> None:

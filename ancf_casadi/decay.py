@@ -96,12 +96,13 @@ def quadratic_decay(time: Value, ω: Value, η1: Value, η2: Value, e0: Value, �
     return quadratic_envelope(time, ω, η1, η2, e0) * cs.cos(ω * time + φ)
 
 
-def equivalent_damping_ratio(η1: Value, η2: Value, ω: Value, amplitude: Value, η0: Value | float = 0.0) -> Value:
+def equivalent_damping_ratio(η1: Value, η2: Value, ω: Value, amplitude: Value, η0: Value | None = None) -> Value:
     """Return the viscous damping ratio with the same loss of energy in a period at an amplitude (m).
 
     Of linear (1/s) and quadratic (1/m) damping, and of friction η0 (force by mass, m/s^2) if there is any.
     """
-    return η1 / (2 * ω) + 4 * η2 * amplitude / (3 * math.pi) + 2 * η0 / (math.pi * ω**2 * amplitude)
+    viscous = η1 / (2 * ω) + 4 * η2 * amplitude / (3 * math.pi)
+    return viscous if η0 is None else viscous + 2 * η0 / (math.pi * ω**2 * amplitude)
 
 
 @dataclass(frozen=True)

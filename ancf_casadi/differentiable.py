@@ -179,7 +179,7 @@ class _Derivative(cs.Callback):
             run = self._motion.run(arg[:3])
         except AncfError:
             return [cs.DM.nan(shape) for shape in self._results]
-        seeds = [part.full().reshape(part.size1(), count, -1).transpose(2, 0, 1) for part in arg[4:]]
+        seeds = [part.full().reshape(part.size1(), count, part.size2() // count).transpose(2, 0, 1) for part in arg[4:]]
         if self._forward:
             directions = np.vstack([part.reshape(-1, count) for part in seeds])
             found = [problem.forward(run, directions)]
@@ -187,8 +187,9 @@ class _Derivative(cs.Callback):
             weights = problem.reverse(run, seeds[0])
             law, base, _ = problem.sizes
             parts, shapes = np.split(weights, [law, law + base]), self._motion.shapes
-            found = [part.reshape(-1, shape.size1(), count) for part, shape in zip(parts, shapes[:3], strict=True)]
-        return [cs.DM(part.transpose(1, 2, 0).reshape(part.shape[1], -1)) for part in found]
+            sizes = [(shape.size2(), shape.size1(), count) for shape in shapes[:3]]
+            found = [part.reshape(size) for part, size in zip(parts, sizes, strict=True)]
+        return [cs.DM(part.transpose(1, 2, 0).reshape(part.shape[1], count * part.shape[0])) for part in found]
 
 
 Kind = TypeVar("Kind", bound=cs.Callback)

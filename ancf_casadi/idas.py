@@ -4,7 +4,7 @@ Form.  With the accelerations as algebraic unknowns the Jacobian stays as sparse
 of a damping force is written B (d * w) with the further unknowns w = B^T e_t for the same reason.
 
 Scaling.  The unknowns are x = (displacement/S, v/(S W)) and z = (a/(S W^2), w/(L W)), with S the length L of the beam
-for positions and 1 for slopes, and W the bending frequency of a single element.  One tolerance, relative to L, then
+for positions and 1/2 for slopes, and W the bending frequency of a single element.  One tolerance, relative to L, then
 serves them all, and the noise that Newton's method leaves in the positions is not divided by the step into a velocity
 error that fails every other step.  The balance of forces is divided by diag(M) S W^2; a sparse factorisation then finds
 its pivots on the diagonal, where they leave the band of the mesh alone.

@@ -64,9 +64,9 @@ class Model:
 
     @cached_property
     def scale(self) -> NDArray[np.float64]:
-        """What a coordinate is measured by: the length of the beam for positions, 1 for slopes, (4 n + 4,)."""
+        """What a coordinate is measured by: the length of the beam for positions, 1/2 for slopes, (4 n + 4,)."""
         length = self.beam.length
-        return np.tile([length, length, 1.0, 1.0], self.beam.elements + 1)
+        return np.tile([length, length, 0.5, 0.5], self.beam.elements + 1)
 
     @cached_property
     def properties(self) -> NDArray[np.float64]:

@@ -75,7 +75,7 @@ def integrate_by_radau(
     stretches : sequence of Stretch
         Stretches of time, one after the other.
     tolerance : float
-        Local error of the positions relative to the length of the beam, and of the slopes.
+        Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.
 
     Raises
     ------

@@ -87,8 +87,8 @@ def simulate(
         The integrator.  ``radau`` takes longer steps and lets the modes of the mesh die down by itself where nothing
         else damps them.
     tolerance : float, optional
-        Local error of the positions relative to the length of the beam, and of the slopes; 1e-8 for ``idas`` and 1e-7
-        for ``radau`` if not given.
+        Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2; 1e-8 for
+        ``idas`` and 1e-7 for ``radau`` if not given.
     options : mapping, optional
         Options of CasADi's IDAS interface; they override the defaults.
     most_steps : int

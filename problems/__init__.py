@@ -1,21 +1,28 @@
-"""The estimation problems of the paper, stated on the tools of ``ancf_casadi``."""
+"""The estimation problems of the paper, and beyond it, stated on the tools of ``ancf_casadi``."""
 
 from problems.damping_fitting import RayleighFit, fit_rayleigh
 from problems.decay_comparison import DecayComparison, compare_decay_laws
 from problems.decay_fitting import fit_decay, fit_decays
 from problems.decay_result import DecayFit
 from problems.frequency_matching import FrequencyMatch, match_frequencies
+from problems.law_comparison import LawComparison, compare_laws
 from problems.mode_separation import fit_modes
+from problems.transient_fitting import MarkerRecord, TransientFit, fit_transient
 
 __all__ = [
     "DecayComparison",
     "DecayFit",
     "FrequencyMatch",
+    "LawComparison",
+    "MarkerRecord",
     "RayleighFit",
+    "TransientFit",
     "compare_decay_laws",
+    "compare_laws",
     "fit_decay",
     "fit_decays",
     "fit_modes",
     "fit_rayleigh",
+    "fit_transient",
     "match_frequencies",
 ]

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.fit import LEVEL, Fit
 from ancf_casadi.likelihood import profile_interval
+from problems.criteria import COLOURED
 from problems.decay_laws import LAWS, DecayModel, Law
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 Interval = tuple[float, float]
 
-COLOURED = 0.5  # correlation of successive residuals beyond which they are not noise
 ROUNDING = 1e-6  # residual, as a part of the amplitude, below which there is no noise to judge
 FEW_PERIODS = 5  # of free decay, below which frequency, damping and equilibrium are hardly separate
 VAGUE = 0.1  # relative standard error of the damping ratio beyond which the record is too short for it

@@ -24,6 +24,7 @@ def test_the_python_runs_and_finds_the_damping_it_put_in(capsys):
     assert names["match"].max_relative_error < 1e-6
     assert names["fit"].frequency == pytest.approx(1.85, rel=1e-3)
     assert names["fit"].damping_ratio == pytest.approx(0.0100, rel=0.03)
+    assert names["air"].fit["eta2"] < 0.05  # there is none in the record
     by_ratios, by_amplitude = names["sensitivity"](names["law"].ratios, names["base"].amplitude)
     swing = names["run"].tip[:501:5, 0]  # nearly proportional to the amplitude of the base, over the first second
     assert by_amplitude.full()[::2, 0] == pytest.approx(

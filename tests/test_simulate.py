@@ -277,7 +277,7 @@ def test_a_falling_beam_converges_with_the_elements(released):
     ],
     ids=repr,
 )
-@pytest.mark.parametrize(("method", "tolerance"), [("idas", 5e-9), ("radau", 1e-7)])
+@pytest.mark.parametrize(("method", "tolerance"), [("idas", 1e-8), ("radau", 1e-7)])
 def test_every_law_lets_the_energy_only_fall_and_accounts_for_what_is_gone(paper_beam, law, method, tolerance):
     run = simulate(
         Model(paper_beam(6, axis=(1.0, 0.0))),
@@ -377,6 +377,9 @@ def test_a_law_of_low_rank_gives_the_motion_of_the_same_law_written_as_a_dense_f
         @property
         def parameters(self):
             return ()
+
+        def with_parameters(self, values):
+            return self
 
         def local_force(self, model, e, e_t, properties, parameters):
             return self.law.force(model, e, e_t)
@@ -536,7 +539,7 @@ def test_progress_is_shown_on_the_error_stream_only_when_asked_for(small, capfd)
 
 def test_a_failing_integration_is_one_line_of_advice_and_nothing_else_is_printed(small, capfd):
     with pytest.raises(
-        SimulationError, match=r"^the integrator took too many steps between two samples at 1\S+e-0\d s: modes .*; try "
+        SimulationError, match=r"^the integrator took too many steps between two samples at \S+e-0\d s: modes .*; try "
     ) as caught:
         simulate(small, start="straight", duration=0.1, options={"max_num_steps": 1})
     assert "\n" not in str(caught.value)

@@ -19,10 +19,10 @@ from typing import Literal, final, get_args
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import positive, vector
+from ancf_casadi.inputs import array, positive, vector
 
 StopAt = Literal["rest", "once"]
 
@@ -204,13 +204,13 @@ class SampledBase(BaseMotion):
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays counted from the first sample."""
-        time = _array(self.time, "time")
+        time = array(self.time, "time")
         if time.ndim != 1 or time.size <= SPLINE_DEGREE:
             raise InputError(f"needs at least {SPLINE_DEGREE + 1} instants", "time")
         if (np.diff(time) <= 0.0).any():
             raise InputError("must increase", "time")
-        displacement = _array(self.displacement, "displacement")
-        rotation = np.zeros(time.size) if self.rotation is None else _array(self.rotation, "rotation")
+        displacement = array(self.displacement, "displacement")
+        rotation = np.zeros(time.size) if self.rotation is None else array(self.rotation, "rotation")
         if displacement.shape != (time.size, 2):
             raise InputError(f"must have the shape ({time.size}, 2), got {displacement.shape}", "displacement")
         if rotation.shape != time.shape:
@@ -250,13 +250,3 @@ def _unit(direction: tuple[float, float]) -> tuple[float, float]:
     if math.hypot(x, y) == 0.0:
         raise InputError("must not be the zero vector", "direction")
     return x / math.hypot(x, y), y / math.hypot(x, y)
-
-
-def _array(values: ArrayLike, name: str) -> NDArray[np.float64]:
-    try:
-        array = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError("must be numbers", name) from None
-    if not np.isfinite(array).all():
-        raise InputError("must be finite", name)
-    return array

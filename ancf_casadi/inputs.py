@@ -10,6 +10,9 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from ancf_casadi.exceptions import InputError
 
 
@@ -55,6 +58,23 @@ def vector(value: Any, where: str) -> tuple[float, float]:
     if isinstance(value, str | bytes | dict | set) or not hasattr(value, "__len__") or len(value) != 2:
         raise InputError(f"must be a pair of numbers (x, y), got {value!r}", where)
     return number(value[0], where), number(value[1], where)
+
+
+def array(values: ArrayLike, where: str) -> NDArray[np.float64]:
+    """Return finite numbers as an array, a copy.
+
+    Raises
+    ------
+    InputError
+        If a value is not a number, or not finite.
+    """
+    try:
+        result = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError("must be numbers", where) from None
+    if not np.isfinite(result).all():
+        raise InputError("must be finite", where)
+    return result
 
 
 def check_keys(table: dict[str, Any], required: set[str], optional: set[str], where: str) -> None:

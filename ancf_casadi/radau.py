@@ -141,10 +141,10 @@ class Factors:
         """Factorise; the band, one column of the matrix after the other, is overwritten, ``middle`` is C."""
         factorise, solve = _routines(band)
         factors, pivots, _ = factorise(band.reshape(-1, 3 * width + 1).T, width, width, overwrite_ab=1)
-        correction: NDArray[Any] = projection @ middle
-        if middle.size:
-            x = solve(factors, width, width, correction, pivots)[0]
-            correction = x @ np.linalg.inv(np.eye(len(middle)) + projection.T @ x)
+        if not middle.size:
+            return Factors(factors, pivots, width, projection, projection)
+        x = solve(factors, width, width, projection @ middle, pivots)[0]
+        correction = x @ np.linalg.inv(np.eye(len(middle)) + projection.T @ x)
         return Factors(factors, pivots, width, projection, correction)
 
     def solve(self, right: NDArray[Any]) -> NDArray[Any]:
@@ -235,9 +235,9 @@ class Stepper:
 
         self._time, self._clamp, self._clamps = np.zeros(1), np.zeros(3 * NODE), np.zeros((STAGES, 3 * NODE))
         self._q, self._v = start.coordinates[model.free].copy(), start.velocities[model.free].copy()
-        self._node = Buffered(clamp, self._time)
-        self._a = form.accelerations(self._q, self._v, self._node_at(begin), p)
         self._h, self._ratio, self._reference = np.zeros(1), np.zeros(1), self._q.copy()
+        self._node, self._nodes_ahead = Buffered(clamp, self._time), Buffered(_ahead(clamp), self._time, self._h)
+        self._a = form.accelerations(self._q, self._v, self._node_at(begin), p)
         self._increments, self._real, self._pair = np.zeros((STAGES, free)), np.zeros(free), np.zeros(free, complex)
         self._before, self._place = np.zeros((3, free)), np.zeros(1)  # q, v and a at the start of the last step
         self._nodes = np.zeros((STAGES + 1, model.size))  # coordinates at the start and the stages of the last step
@@ -255,10 +255,8 @@ class Stepper:
         self._factors: tuple[Factors, Factors] | None = None
         self._steady, self._contraction = False, 1.0
         self._proposal, self._most, self._error = FIRST_STEP, GROWTH[1], 1.0
-        self._energies, self._work = (
-            np.zeros(2),
-            np.zeros((STAGES, 2)),
-        )  # up to the last step; coefficients of its share
+        self._energies = np.zeros(2)  # up to here
+        self._work = np.zeros((STAGES, 2))  # coefficients of the share of the last step
 
     @property
     def state(self) -> State:
@@ -319,7 +317,8 @@ class Stepper:
             iterations = self._iterate()
             if iterations:
                 *end, residual, increments, powers = self._finish()
-                error = max(float(np.linalg.norm(self._solve(0, residual) * self._weights)), LEAST_ERROR)
+                off = self._solve(0, residual) * self._weights
+                error = max(math.sqrt(off @ off), LEAST_ERROR)
                 effort = (2 * NEWTON_ITERATIONS + 1) / (2 * NEWTON_ITERATIONS + iterations)
                 change = min(max(SAFETY * effort * error ** (-1 / ORDER), GROWTH[0]), GROWTH[1])
                 if error <= 1.0:
@@ -349,8 +348,8 @@ class Stepper:
         """Predict the increments, provide the matrices, and tell whether these are fresh."""
         fresh = not (self._steady and h == self._h[0])
         self._h[0] = h
-        for clamp, c in zip(self._clamps, RADAU.nodes.tolist(), strict=True):
-            clamp[:] = self._node_at(self.now + c * h)
+        self._time[0] = self.now
+        self._clamps.ravel()[:] = self._nodes_ahead()[0]
         self._real[:], self._pair[:] = 0.0, 0.0
         if self.steps:
             self._ratio[0] = h / last
@@ -412,6 +411,12 @@ class Stepper:
     def _place_of(self, instant: float) -> float:
         """Return where in the last step an instant lies, 0 to 1."""
         return float(1.0 - (self.now - instant) / self._h[0])
+
+
+def _ahead(clamp: cs.Function) -> cs.Function:
+    """(t, h) -> the clamped nodes at the stages of a step, (12, 3)."""
+    t, h = cs.MX.sym("t"), cs.MX.sym("h")
+    return cs.Function("ahead", [t, h], [cs.horzcat(*(clamp(t + c * h) for c in RADAU.nodes.tolist()))])
 
 
 def _advice(problem: str, now: float, step: float) -> str:

@@ -39,6 +39,7 @@ from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.excitation import BaseMotion, FixedBase
 from ancf_casadi.fit import Fit
+from ancf_casadi.inputs import array
 from ancf_casadi.model import Model
 from ancf_casadi.nlp import Unknown, least_squares
 from ancf_casadi.simulate import Start
@@ -85,7 +86,7 @@ class MarkerRecord:
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays."""
-        time, positions = (_numbers(getattr(self, name), name) for name in ("time", "positions"))
+        time, positions = (array(getattr(self, name), name) for name in ("time", "positions"))
         if time.ndim != 1 or time.size < 10:
             raise InputError("needs at least 10 instants", "time")
         step = (time[-1] - time[0]) / (time.size - 1)
@@ -281,13 +282,3 @@ def _interpolation(model: Model, record: MarkerRecord) -> Array:
     """Return what gives the positions of the points from the nodal coordinates, (2 m, 4 n + 4)."""
     points = (model.beam.length,) if record.points is None else record.points
     return np.vstack([model.interpolation(point) for point in points])
-
-
-def _numbers(values: ArrayLike, name: str) -> Array:
-    try:
-        array = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError("must be numbers", name) from None
-    if not np.isfinite(array).all():
-        raise InputError("must be finite", name)
-    return array

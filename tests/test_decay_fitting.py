@@ -111,7 +111,7 @@ def test_the_scatter_of_many_fits_is_the_cramer_rao_bound_and_their_intervals_co
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("mode", "bounds"), [(MODES[0], CRAMER_RAO[0]), (MODES[3], CRAMER_RAO[3])])
+@pytest.mark.parametrize(("mode", "bounds"), [(MODES[3], CRAMER_RAO[3])])
 def test_a_thousand_fits_are_efficient_and_their_intervals_cover_as_they_say(mode, bounds):
     """A standard deviation is known to 2.2 %, a coverage of 0.95 to 0.007."""
     efficiency, bias, coverage = many_fits(mode, bounds, 1000)

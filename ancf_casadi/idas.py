@@ -231,6 +231,7 @@ def integrate_by_idas(
     start: State,
     stretches: Sequence[Stretch],
     tolerance: float,
+    largest_step: float,
     options: Mapping[str, Any],
 ) -> Iterator[Path]:
     """Integrate a smooth piece of the motion, and yield what each stretch of it gives.
@@ -248,7 +249,9 @@ def integrate_by_idas(
     stretches : sequence of Stretch
         Stretches of time, one after the other.
     tolerance : float
-        Local error of the positions relative to the length of the beam.
+        Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.
+    largest_step : float
+        No step is longer, s.
     options : mapping
         Options of CasADi's IDAS interface; they override ``DEFAULTS``.
 
@@ -273,11 +276,12 @@ def integrate_by_idas(
     forces = cs.Function("forces", [x, z, s, time_span], [reaction])
 
     @functools.cache
-    def solver(points: int) -> cs.Function:
+    def solver(points: int, length: float) -> cs.Function:
         grid = np.linspace(0.0, 1.0, points + 1)[1:]
+        bound = {} if largest_step == math.inf else {"max_step_size": largest_step / length}
         try:
             with _quiet():
-                return cs.integrator("integrator", "idas", dae, 0.0, grid, dict(settings))
+                return cs.integrator("integrator", "idas", dae, 0.0, grid, {**bound, **settings})
         except RuntimeError as error:
             raise InputError(_refusal(str(error)), "options") from None
 
@@ -286,7 +290,7 @@ def integrate_by_idas(
         p = [stretch.start, stretch.length]
         constant, matrix = linear(0.0, x0, 0.0, p)
         z0 = -scipy.sparse.linalg.splu(matrix.sparse()).solve(constant.full().ravel())
-        run = solver(stretch.points)
+        run = solver(stretch.points, stretch.length if largest_step < math.inf else 1.0)
         printed = io.StringIO()
         try:
             with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):

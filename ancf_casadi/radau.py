@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 ORDER = 4  # of the error estimate in the step
 NEWTON_ITERATIONS = 10
-NEWTON_TOLERANCE = 0.02  # of the tolerance
+NEWTON_TOLERANCE = 0.001  # of the tolerance; more of it and the noise of the steps adds up
 STEADY = 1e-3  # rate of convergence below which the matrices may be kept
 KEEP = (0.9, 1.2)  # change of the step that is not made where the matrices may be kept
 SAFETY = 0.9
@@ -59,6 +59,7 @@ def integrate_by_radau(
     start: State,
     stretches: Sequence[Stretch],
     tolerance: float,
+    largest_step: float = math.inf,
 ) -> Iterator[Path]:
     """Integrate a smooth piece of the motion, and yield what each stretch of it gives.
 
@@ -76,6 +77,8 @@ def integrate_by_radau(
         Stretches of time, one after the other.
     tolerance : float
         Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.
+    largest_step : float
+        No step is longer, s.
 
     Raises
     ------
@@ -83,7 +86,8 @@ def integrate_by_radau(
         If no step is small enough, or they are too many.
     """
     form, p = Collocation(equations), equations.parameters
-    stepper = Stepper(form, p, make, clamp, start, stretches[0].start, stretches[-1].end, tolerance)
+    span = stretches[0].start, stretches[-1].end
+    stepper = Stepper(form, p, make, clamp, start, *span, tolerance, largest_step)
     size, steps, energies = equations.model.size, 0, np.zeros(2)
     for stretch in stretches:
         samples = []
@@ -208,7 +212,7 @@ class Stepper:
         The Functions of a step.
     parameters : array
         The parameters of the equation of motion.
-    make, clamp, start, tolerance
+    make, clamp, start, tolerance, largest_step
         As of ``integrate_by_radau``.
     begin, end : float
         First and last instant, s.
@@ -224,11 +228,12 @@ class Stepper:
         begin: float,
         end: float,
         tolerance: float,
+        largest_step: float = math.inf,
     ) -> None:
         equations, p = form.equations, parameters
         model, free = equations.model, equations.free
         self.steps = 0
-        self.now, self._end, self._width = begin, end, form.bandwidth
+        self.now, self._end, self._width, self._largest = begin, end, form.bandwidth, largest_step
         self._weights = 1 / (model.scale[model.free] * tolerance * math.sqrt(free))
         self._projection = equations.projection[model.free]
         self._rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).rates).full().ravel()
@@ -307,7 +312,7 @@ class Stepper:
         SimulationError
             If no step is small enough.
         """
-        last, h = self._h[0], self._proposal
+        last, h = self._h[0], min(self._proposal, self._largest)
         while True:
             left = self._end - self.now
             h = left if h > (1 - CLOSE) * left else min(h, left / 2)
@@ -331,6 +336,7 @@ class Stepper:
         if self.steps:
             trend = h / last * (self._error / error**2) ** (1 / ORDER)
             change = min(change, max(SAFETY * trend, GROWTH[0]), self._most)
+        change = min(change, self._largest / h)
         self._steady = self._contraction <= STEADY and KEEP[0] <= change < KEEP[1]
         self._proposal = h if self._steady else h * change
         self._most, self._error = min(self._most * RECOVERY, GROWTH[1]), max(error, LEAST_TREND)

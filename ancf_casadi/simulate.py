@@ -61,6 +61,7 @@ def simulate(
     start: Start | Equilibrium | State = "equilibrium",
     method: Method = "idas",
     tolerance: float | None = None,
+    largest_step: float = math.inf,
     options: Mapping[str, Any] | None = None,
     most_steps: int = MOST_STEPS,
     progress: bool = False,
@@ -89,6 +90,9 @@ def simulate(
     tolerance : float, optional
         Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2; 1e-8 for
         ``idas`` and 1e-7 for ``radau`` if not given.
+    largest_step : float
+        No step is longer, s: for a base motion with short events, or for even steps, which follow a steady vibration
+        better than the tolerance by itself.
     options : mapping, optional
         Options of CasADi's IDAS interface; they override the defaults.
     most_steps : int
@@ -119,6 +123,8 @@ def simulate(
         raise InputError("are those of IDAS; method='radau' has none", "options")
     most_steps = round(positive(most_steps, "most_steps"))
     tolerance = positive(TOLERANCES[method] if tolerance is None else tolerance, "tolerance")
+    if largest_step != math.inf:
+        positive(largest_step, "largest_step")
     base = FixedBase() if base is None else base
     equations = Equations(model, RayleighDamping() if damping is None else damping)
     instants = sample_times(duration, sample_rate)
@@ -130,8 +136,8 @@ def simulate(
 
     def integrate(clamp: cs.Function, stretches: Sequence[Stretch], tolerance: float) -> Iterator[Path]:
         if method == "radau":
-            return integrate_by_radau(equations, make, clamp, state, stretches, tolerance)
-        return integrate_by_idas(equations, make, clamp, state, stretches, tolerance, options or {})
+            return integrate_by_radau(equations, make, clamp, state, stretches, tolerance, largest_step)
+        return integrate_by_idas(equations, make, clamp, state, stretches, tolerance, largest_step, options or {})
 
     with tqdm(total=finish, disable=not progress, bar_format=BAR) as bar:
         for piece in pieces:

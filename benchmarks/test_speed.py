@@ -1,4 +1,4 @@
-"""Times of what users wait for; run with ``pytest benchmarks --benchmark-enable``.
+"""Times of what users wait for; run with ``pytest benchmarks -n 0 --benchmark-enable``.
 
 The bars of ``benchmarks/README.md`` are for a quiet machine.  On a shared one compare the ratios of a single run.
 """

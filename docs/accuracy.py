@@ -140,7 +140,7 @@ def tolerances() -> Iterator[str]:
         "method", "tolerance", "tip, of L", "clamp force, of its largest", "balance of energy, of the first", "steps"
     )
     yield rule(6)
-    for method, ladder in (("idas", (1e-6, *LADDERS[0][1])), ("radau", (1e-5, *LADDERS[1][1], 1e-10))):
+    for method, ladder in (("idas", (1e-6, *LADDERS[0][1][:-1])), ("radau", (1e-5, *LADDERS[1][1], 1e-10))):
         errors = []
         for tolerance in ladder:
             run = released(20, 3.0, method=method, tolerance=tolerance, **settings)

@@ -594,6 +594,14 @@ def test_a_run_that_crawls_is_given_up_and_keeps_what_it_has(small, method):
     assert caught.value.partial.time[-1] == pytest.approx(caught.value.time)
 
 
+@pytest.mark.parametrize("method", ["idas", "radau"])
+def test_no_step_is_longer_than_allowed(small, method):
+    """A beam at rest would otherwise be passed in a few steps."""
+    free = simulate(small, duration=0.1, method=method)
+    bounded = simulate(small, duration=0.1, method=method, largest_step=1e-4)
+    assert free.steps < 500 and bounded.steps >= 999
+
+
 def test_radau_below_rounding_says_so_with_time_and_step(small):
     with pytest.raises(SimulationError, match=r"^the integrator could not go on at 0 s with a step of \S+ s: "):
         simulate(small, start="straight", duration=0.1, tolerance=1e-40, method="radau")
@@ -616,6 +624,7 @@ class Endless(BaseMotion):
         ({"tolerance": 0.0}, "tolerance: must be positive, got 0"),
         ({"method": "bdf"}, "method: must be one of idas, radau, got 'bdf'"),
         ({"method": "radau", "options": {"reltol": 1.0}}, "options: are those of IDAS; method='radau' has none"),
+        ({"largest_step": 0.0}, "largest_step: must be positive, got 0"),
         ({"most_steps": 0}, "most_steps: must be positive, got 0"),
         ({"base": Endless()}, "base: its position, speed or acceleration is not finite at 0.05 s"),
         ({"tolerance": "tight"}, "tolerance: must be a finite number, got 'tight'"),

@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 Result = TypeVar("Result")
 
-BAR = "{l_bar}{bar}| {n:.1f}/{total:.1f} [{elapsed}<{remaining}]"
+BAR = "{l_bar}{bar}| [{elapsed}<{remaining}]"
 
 
 def run_all(
@@ -45,7 +45,7 @@ def run_all(
     sizes : sequence of float, optional
         What each task costs; the largest begin first.  1 each if not given.
     progress : bool
-        Whether to show a progress bar, in units of ``sizes``.
+        Whether to show a progress bar; a task counts as much as its size.
     title : str
         What stands before it.
 

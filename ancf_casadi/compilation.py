@@ -23,7 +23,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
-FLAGS = ("-O2", "-fPIC", "-shared", "-ffp-contract=off")
+FLAGS = ("-O3", "-fno-math-errno", "-fPIC", "-shared", "-ffp-contract=off")
 SECONDS = 300  # for one compilation
 FORMAT = "1"  # of the cache; to be raised when the same function is to be compiled anew
 

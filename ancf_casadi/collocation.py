@@ -172,12 +172,9 @@ class Collocation:
 
         They are in the band storage of LAPACK, with room for its pivots.
         """
-        s, clamp, model = self._symbols, cs.MX.sym("clamp", 3 * NODE), self.equations.model
-        balance, free = self.equations.balance(s.parameters), model.free
+        s, clamp = self._symbols, cs.MX.sym("clamp", 3 * NODE)
         e, e_t = cs.vertcat(clamp[:NODE], s.q), cs.vertcat(clamp[NODE : 2 * NODE], s.v)
-        damping = balance.local_damping(e, e_t)[free]
-        stiffness = model.tangent_stiffness(e, balance.properties)[free, free] + cs.jacobian(damping, s.q)
-        m, d, k = map(self._band, (model.mass(balance.properties)[free, free], cs.jacobian(damping, s.v), stiffness))
+        k, d, m = map(self._band, self.equations.tangents(e, e_t, s.parameters))
         real, a, b = RADAU.gamma / s.h, RADAU.mu.real / s.h, RADAU.mu.imag / s.h
         pair = cs.horzcat((a**2 - b**2) * m + a * d + k, 2 * a * b * m + b * d)
         return _function(
@@ -326,12 +323,17 @@ class _Symbols:
 
     def motion(self, increments: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
         """Return e, e_t and e_tt at the stages, (4 n + 4, 3)."""
-        inverse = cs.DM(RADAU.inverse).T
-        v = increments @ inverse / self.h
-        a = (v - self.repeated(self.v)) @ inverse / self.h
-        nodes = cs.vertsplit(self.clamps, NODE)
-        q = self.repeated(self.q) + increments
-        return cs.vertcat(nodes[0], q), cs.vertcat(nodes[1], v), cs.vertcat(nodes[2], a)
+        return stage_motion(increments, self.q, self.v, self.h, self.clamps)
+
+
+def stage_motion(z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, clamps: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
+    """Return e, e_t and e_tt at the stages, (4 n + 4, 3), from the increments Z and what is given for the step."""
+    inverse = cs.DM(RADAU.inverse).T
+    rates = z @ inverse / h
+    accelerations = (rates - cs.repmat(v, 1, STAGES)) @ inverse / h
+    nodes = cs.vertsplit(clamps, NODE)
+    coordinates = cs.repmat(q, 1, STAGES) + z
+    return cs.vertcat(nodes[0], coordinates), cs.vertcat(nodes[1], rates), cs.vertcat(nodes[2], accelerations)
 
 
 def _turned(vector: cs.MX, reference: cs.MX, q: cs.MX, *, back: bool) -> cs.MX:

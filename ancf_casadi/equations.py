@@ -76,6 +76,20 @@ class Equations:
             projection=cs.reshape(projection, *self.projection.shape),
         )
 
+    @cached_property
+    def tangents(self) -> cs.Function:
+        """(e, e_t, parameters) -> K = d(Q_damp + Q_e)/de, D = dQ_damp/de_t and M of the free coordinates, sparse.
+
+        K and D are without the part B diag(d) B^T e_t of the damping force.
+        """
+        e, e_t = cs.MX.sym("e", self.model.size), cs.MX.sym("e_t", self.model.size)
+        parameters, free = cs.MX.sym("parameters", self.parameters.size), self.model.free
+        balance = self.balance(parameters)
+        damping = balance.local_damping(e, e_t)[free]
+        k = self.model.tangent_stiffness(e, balance.properties)[free, free] + cs.jacobian(damping, e)[:, free]
+        d, m = cs.jacobian(damping, e_t)[:, free], cs.jacobian(balance.inertia(e_t), e_t)[free, free]
+        return cs.Function("tangents", [e, e_t, parameters], [k, d, m])
+
     def clamp(self, piece: Piece, base: BaseMotion) -> cs.Function:
         """(t) -> position, velocity and acceleration of the clamped node, (12,)."""
         t = cs.MX.sym("t")

@@ -137,7 +137,7 @@ class SemiExplicit:
         model, free, m = self.equations.model, self.equations.free, self.equations.projection.shape[1]
         rate, weights, rest = cs.vertsplit(parameters, [0, 1, 1 + free, parameters.numel()])
         balance, scale = self.equations.balance(rest), cs.MX(cs.DM(model.scale[model.free]))
-        k, d, mass = self._blocks(*self._coordinates(x, rate, clamp), rest)
+        k, d, mass = self.equations.tangents(*self._coordinates(x, rate, clamp), rest)
         length, B, identity = model.beam.length, balance.projection[NODE:, :], cs.DM.eye(free)
         none = cs.DM(free, free)
         w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.rates * length * rate
@@ -161,18 +161,6 @@ class SemiExplicit:
         ins = ["x", "z", "clamp", "parameters", "out_x_t", "out_alg"]
         outs = [f"jac_{of}_{by}" for of in ("x_t", "alg") for by in ins[:4]]
         return cs.Function("jac_residual", [x, z, clamp, parameters, *unused], jacobians, ins, outs)
-
-    @cached_property
-    def _blocks(self) -> cs.Function:
-        """(e, e_t, parameters of the forces) -> K, D without its part of low rank, and M of the free coordinates."""
-        model = self.equations.model
-        e, e_t = cs.MX.sym("e", model.size), cs.MX.sym("e_t", model.size)
-        parameters = cs.MX.sym("parameters", self.equations.parameters.size)
-        balance, free = self.equations.balance(parameters), model.free
-        damping = balance.local_damping(e, e_t)[free]
-        k = model.tangent_stiffness(e, balance.properties)[free, free] + cs.jacobian(damping, e)[:, free]
-        d, mass = cs.jacobian(damping, e_t)[:, free], cs.jacobian(balance.inertia(e_t), e_t)[free, free]
-        return cs.Function("blocks", [e, e_t, parameters], [k, d, mass])
 
     @cached_property
     def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:

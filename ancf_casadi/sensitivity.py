@@ -277,26 +277,28 @@ class Problem:
         law, base, size = self.sizes
         free, piece = self.equations.free, self.base.pieces()[0]
         node, slope, clamp = self._clamp(piece, b)
-        start: Start | Equilibrium | State = self.start
-        if isinstance(start, Equilibrium):
-            start = static_equilibrium(model, tip_force=start.tip_force, tip_moment=start.tip_moment)
-        state = initial_state(model, clamp, start)
         slopes = np.zeros((2 * free, law + base + size))
-        if start in ("equilibrium", "moving") or isinstance(start, Equilibrium):
-            still = np.zeros(free)
-            fixed = np.concatenate([state.coordinates[:NODE], np.zeros(2 * NODE)])
-            *_, by_parameters = self._force_slopes(state.coordinates[NODE:], still, still, fixed, parameters)
-            rest = start if isinstance(start, Equilibrium) else static_equilibrium(model)
-            right = by_parameters.full()[:, 2 : 2 + size]
-            slopes[:free, law + base :] = -scipy.sparse.linalg.splu(rest.stiffness).solve(right)
-        if start == "moving":
-            e, rates = cs.MX.sym("e", model.size), cs.MX.sym("rates", NODE)
-            moved = rigid_motion(model)(e, rates)[NODE:]
-            jacobian = cs.Function("moved", [e, rates], [cs.jacobian(moved, e)[:, NODE:], cs.jacobian(moved, rates)])
-            by_e, by_rates = (part.full() for part in jacobian(state.coordinates, node(0.0)[NODE : 2 * NODE]))
-            slopes[free:] = by_e @ slopes[:free]
-            slopes[free:, law : law + base] += by_rates @ slope(0.0)[NODE : 2 * NODE]
-        return state, slopes
+        if isinstance(self.start, Equilibrium):
+            rest = static_equilibrium(model, tip_force=self.start.tip_force, tip_moment=self.start.tip_moment)
+        elif self.start in ("equilibrium", "moving"):
+            rest = static_equilibrium(model)
+        else:
+            return initial_state(model, clamp, self.start), slopes
+        still, coordinates = np.zeros(free), rest.coordinates
+        fixed = np.concatenate([coordinates[:NODE], np.zeros(2 * NODE)])
+        *_, by_parameters = self._force_slopes(coordinates[NODE:], still, still, fixed, parameters)
+        right = by_parameters.full()[:, 2 : 2 + size]
+        slopes[:free, law + base :] = -scipy.sparse.linalg.splu(rest.stiffness).solve(right)
+        if self.start != "moving":
+            return initial_state(model, clamp, rest), slopes
+        e, rates = cs.MX.sym("e", model.size), cs.MX.sym("rates", NODE)
+        moved = rigid_motion(model)(e, rates)
+        jacobians = [cs.jacobian(moved[NODE:], e)[:, NODE:], cs.jacobian(moved[NODE:], rates)]
+        motion = cs.Function("moved", [e, rates], [moved, *jacobians])(coordinates, node(0.0)[NODE : 2 * NODE])
+        velocities, by_e, by_rates = (part.full() for part in motion)
+        slopes[free:] = by_e @ slopes[:free]
+        slopes[free:, law : law + base] += by_rates @ slope(0.0)[NODE : 2 * NODE]
+        return State(coordinates, velocities.ravel()), slopes
 
     def _pass(
         self, piece: Piece, begin: float, end: float, state: State, parameters: Array, b: Array

@@ -122,7 +122,7 @@ def simulate(
     if options and method != "idas":
         raise InputError("are those of IDAS; method='radau' has none", "options")
     most_steps = round(positive(most_steps, "most_steps"))
-    tolerance = positive(TOLERANCES[method] if tolerance is None else tolerance, "tolerance")
+    local_error = positive(TOLERANCES[method] if tolerance is None else tolerance, "tolerance")
     if largest_step != math.inf:
         positive(largest_step, "largest_step")
     base = FixedBase() if base is None else base
@@ -134,10 +134,9 @@ def simulate(
     state = initial_state(model, equations.clamp(pieces[0], base), start)
     paths: list[Path] = []
 
-    def integrate(clamp: cs.Function, stretches: Sequence[Stretch], tolerance: float) -> Iterator[Path]:
-        if method == "radau":
-            return integrate_by_radau(equations, make, clamp, state, stretches, tolerance, largest_step)
-        return integrate_by_idas(equations, make, clamp, state, stretches, tolerance, largest_step, options or {})
+    def integrate(clamp: cs.Function, stretches: Sequence[Stretch]) -> Iterator[Path]:
+        given = equations, make, clamp, state, stretches, local_error, largest_step
+        return integrate_by_radau(*given) if method == "radau" else integrate_by_idas(*given, options or {})
 
     with tqdm(total=finish, disable=not progress, bar_format=BAR) as bar:
         for piece in pieces:
@@ -148,7 +147,7 @@ def simulate(
             if paths:
                 paths[-1] = _with_blow(model, paths[-1], clamp(now).full().ravel())
             stretches = list(cut(now, end, sample_rate, size))
-            found = integrate(clamp, stretches, tolerance)
+            found = integrate(clamp, stretches)
             for stretch in stretches:
                 try:
                     with noted_interrupts() as interrupts:

@@ -18,7 +18,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
-from ancf_casadi.collocation import RADAU, STAGES, Collocation
+from ancf_casadi.collocation import RADAU, STAGES, Collocation, stage_motion
 from ancf_casadi.model import NODE
 
 Array = NDArray[np.float64]
@@ -61,16 +61,11 @@ class Tangent:
     @cached_property
     def matrix(self) -> cs.Function:
         """(Z, h, u) -> G without its part of low rank, in the band storage of LAPACK."""
-        equations = self.form.equations
-        model, free = equations.model, equations.model.free
-        e, e_t = cs.MX.sym("e", model.size), cs.MX.sym("e_t", model.size)
-        p = cs.MX.sym("p", equations.parameters.size)
-        balance = equations.balance(p)
-        damping = balance.local_damping(e, e_t)[free]
-        k = model.tangent_stiffness(e, balance.properties)[free, free] + cs.jacobian(damping, e)[:, NODE:]
-        d, m = cs.jacobian(damping, e_t)[:, NODE:], model.mass(balance.properties)[free, free]
-        pattern = k.sparsity() + d.sparsity() + m.sparsity()
-        entries = cs.Function("entries", [e, e_t, p], [cs.project(block, pattern).nz[:] for block in (k, d, m)])
+        tangents = self.form.equations.tangents
+        one = [cs.MX.sym(name, tangents.size1_in(i)) for i, name in enumerate(("e", "e_t", "parameters"))]
+        blocks = tangents(*one)
+        pattern = blocks[0].sparsity() + blocks[1].sparsity() + blocks[2].sparsity()
+        entries = cs.Function("entries", one, [cs.project(block, pattern).nz[:] for block in blocks])
 
         z, h, u = self._symbols
         all_e, all_e_t, _, parameters = self._motion(z, h, u)
@@ -120,12 +115,7 @@ class Tangent:
         """Return e, e_t and e_tt at the stages, and the parameters."""
         ends = np.cumsum([0, self._free, self._free, STAGES * 3 * NODE]).tolist()
         q, v, clamps, parameters = cs.vertsplit(u, [*ends, u.numel()])
-        rates = z @ cs.DM(RADAU.inverse).T / h
-        accelerations = (rates - cs.repmat(v, 1, STAGES)) @ cs.DM(RADAU.inverse).T / h
-        parts = (cs.repmat(q, 1, STAGES) + z, rates, accelerations)
-        nodes = cs.vertsplit(cs.reshape(clamps, 3 * NODE, STAGES), NODE)
-        e, e_t, e_tt = (cs.vertcat(node, part) for node, part in zip(nodes, parts, strict=True))
-        return e, e_t, e_tt, parameters
+        return *stage_motion(z, q, v, h, cs.reshape(clamps, 3 * NODE, STAGES)), parameters
 
     def _residual(self, z: cs.MX, h: cs.MX, u: cs.MX) -> cs.MX:
         """Return R, one stage after the other."""

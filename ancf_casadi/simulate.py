@@ -138,7 +138,7 @@ def simulate(
         given = equations, make, clamp, state, stretches, local_error, largest_step
         return integrate_by_radau(*given) if method == "radau" else integrate_by_idas(*given, options or {})
 
-    with tqdm(total=finish, disable=not progress, bar_format=BAR) as bar:
+    with noted_interrupts() as interrupts, tqdm(total=finish, disable=not progress, bar_format=BAR) as bar:
         for piece in pieces:
             end = min(piece.end, finish)
             size = max(1, math.ceil((end - now) * sample_rate / STRETCHES))
@@ -150,8 +150,7 @@ def simulate(
             found = integrate(clamp, stretches)
             for stretch in stretches:
                 try:
-                    with noted_interrupts() as interrupts:
-                        paths.append(next(found))
+                    paths.append(next(found))
                     _check_steps(paths, stretch, most_steps)
                 except SimulationError as error:
                     error.partial = _trajectory(model, instants, paths, began)

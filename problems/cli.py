@@ -51,20 +51,22 @@ def _run(options: argparse.Namespace) -> int:
     with _interrupts() as options.interrupts:
         try:
             print(options.run(options))
-        except InputError as error:
-            return _failed(error, 2)
-        except AncfError as error:
-            return _failed(STOPPED, INTERRUPTED) if options.interrupts else _failed(error, 1)
         except KeyboardInterrupt:
             return _failed(STOPPED, INTERRUPTED)
-        except MemoryError:
-            return _failed("out of memory; fewer samples, or fewer elements, take less", 1)
+        except Exception as error:
+            if options.interrupts:
+                return _failed(STOPPED, INTERRUPTED)
+            if isinstance(error, AncfError):
+                return _failed(error, 2 if isinstance(error, InputError) else 1)
+            if isinstance(error, MemoryError):
+                return _failed("out of memory; fewer samples, or fewer elements, take less", 1)
+            raise
     return 0
 
 
 @contextlib.contextmanager
 def _interrupts() -> Iterator[list[int]]:
-    """Note each Ctrl-C, which may reach us as a failure of the solver it hit, or as a run that ended early."""
+    """Note each Ctrl-C, which may reach us as any error of the CasADi call it hit, or as a run that ended early."""
     noted: list[int] = []
 
     def interrupt(number: int, _: object) -> None:

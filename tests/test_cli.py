@@ -466,14 +466,15 @@ class TestInterrupted:
         assert one_line(capsys) == "ancf-casadi: stopped; nothing was written"
         assert not (files / "study").exists()
 
-    def test_taken_for_a_failure_by_a_solver(self, files, capsys, monkeypatch):
-        """IPOPT and IDAS report an exception in their callbacks as their own failure."""
+    @pytest.mark.parametrize("error", [FitError("NonIpopt_Exception_Thrown"), NotImplementedError("Wrong number")])
+    def test_taken_for_a_failure_by_casadi(self, files, capsys, monkeypatch, error):
+        """IPOPT and IDAS report an exception in their callbacks as their own failure, and calls as wrong arguments."""
 
         def swallowed(*_, **__):
             try:
                 signal.raise_signal(signal.SIGINT)
             except KeyboardInterrupt:
-                raise FitError("no minimum was found (NonIpopt_Exception_Thrown)") from None
+                raise error from None
 
         monkeypatch.setattr(cli, "match_frequencies", swallowed)
         assert main(["match", "beam.toml"]) == 130

@@ -215,6 +215,19 @@ class TestInterruptions:
         assert np.array_equal(part.base_work, whole.base_work[: len(part.time)])
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
+    def test_ctrl_c_before_the_first_stretch_waits_for_it(self, hanging, monkeypatch):
+        """Raised there, within a call of CasADi, it would surface as some error of that call."""
+        original = SIMULATE._check_base
+
+        def check(*arguments):
+            os.kill(os.getpid(), signal.SIGINT)
+            original(*arguments)
+
+        monkeypatch.setattr(SIMULATE, "_check_base", check)
+        part = simulate(hanging, duration=0.1)
+        assert part.interrupted
+        assert len(part.time) == 5
+
     def test_a_failed_run_keeps_the_good_part_and_travels_between_processes(self, hanging, monkeypatch):
         def fail():
             raise SimulationError("the integrator gave up", 0.02)

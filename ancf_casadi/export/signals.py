@@ -102,6 +102,18 @@ def base_signals() -> tuple[Signal, ...]:
     )
 
 
+def output_signals(markers: Sequence[float] = ()) -> tuple[Signal, ...]:
+    """Return what the Functions ``tip``, ``markers`` and ``energies`` give, in this order."""
+    points = [("tip", "the tip")]
+    points += [(f"marker_{k}", f"the point at arc length {float(s):g} m") for k, s in enumerate(markers, start=1)]
+    return (
+        *(Signal(f"{name}_{c}", "m", f"position of {where}, {c}") for name, where in points for c in "xy"),
+        Signal("kinetic_energy", "J", "kinetic energy"),
+        Signal("strain_energy", "J", "strain energy"),
+        Signal("gravity_energy", "J", "potential energy in the field of gravity, 0 at the origin"),
+    )
+
+
 def _of_law(name: str) -> tuple[str, str]:
     mode = re.fullmatch(r"ratio(\d+)", name)
     unit, what = LAW_PARAMETERS["ratio" if mode else name]

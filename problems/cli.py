@@ -36,7 +36,7 @@ from problems.study_file import numbers, read_match, read_model, read_simulation
 
 INTERRUPTED = 130
 STOPPED = "stopped; nothing was written"
-FORMATS = {"json": "json: a document that can be read again"}
+FORMATS = {"json": "json: a document that can be read again", "fmu": "fmu: FMI 3.0, model exchange"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -311,6 +311,11 @@ def _export(options: argparse.Namespace) -> str:
         if options.markers:
             raise InputError("JSON holds the beam itself, and no outputs", "--markers")
         write_document(out, document)
+    else:
+        from ancf_casadi.export.fmu import write_fmu  # reads and writes XML, which is slow to import
+
+        with _located(options.file):
+            write_fmu(out, document, markers=options.markers, progress=True)
     files = [{"path": str(out), "bytes": out.stat().st_size}]
     if options.json:
         return to_json({"format": options.format, "files": files, "seconds": time.perf_counter() - began}).rstrip()

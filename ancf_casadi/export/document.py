@@ -146,6 +146,12 @@ class Identification:
             raise InputError(f"is no result of an identification, which has one of {', '.join(KINDS)}", "result")
         return cls(kinds[0], found, [DataFile.of(path) for path in data])
 
+    def summary(self) -> str:
+        """Return kind, files with their hashes, and values with standard errors, in a line."""
+        files = [f"{file.name} SHA-256 {file.sha256}" for file in self.data]
+        values = [f"{name} {value:.6g} +- {error:.2g}" for name, value, error in _estimates(self.result)]
+        return f"{self.kind} ({', '.join([*files, *values])})"
+
 
 @dataclass(frozen=True)
 class Provenance:
@@ -346,3 +352,18 @@ def _plain(value: Any, where: str, level: int = 1) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item, place(where, index), level + 1) for index, item in enumerate(value)]
     raise InputError(f"must be numbers, texts, lists and objects, got a {type(value).__name__}", where)
+
+
+def _estimates(result: Mapping[str, Any]) -> list[tuple[str, float, float]]:
+    """Return name, value and standard error of what a result has with both."""
+    errors = [key for key in result if "_stderr" in key]
+    listed = [(key.replace("_stderr", ""), result.get(key.replace("_stderr", "")), result[key]) for key in errors]
+    unknowns = result.get("unknowns")
+    for unknown in unknowns if isinstance(unknowns, list) else []:
+        if isinstance(unknown, Mapping):
+            listed.append((str(unknown.get("name")), unknown.get("value"), unknown.get("standard_error")))
+    return [
+        (name, value, error)
+        for name, value, error in listed
+        if isinstance(value, int | float) and isinstance(error, int | float)
+    ]

@@ -213,7 +213,7 @@ def test_it_says_what_it_is_and_where_it_comes_from(exported, document, tmp_path
     assert about.coSimulation is None
     assert about.generationTool.startswith("ancf-casadi ")
     assert about.generationDateAndTime == "2025-01-31T12:00:00Z"
-    assert "4 elements" in about.description
+    assert "4 elements, 0.5 m long, ModalDamping and QuadraticDamping and RayleighDamping" in about.description
     assert f"decay (tip<&.csv SHA-256 {'0f' * 32}, frequency_hz 1.85 +- 0.01)" in about.description
     with zipfile.ZipFile(exported) as archive:
         assert b'providesAdjointDerivatives="false" providesDirectionalDerivatives="true"' in archive.read(

@@ -9,6 +9,7 @@ from ancf_casadi.export.document import (
     schema,
     write_document,
 )
+from ancf_casadi.export.fmu import write_fmu
 from ancf_casadi.export.signals import Signal
 
 __all__ = [
@@ -20,4 +21,5 @@ __all__ = [
     "read_document",
     "schema",
     "write_document",
+    "write_fmu",
 ]

@@ -39,6 +39,7 @@ import casadi as cs
 from tqdm import tqdm
 
 from ancf_casadi.compilation import FLAGS, SECONDS, c_compiler
+from ancf_casadi.damping import SumOfLaws
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document import Document
 from ancf_casadi.export.functions import BeamFunctions, beam_functions
@@ -47,7 +48,7 @@ from ancf_casadi.report import to_json, write_file
 from ancf_casadi.version import __version__
 
 NAME = "beam"  # of the model in C
-DERIVED = 3  # coordinates of the clamp
+CLAMP = 3  # coordinates of the clamp
 BASE_UNITS = {
     "kg": {"kg": 1},
     "m": {"m": 1},
@@ -141,7 +142,7 @@ def dae_builder(functions: BeamFunctions) -> cs.DaeBuilder:
         about = [{"description": signal.description, "unit": _unit(signal) or ""} for signal in signals]
         return [dae.add(s.name, causality, variability, opts) for s, opts in zip(signals, about, strict=True)]
 
-    clamped, driving = functions.base[: 2 * DERIVED], functions.base[2 * DERIVED :]
+    clamped, driving = functions.base[: 2 * CLAMP], functions.base[2 * CLAMP :]
     states, clamp = add(functions.states), add(clamped)
     inputs, parameters = add(driving, "input"), add(functions.parameters, "parameter", "tunable")
     outputs = add(functions.outputs, "output")
@@ -151,7 +152,7 @@ def dae_builder(functions: BeamFunctions) -> cs.DaeBuilder:
         dae.set_initial(signal.name, "exact")
     q, v = cs.vertcat(*states[: functions.free]), cs.vertcat(*states[functions.free :])
     base, p = cs.vertcat(*clamp, *inputs), cs.vertcat(*parameters)
-    rates = cs.vertcat(v, functions.rhs(q, v, base, p), base[DERIVED:])
+    rates = cs.vertcat(v, functions.rhs(q, v, base, p), base[CLAMP:])
     for state, rate in zip([*states, *clamp], cs.vertsplit(rates), strict=True):
         dae.eq(dae.der(state), rate)
     points = [functions.tip(q, base), cs.vec(functions.markers(q, base))]
@@ -195,7 +196,7 @@ def _described(path: Path, title: str, functions: BeamFunctions, document: Docum
     for interface in root.iter("ModelExchange"):  # CasADi 3.8.2 takes up seeds left by the other kind of derivative
         interface.set("providesAdjointDerivatives", "false")
     signals = {s.name: s for s in (*functions.parameters, *functions.states, *functions.base, *functions.outputs)}
-    derived = {f"der({s.name})": _rate(s.unit) for s in (*functions.states, *functions.base[: 2 * DERIVED])}
+    derived = {f"der({s.name})": _rate(s.unit) for s in (*functions.states, *functions.base[: 2 * CLAMP])}
     (variables,) = root.iter("ModelVariables")
     for variable in list(variables):
         name = variable.attrib["name"]
@@ -221,8 +222,10 @@ def _described(path: Path, title: str, functions: BeamFunctions, document: Docum
 
 def _about(functions: BeamFunctions, document: Document) -> str:
     """Return what the model is, and the identification it came from, in a line."""
-    beam, law = document.model.beam, type(document.damping).__name__ if document.damping else "no damping"
-    parts = [f"Beam of {beam.elements} elements, {beam.length:g} m long, {law}"]
+    beam, law = document.model.beam, document.damping
+    terms = law.laws if isinstance(law, SumOfLaws) else [law] if law else []
+    damping = " and ".join(type(term).__name__ for term in terms) or "no damping"
+    parts = [f"Beam of {beam.elements} elements, {beam.length:g} m long, {damping}"]
     parts += [f"identified by {found.summary()}" for found in document.identifications]
     return "; ".join(parts)
 

@@ -27,6 +27,7 @@ from ancf_casadi.equations import Equations, clamped_node
 from ancf_casadi.excitation import Piece
 from ancf_casadi.export.signals import Signal, base_signals, output_signals, parameter_signals, state_signals, values
 from ancf_casadi.export.statics import equilibrium_function, frequencies_function
+from ancf_casadi.export.step import step_function
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.modes import natural_modes
 
@@ -63,6 +64,8 @@ class BeamFunctions:
         p -> q at rest, base at rest; nan where none was found.
     frequencies : Function
         p -> f, the lowest natural frequencies about the equilibrium, Hz; nan where they are not certain.
+    step : Function
+        (q, v, base, p, h) -> q_next, v_next, after a time h (s); base (9, 2) at the instants ``STAGES`` of the step.
     """
 
     parameters: tuple[Signal, ...]
@@ -80,6 +83,7 @@ class BeamFunctions:
     energies: cs.Function
     equilibrium: cs.Function
     frequencies: cs.Function
+    step: cs.Function
 
     @property
     def functions(self) -> tuple[cs.Function, ...]:
@@ -142,12 +146,13 @@ def beam_functions(
 
     motion, place = ("q", "v", "base", "p"), ("q", "base")
     equilibrium = equilibrium_function(first.equilibrium, equations, values(parameters))
+    whole = function("residual", ("q", "v", "a", "base", "p"), r=residual)
     return BeamFunctions(
         parameters=parameters,
         states=state_signals(first.equilibrium),
         base=clamp,
         outputs=output_signals(markers),
-        residual=function("residual", ("q", "v", "a", "base", "p"), r=residual),
+        residual=whole,
         residual_jacobians=function(
             "residual_jacobians",
             ("q", "v", "a", "base", "p"),
@@ -174,6 +179,7 @@ def beam_functions(
         ),
         equilibrium=equilibrium,
         frequencies=frequencies_function(first, equations, equilibrium),
+        step=step_function(whole, first),
     )
 
 

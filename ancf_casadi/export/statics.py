@@ -65,7 +65,7 @@ def equilibrium_function(rest: Equilibrium, equations: Equations, start: Array) 
         found = newton(found, cs.DM(start) + (p - cs.DM(start)) * (j / LOAD_STEPS))
     step = cs.Function("step", [z, p], [cs.solve(cs.jacobian(unbalance, z), unbalance, "qr")])
     change = cs.norm_inf(step(found, p) * (shift / model.scale[model.free]))
-    q = (origin + shift * found) * _certain(change < CERTAIN)
+    q = (origin + shift * found) * certain(change < CERTAIN)
     return cs.Function("equilibrium", [p], [q], ["p"], ["q"])
 
 
@@ -104,8 +104,8 @@ def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Fun
     below = _count_below(K.sparsity() + M.sparsity())(K - (1 + JUST_ABOVE) * found[-1] * M)
     ascending = cs.mmin(cs.vertcat(found[0], cs.diff(found))) > 0
     solved = cs.mmax(cs.vertcat(*errors)) < CERTAIN
-    certain = _certain(cs.logic_and(cs.logic_and(below == modes.count, ascending), solved))
-    return cs.Function("frequencies", [p], [cs.sqrt(found) / (2 * math.pi) * certain], ["p"], ["f"])
+    sure = certain(cs.logic_and(cs.logic_and(below == modes.count, ascending), solved))
+    return cs.Function("frequencies", [p], [cs.sqrt(found) / (2 * math.pi) * sure], ["p"], ["f"])
 
 
 def balance_for(equations: Equations, p: cs.MX) -> Balance:
@@ -122,7 +122,7 @@ def _scaled(matrix: cs.MX, scale: Array) -> cs.MX:
     return cs.MX(matrix.sparsity(), matrix.nz[:] * cs.DM(scale[rows] * scale[columns]))
 
 
-def _certain(condition: cs.MX) -> cs.MX:
+def certain(condition: cs.MX) -> cs.MX:
     """Return 1, or nan where the condition does not hold; a factor, so that derivatives are nan there too."""
     return cs.if_else(condition, 1.0, math.nan)
 

@@ -147,21 +147,23 @@ def beam_functions(
     motion, place = ("q", "v", "base", "p"), ("q", "base")
     equilibrium = equilibrium_function(first.equilibrium, equations, values(parameters))
     whole = function("residual", ("q", "v", "a", "base", "p"), r=residual)
+    jacobians = function(
+        "residual_jacobians",
+        ("q", "v", "a", "base", "p"),
+        dr_dq=dr_dq,
+        dr_dv=dr_dv,
+        dr_da=mass,
+        dr_dbase=cs.jacobian(residual, base),
+        dr_dp=cs.jacobian(residual, p),
+    )
+    local = cs.Function("local_jacobians", [q, v, a, base, p], [dr_dq, dr_dv, mass])
     return BeamFunctions(
         parameters=parameters,
         states=state_signals(first.equilibrium),
         base=clamp,
         outputs=output_signals(markers),
         residual=whole,
-        residual_jacobians=function(
-            "residual_jacobians",
-            ("q", "v", "a", "base", "p"),
-            dr_dq=dr_dq,
-            dr_dv=dr_dv,
-            dr_da=mass,
-            dr_dbase=cs.jacobian(residual, base),
-            dr_dp=cs.jacobian(residual, p),
-        ),
+        residual_jacobians=jacobians,
         rhs=function("rhs", motion, a=-_divide(driving, mass, model)),
         mass=function("mass", ("p",), M=mass),
         tangent_stiffness=function(
@@ -179,7 +181,7 @@ def beam_functions(
         ),
         equilibrium=equilibrium,
         frequencies=frequencies_function(first, equations, equilibrium),
-        step=step_function(whole, first),
+        step=step_function(whole, local, first),
     )
 
 

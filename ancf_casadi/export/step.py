@@ -21,7 +21,7 @@ import math
 
 import casadi as cs
 
-from ancf_casadi.export.statics import NEWTON, certain
+from ancf_casadi.export.statics import certain, rootfinder, scaled
 from ancf_casadi.modes import Modes
 
 GAMMA = 1 - 1 / math.sqrt(2)
@@ -29,13 +29,15 @@ STAGES = (GAMMA, 1.0)  # where the base motion is asked for, in steps
 BALANCED = 1e-8  # what may be left of the scaled equations
 
 
-def step_function(residual: cs.Function, modes: Modes) -> cs.Function:
+def step_function(residual: cs.Function, jacobians: cs.Function, modes: Modes) -> cs.Function:
     """Return (q, v, base, p, h) -> q_next, v_next.
 
     Parameters
     ----------
     residual : Function
         (q, v, a, base, p) -> r.
+    jacobians : Function
+        (q, v, a, base, p) -> dr_dq, dr_dv, dr_da, ...
     modes : Modes
         Of the model, at its equilibrium.
     """
@@ -44,19 +46,22 @@ def step_function(residual: cs.Function, modes: Modes) -> cs.Function:
     names = ("q", "v", "base", "p")
     q, v, base, p = (cs.MX.sym(name, residual.size1_in(name)) for name in names)
     h, x, motion = cs.MX.sym("h"), cs.MX.sym("x", q.numel()), cs.MX.sym("base", base.numel(), len(STAGES))
-    scale = 1 / cs.sqrt(cs.diag(mass) / (GAMMA * h) ** 2 + cs.DM(modes.equilibrium.stiffness.diagonal()))
+    rate = 1 / (GAMMA * h)
+    scale = 1 / cs.sqrt(cs.diag(mass) * rate**2 + cs.DM(modes.equilibrium.stiffness.diagonal()))
     shift = model.beam.length * scale / cs.mmax(scale)
+    rows = scale**2 / shift
 
-    v_new = v + shift * x / (GAMMA * h)
-    q_new = q + GAMMA * h * v + shift * x
-    a_new = shift * x / (GAMMA * h) ** 2
-    unbalance = residual(q_new, v_new, a_new, base, p) * scale**2 / shift
-    equations = cs.Function("unbalance", [x, q, v, base, p, h], [unbalance])
-    newton = cs.rootfinder("stage_newton", "fast_newton", equations, NEWTON)
-    found = newton(cs.MX.zeros(x.numel()), q, v, base, p, h)
-    sure = certain(cs.norm_inf(equations(found, q, v, base, p, h)) < BALANCED)
-    ends = [cs.graph_substitute(end, [x], [found]) * sure for end in (q_new, v_new, a_new)]
-    stage = cs.Function("stage", [q, v, base, p, h], ends)
+    there = (q + v / rate + shift * x, v + rate * shift * x, rate**2 * shift * x)
+    dr_dq, dr_dv, dr_da, *_ = jacobians(*there, base, p)
+    known = [q, v, base, p, h]
+    unbalance = rows * residual(*there, base, p)
+    newton = rootfinder(
+        "step_newton", [x, *known], scaled(dr_dq + rate * dr_dv + rate**2 * dr_da, rows, shift), unbalance
+    )
+    found = newton(cs.MX(x.numel(), 1), *known)
+    *ends, left = cs.graph_substitute([*there, unbalance], [x], [found])
+    sure = certain(cs.norm_inf(left) < BALANCED)
+    stage = cs.Function("stage", known, [end * sure for end in ends])
 
     _, v1, a1 = stage(q, v, motion[:, 0], p, h)
     q_next, v_next, _ = stage(q + (1 - GAMMA) * h * v1, v + (1 - GAMMA) * h * a1, motion[:, 1], p, h)

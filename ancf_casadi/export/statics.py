@@ -119,7 +119,7 @@ def _scale(rest: Equilibrium) -> Array:
     return np.asarray(1 / np.sqrt(rest.stiffness.diagonal()))
 
 
-def scaled(matrix: cs.MX, rows: cs.MX, columns: cs.MX) -> cs.MX:
+def scaled(matrix: cs.MX, rows: cs.MX | cs.DM, columns: cs.MX | cs.DM) -> cs.MX:
     """Return a sparse matrix with its rows and columns multiplied by some numbers."""
     row, column = matrix.sparsity().get_triplet()
     return cs.MX(matrix.sparsity(), matrix.nz[:] * rows[row] * columns[column])
@@ -138,7 +138,7 @@ def certain(condition: cs.MX) -> cs.MX:
 
 
 def _inverse_iteration(K: cs.Sparsity, M: cs.Sparsity, count: int) -> cs.Function:
-    """(psi, K, M) -> K^-1 M psi, made orthonormal with respect to M one after the other."""
+    """Return (psi, K, M) -> K^-1 M psi, made orthonormal with respect to M one after the other."""
     stiffness, mass = cs.MX.sym("K", K), cs.MX.sym("M", M)
     psi = cs.MX.sym("psi", K.size1(), count)
     columns: list[cs.MX] = []
@@ -150,7 +150,7 @@ def _inverse_iteration(K: cs.Sparsity, M: cs.Sparsity, count: int) -> cs.Functio
 
 
 def _eigenpair(K: cs.Sparsity, M: cs.Sparsity) -> cs.Function:
-    """((psi, mu), K, B) -> (psi, mu) with K psi - mu B psi = 0 and (psi^T B psi - 1)/2 = 0."""
+    """Return ((psi, mu), K, B) -> (psi, mu) with K psi - mu B psi = 0 and (psi^T B psi - 1)/2 = 0."""
     stiffness, mass, pair = cs.MX.sym("K", K), cs.MX.sym("B", M), cs.MX.sym("pair", K.size1() + 1)
     psi, mu = pair[:-1], pair[-1]
     load = mass @ psi
@@ -160,7 +160,7 @@ def _eigenpair(K: cs.Sparsity, M: cs.Sparsity) -> cs.Function:
 
 
 def _count_below(pattern: cs.Sparsity) -> cs.Function:
-    """A -> how many eigenvalues of a symmetric band matrix are negative: its negative pivots.
+    """Return A -> how many eigenvalues of a symmetric band matrix are negative: its negative pivots.
 
     A window over the rows that the next pivot touches goes down the matrix; each step takes the pivot's share from it,
     and lets in the next row.

@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Any
 
 import casadi as cs
 
@@ -59,7 +60,7 @@ def load_functions(path: str | Path) -> BeamFunctions:
         if head["format"] != FORMAT:
             raise ValueError(head["format"])
         writer = head["casadi"]
-        tables = {name: tuple(Signal(**entry) for entry in head[name]) for name in TABLES}
+        tables: dict[str, Any] = {name: tuple(Signal(**entry) for entry in head[name]) for name in TABLES}
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror or error})", where) from None
     except (ValueError, KeyError, TypeError):
@@ -69,7 +70,7 @@ def load_functions(path: str | Path) -> BeamFunctions:
     names = [field.name for field in fields(BeamFunctions) if field.name not in TABLES]
     try:
         deserializer = cs.StringDeserializer(rest)
-        found = {name: deserializer.unpack() for name in names}
+        found: dict[str, Any] = {name: deserializer.unpack() for name in names}
     except RuntimeError:
         raise InputError("is damaged; export it again", where) from None
     return BeamFunctions(**tables, **found)

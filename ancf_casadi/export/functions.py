@@ -27,6 +27,7 @@ from ancf_casadi.equations import Equations, clamped_node
 from ancf_casadi.excitation import Piece
 from ancf_casadi.export.signals import Signal, base_signals, output_signals, parameter_signals, state_signals, values
 from ancf_casadi.export.statics import equilibrium_function, frequencies_function
+from ancf_casadi.export.step import step_function
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.modes import natural_modes
 
@@ -63,6 +64,8 @@ class BeamFunctions:
         p -> q at rest, base at rest; nan where none was found.
     frequencies : Function
         p -> f, the lowest natural frequencies about the equilibrium, Hz; nan where they are not certain.
+    step : Function
+        (q, v, base, p, h) -> q_next, v_next, after a time h (s); base (9, 2) at the instants ``STAGES`` of the step.
     """
 
     parameters: tuple[Signal, ...]
@@ -80,6 +83,7 @@ class BeamFunctions:
     energies: cs.Function
     equilibrium: cs.Function
     frequencies: cs.Function
+    step: cs.Function
 
     @property
     def functions(self) -> tuple[cs.Function, ...]:
@@ -133,7 +137,9 @@ def beam_functions(
     residual = (balance.inertia(e_tt) + forces)[free]
     driving = (balance.inertia(cs.vertcat(clamped[2], cs.MX(a.numel(), 1))) + forces)[free]
     mass = model.mass(balance.properties)[free, free]
-    dr_dq, dr_dv, _ = equations.tangents(e, e_t, with_projection)
+    local = balance.local_damping(e, e_t)[free]
+    stiffness = model.tangent_stiffness(e, balance.properties)[free, free]
+    dr_dq, dr_dv = stiffness + _jacobian(local, q), _jacobian(local, v)
     if B.numel():
         dr_dv += B[free, :] @ cs.diag(balance.rates) @ B[free, :].T
 
@@ -142,26 +148,27 @@ def beam_functions(
 
     motion, place = ("q", "v", "base", "p"), ("q", "base")
     equilibrium = equilibrium_function(first.equilibrium, equations, values(parameters))
+    whole = function("residual", ("q", "v", "a", "base", "p"), r=residual)
+    jacobians = function(
+        "residual_jacobians",
+        ("q", "v", "a", "base", "p"),
+        dr_dq=dr_dq,
+        dr_dv=dr_dv,
+        dr_da=mass,
+        dr_dbase=_jacobian(residual, base),
+        dr_dp=_jacobian(residual, p),
+    )
+    three = cs.Function("three_jacobians", [q, v, a, base, p], [dr_dq, dr_dv, mass])
     return BeamFunctions(
         parameters=parameters,
         states=state_signals(first.equilibrium),
         base=clamp,
         outputs=output_signals(markers),
-        residual=function("residual", ("q", "v", "a", "base", "p"), r=residual),
-        residual_jacobians=function(
-            "residual_jacobians",
-            ("q", "v", "a", "base", "p"),
-            dr_dq=dr_dq,
-            dr_dv=dr_dv,
-            dr_da=mass,
-            dr_dbase=cs.jacobian(residual, base),
-            dr_dp=cs.jacobian(residual, p),
-        ),
+        residual=whole,
+        residual_jacobians=jacobians,
         rhs=function("rhs", motion, a=-_divide(driving, mass, model)),
         mass=function("mass", ("p",), M=mass),
-        tangent_stiffness=function(
-            "tangent_stiffness", ("q", "base", "p"), K=model.tangent_stiffness(e, balance.properties)[free, free]
-        ),
+        tangent_stiffness=function("tangent_stiffness", ("q", "base", "p"), K=stiffness),
         damping_force=function("damping_force", motion, Q=balance.damping(e, e_t)[free]),
         tip=function("tip", place, r=cs.DM(model.interpolation(model.beam.length)) @ e),
         markers=function("markers", place, r=cs.horzcat(cs.MX(2, 0), *(cs.DM(point) @ e for point in points))),
@@ -174,6 +181,7 @@ def beam_functions(
         ),
         equilibrium=equilibrium,
         frequencies=frequencies_function(first, equations, equilibrium),
+        step=step_function(whole, three, first),
     )
 
 
@@ -184,6 +192,11 @@ def _clamped_node(model: Model, base: cs.MX) -> cs.MX:
     piece = Piece(math.inf, lambda t, parameters: where + rate * t + rate2 * t**2 / 2)
     (node,) = cs.graph_substitute([clamped_node(model, piece, t, cs.MX(0, 1))], [t], [cs.MX(0.0)])
     return node
+
+
+def _jacobian(expression: cs.MX, symbol: cs.MX) -> cs.MX:
+    """Return a Jacobian made of one derivative at a time, which keeps the C short."""
+    return cs.jacobian(expression, symbol, {"helper_options": {"max_num_dir": 1}})
 
 
 def _divide(forces: cs.MX, mass: cs.MX, model: Model) -> cs.MX:

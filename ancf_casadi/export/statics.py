@@ -57,15 +57,17 @@ def equilibrium_function(rest: Equilibrium, equations: Equations, start: Array) 
     shift = model.beam.length * scale / scale.max()  # of the coordinates, for a change of z by 1
     origin, known = cs.DM(rest.coordinates[model.free]), cs.DM(rest.coordinates[: model.free.start])
     z, p = cs.MX.sym("z", scale.size), cs.MX.sym("p", start.size)
-    forces = balance_for(equations, p).conservative(cs.vertcat(known, origin + shift * z))
-    unbalance = forces[model.free] * (scale**2 / shift)
-    newton = cs.rootfinder("newton", "fast_newton", cs.Function("unbalance", [z, p], [unbalance]), NEWTON)
+    balance, e = balance_for(equations, p), cs.vertcat(known, origin + shift * z)
+    rows, columns = cs.DM(scale**2 / shift), cs.DM(shift)
+    unbalance = rows * balance.conservative(e)[model.free]
+    stiffness = scaled(model.tangent_stiffness(e, balance.properties)[model.free, model.free], rows, columns)
+    newton = rootfinder("equilibrium_newton", [z, p], stiffness, unbalance)
     found = cs.MX.zeros(scale.size)
     for j in range(1, LOAD_STEPS + 1):
         found = newton(found, cs.DM(start) + (p - cs.DM(start)) * (j / LOAD_STEPS))
-    step = cs.Function("step", [z, p], [cs.solve(cs.jacobian(unbalance, z), unbalance, "qr")])
+    step = cs.Function("step", [z, p], [cs.solve(stiffness, unbalance, "qr")])
     change = cs.norm_inf(step(found, p) * (shift / model.scale[model.free]))
-    q = (origin + shift * found) * _certain(change < CERTAIN)
+    q = (origin + shift * found) * certain(change < CERTAIN)
     return cs.Function("equilibrium", [p], [q], ["p"], ["q"])
 
 
@@ -85,14 +87,14 @@ def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Fun
     p, free = cs.MX.sym("p", equilibrium.size1_in(0)), model.free
     properties = balance_for(equations, p).properties
     e = cs.vertcat(cs.DM(modes.equilibrium.coordinates[: free.start]), equilibrium(p))
-    K = _scaled(model.tangent_stiffness(e, properties)[free, free], scale)
-    M = _scaled(model.mass(properties)[free, free], scale)
+    K = scaled(model.tangent_stiffness(e, properties)[free, free], cs.DM(scale), cs.DM(scale))
+    M = scaled(model.mass(properties)[free, free], cs.DM(scale), cs.DM(scale))
 
     start = cs.MX(cs.DM(modes.shapes[free] / scale[:, None]))
     iterate = _inverse_iteration(K.sparsity(), M.sparsity(), modes.count)
     for _ in range(INVERSE_ITERATIONS):
         start = iterate(start, K, M)
-    newton = cs.rootfinder("eigenpair", "fast_newton", _eigenpair(K.sparsity(), M.sparsity()), NEWTON)
+    newton = _eigenpair(K.sparsity(), M.sparsity())
     squares, errors = [], []
     for omega, psi in zip(modes.angular, cs.horzsplit(start), strict=True):
         B = omega**2 * M
@@ -104,8 +106,8 @@ def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Fun
     below = _count_below(K.sparsity() + M.sparsity())(K - (1 + JUST_ABOVE) * found[-1] * M)
     ascending = cs.mmin(cs.vertcat(found[0], cs.diff(found))) > 0
     solved = cs.mmax(cs.vertcat(*errors)) < CERTAIN
-    certain = _certain(cs.logic_and(cs.logic_and(below == modes.count, ascending), solved))
-    return cs.Function("frequencies", [p], [cs.sqrt(found) / (2 * math.pi) * certain], ["p"], ["f"])
+    sure = certain(cs.logic_and(cs.logic_and(below == modes.count, ascending), solved))
+    return cs.Function("frequencies", [p], [cs.sqrt(found) / (2 * math.pi) * sure], ["p"], ["f"])
 
 
 def balance_for(equations: Equations, p: cs.MX) -> Balance:
@@ -117,18 +119,26 @@ def _scale(rest: Equilibrium) -> Array:
     return np.asarray(1 / np.sqrt(rest.stiffness.diagonal()))
 
 
-def _scaled(matrix: cs.MX, scale: Array) -> cs.MX:
-    rows, columns = matrix.sparsity().get_triplet()
-    return cs.MX(matrix.sparsity(), matrix.nz[:] * cs.DM(scale[rows] * scale[columns]))
+def scaled(matrix: cs.MX, rows: cs.MX | cs.DM, columns: cs.MX | cs.DM) -> cs.MX:
+    """Return a sparse matrix with its rows and columns multiplied by some numbers."""
+    row, column = matrix.sparsity().get_triplet()
+    return cs.MX(matrix.sparsity(), matrix.nz[:] * rows[row] * columns[column])
 
 
-def _certain(condition: cs.MX) -> cs.MX:
+def rootfinder(name: str, inputs: list[cs.MX], jacobian: cs.MX, equations: cs.MX) -> cs.Function:
+    """Return (start, parameters) -> solution of equations in the first input, by Newton's method."""
+    derivative = cs.Function(f"{name}_jacobian", inputs, [jacobian, equations])
+    function = cs.Function(f"{name}_equations", inputs, [equations])
+    return cs.rootfinder(name, "fast_newton", function, {**NEWTON, "jacobian_function": derivative})
+
+
+def certain(condition: cs.MX) -> cs.MX:
     """Return 1, or nan where the condition does not hold; a factor, so that derivatives are nan there too."""
     return cs.if_else(condition, 1.0, math.nan)
 
 
 def _inverse_iteration(K: cs.Sparsity, M: cs.Sparsity, count: int) -> cs.Function:
-    """(psi, K, M) -> K^-1 M psi, made orthonormal with respect to M one after the other."""
+    """Return (psi, K, M) -> K^-1 M psi, made orthonormal with respect to M one after the other."""
     stiffness, mass = cs.MX.sym("K", K), cs.MX.sym("M", M)
     psi = cs.MX.sym("psi", K.size1(), count)
     columns: list[cs.MX] = []
@@ -140,16 +150,17 @@ def _inverse_iteration(K: cs.Sparsity, M: cs.Sparsity, count: int) -> cs.Functio
 
 
 def _eigenpair(K: cs.Sparsity, M: cs.Sparsity) -> cs.Function:
-    """((psi, mu), K, B) -> K psi - mu B psi, (psi^T B psi - 1)/2."""
-    stiffness, mass = cs.SX.sym("K", K), cs.SX.sym("B", M)
-    psi, mu = cs.SX.sym("psi", K.size1()), cs.SX.sym("mu")
+    """Return ((psi, mu), K, B) -> (psi, mu) with K psi - mu B psi = 0 and (psi^T B psi - 1)/2 = 0."""
+    stiffness, mass, pair = cs.MX.sym("K", K), cs.MX.sym("B", M), cs.MX.sym("pair", K.size1() + 1)
+    psi, mu = pair[:-1], pair[-1]
     load = mass @ psi
     equations = cs.vertcat(stiffness @ psi - mu * load, (cs.dot(psi, load) - 1) / 2)
-    return cs.Function("pair", [cs.vertcat(psi, mu), stiffness, mass], [equations])
+    jacobian = cs.blockcat(stiffness - mu * mass, -load, load.T, cs.MX(1, 1))
+    return rootfinder("eigenpair", [pair, stiffness, mass], jacobian, equations)
 
 
 def _count_below(pattern: cs.Sparsity) -> cs.Function:
-    """A -> how many eigenvalues of a symmetric band matrix are negative: its negative pivots.
+    """Return A -> how many eigenvalues of a symmetric band matrix are negative: its negative pivots.
 
     A window over the rows that the next pivot touches goes down the matrix; each step takes the pivot's share from it,
     and lets in the next row.

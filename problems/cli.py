@@ -21,7 +21,16 @@ import numpy as np
 
 from ancf_casadi.envelope import damping_curve
 from ancf_casadi.exceptions import AncfError, InputError
-from ancf_casadi.export.document import Identification, Provenance, write_document
+from ancf_casadi.export import (
+    Document,
+    Identification,
+    Provenance,
+    beam_functions,
+    save_functions,
+    write_c,
+    write_document,
+    write_fmu,
+)
 from ancf_casadi.export.strict_json import read_json
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.modes import natural_modes
@@ -36,7 +45,12 @@ from problems.study_file import numbers, read_match, read_model, read_simulation
 
 INTERRUPTED = 130
 STOPPED = "stopped; nothing was written"
-FORMATS = {"json": "json: a document that can be read again", "fmu": "fmu: FMI 3.0, model exchange"}
+FORMATS = {
+    "json": "json: a document that can be read again",
+    "casadi": "casadi: a file of Functions",
+    "c": "c: a folder of C99",
+    "fmu": "fmu: FMI 3.0, model exchange",
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -301,25 +315,38 @@ def _motion(run: Trajectory) -> Table:
 
 def _export(options: argparse.Namespace) -> str:
     began = time.perf_counter()
-    source, out = read_source(options.file), _new_file(options.out)
+    source = read_source(options.file)
+    out = check_folder(options.out) if options.format == "c" else _new_file(options.out)
+    if options.identification and options.format not in ("json", "fmu"):
+        raise InputError("goes along with json and fmu", "--identification")
+    if options.markers and options.format == "json":
+        raise InputError("JSON holds the beam itself, and no outputs", "--markers")
     document = replace(
         source,
         identifications=[*source.identifications, *_identifications(options.identification, options.data)],
         provenance=Provenance.of_this(note=source.provenance.note),
     )
-    if options.format == "json":
-        if options.markers:
-            raise InputError("JSON holds the beam itself, and no outputs", "--markers")
-        write_document(out, document)
-    else:
-        from ancf_casadi.export.fmu import write_fmu  # reads and writes XML, which is slow to import
-
-        with _located(options.file):
-            write_fmu(out, document, markers=options.markers, progress=True)
-    files = [{"path": str(out), "bytes": out.stat().st_size}]
+    with _located(options.file):
+        for marker in options.markers:
+            source.model.element_of(marker)
+    files = [{"path": str(path), "bytes": path.stat().st_size} for path in _exported(document, out, options)]
     if options.json:
         return to_json({"format": options.format, "files": files, "seconds": time.perf_counter() - began}).rstrip()
     return "\n".join(f"{file['path']}  {file['bytes']} bytes" for file in files)
+
+
+def _exported(document: Document, out: Path, options: argparse.Namespace) -> Sequence[Path]:
+    """Write a document in a format, and return the files."""
+    if options.format == "json":
+        write_document(out, document)
+    elif options.format == "fmu":
+        write_fmu(out, document, markers=options.markers, progress=True)
+    else:
+        functions = beam_functions(document.model, document.damping, markers=options.markers)
+        if options.format == "c":
+            return write_c(functions, out)
+        save_functions(functions, out)
+    return (out,)
 
 
 def _identifications(results: Sequence[str], records: Sequence[str]) -> list[Identification]:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, FitError, Measurement, Model, SimulationError, StrainMeasures
-from ancf_casadi.export import Document, fmu, read_document, write_document
+from ancf_casadi.export import Document, fmu, load_functions, read_document, write_document
 from ancf_casadi.version import __version__
 from problems import cli, reproduction
 from problems.cli import main
@@ -288,6 +288,21 @@ class TestExport:
         digest = hashlib.sha256((files / "decay.csv").read_bytes()).hexdigest()
         assert [(file.name, file.sha256) for file in decay.data] == [("decay.csv", digest)]
 
+    def test_casadi_and_c(self, files, capsys):
+        (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
+        call = ["export", "small.toml", "--markers", "0.25", "--json", "--format"]
+        assert main([*call, "casadi", "--out", "beam.casadi"]) == 0
+        assert json.loads(capsys.readouterr().out)["files"][0]["path"] == "beam.casadi"
+        functions = load_functions("beam.casadi")
+        q, base = [state.value for state in functions.states[:8]], np.zeros(9)
+        assert functions.markers(q, base).full().ravel() == pytest.approx([0.0, -0.25], abs=1e-6)
+        assert main([*call, "c", "--out", "source"]) == 0
+        written = json.loads(capsys.readouterr().out)["files"]
+        assert {file["path"]: file["bytes"] for file in written} == {
+            f"source/{name}": (files / "source" / name).stat().st_size for name in ("beam.c", "beam.h", "main.c")
+        }
+        assert "thickness_2" in (files / "source/beam.h").read_text()
+
     @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
     def test_fmu(self, files, capsys, monkeypatch):
         (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
@@ -324,6 +339,9 @@ class TestExport:
                 ["beam.toml", "--format", "json", "--out", "x", "--identification", "decay.csv"],
                 "decay.csv: is not JSON",
             ),
+            (["beam.toml", "--format", "c", "--out", "beam.toml"], "beam.toml: is not a folder"),
+            (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "beam.toml: s: the point must be on"),
+            (["beam.toml", "--format", "c", "--out", "x", "--identification", "a"], "goes along with json and fmu"),
             (["beam.toml", "--format", "json", "--out", "x", "--data", "decay.csv"], "--data: there are 1 for 0"),
         ],
     )
@@ -572,6 +590,17 @@ class TestInterrupted:
         assert main([command, file]) == 130
         assert one_line(capsys) == "ancf-casadi: stopped; nothing was written"
         assert sorted(files.iterdir()) == before
+
+    @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+    def test_while_an_fmu_is_compiled(self, files, capsys, monkeypatch):
+        def stopped(*_, **__):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(fmu.subprocess, "run", stopped)
+        before = sorted(files.iterdir())
+        assert main(["export", "beam.toml", "--format", "fmu", "--out", "new/beam.fmu"]) == 130
+        assert capsys.readouterr().err.endswith("ancf-casadi: stopped; nothing was written\n")
+        assert (sorted(files.iterdir()), Path.cwd()) == (before, files)
 
     def test_study(self, files, capsys, monkeypatch):
         def stopped(**_):

@@ -2,6 +2,7 @@
 
 import copy
 import json
+import math
 import os
 import subprocess
 import sys
@@ -28,7 +29,16 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.damping import SumOfLaws
-from ancf_casadi.export import DataFile, Document, Identification, Provenance, read_document, schema, write_document
+from ancf_casadi.export import (
+    DataFile,
+    Document,
+    Identification,
+    Provenance,
+    law_data,
+    read_document,
+    schema,
+    write_document,
+)
 from ancf_casadi.export.strict_json import MOST_BYTES, MOST_LEVELS
 from problems import fit_decay
 
@@ -154,6 +164,14 @@ class TestRoundTrip:
     def test_what_is_infinite_in_a_result_is_null(self, tmp_path):
         result = {"unknowns": np.array([1.5, np.inf]), "wide": (float("-inf"), np.float64(2.0)), "n": np.int64(3)}
         assert Identification.of(result).result == {"unknowns": [1.5, None], "wide": [None, 2.0], "n": 3}
+
+    @pytest.mark.parametrize(("value", "written"), [(math.inf, "null"), ((2.5, math.inf), "[2.5, null]")])
+    def test_a_field_that_is_infinite_by_default_is_null_there(self, value, written):
+        """A rigid clamp, say; where the default is finite, null is refused."""
+        assert json.dumps(law_data._beam_value(value)) == written
+        assert law_data._beam_field(json.loads(written), "beam.clamp", nullable=True) == value
+        with pytest.raises(InputError, match=r"beam.clamp.*: must be a number, got null"):
+            law_data._beam_field(json.loads(written), "beam.clamp", nullable=False)
 
 
 class TestSchema:

@@ -29,7 +29,7 @@ import casadi as cs
 import numpy as np
 import scipy
 
-from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping import DampingLaw, ModalDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.law_data import law_data, law_from, made, model_data, model_from
 from ancf_casadi.export.strict_json import MOST_LEVELS, list_at, object_at, place, read_json, text_at, whole_text
@@ -234,8 +234,7 @@ class Document:
     def __post_init__(self) -> None:
         """Validate."""
         object.__setattr__(self, "identifications", tuple(self.identifications))
-        if self.damping is not None:
-            self.damping.projection(self.model)
+        _check_mesh(self.damping, self.model)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the document as plain data.
@@ -296,6 +295,14 @@ def schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a document."""
     found: dict[str, Any] = json.loads(files("ancf_casadi.export").joinpath("schema.json").read_text())
     return found
+
+
+def _check_mesh(law: DampingLaw | None, model: Model) -> None:
+    """Refuse a law with modes of another mesh."""
+    for term in law.laws if isinstance(law, SumOfLaws) else ():
+        _check_mesh(term, model)
+    if isinstance(law, ModalDamping) and law.modes.model.size != model.size:
+        raise InputError("belong to a beam with another number of elements", "damping: modes")
 
 
 def _document(data: dict[str, Any]) -> Document:

@@ -61,7 +61,7 @@ def model_from(data: dict[str, Any], where: str) -> Model:
     required = {name for name, field in known.items() if field.default is MISSING}
     given = object_at(data["beam"], at, required, known.keys() - required)
     values = {
-        name: _beam_field(value, place(at, name), nullable=known[name].default == math.inf)
+        name: _beam_field(value, place(at, name), nullable=_may_be_infinite(known[name].default))
         for name, value in given.items()
     }
     beam = made(lambda: Beam(**values), at)
@@ -149,14 +149,18 @@ def made(make: Callable[[], Made], where: str) -> Made:
 
 def _beam_value(value: Any) -> Any:
     if isinstance(value, tuple):
-        return list(value)
+        return [_beam_value(item) for item in value]
     return None if value == math.inf else value
 
 
-def _beam_field(value: Any, where: str, nullable: bool) -> Any:
+def _beam_field(value: Any, where: str, *, nullable: bool) -> Any:
     if isinstance(value, list):
-        return tuple(numbers_at(value, where))
+        return tuple(_beam_field(item, place(where, k), nullable=nullable) for k, item in enumerate(value))
     return math.inf if value is None and nullable else number_at(value, where)
+
+
+def _may_be_infinite(default: Any) -> bool:
+    return math.inf in (default if isinstance(default, tuple) else (default,))
 
 
 def _modes_data(modes: Modes, model: Model) -> dict[str, Any]:

@@ -13,7 +13,6 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -21,17 +20,6 @@ import numpy as np
 
 from ancf_casadi.envelope import damping_curve
 from ancf_casadi.exceptions import AncfError, InputError
-from ancf_casadi.export import (
-    Document,
-    Identification,
-    Provenance,
-    beam_functions,
-    save_functions,
-    write_c,
-    write_document,
-    write_fmu,
-)
-from ancf_casadi.export.strict_json import read_json
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.modes import natural_modes
 from ancf_casadi.report import Table, check_folder, to_json, write_file
@@ -40,17 +28,12 @@ from ancf_casadi.trajectory import Trajectory
 from ancf_casadi.version import __version__
 from problems.decay_comparison import compare_decay_laws
 from problems.decay_fitting import fit_decay
+from problems.exporting import FORMATS, export, read_identifications
 from problems.frequency_matching import match_frequencies
 from problems.study_file import numbers, read_match, read_model, read_simulation, read_source
 
 INTERRUPTED = 130
 STOPPED = "stopped; nothing was written"
-FORMATS = {
-    "json": "json: a document that can be read again",
-    "casadi": "casadi: a file of Functions",
-    "c": "c: a folder of C99",
-    "fmu": "fmu: FMI 3.0, model exchange",
-}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -317,49 +300,15 @@ def _export(options: argparse.Namespace) -> str:
     began = time.perf_counter()
     source = read_source(options.file)
     out = check_folder(options.out) if options.format == "c" else _new_file(options.out)
-    if options.identification and options.format not in ("json", "fmu"):
-        raise InputError("goes along with json and fmu", "--identification")
-    if options.markers and options.format == "json":
-        raise InputError("JSON holds the beam itself, and no outputs", "--markers")
-    document = replace(
-        source,
-        identifications=[*source.identifications, *_identifications(options.identification, options.data)],
-        provenance=Provenance.of_this(note=source.provenance.note),
-    )
     with _located(options.file):
         for marker in options.markers:
             source.model.element_of(marker)
-    files = [{"path": str(path), "bytes": path.stat().st_size} for path in _exported(document, out, options)]
+    found = read_identifications(options.identification, options.data)
+    written = export(source, options.format, out, markers=options.markers, identifications=found)
+    files = [{"path": str(path), "bytes": path.stat().st_size} for path in written]
     if options.json:
         return to_json({"format": options.format, "files": files, "seconds": time.perf_counter() - began}).rstrip()
     return "\n".join(f"{file['path']}  {file['bytes']} bytes" for file in files)
-
-
-def _exported(document: Document, out: Path, options: argparse.Namespace) -> Sequence[Path]:
-    """Write a document in a format, and return the files."""
-    if options.format == "json":
-        write_document(out, document)
-    elif options.format == "fmu":
-        write_fmu(out, document, markers=options.markers, progress=True)
-    else:
-        functions = beam_functions(document.model, document.damping, markers=options.markers)
-        if options.format == "c":
-            return write_c(functions, out)
-        save_functions(functions, out)
-    return (out,)
-
-
-def _identifications(results: Sequence[str], records: Sequence[str]) -> list[Identification]:
-    """Return the results in some files, each with the record it was made from."""
-    if records and len(records) != len(results):
-        raise InputError(f"there are {len(records)} for {len(results)} results of --identification", "--data")
-    pairs = zip(results, [[record] for record in records] or [[] for _ in results], strict=True)
-    found = []
-    for path, data in pairs:
-        result = read_json(path)
-        with _located(path):
-            found.append(Identification.of(result, data=data))
-    return found
 
 
 def _plain(value: Any) -> str:

@@ -341,12 +341,16 @@ class TestExport:
             ),
             (["beam.toml", "--format", "c", "--out", "beam.toml"], "beam.toml: is not a folder"),
             (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "beam.toml: s: the point must be on"),
-            (["beam.toml", "--format", "c", "--out", "x", "--identification", "a"], "goes along with json and fmu"),
+            (
+                ["beam.toml", "--format", "c", "--out", "x", "--identification", "good.json"],
+                "goes along with json and fmu",
+            ),
             (["beam.toml", "--format", "json", "--out", "x", "--data", "decay.csv"], "--data: there are 1 for 0"),
         ],
     )
     def test_refusals(self, files, capsys, arguments, what):
         (files / "bad.json").write_text('{"a": 1}')
+        (files / "good.json").write_text('{"unknowns": []}')
         (files / "bad.toml").write_text('[beam]\ndocument = "bad.json"\n')
         assert what in refused(["export", *arguments], files, capsys)
 

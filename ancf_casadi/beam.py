@@ -24,6 +24,7 @@ from ancf_casadi.inputs import check_keys, number, positive, read_toml, vector
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 MINIMUM_ELEMENTS = 2
+ROUNDING = 1e-15  # of the length of a unit vector
 
 
 @dataclass(frozen=True)
@@ -109,7 +110,9 @@ class Beam:
         norm = math.hypot(*axis)
         if norm == 0.0:
             raise InputError("must not be the zero vector", "axis")
-        object.__setattr__(self, "axis", (axis[0] / norm, axis[1] / norm))
+        if abs(norm - 1.0) > ROUNDING:  # a unit vector stays what it is, to the last bit
+            axis = axis[0] / norm, axis[1] / norm
+        object.__setattr__(self, "axis", axis)
         object.__setattr__(self, "gravity", gravity)
         if number(self.tip_mass, "tip_mass") < 0.0:
             raise InputError(f"must not be negative, got {self.tip_mass:g}", "tip_mass")

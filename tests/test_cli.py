@@ -391,7 +391,11 @@ class TestUnusableInput:
         ("old", "new", "what"),
         [
             ("thickness = 0.5e-3", "", "[beam]: the key 'thickness' is missing"),
-            ("elements = 20", "elements = 20\ncolour = 1", "[beam]: unknown key 'colour'; known are axis, density"),
+            (
+                "elements = 20",
+                "elements = 20\ncolour = 1",
+                "[beam]: unknown key 'colour'; known are axis, clamp_stiffness",
+            ),
             ("[match]", "[mach]", "unknown key 'mach'; known are base, beam, damping, match"),
             ("[beam]", "[bean]", "the key 'beam' is missing"),
             ("thickness = 0.5e-3", "thickness = -0.5e-3", "[beam]: thickness: must be positive, got -0.0005"),

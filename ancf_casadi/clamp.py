@@ -35,7 +35,7 @@ def elastic_clamp(stiffness: float, l: float) -> Element:
         inputs=(e, e_t, p),
         strains=cs.vertcat(first - place, sigma, theta),
         weights=cs.vertcat(axial / l, axial / l, axial * l, stiffness),
-        line_mass=cs.DM.zeros(8, 8),
-        line_weight=cs.DM.zeros(8, 2),
+        line_mass=cs.SX.zeros(8, 8),
+        line_weight=cs.SX.zeros(8, 2),
         drag_force=cs.SX.zeros(8),
     )

@@ -135,6 +135,11 @@ def element(l: float, measures: StrainMeasures) -> Element:
         *(elastic_modulus * area * w for w in eps_weights),
         *(elastic_modulus * area * thickness**2 / 12 * w for w in kappa_weights),
     )
+    line_mass, line_weight = cs.SX.zeros(8, 8), cs.SX.zeros(8, 2)
+    for xi, w in _rule(MASS_POINTS):
+        shape = _shape(xi, l, hermite)
+        line_mass += w * l * shape.T @ shape
+        line_weight += w * l * shape.T
     drag_force = cs.SX.zeros(8)
     for xi, w in _rule(DRAG_POINTS):
         shape = _shape(xi, l, hermite)
@@ -144,8 +149,8 @@ def element(l: float, measures: StrainMeasures) -> Element:
         inputs=(e, e_t, p),
         strains=cs.vertcat(*eps, *kappa),
         weights=d,
-        line_mass=sum(w * l * _shape(xi, l, hermite).T @ _shape(xi, l, hermite) for xi, w in _rule(MASS_POINTS)),
-        line_weight=sum(w * l * _shape(xi, l, hermite).T for xi, w in _rule(MASS_POINTS)),
+        line_mass=line_mass,
+        line_weight=line_weight,
         drag_force=drag_force,
     )
 

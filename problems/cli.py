@@ -207,35 +207,7 @@ def _match(options: argparse.Namespace) -> str:
     with _located(f"{options.file}: [match]"):
         request["targets"] = numbers(request["targets"], "targets")
         match = match_frequencies(beam, **request)
-    if options.json:
-        data = {
-            "target_hz": match.targets,
-            "standard_hz": match.standard,
-            "matched_hz": match.frequencies,
-            "width_m": match.beam.width,
-            "thickness_m": match.beam.thickness,
-            "density": match.beam.density,
-            "elastic_modulus": match.beam.elastic_modulus,
-            "max_relative_error": match.max_relative_error,
-            "at_bound": match.at_bound,
-            "iterations": match.iterations,
-            "solve_seconds": match.solve_seconds,
-        }
-        return to_json(data).rstrip()
-    frequencies = zip(match.targets, match.standard, match.frequencies, strict=True)
-    properties = zip(
-        match.beam.width, match.beam.thickness, match.beam.density, match.beam.elastic_modulus, strict=True
-    )
-    tables = [
-        Table("frequencies", "Natural frequencies, Hz", ("mode", "target", "before", "matched"),
-              [(mode, *row) for mode, row in enumerate(frequencies, start=1)],
-              (f"largest relative error {match.max_relative_error:.1e}",)),
-        Table("properties", "Properties of the matched beam",
-              ("element", "width_m", "thickness_m", "density", "modulus_Pa"),
-              [(element, *row) for element, row in enumerate(properties, start=1)],
-              (f"at a bound: {', '.join(match.at_bound) or 'nothing'}",)),
-    ]  # fmt: skip
-    return "\n\n".join(table.text() for table in tables)
+    return to_json(match.to_dict()).rstrip() if options.json else match.report()
 
 
 def _simulate(options: argparse.Namespace) -> str:

@@ -92,7 +92,8 @@ class TestMatch:
         rows = [[float(cell) for cell in line.split()] for line in frequencies.splitlines()[4:7]]
         for row, target in zip(rows, (1.85, 10.19, 26.84), strict=True):
             assert (row[1], row[3]) == (pytest.approx(target), pytest.approx(target, rel=1e-5))
-        assert len(properties.splitlines()) == 4 + 8 + 1
+        assert len(properties.splitlines()) == 4 + 8 + 8 + 2 + 3  # rows, and three lines of notes
+        assert "The data fix 3 of 18 combinations of the unknowns." in properties
         assert "at a bound: nothing" in properties
 
 

@@ -30,107 +30,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as cs
 import numpy as np
 import scipy.linalg
 import scipy.sparse
-import scipy.sparse.linalg
 from numpy.typing import NDArray
 
-from ancf_casadi.beam import PROPERTIES
 from ancf_casadi.model import NODE, Model
+from ancf_casadi.parts import Part, blocks
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 BAND = 2 * NODE - 1  # diagonals on either side of the main one
 ONE_THREAD = 200_000  # multiplications in a product of matrices that BLAS does not share between threads
-NEWTON_ITERATIONS = 12
-NEWTON_TOLERANCE = 1e-11  # of the beam's length (positions) and of 1/2 (slopes)
-LARGEST_TURN = 0.5  # change of a slope from the state nearby
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """Equal pieces of a structure: the forces and the mass of one, and where their coordinates and properties are.
-
-    Parameters
-    ----------
-    force : casadi.Function
-        (e, p) -> elastic force less gravity (d,), of coordinates (d,) and properties (k,).
-    mass : casadi.Function
-        p -> mass matrix (d, d).
-    coordinates : array (pieces, d)
-        Which of the structure's coordinates a piece sees.
-    properties : array (pieces, k)
-        Which of the structure's properties.
-    """
-
-    force: cs.Function
-    mass: cs.Function
-    coordinates: Index
-    properties: Index
-
-    @property
-    def sizes(self) -> tuple[int, int]:
-        """Numbers d of coordinates and k of properties of a piece."""
-        return self.coordinates.shape[1], self.properties.shape[1]
-
-    @cached_property
-    def balance(self) -> cs.Function:
-        """(e, p) -> R, K, dR/dp, M."""
-        e, p = self._symbols()
-        force = self.force(e, p)
-        outputs = [force, cs.jacobian(force, e), cs.jacobian(force, p), self.mass(p)]
-        return cs.Function("balance", [e, p], [cs.densify(output) for output in outputs], {"cse": True})
-
-    @cached_property
-    def pencil_slopes(self) -> cs.Function:
-        """(e, p, phi, lambda) -> d(K phi)/de, d((K - lambda M) phi)/dp, 1/2 d(phi^T M phi)/dp."""
-        e, p, phi, eigenvalue, pencil, norm = self._mode()
-        outputs = [cs.jacobian(pencil, e), cs.jacobian(pencil, p), cs.jacobian(norm, p)]
-        return cs.Function(
-            "pencil_slopes", [e, p, phi, eigenvalue], [cs.densify(output) for output in outputs], {"cse": True}
-        )
-
-    @cached_property
-    def force_curvature(self) -> cs.Function:
-        """(e, p, z) -> d2(z^T R)/d(e, p)2."""
-        e, p = self._symbols()
-        z = cs.SX.sym("z", self.sizes[0])
-        hessian = cs.hessian(cs.dot(z, self.force(e, p)), cs.vertcat(e, p))[0]
-        return cs.Function("force_curvature", [e, p, z], [cs.densify(hessian)], {"cse": True})
-
-    @cached_property
-    def pencil_curvature(self) -> cs.Function:
-        """(e, p, phi, lambda, a, beta) -> d2(a^T (K - lambda M) phi - beta/2 phi^T M phi)/d(e, p, phi, lambda)2."""
-        e, p, phi, eigenvalue, pencil, norm = self._mode()
-        a, beta = cs.SX.sym("a", self.sizes[0]), cs.SX.sym("beta")
-        lagrangian = cs.dot(a, pencil) - beta * norm
-        hessian = cs.hessian(lagrangian, cs.vertcat(e, p, phi, eigenvalue))[0]
-        return cs.Function("pencil_curvature", [e, p, phi, eigenvalue, a, beta], [cs.densify(hessian)], {"cse": True})
-
-    def _symbols(self) -> tuple[cs.SX, cs.SX]:
-        return cs.SX.sym("e", self.sizes[0]), cs.SX.sym("p", self.sizes[1])
-
-    def _mode(self) -> tuple[cs.SX, ...]:
-        """Symbols e, p, phi, lambda, and (K - lambda M) phi and 1/2 phi^T M phi."""
-        e, p = self._symbols()
-        phi, eigenvalue = cs.SX.sym("phi", self.sizes[0]), cs.SX.sym("lambda")
-        inertia = self.mass(p) @ phi
-        pencil = cs.jtimes(self.force(e, p), e, phi) - eigenvalue * inertia
-        return e, p, phi, eigenvalue, pencil, cs.dot(phi, inertia) / 2
-
-
-def beam_parts(model: Model) -> tuple[Part, ...]:
-    """Return the parts of a model; their properties are those of ``model.properties``, row by row."""
-    n, functions = model.beam.elements, model.element
-    e, p = cs.SX.sym("e", 2 * NODE), cs.SX.sym("p", len(PROPERTIES))
-    force = cs.Function(
-        "force", [e, p], [functions.elastic_force(e, p) - functions.gravity_force(p, model.beam.gravity)]
-    )
-    elements = np.arange(n)[:, None]
-    return (Part(force, functions.mass, NODE * elements + np.arange(2 * NODE), elements + n * np.arange(4)),)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,7 +113,7 @@ class ModalState:
         load = np.zeros((size, several))
         for part in self.parts:
             e, p = self._of(part)
-            _, _, by_property, _ = _blocks(part.balance, e, p)
+            _, _, by_property, _ = blocks(part.piece.balance, e, p)
             np.add.at(load, part.coordinates, by_property @ directions[part.properties])
         coordinates = np.zeros((size, several))
         coordinates[free] = -scipy.linalg.cho_solve_banded(self._factors, load[free])
@@ -255,11 +167,11 @@ class ModalState:
         several = slopes.directions.shape[1]
         total = np.zeros((several, several))
         for part in self.parts:
-            pieces, (d, k) = len(part.coordinates), part.sizes
+            pieces, (d, k) = len(part.coordinates), part.piece.sizes
             inputs = a[:, part.coordinates].reshape(count * pieces, d), np.repeat(beta, pieces)[:, None]
-            of_modes = _blocks(part.pencil_curvature, *self._of_modes(part), *inputs)[0]
+            of_modes = blocks(part.piece.pencil_curvature, *self._of_modes(part), *inputs)[0]
             of_modes = of_modes.reshape(count, pieces, *of_modes.shape[1:])
-            of_forces = _blocks(part.force_curvature, *self._of(part), z[part.coordinates])[0]
+            of_forces = blocks(part.piece.force_curvature, *self._of(part), z[part.coordinates])[0]
             # unknowns of a piece: e, p, then phi and lambda of each mode
             shared, own = d + k, d + 1
             hessian = np.zeros((pieces, shared + count * own, shared + count * own))
@@ -283,7 +195,7 @@ class ModalState:
     @cached_property
     def inertia(self) -> scipy.sparse.dia_array:
         """Mass of the free coordinates, sparse."""
-        return _sparse(self.mass)
+        return sparse(self.mass)
 
     @cached_property
     def _pencils(self) -> list[_Pencil]:
@@ -306,81 +218,8 @@ class ModalState:
     def _pencil_slopes(self, part: Part) -> list[Array]:
         """Return the outputs of ``pencil_slopes``, each (m, pieces, rows, columns)."""
         shape = len(self.eigenvalues), len(part.coordinates)
-        blocks = _blocks(part.pencil_slopes, *self._of_modes(part))
-        return [block.reshape(*shape, *block.shape[1:]) for block in blocks]
-
-
-def modal_state(
-    model: Model,
-    parts: tuple[Part, ...],
-    properties: Array,
-    near: Array,
-    count: int,
-) -> ModalState | None:
-    """Return the equilibrium next to given coordinates and its lowest modes; None where there is no stable one.
-
-    Parameters
-    ----------
-    model : Model
-        The beam, whose own properties are not used.
-    parts : tuple of Part
-        What it is made of.
-    properties : array (properties,)
-        The properties.
-    near : array (4 n + 4,)
-        Nodal coordinates to start from.
-    count : int
-        How many modes.
-    """
-    free = model.free
-    coordinates = near.copy()
-    scale = model.scale[free]
-    slopes = np.arange(model.size).reshape(-1, NODE)[:, 2:]
-    for _ in range(NEWTON_ITERATIONS):
-        force, stiffness, _ = _assembled(model, parts, properties, coordinates)
-        try:
-            update = scipy.linalg.solve_banded((BAND, BAND), stiffness, force)
-        except np.linalg.LinAlgError:
-            return None
-        if not np.isfinite(update).all():
-            return None
-        coordinates[free] -= update
-        if np.abs(coordinates[slopes] - near[slopes]).max() > LARGEST_TURN:
-            return None
-        if np.abs(update / scale).max() < NEWTON_TOLERANCE:
-            break
-    else:
-        return None
-    _, stiffness, mass = _assembled(model, parts, properties, coordinates)
-    found = _lowest(stiffness, mass, count)
-    if found is None:
-        return None
-    shapes = np.zeros((model.size, count))
-    shapes[free] = found[1]
-    return ModalState(model, parts, properties, coordinates, np.arange(count), found[0], shapes, stiffness, mass)
-
-
-def _lowest(stiffness: Array, mass: Array, count: int) -> tuple[Array, Array] | None:
-    """Return the lowest eigenvalues and their mass-normalised vectors; None where the equilibrium is not stable."""
-    size = mass.shape[1]
-    try:
-        factors = scipy.linalg.cholesky_banded(stiffness[BAND:], lower=True), True
-    except np.linalg.LinAlgError:
-        return None
-    inertia = _sparse(mass)
-    if 2 * count + 1 >= size:  # more than Lanczos' method is for
-        inverse_squares, vectors = scipy.linalg.eigh(inertia.toarray(), _sparse(stiffness).toarray())
-        eigenvalues = 1 / inverse_squares[: -count - 1 : -1]
-        return eigenvalues, vectors[:, : -count - 1 : -1] * np.sqrt(eigenvalues)
-    inverse = scipy.sparse.linalg.LinearOperator(
-        (size, size), matvec=lambda load: scipy.linalg.cho_solve_banded(factors, load, check_finite=False), dtype=float
-    )
-    start = np.random.default_rng(0).standard_normal(size) / np.sqrt(stiffness[BAND])
-    eigenvalues, vectors = scipy.sparse.linalg.eigsh(
-        _sparse(stiffness), count, inertia, sigma=0.0, OPinv=inverse, v0=start
-    )
-    order = np.argsort(eigenvalues)
-    return eigenvalues[order], vectors[:, order]
+        found = blocks(part.piece.pencil_slopes, *self._of_modes(part))
+        return [block.reshape(*shape, *block.shape[1:]) for block in found]
 
 
 @dataclass(frozen=True, eq=False)
@@ -411,33 +250,10 @@ class _Pencil:
         return np.asarray(scale * scipy.linalg.solve_banded((BAND, BAND), self.banded, right, check_finite=False))
 
 
-def _sparse(banded: Array) -> scipy.sparse.dia_array:
+def sparse(banded: Array) -> scipy.sparse.dia_array:
+    """Return a banded matrix as a sparse one."""
     size = banded.shape[1]
     return scipy.sparse.dia_array((banded, np.arange(BAND, -BAND - 1, -1)), shape=(size, size))
-
-
-def _assembled(model: Model, parts: tuple[Part, ...], properties: Array, e: Array) -> tuple[Array, Array, Array]:
-    """Return R, and K and M by diagonals, of the free coordinates."""
-    force = np.zeros(model.size)
-    stiffness, mass = np.zeros((2 * BAND + 1, model.size)), np.zeros((2 * BAND + 1, model.size))
-    for part in parts:
-        of_force, of_stiffness, _, of_mass = _blocks(part.balance, e[part.coordinates], properties[part.properties])
-        rows, columns = part.coordinates[:, :, None], part.coordinates[:, None, :]
-        np.add.at(force, part.coordinates, of_force[:, :, 0])
-        np.add.at(stiffness, (BAND + rows - columns, columns), of_stiffness)
-        np.add.at(mass, (BAND + rows - columns, columns), of_mass)
-    free = model.free
-    return force[free], stiffness[:, free], mass[:, free]
-
-
-def _blocks(function: cs.Function, *inputs: Array) -> list[Array]:
-    """Call a Function for each piece, inputs as rows; return its outputs, each (pieces, rows, columns)."""
-    pieces = len(inputs[0])
-    outputs = function.map(pieces)(*(values.T for values in inputs))
-    return [
-        output.full().reshape(output.shape[0], pieces, -1).transpose(1, 0, 2)
-        for output in (outputs if isinstance(outputs, tuple) else (outputs,))
-    ]
 
 
 def _congruence(hessians: Array, slopes: Array) -> Array:

@@ -21,9 +21,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ancf_casadi.eigen_derivatives import Array, Index, ModalState, beam_parts, modal_state
+from ancf_casadi.eigen_derivatives import Array, Index, ModalState
 from ancf_casadi.exceptions import EquilibriumError
+from ancf_casadi.modal_state import modal_state
 from ancf_casadi.modes import Modes
+from ancf_casadi.parts import beam_parts
 
 SPARE = 4  # modes above the highest one that are looked at too
 CERTAIN = 0.5  # MAC beyond which a mode is the only one

@@ -145,7 +145,7 @@ def _result(matching: Matching, optimum: Optimum, build_seconds: float, starts: 
     if matching.measured.shapes:
         assurance = matching.measured.assurance(matching.observer @ modes.shapes)
     noisy = matching.measured.frequency_std is not None
-    full = Matching(space, matching.measured, matching.preference).response()  # weighted residuals, for any objective
+    full = matching.response("least-squares")
     return FrequencyMatch(
         beam=matched,
         targets=matching.measured.frequencies,

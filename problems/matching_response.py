@@ -117,9 +117,9 @@ class Matching:
         """Matrix of the preference against half the sum of squared residuals in units of their deviations, (N, N)."""
         return self.preference.matrix(self.space, WEIGHT / self.unit**2)
 
-    def response(self) -> Response:
-        """Return the residuals of this matching and their derivatives."""
-        return Response(self)
+    def response(self, objective: Objective | None = None) -> Response:
+        """Return the residuals and their derivatives, of another objective if one is given."""
+        return Response(self, objective or self.objective)
 
 
 class Response:
@@ -129,11 +129,13 @@ class Response:
     ----------
     matching : Matching
         What is to be matched.
+    objective : {"least-squares", "worst-error"}
+        Whether shapes and deviations count, or relative frequency errors alone.
     """
 
-    def __init__(self, matching: Matching) -> None:
+    def __init__(self, matching: Matching, objective: Objective) -> None:
         self.matching = matching
-        self._residuals, self._slopes, self._curvature = _residual_functions(matching)
+        self._residuals, self._slopes, self._curvature = _residual_functions(matching, objective == "worst-error")
         self._at: tuple[Array, ModalState, Slopes | None] | None = None
 
     @property
@@ -192,9 +194,9 @@ class Response:
         return np.concatenate([slopes.eigenvalues, (self.matching.observer @ slopes.shapes).reshape(-1, several)])
 
 
-def _residual_functions(matching: Matching) -> tuple[cs.Function, cs.Function, cs.Function]:
+def _residual_functions(matching: Matching, worst: bool) -> tuple[cs.Function, cs.Function, cs.Function]:
     """Return r, dr/dx and d2(y^T r)/dx2 as Functions of x, eigenvalues and displacements mode by mode."""
-    measured, worst = matching.measured, matching.objective == "worst-error"
+    measured = matching.measured
     points = len(measured.points) if measured.shapes else 0
     eigenvalues = cs.SX.sym("lambda", measured.count)
     displacements = cs.SX.sym("v", points, measured.count)

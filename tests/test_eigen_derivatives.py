@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, Model, natural_modes
-from ancf_casadi.eigen_derivatives import ModalState, beam_parts, modal_state
+from ancf_casadi.eigen_derivatives import ModalState
+from ancf_casadi.modal_state import modal_state
 from ancf_casadi.mode_following import follow, followed_modes
+from ancf_casadi.parts import beam_parts
 
 ELEMENTS = 5
 COUNT = 3

@@ -1,0 +1,109 @@
+"""The equilibrium next to a known one and its lowest modes, for any properties, as fast as an optimiser wants them.
+
+``natural_modes`` derives a model anew for each beam and finds its equilibrium from the straight one.  Here properties
+are numbers in Functions derived once, Newton's method starts from a neighbouring equilibrium, and all matrices are
+banded: Cholesky's factors K = L L^T, which exist where the equilibrium is stable, serve Lanczos' method on K^-1 M.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse.linalg
+
+from ancf_casadi.eigen_derivatives import BAND, Array, ModalState, sparse
+from ancf_casadi.model import NODE, Model
+from ancf_casadi.parts import Part, blocks
+
+NEWTON_ITERATIONS = 12
+NEWTON_TOLERANCE = 1e-11  # of the beam's length (positions) and of 1/2 (slopes)
+LARGEST_TURN = 0.5  # change of a slope from the state nearby
+
+
+def modal_state(
+    model: Model,
+    parts: tuple[Part, ...],
+    properties: Array,
+    near: Array,
+    count: int,
+) -> ModalState | None:
+    """Return the equilibrium next to given coordinates and its lowest modes; None where there is no stable one.
+
+    Parameters
+    ----------
+    model : Model
+        The beam, whose own properties are not used.
+    parts : tuple of Part
+        What it is made of.
+    properties : array (properties,)
+        The properties.
+    near : array (4 n + 4,)
+        Nodal coordinates to start from.
+    count : int
+        How many modes.
+    """
+    free = model.free
+    coordinates = near.copy()
+    scale = model.scale[free]
+    slopes = np.arange(model.size).reshape(-1, NODE)[:, 2:]
+    for _ in range(NEWTON_ITERATIONS):
+        force, stiffness, _ = _assembled(model, parts, properties, coordinates)
+        try:
+            update = scipy.linalg.solve_banded((BAND, BAND), stiffness, force)
+        except np.linalg.LinAlgError:
+            return None
+        if not np.isfinite(update).all():
+            return None
+        coordinates[free] -= update
+        if np.abs(coordinates[slopes] - near[slopes]).max() > LARGEST_TURN:
+            return None
+        if np.abs(update / scale).max() < NEWTON_TOLERANCE:
+            break
+    else:
+        return None
+    _, stiffness, mass = _assembled(model, parts, properties, coordinates)
+    found = _lowest(stiffness, mass, count)
+    if found is None:
+        return None
+    shapes = np.zeros((model.size, count))
+    shapes[free] = found[1]
+    return ModalState(model, parts, properties, coordinates, np.arange(count), found[0], shapes, stiffness, mass)
+
+
+def _lowest(stiffness: Array, mass: Array, count: int) -> tuple[Array, Array] | None:
+    """Return the lowest eigenvalues and their mass-normalised vectors; None where the equilibrium is not stable."""
+    size = mass.shape[1]
+    try:
+        factors = scipy.linalg.cholesky_banded(stiffness[BAND:], lower=True), True
+    except np.linalg.LinAlgError:
+        return None
+    inertia = sparse(mass)
+    if 2 * count + 1 >= size:  # more than Lanczos' method is for
+        inverse_squares, vectors = scipy.linalg.eigh(inertia.toarray(), sparse(stiffness).toarray())
+        eigenvalues = 1 / inverse_squares[: -count - 1 : -1]
+        return eigenvalues, vectors[:, : -count - 1 : -1] * np.sqrt(eigenvalues)
+    inverse = scipy.sparse.linalg.LinearOperator(
+        (size, size), matvec=lambda load: scipy.linalg.cho_solve_banded(factors, load, check_finite=False), dtype=float
+    )
+    start = np.random.default_rng(0).standard_normal(size) / np.sqrt(stiffness[BAND])
+    eigenvalues, vectors = scipy.sparse.linalg.eigsh(
+        sparse(stiffness), count, inertia, sigma=0.0, OPinv=inverse, v0=start
+    )
+    order = np.argsort(eigenvalues)
+    return eigenvalues[order], vectors[:, order]
+
+
+def _assembled(model: Model, parts: tuple[Part, ...], properties: Array, e: Array) -> tuple[Array, Array, Array]:
+    """Return R, and K and M by diagonals, of the free coordinates."""
+    force = np.zeros(model.size)
+    stiffness, mass = np.zeros((2 * BAND + 1, model.size)), np.zeros((2 * BAND + 1, model.size))
+    for part in parts:
+        of_force, of_stiffness, _, of_mass = blocks(
+            part.piece.balance, e[part.coordinates], properties[part.properties]
+        )
+        rows, columns = part.coordinates[:, :, None], part.coordinates[:, None, :]
+        np.add.at(force, part.coordinates, of_force[:, :, 0])
+        np.add.at(stiffness, (BAND + rows - columns, columns), of_stiffness)
+        np.add.at(mass, (BAND + rows - columns, columns), of_mass)
+    free = model.free
+    return force[free], stiffness[:, free], mass[:, free]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ancf_casadi.beam import PROPERTIES
+from ancf_casadi.compilation import Buffered
 from ancf_casadi.element import StrainMeasures, element
 from ancf_casadi.model import NODE, Model
 
@@ -125,8 +126,10 @@ def _element_piece(length: float, measures: StrainMeasures, gravity: tuple[float
 def blocks(function: cs.Function, *inputs: Array) -> list[Array]:
     """Call a Function for each piece, inputs as rows; return its outputs, each (pieces, rows, columns)."""
     pieces = len(inputs[0])
-    outputs = function.map(pieces)(*(values.T for values in inputs))
-    return [
-        output.full().reshape(output.shape[0], pieces, -1).transpose(1, 0, 2)
-        for output in (outputs if isinstance(outputs, tuple) else (outputs,))
-    ]
+    evaluate = Buffered(_mapped(function, pieces), *(np.ascontiguousarray(values) for values in inputs))
+    return [output.reshape(pieces, -1, function.size1_out(k)).transpose(0, 2, 1) for k, output in enumerate(evaluate())]
+
+
+@lru_cache(maxsize=64)
+def _mapped(function: cs.Function, pieces: int) -> cs.Function:
+    return function.map(pieces)

@@ -29,7 +29,7 @@ from ancf_casadi.version import __version__
 from problems.decay_comparison import compare_decay_laws
 from problems.decay_fitting import fit_decay
 from problems.frequency_matching import match_frequencies
-from problems.study_file import numbers, read_beam, read_match, read_simulation
+from problems.study_file import read_beam, read_match, read_simulation
 
 INTERRUPTED = 130
 STOPPED = "stopped; nothing was written"
@@ -205,7 +205,6 @@ def _modes(options: argparse.Namespace) -> str:
 def _match(options: argparse.Namespace) -> str:
     beam, request = read_match(options.file)
     with _located(f"{options.file}: [match]"):
-        request["targets"] = numbers(request["targets"], "targets")
         match = match_frequencies(beam, **request)
     return to_json(match.to_dict()).rstrip() if options.json else match.report()
 

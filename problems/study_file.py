@@ -2,7 +2,9 @@
 
 A file has the table ``[beam]``, with the keys of ``Beam.uniform``, and as the command asks
 
-    [match]       targets (Hz), bounds
+    [match]       targets (Hz), frequency_std (Hz), bounds, objective, starts, seed;
+                  points (m), shapes, shape_std where shapes were measured;
+                  unknowns = {width = "element", density = "global", thickness = {smooth = 3, bounds = 0.05}}
     [[damping]]   law = "rayleigh":  alpha, beta, stiffness
                   law = "quadratic": eta1 (1/s), eta2 (1/m)
                   law = "modal":     ratios, frequencies (Hz);  several tables add up
@@ -14,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 from ancf_casadi.beam import Beam
@@ -23,9 +26,13 @@ from ancf_casadi.excitation import HarmonicBase
 from ancf_casadi.inputs import check_keys, number, read_toml
 from ancf_casadi.model import Model
 from ancf_casadi.modes import natural_modes
+from problems.matching_unknowns import Global, PerElement, PropertyUnknown, Smooth
+from problems.measured_modes import MeasuredModes
 
 Made = TypeVar("Made")
 
+MODES = ("frequency_std", "points", "shapes", "shape_std")  # what [match] may have of MeasuredModes
+MATCH = ("bounds", "objective", "starts", "seed", "unknowns")
 TABLES = ("beam", "match", "damping", "base", "simulation")
 
 
@@ -63,7 +70,7 @@ def read_beam(path: str) -> Beam:
 
 
 def read_match(path: str) -> tuple[Beam, dict[str, Any]]:
-    """Read a beam, and the targets and bounds to match it to.
+    """Read a beam, and the arguments of ``match_frequencies`` to match it.
 
     Raises
     ------
@@ -72,7 +79,16 @@ def read_match(path: str) -> tuple[Beam, dict[str, Any]]:
     """
     document = _document(path)
     beam = Beam.from_table(document.get("beam"), path)
-    return beam, _table(document.get("match"), {"targets"}, {"bounds"}, f"{path}: [match]")
+    where = f"{path}: [match]"
+    request = dict(_table(document.get("match"), {"targets"}, {*MODES, *MATCH}, where))
+    measured = {key: request.pop(key) for key in MODES if key in request}
+    targets = _made(lambda: numbers(request["targets"], "targets"), where)
+    request["targets"] = (
+        _made(lambda: MeasuredModes(frequencies=tuple(targets), **measured), where) if measured else targets
+    )
+    if "unknowns" in request:
+        request["unknowns"] = _unknowns(request["unknowns"], where)
+    return beam, request
 
 
 def read_simulation(path: str) -> Simulation:
@@ -90,6 +106,27 @@ def read_simulation(path: str) -> Simulation:
     return Simulation(
         model, _damping(document.get("damping", []), model, path), _base(document.get("base"), path), settings
     )
+
+
+def _unknowns(table: Any, where: str) -> tuple[PropertyUnknown, ...]:
+    if not isinstance(table, dict):
+        raise InputError(f"must be a table of properties, got {table!r}", f"{where}: unknowns")
+    return tuple(_made(partial(_unknown, name, given), where) for name, given in table.items())
+
+
+def _unknown(name: str, given: Any) -> PropertyUnknown:
+    """Make an unknown from "global", "element", {smooth = 3}, or {element = true, bounds = 0.05}."""
+    table = {given: True} if isinstance(given, str) else given
+    kinds = sorted({"global", "element", "smooth"} & set(table)) if isinstance(table, dict) else []
+    if len(kinds) != 1 or set(table) - {kinds[0], "bounds"}:
+        raise InputError(
+            f'must be "global", "element", {{smooth = 3}} or {{element = true, bounds = 0.05}}, got {given!r}',
+            f"unknowns: {name}",
+        )
+    bounds = table.get("bounds")
+    if kinds[0] == "smooth":
+        return Smooth(name, terms=table["smooth"], bounds=bounds)
+    return Global(name, bounds) if kinds[0] == "global" else PerElement(name, bounds)
 
 
 def _document(path: str) -> dict[str, Any]:

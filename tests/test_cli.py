@@ -285,7 +285,7 @@ class TestUnusableInput:
             ),
             ("bounds = 0.10", "bounds = 0", "bounds: must be positive, got 0"),
             ("bounds = 0.10", "bounds = 1.5", "bounds: must be at most 1, got 1.5"),
-            ("bounds = 0.10", "bound = 0.10", "unknown key 'bound'; known are bounds, targets"),
+            ("bounds = 0.10", "bound = 0.10", "unknown key 'bound'; known are bounds, frequency_std"),
             ("targets = ", "bounds = 0.10 #", None),
         ],
     )

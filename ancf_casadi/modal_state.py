@@ -86,9 +86,12 @@ def _lowest(stiffness: Array, mass: Array, count: int) -> tuple[Array, Array] | 
         (size, size), matvec=lambda load: scipy.linalg.cho_solve_banded(factors, load, check_finite=False), dtype=float
     )
     start = np.random.default_rng(0).standard_normal(size) / np.sqrt(stiffness[BAND])
-    eigenvalues, vectors = scipy.sparse.linalg.eigsh(
-        sparse(stiffness), count, inertia, sigma=0.0, OPinv=inverse, v0=start
-    )
+    try:
+        eigenvalues, vectors = scipy.sparse.linalg.eigsh(
+            sparse(stiffness), count, inertia, sigma=0.0, OPinv=inverse, v0=start
+        )
+    except scipy.sparse.linalg.ArpackError:
+        return None
     order = np.argsort(eigenvalues)
     return eigenvalues[order], vectors[:, order]
 

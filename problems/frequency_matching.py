@@ -33,7 +33,7 @@ from ancf_casadi.modes import natural_modes
 from ancf_casadi.parallel import run_all
 from problems.design_space import DesignSpace
 from problems.matching_identifiability import Identifiability
-from problems.matching_preference import LeastChange, Preference
+from problems.matching_preference import LeastChange, Preference, Smoothness
 from problems.matching_problem import Optimum, solve
 from problems.matching_response import Matching, Objective
 from problems.matching_result import FrequencyMatch
@@ -107,8 +107,11 @@ def match_frequencies(
     space = DesignSpace(beam, unknowns, bounds)  # type: ignore[arg-type]
     if objective not in get_args(Objective):
         raise InputError(f"must be one of {', '.join(get_args(Objective))}, got {objective!r}", "objective")
-    if isinstance(starts, bool) or not isinstance(starts, Integral) or starts < 1:
-        raise InputError(f"must be a whole number above 0, got {starts!r}", "starts")
+    if preference is not None and not isinstance(preference, LeastChange | Smoothness):
+        raise InputError(f"must be LeastChange or Smoothness, got {preference!r}", "preference")
+    for name, number, least in (("starts", starts, 1), ("jobs", jobs, 1), ("seed", seed, 0)):
+        if isinstance(number, bool) or not isinstance(number, Integral) or number < least:
+            raise InputError(f"must be a whole number, {least} or more, got {number!r}", name)
     first = space.check_start(start)
     began = time.perf_counter()
     matching = Matching(space, measured, preference or LeastChange(), objective)

@@ -5,7 +5,8 @@ the combinations that the data fix, the rows of V^T with a singular value, from 
 J N = 0.  To first order the data admit every m + dm with J dm = 0 within the bounds; the least and the largest value of
 each factor among them are linear programs, min and max of t^T dm.
 
-With standard deviations, the factors that the data fix have the covariance T (J^T J)^+ T^T.  A preference whose weight
+With standard deviations, the factors that the data fix have the covariance T (J^T J)^+ T^T, those at a bound taken as
+known.  A preference whose weight
 is given adds its matrix to J^T J, as what was known before.
 
 Frequencies are products of powers of global properties over wide ranges.  In logarithms the combinations of those that
@@ -122,21 +123,38 @@ class Identifiability:
         return np.asarray(self.factors[:, None] + np.array(ends))
 
     @cached_property
+    def held(self) -> NDArray[np.bool_]:
+        """Unknowns at a bound, which count as known, (N,)."""
+        at_bound = set(self.space.at_bound(self.values))
+        return np.array([name in at_bound for name in self.space.names])
+
+    @cached_property
     def covariance(self) -> Array:
         """Covariance of the unknowns, (N, N), of the part that the data and what was known before fix."""
-        values, directions = np.linalg.eigh(self.jacobian.T @ self.jacobian + self.prior)
+        values, directions = self._information
         known = values > RANK**2 * values[-1]
         return np.asarray((directions[:, known] / values[known]) @ directions[:, known].T)
 
     @cached_property
     def standard_errors(self) -> Array:
-        """Standard errors of the factors, (F,); nan for those that are not fixed, or where no deviation is known."""
+        """Standard errors of the factors, (F,).
+
+        Nan for those that are not fixed or at a bound, and where no deviation is known.
+        """
         rows = self.quantities[1]
         errors = np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance, rows))
-        values, directions = np.linalg.eigh(self.jacobian.T @ self.jacobian + self.prior)
+        values, directions = self._information
         loose = directions[:, values <= RANK**2 * values[-1]]
-        seen = np.linalg.norm(rows @ loose, axis=1) < FIXED * np.linalg.norm(rows, axis=1)
-        return np.where(seen & self.noisy, errors, math.nan)
+        fixed = np.linalg.norm(rows @ loose, axis=1) < FIXED * np.linalg.norm(rows, axis=1)
+        return np.where(fixed & self.noisy, errors, math.nan)
+
+    @cached_property
+    def _information(self) -> tuple[Array, Array]:
+        """Eigenvalues and directions of J^T J and the prior, of the unknowns that are not held."""
+        free = ~self.held
+        information = (self.jacobian.T @ self.jacobian + self.prior) * np.outer(free, free)
+        values, directions = np.linalg.eigh(information)
+        return values, directions
 
     @cached_property
     def exponents(self) -> tuple[tuple[str, ...], Array]:

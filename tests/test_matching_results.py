@@ -223,6 +223,18 @@ class TestIdentifiability:
 
         assert steps(Smoothness(weight=1e-6)) < 0.95 * steps(LeastChange(weight=1e-8))
 
+    def test_an_unknown_at_its_bound_is_known_to_the_others(self, beam, truth):
+        """With the first element held, the others have smaller errors than all five together, and it has none."""
+        measured = measure(truth, [0, 1, 2, 3])
+        free = match_frequencies(beam, targets=measured, unknowns=(THICKNESS,))
+        low = beam.with_(thickness=tuple(np.array(truth.thickness) * [1 / 0.97, 1, 1, 1, 1]))
+        match = match_frequencies(low, targets=measured, unknowns=(THICKNESS,), bounds=0.02)
+        assert "thickness[1]" in match.at_bound
+        errors = match.identifiability.standard_errors
+        assert np.isnan(errors[0])
+        inner = [k for k in range(ELEMENTS) if f"thickness[{k + 1}]" not in match.at_bound]
+        assert (errors[inner] < free.identifiability.standard_errors[inner]).all()
+
 
 class TestStarts:
     def test_all_starts_reach_the_same_and_processes_change_nothing(self, beam):
@@ -235,14 +247,21 @@ class TestStarts:
         assert (parallel.unknowns == serial.unknowns).all()
         assert parallel.reached == 3
 
-    @pytest.mark.parametrize("starts", [0, 1.5, True])
-    def test_number_of_starts(self, beam, starts):
-        with pytest.raises(InputError, match="starts: must be a whole number above 0"):
-            match_frequencies(beam, targets=(1.85,), starts=starts)
-
-    def test_objective(self, beam):
-        with pytest.raises(InputError, match="objective: must be one of least-squares, worst-error, got 'best'"):
-            match_frequencies(beam, targets=(1.85,), objective="best")
+    @pytest.mark.parametrize(
+        ("given", "message"),
+        [
+            ({"starts": 0}, "starts: must be a whole number, 1 or more, got 0"),
+            ({"starts": 1.5}, "starts: must be a whole number, 1 or more"),
+            ({"starts": True}, "starts: must be a whole number, 1 or more"),
+            ({"seed": -1}, "seed: must be a whole number, 0 or more"),
+            ({"jobs": 0}, "jobs: must be a whole number, 1 or more"),
+            ({"objective": "best"}, "objective: must be one of least-squares, worst-error, got 'best'"),
+            ({"preference": 1e-8}, "preference: must be LeastChange or Smoothness, got 1e-08"),
+        ],
+    )
+    def test_unusable(self, beam, given, message):
+        with pytest.raises(InputError, match=message):
+            match_frequencies(beam, targets=(1.85,), **given)
 
 
 def test_data_for_json_are_those_of_the_result(beam):

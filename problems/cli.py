@@ -138,6 +138,7 @@ def _parser() -> argparse.ArgumentParser:
     modes.add_argument("--count", type=int, default=5, metavar="N", help="how many (default: 5)")
     match = command("match", _match, "the beam nearest to a given one that has the measured frequencies")
     match.add_argument("file", metavar="BEAM.toml", help="a file with the tables [beam] and [match]")
+    match.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the properties along the beam")
     motion = command("simulate", _simulate, "the large motion of a beam")
     motion.add_argument("file", metavar="STUDY.toml", help="tables [beam], [simulation], [damping], [base]")
     motion.add_argument("--out", type=Path, metavar="FILE.csv", help="write the motion of the tip")
@@ -204,8 +205,13 @@ def _modes(options: argparse.Namespace) -> str:
 
 def _match(options: argparse.Namespace) -> str:
     beam, request = read_match(options.file)
+    plot = None if options.plot is None else _new_file(options.plot)
     with _located(f"{options.file}: [match]"):
         match = match_frequencies(beam, **request)
+    if plot is not None:
+        from ancf_casadi.plot import png  # matplotlib is slow to import
+
+        write_file(plot, png(match.figure()))
     return to_json(match.to_dict()).rstrip() if options.json else match.report()
 
 

@@ -11,7 +11,7 @@ while the gradient of |r|^2/(2 w) would magnify it by 1/w.
 
 Equilibrium and modes are solved for at each m, with exact first and second derivatives
 (``ancf_casadi.eigen_derivatives``).  Stated with equilibrium and eigenpairs as unknowns too the program has no solution
-process inside, but 600 unknowns instead of 47 at 20 elements: 23 iterations instead of 9, from remote starts and at 80
+process inside, but 527 unknowns instead of 47 at 20 elements: 23 iterations instead of 9, from remote starts and at 80
 elements none that converge in 200, and it can end at a mode that was not meant.
 """
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,9 @@ from ancf_casadi.beam import Beam
 from ancf_casadi.report import Cell, Table
 from problems.matching_identifiability import Identifiability
 from problems.matching_response import Matching
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -163,6 +166,17 @@ class FrequencyMatch:
         texts = [table.text() for table in self.tables()]
         notes = [f"note: {note}" for note in self.warnings]
         return "\n\n".join([*texts, *(["\n".join(notes)] if notes else [])])
+
+    def figure(self) -> Figure:
+        """Draw the changes of the properties along the beam, with what the data leave open."""
+        from ancf_casadi.plot import properties_figure  # matplotlib is slow to import
+
+        names, changes, n = self.identifiability.quantities[0], self.identifiability.spread - 1, self.beam.elements
+        ranges: dict[str, list[Array]] = {}
+        for name, ends in zip(names, changes, strict=True):
+            ranges.setdefault(name.partition("[")[0], []).append(ends)
+        spread = {name: np.array(ends * n if len(ends) == 1 else ends) for name, ends in ranges.items()}
+        return properties_figure(self.matching.space.beam, self.beam, spread)
 
     def to_dict(self) -> dict[str, Any]:
         """Return data for JSON: SI units, lists in the order of targets and elements, None for what is not known."""

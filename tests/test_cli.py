@@ -96,6 +96,18 @@ class TestMatch:
         assert "The data fix 3 of 18 combinations of the unknowns." in properties
         assert "at a bound: nothing" in properties
 
+    def test_plot_and_unknowns(self, files, capsys):
+        text = edited(
+            BEAM, ("elements = 20", "elements = 6"), (", 53.20, 88.60", ""), ("bounds = 0.10", "bounds = 0.3")
+        )
+        (files / "beam.toml").write_text(text + '\n[match.unknowns]\nthickness = {smooth = 4}\ndensity = "global"\n')
+        assert main(["match", "beam.toml", "--json", "--plot", "change.png"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert [p["name"] for p in data["properties"]] == [*(f"thickness[{k}]" for k in range(1, 7)), "density"]
+        assert data["rank"] == 3
+        assert data["max_relative_error"] < 1e-6
+        assert (files / "change.png").read_bytes().startswith(b"\x89PNG")
+
 
 class TestFitDecay:
     @pytest.mark.parametrize("law", ["linear", "quadratic"])

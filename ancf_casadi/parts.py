@@ -51,6 +51,14 @@ class Piece:
         return cs.Function("balance", [e, p], [cs.densify(output) for output in outputs], {"cse": True})
 
     @cached_property
+    def stiffness_change(self) -> cs.Function:
+        """(e, p, de) -> dK along de."""
+        e, p = self._symbols()
+        de = cs.SX.sym("de", self.sizes[0])
+        stiffness = cs.jacobian(self.force(e, p), e)
+        return cs.Function("stiffness_change", [e, p, de], [cs.densify(cs.jtimes(stiffness, e, de))], {"cse": True})
+
+    @cached_property
     def pencil_slopes(self) -> cs.Function:
         """(e, p, phi, lambda) -> d(K phi)/de, d((K - lambda M) phi)/dp, 1/2 d(phi^T M phi)/dp."""
         e, p, phi, eigenvalue, pencil, norm = self._mode()

@@ -132,6 +132,19 @@ class TestFollowing:
         assert in_steps.numbers.tolist() == by_itself.numbers.tolist()
         assert in_steps.shapes == pytest.approx(by_itself.shapes, abs=1e-8 * np.abs(by_itself.shapes).max())
 
+    def test_rounding_of_positions_does_not_show(self, paper_beam):
+        """Newton's method from eight places near by: the first frequency is the same to 2e-11."""
+        model = Model(paper_beam(20))
+        rest = natural_modes(model, count=3).equilibrium.coordinates
+        found = []
+        for seed in range(8):
+            near = rest.copy()
+            near[model.free] += 1e-9 * np.random.default_rng(seed).standard_normal(model.size - 4)
+            state = modal_state(model, beam_parts(model), model.properties.ravel(), near, 3)
+            assert state is not None
+            found.append(state.frequencies)
+        assert (np.ptp(found, axis=0) < 2e-11 * found[0]).all()
+
     def test_an_unstable_beam_has_no_state(self, paper_beam):
         standing = Model(paper_beam(6, axis=(0.0, 1.0)))
         slender = standing.properties.copy()

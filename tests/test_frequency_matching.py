@@ -70,7 +70,7 @@ class TestPaper:
         other = match_frequencies(paper.standard_beam(), targets=paper.FREQUENCIES, start=start.tolist())
         assert other.max_relative_error < 1e-6
         difference = factors(other.beam, paper.standard_beam()) - factors(match.beam, paper.standard_beam())
-        assert np.abs(difference).max() < 1e-5
+        assert np.abs(difference).max() < 1e-8
 
     def test_wider_bounds_that_do_not_bind_change_nothing(self, match):
         wide = match_frequencies(paper.standard_beam(), targets=paper.FREQUENCIES, bounds=1.0)

@@ -11,8 +11,8 @@ it by 1/w.
 
 Equilibrium and modes are solved for at each m, with exact first and second derivatives
 (``ancf_casadi.eigen_derivatives``).  Stated with equilibrium and eigenpairs as unknowns too the program has no solution
-process inside, but 527 unknowns instead of 47 at 20 elements: 23 iterations instead of 9, from remote starts and at 80
-elements none that converge in 200, and it can end at a mode that was not meant.
+process inside, but 527 unknowns instead of 47 at 20 elements: 23 iterations instead of 10, at 80 elements no solution in
+200, and it can end at a mode that was not meant.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ OPTIONS: dict[str, Any] = {
     "ipopt.compl_inf_tol": 1e-11,  # an unknown at its bound is there, and one that is not does not feel it
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.max_iter": 200,
+    "ipopt.mu_strategy": "adaptive",  # half the iterations where the targets are out of reach
     "ipopt.nlp_scaling_method": "none",  # the problem is scaled here
 }
 

@@ -25,7 +25,7 @@ from ancf_casadi.eigen_derivatives import Array, Index, ModalState
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.modal_state import modal_state
 from ancf_casadi.modes import Modes
-from ancf_casadi.parts import beam_parts
+from ancf_casadi.parts import beam_parts, structure_properties
 
 SPARE = 4  # modes above the highest one that are looked at too
 CERTAIN = 0.5  # MAC beyond which a mode is the only one
@@ -44,7 +44,7 @@ def followed_modes(modes: Modes, numbers: Index) -> ModalState:
     """
     model = modes.model
     parts = beam_parts(model)
-    state = modal_state(model, parts, model.properties.ravel(), modes.equilibrium.coordinates, modes.count)
+    state = modal_state(model, parts, structure_properties(model), modes.equilibrium.coordinates, modes.count)
     if state is None:
         raise EquilibriumError("the equilibrium is unstable, so it has no modes to follow")
     shapes = modes.shapes[:, numbers]

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ancf_casadi.beam import PROPERTIES
+from ancf_casadi.clamp import elastic_clamp
 from ancf_casadi.compilation import Buffered
 from ancf_casadi.element import StrainMeasures, element
 from ancf_casadi.model import NODE, Model
@@ -115,12 +116,43 @@ class Part:
     properties: Index
 
 
+def structure_properties(model: Model) -> Array:
+    """Return all properties: those of the elements row by row, the tip mass, the clamp stiffness (0 if rigid)."""
+    lumped = [model.beam.tip_mass, model.beam.clamp_stiffness if model.root else 0.0]
+    return np.concatenate([model.properties.ravel(), lumped])
+
+
 def beam_parts(model: Model) -> tuple[Part, ...]:
-    """Return the parts of a model; their properties are those of ``model.properties``, row by row."""
+    """Return the parts of a model; their properties are those of ``structure_properties``."""
     n, beam = model.beam.elements, model.beam
     elements = np.arange(n)[:, None]
-    places = NODE * elements + np.arange(2 * NODE), elements + n * np.arange(len(PROPERTIES))
-    return (Part(_element_piece(beam.element_length, model.measures, beam.gravity), *places),)
+    of_element = n * np.arange(len(PROPERTIES))
+    piece = _element_piece(beam.element_length, model.measures, beam.gravity)
+    parts = [Part(piece, NODE * (elements + model.root) + np.arange(2 * NODE), elements + of_element)]
+    if beam.tip_mass:
+        tip = np.arange(model.size - NODE, model.size - 2)
+        parts.append(Part(_tip_piece(beam.gravity), tip[None, :], np.array([[n * len(PROPERTIES)]])))
+    if model.root:
+        given = np.append(of_element, n * len(PROPERTIES) + 1)
+        parts.append(Part(_clamp_piece(beam.element_length), np.arange(2 * NODE)[None, :], given[None, :]))
+    return tuple(parts)
+
+
+@lru_cache(maxsize=8)
+def _tip_piece(gravity: tuple[float, float]) -> Piece:
+    e, m = cs.SX.sym("e", 2), cs.SX.sym("m")
+    force, mass = -m * cs.DM(gravity), m * cs.SX.eye(2)
+    return Piece(cs.Function("force", [e, m], [force]), cs.Function("mass", [m], [cs.densify(mass)]))
+
+
+@lru_cache(maxsize=8)
+def _clamp_piece(length: float) -> Piece:
+    """Return a clamp, whose forces are linear in its stiffness, the last of the properties."""
+    e, p, k = cs.SX.sym("e", 2 * NODE), cs.SX.sym("p", len(PROPERTIES)), cs.SX.sym("k")
+    none, one = (elastic_clamp(stiffness, length).elastic_force(e, p) for stiffness in (0.0, 1.0))
+    given = cs.vertcat(p, k)
+    mass = cs.Function("mass", [given], [cs.DM.zeros(2 * NODE, 2 * NODE)])
+    return Piece(cs.Function("force", [e, given], [none + k * (one - none)]), mass)
 
 
 @lru_cache(maxsize=8)

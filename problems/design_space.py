@@ -6,14 +6,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ancf_casadi.beam import PROPERTIES, Beam
+from ancf_casadi.beam import LUMPED, PROPERTIES, Beam
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.inputs import number
 from ancf_casadi.model import Model
+from ancf_casadi.parts import structure_properties
 from problems.matching_unknowns import PAPER, Global, PerElement, PropertyUnknown, Smooth, check_bounds
 
 Array = NDArray[np.float64]
@@ -38,7 +40,8 @@ class DesignSpace:
     Raises
     ------
     InputError
-        If there is no unknown, a property has two, or bounds or terms are not usable.
+        If there is no unknown, a property has two, the beam has no tip mass or no clamp stiffness to change, or bounds
+        or terms are not usable.
     """
 
     beam: Beam
@@ -60,6 +63,8 @@ class DesignSpace:
         for name in given:
             if given.count(name) > 1:
                 raise InputError(f"{name} is given {given.count(name)} times", "unknowns")
+            if name in LUMPED and getattr(self.beam, name) in (0.0, math.inf):
+                raise InputError(f"the beam has no {name} to change; give it one that you expect", "unknowns")
         _ = self.map
 
     @property
@@ -72,15 +77,23 @@ class DesignSpace:
         """What they are called."""
         return tuple(name for unknown in self.unknowns for name in unknown.names(self.beam.elements))
 
+    def rows_of(self, name: str) -> slice:
+        """Return where a property is among all of them, in the order of ``structure_properties``."""
+        n = self.beam.elements
+        if name in LUMPED:
+            row = n * len(PROPERTIES) + LUMPED.index(name)
+            return slice(row, row + 1)
+        return slice(n * PROPERTIES.index(name), n * (PROPERTIES.index(name) + 1))
+
     @cached_property
     def map(self) -> Array:
-        """T, from unknowns to factors of all properties row by row, (4 n, N)."""
+        """T, from unknowns to factors of all properties, those of the elements row by row, (4 n + 2, N)."""
         n = self.beam.elements
         columns = []
         for unknown in self.unknowns:
-            row, shape = n * PROPERTIES.index(unknown.name), unknown.shape(n)
-            column = np.zeros((n * len(PROPERTIES), shape.shape[1]))
-            column[row : row + n] = shape
+            shape = unknown.shape(n)
+            column = np.zeros((n * len(PROPERTIES) + len(LUMPED), shape.shape[1]))
+            column[self.rows_of(unknown.name)] = shape
             columns.append(column)
         return np.concatenate(columns, axis=1)
 
@@ -132,21 +145,27 @@ class DesignSpace:
 
     @cached_property
     def directions(self) -> Array:
-        """Derivatives of the properties, row by row, by the unknowns, (4 n, N)."""
-        return Model(self.beam).properties.reshape(-1, 1) * self.map
+        """Derivatives of the properties by the unknowns, (4 n + 2, N)."""
+        return structure_properties(Model(self.beam))[:, None] * self.map
 
     def factors(self, m: Array) -> Array:
-        """Return the factors on the properties, (4, n)."""
-        return (1 + self.map @ (m - self.standard)).reshape(len(PROPERTIES), -1)
+        """Return the factors on the properties, (4 n + 2,)."""
+        return np.asarray(1 + self.map @ (m - self.standard))
 
     def properties(self, m: Array) -> Array:
-        """Return the properties row by row, (4 n,)."""
-        return np.asarray((self.factors(m) * Model(self.beam).properties).ravel())
+        """Return the properties, (4 n + 2,)."""
+        return np.asarray(self.factors(m) * structure_properties(Model(self.beam)))
 
     def changed(self, m: Array) -> Beam:
         """Return the beam that the unknowns stand for."""
-        values = self.properties(m).reshape(len(PROPERTIES), -1).tolist()
-        return self.beam.with_(**{name: tuple(row) for name, row in zip(PROPERTIES, values, strict=True)})
+        values = self.properties(m)
+        changes: dict[str, Any] = {name: tuple(values[self.rows_of(name)].tolist()) for name in PROPERTIES}
+        changes |= {
+            unknown.name: float(values[self.rows_of(unknown.name)][0])
+            for unknown in self.unknowns
+            if unknown.name in LUMPED
+        }
+        return self.beam.with_(**changes)
 
     def at_bound(self, m: Array) -> tuple[str, ...]:
         """Return the unknowns, and the elements of smooth properties, that are at a bound."""

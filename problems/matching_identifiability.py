@@ -27,7 +27,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from ancf_casadi.beam import PROPERTIES
 from problems.design_space import DesignSpace
 from problems.matching_unknowns import Global
 
@@ -35,7 +34,14 @@ Array = NDArray[np.float64]
 
 RANK = 1e-6  # of the largest singular value; smaller ones are not seen
 FIXED = 1e-6  # share of an unknown in what the data cannot see, below which it is fixed
-ORDER = ("elastic_modulus", "thickness", "density", "width")  # in which exponents are reduced
+ORDER = (
+    "elastic_modulus",
+    "thickness",
+    "density",
+    "width",
+    "tip_mass",
+    "clamp_stiffness",
+)  # in which exponents are reduced
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,13 +93,13 @@ class Identifiability:
         """Names of the factors that may change, and their derivatives by the unknowns, (F, N)."""
         n, names, rows = self.space.beam.elements, [], []
         for unknown in self.space.unknowns:
-            row = n * PROPERTIES.index(unknown.name)
+            share = self.space.map[self.space.rows_of(unknown.name)]
             if isinstance(unknown, Global):
                 names.append(unknown.name)
-                rows.append(self.space.map[row : row + 1])
+                rows.append(share[:1])
             else:
                 names += [f"{unknown.name}[{i + 1}]" for i in range(n)]
-                rows.append(self.space.map[row : row + n])
+                rows.append(share)
         return tuple(names), np.concatenate(rows)
 
     @cached_property

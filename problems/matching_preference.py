@@ -76,7 +76,8 @@ class Smoothness:
 
     def matrix(self, space: DesignSpace, usual: float) -> NDArray[np.float64]:
         """Return the matrix of the quadratic form, weight included, (N, N)."""
-        factors = space.map.reshape(len(PROPERTIES), space.beam.elements, space.size)
+        of_elements = space.map[: len(PROPERTIES) * space.beam.elements]
+        factors = of_elements.reshape(len(PROPERTIES), space.beam.elements, space.size)
         steps = np.diff(factors, axis=1).reshape(-1, space.size)
         weight = 1e3 * usual if self.weight is None else self.weight
         return np.asarray(weight * steps.T @ steps + usual * np.eye(space.size))

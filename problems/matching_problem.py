@@ -11,8 +11,8 @@ it by 1/w.
 
 Equilibrium and modes are solved for at each m, with exact first and second derivatives
 (``ancf_casadi.eigen_derivatives``).  Stated with equilibrium and eigenpairs as unknowns too the program has no solution
-process inside, but 527 unknowns instead of 47 at 20 elements: 23 iterations instead of 10, at 80 no solution in
-200, and it can end at a mode that was not meant.
+process inside, but 527 unknowns instead of 47 at 20 elements: 23 iterations instead of 10, no solution in 200 at 80
+elements, and it can end at a mode that was not meant.
 """
 
 from __future__ import annotations

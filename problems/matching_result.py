@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ancf_casadi.beam import Beam
+from ancf_casadi.beam import LUMPED, Beam
 from ancf_casadi.report import Cell, Table
 from problems.matching_identifiability import Identifiability
 from problems.matching_response import Matching
@@ -22,7 +23,8 @@ MET = 1e-5  # relative error that a preference leaves where the targets can be m
 NOISE = 3.0  # standard deviations beyond which a frequency is missed
 ALIKE = 0.9  # MAC below which two shapes differ visibly
 HOLDING = 0.01  # share of the largest multiplier; lesser bounds hold little
-UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modulus": "Pa"}
+UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modulus": "Pa",
+         "tip_mass": "kg", "clamp_stiffness": "N m/rad"}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +176,8 @@ class FrequencyMatch:
         names, changes, n = self.identifiability.quantities[0], self.identifiability.spread - 1, self.beam.elements
         ranges: dict[str, list[Array]] = {}
         for name, ends in zip(names, changes, strict=True):
+            if name in LUMPED:
+                continue
             ranges.setdefault(name.partition("[")[0], []).append(ends)
         spread = {name: np.array(ends * n if len(ends) == 1 else ends) for name, ends in ranges.items()}
         return properties_figure(self.matching.space.beam, self.beam, spread)
@@ -188,6 +192,8 @@ class FrequencyMatch:
             "thickness_m": list(self.beam.thickness),
             "density": list(self.beam.density),
             "elastic_modulus": list(self.beam.elastic_modulus),
+            "tip_mass": self.beam.tip_mass,
+            "clamp_stiffness": self.beam.clamp_stiffness if math.isfinite(self.beam.clamp_stiffness) else None,
             "max_relative_error": self.max_relative_error,
             "at_bound": list(self.at_bound),
             "holding": [{"name": name, "multiplier": cost} for name, cost in self.holding],

@@ -2,7 +2,8 @@
 
 The properties P, one value an element, become P (c + T m), element by element:
 
-    Global        one factor for all elements                     m = 1 is the given beam
+    Global        one factor for all elements, on the mass        m = 1 is the given beam
+                  at the tip, or on the stiffness of the clamp
     PerElement    one factor for each element                     m = 1
     Smooth        1 + sum_j m_j L_j(x), x = 2 s/L - 1 from -1 to 1    m = 0
 
@@ -22,7 +23,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
-from ancf_casadi.beam import PROPERTIES
+from ancf_casadi.beam import LUMPED, PROPERTIES
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.inputs import positive
 
@@ -43,9 +44,9 @@ def check_bounds(bounds: float, where: str) -> float:
     return bounds
 
 
-def _check(name: str, bounds: float | None) -> None:
-    if name not in PROPERTIES:
-        raise InputError(f"must be one of {', '.join(PROPERTIES)}, got {name!r}", "unknowns")
+def _check(name: str, bounds: float | None, known: tuple[str, ...] = PROPERTIES) -> None:
+    if name not in known:
+        raise InputError(f"must be one of {', '.join(known)}, got {name!r}", "unknowns")
     if bounds is not None:
         check_bounds(bounds, f"unknowns: {name}: bounds")
 
@@ -57,7 +58,7 @@ class Global:
     Parameters
     ----------
     name : str
-        ``width``, ``thickness``, ``density`` or ``elastic_modulus``.
+        ``width``, ``thickness``, ``density``, ``elastic_modulus``, ``tip_mass`` or ``clamp_stiffness``.
     bounds : float, optional
         Largest relative change, above 0 and at most 1; that of the whole problem if not given.
     """
@@ -67,11 +68,11 @@ class Global:
 
     def __post_init__(self) -> None:
         """Validate."""
-        _check(self.name, self.bounds)
+        _check(self.name, self.bounds, PROPERTIES + LUMPED)
 
     def shape(self, elements: int) -> Array:
-        """Return the factors by the unknowns, (n, 1)."""
-        return np.ones((elements, 1))
+        """Return the factors by the unknowns, (n, 1), or (1, 1)."""
+        return np.ones((1 if self.name in LUMPED else elements, 1))
 
     def names(self, elements: int) -> tuple[str, ...]:
         """Return what the unknowns are called."""

@@ -7,21 +7,21 @@ from ancf_casadi import Beam, Model, natural_modes
 from ancf_casadi.eigen_derivatives import ModalState
 from ancf_casadi.modal_state import modal_state
 from ancf_casadi.mode_following import follow, followed_modes
-from ancf_casadi.parts import beam_parts
+from ancf_casadi.parts import beam_parts, structure_properties
 
 ELEMENTS = 5
 COUNT = 3
 STEP = 1e-4
 
 
-@pytest.fixture(scope="module")
-def state() -> ModalState:
+@pytest.fixture(scope="module", params=[{}, {"tip_mass": 2e-3, "clamp_stiffness": 0.3}], ids=["plain", "lumped"])
+def state(request) -> ModalState:
     """A beam bent by gravity, its properties different in all elements, so that nothing is zero by symmetry."""
     rng = np.random.default_rng(5)
     spread = 1 + 0.2 * rng.uniform(-1, 1, (4, ELEMENTS))
     values = spread * np.array([5e-3, 0.5e-3, 8e3, 210e9])[:, None]
     names = ("width", "thickness", "density", "elastic_modulus")
-    beam = Beam(0.5, *(tuple(values[k]) for k in range(len(names))), axis=(0.4, -1.0))
+    beam = Beam(0.5, *(tuple(values[k]) for k in range(len(names))), axis=(0.4, -1.0), **request.param)
     return followed_modes(natural_modes(Model(beam), count=COUNT), np.arange(COUNT))
 
 
@@ -29,7 +29,7 @@ def state() -> ModalState:
 def directions(state) -> np.ndarray:
     """Relative changes of single properties, and of all at once."""
     n = len(state.properties)
-    chosen = [0, 7, 9, 12, 19]
+    chosen = [0, 7, 9, 12, 19] + ([20, 21] if state.model.root else [])
     mixed = np.random.default_rng(6).uniform(-1, 1, (n, 1))
     return state.properties[:, None] * np.concatenate([np.eye(n)[:, chosen], mixed], axis=1)
 
@@ -87,7 +87,7 @@ class TestUniformBeam:
     def logarithmic(self, model: Model) -> np.ndarray:
         """Return d ln f/d ln (width, thickness, density, modulus), each of the whole beam, (m, 4)."""
         state = followed_modes(natural_modes(model, count=4), np.arange(4))
-        whole = np.kron(np.eye(4), np.ones((model.beam.elements, 1)))
+        whole = np.eye(6)[:, :4].repeat([model.beam.elements] * 4 + [1, 1], axis=0)
         slopes = state.slopes(state.properties[:, None] * whole)
         return slopes.eigenvalues / (2 * state.eigenvalues[:, None])
 
@@ -117,7 +117,7 @@ class TestFollowing:
         bending, axial = start.frequencies
         assert axial == pytest.approx(np.sqrt(210e9 / 8e3) / (4 * 0.5), rel=1e-3)
         thicker = self.thick(paper_beam, 25e-3)
-        end = follow(start, thicker.properties.ravel())
+        end = follow(start, structure_properties(thicker))
         assert end.numbers.tolist() == [4, 3]
         assert end.frequencies == pytest.approx([1.25 * bending, axial], rel=1e-7)
         assert end.frequencies == pytest.approx(natural_modes(thicker, count=6).frequencies[[4, 3]], rel=1e-9)
@@ -125,10 +125,12 @@ class TestFollowing:
     def test_the_way_does_not_matter(self, paper_beam):
         thin, thicker = self.thick(paper_beam, 20e-3), self.thick(paper_beam, 25e-3)
         start = followed_modes(natural_modes(thin, count=6), np.array([3, 4]))
-        by_itself = follow(start, thicker.properties.ravel())
+        by_itself = follow(start, structure_properties(thicker))
         in_steps = start
         for share in np.linspace(0.1, 1.0, 10):
-            in_steps = follow(in_steps, (1 - share) * thin.properties.ravel() + share * thicker.properties.ravel())
+            in_steps = follow(
+                in_steps, (1 - share) * structure_properties(thin) + share * structure_properties(thicker)
+            )
         assert in_steps.numbers.tolist() == by_itself.numbers.tolist()
         assert in_steps.shapes == pytest.approx(by_itself.shapes, abs=1e-8 * np.abs(by_itself.shapes).max())
 
@@ -140,14 +142,14 @@ class TestFollowing:
         for seed in range(8):
             near = rest.copy()
             near[model.free] += 1e-9 * np.random.default_rng(seed).standard_normal(model.size - 4)
-            state = modal_state(model, beam_parts(model), model.properties.ravel(), near, 3)
+            state = modal_state(model, beam_parts(model), structure_properties(model), near, 3)
             assert state is not None
             found.append(state.frequencies)
         assert (np.ptp(found, axis=0) < 2e-11 * found[0]).all()
 
     def test_an_unstable_beam_has_no_state(self, paper_beam):
         standing = Model(paper_beam(6, axis=(0.0, 1.0)))
-        slender = standing.properties.copy()
-        slender[1] *= 0.4
+        slender = structure_properties(standing)
+        slender[6:12] *= 0.4
         near = natural_modes(standing, count=1).equilibrium.coordinates
-        assert modal_state(standing, beam_parts(standing), slender.ravel(), near, 3) is None
+        assert modal_state(standing, beam_parts(standing), slender, near, 3) is None

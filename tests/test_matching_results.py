@@ -108,6 +108,32 @@ class TestRecovery:
         assert match.identifiability.rank == 2  # the mean width is not seen
 
 
+class TestLumped:
+    def test_tip_mass_and_clamp_stiffness(self, beam):
+        """Both from five frequencies and 30 % off, from two starts; the clamp is seen worst."""
+        truth = beam.with_(tip_mass=2.6e-3, clamp_stiffness=0.8, elastic_modulus=205e9)
+        guess = beam.with_(tip_mass=2e-3, clamp_stiffness=1.1)
+        targets = natural_modes(Model(truth), count=5).frequencies.tolist()
+        unknowns = [Global(name, bounds=0.4) for name in ("tip_mass", "clamp_stiffness", "elastic_modulus")]
+        for start in (None, [0.7, 0.65, 1.3]):
+            match = match_frequencies(guess, targets=targets, unknowns=unknowns, start=start)
+            assert match.beam.tip_mass == pytest.approx(2.6e-3, rel=1e-4)
+            assert match.beam.clamp_stiffness == pytest.approx(0.8, rel=1e-4)
+            assert match.beam.elastic_modulus[0] == pytest.approx(205e9, rel=1e-4)
+        assert match.identifiability.rank == 3
+        found = match.to_dict()
+        assert (found["tip_mass"], found["clamp_stiffness"]) == (match.beam.tip_mass, match.beam.clamp_stiffness)
+        assert "N m/rad" in match.report()
+
+    def test_per_element_with_a_mass_at_the_tip(self, beam):
+        """The mass is part of the beam, though not among the unknowns."""
+        heavy = beam.with_(tip_mass=3e-3)
+        targets = natural_modes(Model(heavy.with_(thickness=0.51e-3)), count=3).frequencies.tolist()
+        match = match_frequencies(heavy, targets=targets, unknowns=(Global("thickness"),))
+        assert match.beam.thickness[0] == pytest.approx(0.51e-3, rel=1e-6)
+        assert match.beam.tip_mass == 3e-3
+
+
 class TestCrossing:
     """25 mm instead of 20 mm: bending mode 4 has passed the first axial mode (2562 Hz)."""
 

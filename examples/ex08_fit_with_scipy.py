@@ -1,7 +1,7 @@
 """The thickness profile of a strip from its measured frequencies, by an optimiser of somebody else: scipy's.
 
-Five frequencies, three unknown factors: on the thickness at the clamp, in the middle and at the tip, with straight lines
-between.  Frequencies and Jacobian are the exported Function's, exact through equilibrium and modes.
+Five frequencies, three unknown factors: on the thickness at the clamp, in the middle and at the tip, with straight
+lines between.  Frequencies and Jacobian are the exported Function's, exact through equilibrium and modes.
 """
 
 import casadi as cs

@@ -131,7 +131,7 @@ def rootfinder(name: str, inputs: list[cs.MX], jacobian: cs.MX, equations: cs.MX
     derivative = cs.Function(f"{name}_jacobian", inputs, [jacobian, equations])
     function = cs.Function(f"{name}_equations", inputs, [equations])
     if inputs[0].numel() <= STRAIGHT_LINE:
-        derivative, function = derivative.expand(), function.expand()
+        derivative, function = (f.expand(f.name(), {"cse": True}) for f in (derivative, function))
     return cs.rootfinder(name, "fast_newton", function, {**NEWTON, "jacobian_function": derivative})
 
 

@@ -136,6 +136,10 @@ def test_files_of_others_are_not_touched(functions, tmp_path):
         write_c(functions, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["main.c"]
     (tmp_path / "main.c").unlink()
+    (tmp_path / "main.c").mkdir()
+    with pytest.raises(InputError, match="is there already"):
+        write_c(functions, tmp_path)
+    (tmp_path / "main.c").rmdir()
     first = [path.read_bytes() for path in write_c(functions, tmp_path)]
     assert first == [path.read_bytes() for path in write_c(functions, tmp_path)]
 

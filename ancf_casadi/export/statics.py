@@ -1,6 +1,6 @@
 """Static equilibrium and natural frequencies as differentiable Functions of the parameters.
 
-Both solve equations F(z, p) = 0 by Newton's method inside a CasADi rootfinder, so that their derivatives of any order
+Both solve equations F(z, p) = 0 by Newton's method inside a CasADi rootfinder, so that their derivatives
 follow from the implicit function theorem, dz/dp = -(dF/dz)^-1 dF/dp.  Unknowns and equations are scaled by
 S = diag(K)^-1/2, K the tangent stiffness of the model's own equilibrium, which takes the axial stiffness out of the
 conditioning.

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import (
+    EquilibriumError,
     InputError,
     ModalDamping,
     Model,
@@ -147,6 +148,24 @@ def test_statics_and_modes_far_from_the_model_are_those_found_afresh(paper_beam,
     found = functions.equilibrium(p).full().ravel()
     np.testing.assert_allclose(found, static_equilibrium(other).coordinates[4:], atol=1e-11)
     assert functions.frequencies(p).full().ravel() == pytest.approx(natural_modes(other).frequencies, rel=1e-7)
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0), (0.0, -1.0), (0.0, 1.0)])
+def test_elements_that_differ_by_factors_up_to_three_are_answered_or_have_no_modes(paper_beam, axis):
+    beam = paper_beam(6, axis=axis, length=0.4)
+    functions = beam_functions(Model(beam), modes=3)
+    random, answered = np.random.default_rng(4), 0
+    for _ in range(6):
+        P = Model(beam).properties * 3 ** (random.uniform(-1, 1, (4, 6)) * [[1], [0.5], [1], [1]])
+        other = Model(beam.with_(**dict(zip(("width", "thickness", "density", "elastic_modulus"), P, strict=True))))
+        found = functions.frequencies(np.concatenate([beam.gravity, P.T.ravel()])).full().ravel()
+        try:
+            expected = natural_modes(other, count=3).frequencies
+        except EquilibriumError:
+            expected = np.full(3, np.nan)
+        answered += np.isfinite(expected).all()
+        np.testing.assert_allclose(found, expected, rtol=1e-6)
+    assert answered >= 4
 
 
 def test_what_is_not_certain_is_nan(paper_beam):

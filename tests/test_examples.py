@@ -58,6 +58,27 @@ def test_ex05_all_frequencies_are_met_within_the_bounds(example):
     assert found["match"].at_bound == ()
 
 
+def test_ex06_the_gap_grows_at_the_same_mass(example):
+    found = example("ex06")
+    assert np.diff(found["after"]) > 1.3 * np.diff(found["before"])
+    assert found["profile"].mean() == pytest.approx(0.5e-3, rel=1e-7)
+    assert found["profile"].min() > 0.5 * 0.5e-3 - 1e-10 and found["profile"].max() < 2 * 0.5e-3 + 1e-10
+    assert found["solution"].value(found["f"]) == pytest.approx(found["after"], rel=1e-7)
+
+
+def test_ex07_the_planned_motion_leaves_no_swing(example):
+    found = example("ex07")
+    plain, planned = found["swings"]
+    assert plain > 0.01
+    assert planned < plain / 40
+    assert found["runs"][1].tip[-1] == pytest.approx(found["runs"][1].tip[0] + (0.1, 0.0), abs=2e-4)
+
+
+def test_ex08_scipy_finds_the_profile(example):
+    found = example("ex08")
+    assert found["fit"].x == pytest.approx(found["truth"], rel=1e-6)
+
+
 def test_the_toml_examples_run(capsys):
     assert main(["modes", str(EXAMPLES / "beam.toml")]) == 0
     assert "1.87613" in capsys.readouterr().out

@@ -73,7 +73,7 @@ def write_c(
         target / "main.c": _program(name, functions),
     }
     for path in contents:
-        if path.exists() and not path.read_text(encoding="utf-8", errors="replace").startswith(MARK):
+        if path.exists() and not _is_ours(path):
             raise InputError("is there already, and was not written by this; choose another folder", str(path))
     written: list[Path] = []
     try:
@@ -86,6 +86,14 @@ def write_c(
         raise
     source, header, program = contents
     return source, header, program
+
+
+def _is_ours(path: Path) -> bool:
+    try:
+        with open(path, "rb") as file:
+            return file.read(len(MARK)) == MARK.encode()
+    except OSError:
+        return False
 
 
 def _check_translated(function: cs.Function) -> None:

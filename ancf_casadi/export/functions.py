@@ -8,8 +8,8 @@ the elements, those of the damping law),
     rhs(q, v, base, p) = a, which makes the residual zero.
 
 The mass matrix depends on p but not on the motion, and does not mix x and y; rhs factorises it each time, in linear
-time.  ``signals`` names every entry of q, v, base and p.  All Functions are of CasADi's MX type, and can be
-differentiated as often as wanted.  How far ``equilibrium`` and ``frequencies`` reach: ``statics``.
+time.  ``signals`` names every entry of q, v, base and p.  All Functions are of CasADi's MX type and differentiable.
+How far ``equilibrium`` and ``frequencies`` reach: ``statics``.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ def beam_functions(
     first = natural_modes(model, count=modes)
     parameters, clamp = parameter_signals(equations), base_signals()
 
-    q, v, a = (cs.MX.sym(name, equations.free) for name in ("q", "v", "a"))
+    q, v, a = (cs.MX.sym(name, len(range(model.size)[model.free])) for name in ("q", "v", "a"))
     base, p = cs.MX.sym("base", len(clamp)), cs.MX.sym("p", len(parameters))
     symbols = {"q": q, "v": v, "a": a, "base": base, "p": p}
     B, free = cs.DM(equations.projection), model.free

@@ -117,7 +117,7 @@ def output_signals(markers: Sequence[float] = ()) -> tuple[Signal, ...]:
 
 def _of_law(name: str) -> tuple[str, str]:
     mode = re.fullmatch(r"ratio(\d+)", name)
-    unit, what = LAW_PARAMETERS["ratio" if mode else name]
+    unit, what = LAW_PARAMETERS.get("ratio" if mode else name, ("SI", f"{name} of the damping law"))
     return unit, f"{what} {mode[1]}" if mode else what
 
 

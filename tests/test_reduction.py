@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import casadi as cs
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.reduction.motion import project
+from ancf_casadi.reduction.slopes import slopes_of
 
 RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
 SEED = np.random.default_rng(5)
@@ -101,19 +104,30 @@ def projected(reduced, q, v, base, force):
     [
         (lambda modes: RayleighDamping(alpha=0.2), 1e-9),
         (lambda modes: ModalDamping(modes, RATIOS), 1e-9),
-        (lambda modes: QuadraticDamping(eta2=0.11), 1e-3),
-        (lambda modes: QuadraticDamping(eta1=0.1, eta2=0.1) + ModalDamping(modes, RATIOS[:2]), 1e-3),
+        (lambda modes: QuadraticDamping(eta2=0.11), 5e-5),
+        (lambda modes: QuadraticDamping(eta1=0.1, eta2=0.1) + ModalDamping(modes, RATIOS[:2]), 5e-5),
     ],
 )
 def test_large_motion_of_beam_and_base_is_damped_as_in_the_full_model(hanging, modes, law, tolerance):
     law = law(modes)
-    damped, undamped = (reduce_model(hanging, modes=modes, damping=given) for given in (law, None))
+    damped, undamped = (reduce_model(hanging, modes=modes, damping=given, drag_points=64) for given in (law, None))
     change = (part.rhs(Q, V, BASE, part.values).full().ravel() for part in (undamped, damped))
     force = damped.mass(Q).full() @ np.subtract(*change)
     e, e_t = cs.MX.sym("e", hanging.size), cs.MX.sym("e_t", hanging.size)
     full = cs.Function("Q", [e, e_t], [law.force(hanging, e, e_t)])
     expected = projected(damped, Q, V, BASE, lambda e, e_t: full(e, e_t).full().ravel())
     assert np.abs(force - expected).max() < tolerance * np.abs(expected).max()
+
+
+def test_few_points_tell_the_energy_that_drag_takes_from_a_mode(hanging, modes):
+    """The power at the speed of each mode alone, which makes the equivalent damping ratios."""
+    law = QuadraticDamping(eta2=0.11)
+    damped, undamped = (reduce_model(hanging, modes=modes, damping=given) for given in (law, None))
+    shapes = modes.shapes.T
+    for v, shape in zip(0.05 * np.eye(5), 0.05 * shapes, strict=True):
+        change = (part.rhs(np.zeros(5), v, STILL, part.values).full().ravel() for part in (undamped, damped))
+        drag = hanging.drag_force(shape, hanging.properties).full().ravel()
+        assert v @ np.subtract(*change) == pytest.approx(1183 / 876 * 0.11 * shape @ drag, rel=1e-3)
 
 
 def test_the_strain_rate_force_is_blind_to_a_turning_base(hanging, modes):
@@ -153,11 +167,11 @@ def test_energies_are_those_of_the_full_model_and_constant_without_damping(hangi
     assert potential == pytest.approx(-float(e @ hanging.gravity_force(p, hanging.beam.gravity).full().ravel()))
     slopes = e.reshape(-1, 4)[:, 2:]
     np.testing.assert_allclose(np.linalg.norm(slopes, axis=1), 1.0, atol=1e-6)
-    bent = cs.Function("bent", [cs.MX.sym("x")], [cs.MX(0)])  # bending energy from the angles at the nodes
-    del bent
-    angles, l = np.unwrap(np.arctan2(slopes[:, 1], slopes[:, 0])), hanging.beam.element_length
-    coarse = 210e9 * hanging.beam.sections[0].second_moment * (np.diff(angles) ** 2).sum() / l / 2
-    assert strain == pytest.approx(coarse, rel=0.02)
+    whole = slopes_of(modes)
+    angles, stiffness = whole.angles + whole.rotations @ Q, 210e9 * hanging.beam.sections[0].second_moment
+    steps = ((k, k * hanging.beam.element_length / 2) for k in (1, 2))
+    fine, coarse = (stiffness * (np.diff(angles[::k]) ** 2).sum() / h / 2 for k, h in steps)
+    assert strain == pytest.approx(fine + (fine - coarse) / 3, rel=1e-3)
 
     q, v, base, values = reduced.energies.mx_in()
     total = sum(reduced.energies(q, v, base, values))
@@ -188,8 +202,6 @@ def test_the_frequency_of_large_motion_is_exact_and_converges_with_the_modes(wei
 
 @pytest.fixture
 def docs(monkeypatch):
-    from pathlib import Path
-
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "docs"))
     import reduction
 

@@ -132,7 +132,7 @@ def reduce_model(
     points : int, optional
         Points of the beam whose slope is followed, more than modes and at most 2 n + 1; 2 m + 2 if not given.
     drag_points : int, optional
-        Points at which the quadratic drag acts; 2 m + 6 if not given.
+        Points at which the quadratic drag acts; 4 m + 4 if not given.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def reduce_model(
     law = RayleighDamping() if damping is None else damping
     m, whole = modes.count, slopes_of(modes)
     points = min(2 * m + 2, len(whole.angles)) if points is None else points
-    drag_points = 2 * m + 6 if drag_points is None else drag_points
+    drag_points = 4 * m + 4 if drag_points is None else drag_points
     if not 1 <= drag_points <= 100:
         raise InputError(f"must be 1 to 100, got {drag_points}", "drag_points")
     projection = projection_of(modes, whole, selected(whole, points), drag_points)

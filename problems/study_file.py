@@ -1,6 +1,7 @@
-"""Beams, laws and base motions from TOML files.
+"""Beams, laws and base motions from TOML files, and beams and laws from JSON documents.
 
-A file has the table ``[beam]``, with the keys of ``Beam.uniform``, and as the command asks
+A TOML file has the table ``[beam]``, with the keys of ``Beam.uniform``, or with the one key ``document``: the name of
+a JSON document beside it, whose damping then holds unless the file has its own.  And as the command asks
 
     [match]       targets (Hz), bounds
     [[damping]]   law = "rayleigh":  alpha, beta, stiffness
@@ -13,13 +14,16 @@ A file has the table ``[beam]``, with the keys of ``Beam.uniform``, and as the c
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 from ancf_casadi.beam import Beam
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
+from ancf_casadi.element import StrainMeasures
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.excitation import HarmonicBase
+from ancf_casadi.export.document import Document, read_document
 from ancf_casadi.inputs import check_keys, number, read_toml
 from ancf_casadi.model import Model
 from ancf_casadi.modes import natural_modes
@@ -51,15 +55,26 @@ class Simulation:
     settings: dict[str, Any]
 
 
-def read_beam(path: str) -> Beam:
-    """Read the beam of a file.
+def read_source(path: str) -> Document:
+    """Read a beam and its damping from a TOML file, or from a JSON document, whose name ends in ``.json``.
 
     Raises
     ------
     InputError
         If the file cannot be read, or a table, key or value is not usable.
     """
-    return Beam.from_table(_document(path).get("beam"), path)
+    return read_document(path) if _is_document(path) else _source(_tables(path), path)
+
+
+def read_model(path: str) -> Model:
+    """Read the beam of a file, with its strain measures.
+
+    Raises
+    ------
+    InputError
+        As ``read_source``.
+    """
+    return read_document(path).model if _is_document(path) else _beam(_tables(path), path).model
 
 
 def read_match(path: str) -> tuple[Beam, dict[str, Any]]:
@@ -68,11 +83,13 @@ def read_match(path: str) -> tuple[Beam, dict[str, Any]]:
     Raises
     ------
     InputError
-        As ``read_beam``.
+        As ``read_source``, or if the beam has other strain measures than those that are matched.
     """
-    document = _document(path)
-    beam = Beam.from_table(document.get("beam"), path)
-    return beam, _table(document.get("match"), {"targets"}, {"bounds"}, f"{path}: [match]")
+    tables = _tables(path)
+    model = _beam(tables, path).model
+    if model.measures != StrainMeasures():
+        raise InputError("the document has strain measures for which no frequencies are matched", f"{path}: [beam]")
+    return model.beam, _table(tables.get("match"), {"targets"}, {"bounds"}, f"{path}: [match]")
 
 
 def read_simulation(path: str) -> Simulation:
@@ -81,21 +98,41 @@ def read_simulation(path: str) -> Simulation:
     Raises
     ------
     InputError
-        As ``read_beam``.
+        As ``read_source``.
     """
-    document = _document(path)
-    model = Model(Beam.from_table(document.get("beam"), path))
-    where = f"{path}: [simulation]"
-    settings = _table(document.get("simulation"), {"duration"}, {"sample_rate", "start", "method", "tolerance"}, where)
-    return Simulation(
-        model, _damping(document.get("damping", []), model, path), _base(document.get("base"), path), settings
-    )
+    tables = _tables(path)
+    source, where = _source(tables, path), f"{path}: [simulation]"
+    settings = _table(tables.get("simulation"), {"duration"}, {"sample_rate", "start", "method", "tolerance"}, where)
+    return Simulation(source.model, source.damping, _base(tables.get("base"), path), settings)
 
 
-def _document(path: str) -> dict[str, Any]:
-    document = read_toml(path)
-    check_keys(document, {"beam"}, set(TABLES), path)
-    return document
+def _is_document(path: str) -> bool:
+    return Path(path).suffix.lower() == ".json"
+
+
+def _tables(path: str) -> dict[str, Any]:
+    tables = read_toml(path)
+    check_keys(tables, {"beam"}, set(TABLES), path)
+    return tables
+
+
+def _source(tables: dict[str, Any], path: str) -> Document:
+    """Return the beam of a file with its damping."""
+    source = _beam(tables, path)
+    if "damping" not in tables:
+        return source
+    return replace(source, damping=_damping(tables["damping"], source.model, path))
+
+
+def _beam(tables: dict[str, Any], path: str) -> Document:
+    """Return the beam of a file, with the damping of the document it may come from."""
+    table, where = tables["beam"], f"{path}: [beam]"
+    if isinstance(table, dict) and "document" in table:
+        check_keys(table, {"document"}, set(), where)
+        if not isinstance(table["document"], str):
+            raise InputError(f"must be the name of a file, got {table['document']!r}", f"{where}: document")
+        return read_document(Path(path).parent / table["document"])
+    return Document(Model(Beam.from_table(table, path)))
 
 
 def _table(table: Any, required: set[str], optional: set[str], where: str) -> dict[str, Any]:

@@ -107,6 +107,10 @@ def test_a_property_that_is_not_a_positive_number_is_refused_by_name(name, value
         ({"axis": {"x": 0.0, "y": 1.0}}, "axis: must be a pair of numbers (x, y), got {'x': 0.0, 'y': 1.0}"),
         ({"axis": "up"}, "axis: must be a pair of numbers (x, y), got 'up'"),
         ({"gravity": 9.81}, "gravity: must be a pair of numbers (x, y), got 9.81"),
+        ({"tip_mass": -0.1}, "tip_mass: must not be negative, got -0.1"),
+        ({"tip_mass": math.inf}, "tip_mass: must be a finite number, got inf"),
+        ({"clamp_stiffness": 0.0}, "clamp_stiffness: must be positive, got 0"),
+        ({"clamp_stiffness": math.nan}, "clamp_stiffness: must be a finite number, got nan"),
         ({"gravity": (0.0, -math.inf)}, "gravity: must be a finite number, got -inf"),
     ],
 )
@@ -125,7 +129,7 @@ def test_the_constructor_asks_for_one_value_an_element():
 
 
 def test_with_refuses_what_is_no_property_of_a_beam():
-    with pytest.raises(InputError, match=r"^colour: is not a property of a beam; those are axis, density, "):
+    with pytest.raises(InputError, match=r"^colour: is not a property of a beam; those are axis, clamp_stiffness, "):
         Beam.uniform(**GOOD).with_(colour="red")
     with pytest.raises(InputError, match=r"^width: has 2 values for 4 elements$"):
         Beam.uniform(**GOOD).with_(width=[1e-3, 1e-3])
@@ -137,7 +141,7 @@ def test_with_refuses_what_is_no_property_of_a_beam():
         ("length = 0.5", "{path}: has no table [beam]"),
         ("beam = 3", "{path}: has no table [beam]"),
         (TOML.replace("width = 5e-3", ""), "{path}: [beam]: the key 'width' is missing"),
-        (TOML + "colour = 'red'", "{path}: [beam]: unknown key 'colour'; known are axis, density, elastic_modulus"),
+        (TOML + "colour = 'red'", "{path}: [beam]: unknown key 'colour'; known are axis, clamp_stiffness, density"),
         (TOML.replace("5e-3\nthickness", "-5e-3\nthickness"), "{path}: [beam]: width: must be positive, got -0.005"),
         (TOML.replace("[0, 1]", "{x = 0, y = 1}"), "{path}: [beam]: axis: must be a pair of numbers (x, y), got {"),
         ("[beam", "{path}: is not TOML ("),

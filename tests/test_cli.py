@@ -1,21 +1,26 @@
 """The command: what it prints, what it writes, and how it refuses."""
 
+import hashlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+import zipfile
 from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ancf_casadi import FitError, Measurement, SimulationError
+from ancf_casadi import Beam, FitError, Measurement, Model, SimulationError, StrainMeasures
+from ancf_casadi.export import Document, fmu, load_functions, read_document, write_document
 from ancf_casadi.version import __version__
 from problems import cli, reproduction
 from problems.cli import main
+from problems.study_file import read_simulation
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 RECORD = Path(__file__).parents[2] / "shared" / "data" / "silicone_beam" / "beam_gravity_tip.csv"
@@ -234,6 +239,139 @@ def one_line(capsys) -> str:
     return line
 
 
+class TestExport:
+    def test_json_comes_back_as_the_same_beam_and_law(self, files, capsys):
+        assert main(["export", "study.toml", "--format", "json", "--out", "new/beam.json", "--json"]) == 0
+        written = json.loads(capsys.readouterr().out)
+        assert written["format"] == "json"
+        assert written["files"] == [{"path": "new/beam.json", "bytes": (files / "new/beam.json").stat().st_size}]
+        study, found = read_simulation("study.toml"), read_document("new/beam.json")
+        assert found.model == study.model
+        assert np.array_equal(found.damping.projection(found.model), study.damping.projection(study.model))
+        assert found.damping.parameters == study.damping.parameters
+
+    def test_a_document_is_a_beam_for_the_other_commands(self, files, capsys):
+        """The same numbers to the last digit as from the TOML file, whose damping travels with it."""
+        assert main(["export", "study.toml", "--format", "json", "--out", "beam.json"]) == 0
+        (files / "part").mkdir()
+        beam = BEAM.partition("[match]")[0]
+        tables = STUDY[STUDY.index("[base]") :]
+        short = edited(tables, *list(SMALL.items())[1:])
+        (files / "part/study.toml").write_text(f'[beam]\ndocument = "../beam.json"\n{short}')
+        (files / "beam.toml").write_text(edited(beam, ("elements = 20", "elements = 4")))
+        (files / "match.toml").write_text('[beam]\ndocument = "beam.json"\n[match]\ntargets = [1.85, 10.19]\n')
+        capsys.readouterr()
+        for commands in (
+            (["modes", "beam.toml"], ["modes", "beam.json"], ["modes", "match.toml"]),
+            (["simulate", "study.toml"], ["simulate", "part/study.toml"]),
+        ):
+            texts = []
+            for command in commands:
+                assert main(command) == 0
+                texts.append(capsys.readouterr().out.split("seconds")[0])
+            assert len(set(texts)) == 1
+        assert main(["match", "match.toml", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["matched_hz"] == pytest.approx([1.85, 10.19], rel=1e-6)
+
+    def test_an_identification_goes_along_with_the_hash_of_its_data(self, files, capsys):
+        for name, command in (("decay", ["fit-decay", "decay.csv"]), ("match", ["match", "beam.toml"])):
+            assert main([*command, "--json"]) == 0
+            (files / f"{name}.json").write_text(capsys.readouterr().out)
+        call = ["export", "beam.toml", "--format", "json", "--out", "first.json"]
+        assert main([*call, "--identification", "decay.json", "--data", "decay.csv"]) == 0
+        again = ["export", "first.json", "--format", "json", "--out", "second.json"]
+        assert main([*again, "--identification", "match.json"]) == 0
+        decay, match = read_document("second.json").identifications
+        assert (decay.kind, match.kind) == ("decay", "frequency matching")
+        assert decay.result == json.loads((files / "decay.json").read_text())
+        assert match.result["matched_hz"] == json.loads((files / "match.json").read_text())["matched_hz"]
+        digest = hashlib.sha256((files / "decay.csv").read_bytes()).hexdigest()
+        assert [(file.name, file.sha256) for file in decay.data] == [("decay.csv", digest)]
+
+    def test_casadi_and_c(self, files, capsys):
+        (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
+        call = ["export", "small.toml", "--markers", "0.25", "--json", "--format"]
+        assert main([*call, "casadi", "--out", "beam.casadi"]) == 0
+        assert json.loads(capsys.readouterr().out)["files"][0]["path"] == "beam.casadi"
+        functions = load_functions("beam.casadi")
+        q, base = [state.value for state in functions.states[:8]], np.zeros(9)
+        assert functions.markers(q, base).full().ravel() == pytest.approx([0.0, -0.25], abs=1e-6)
+        assert main([*call, "c", "--out", "source"]) == 0
+        written = json.loads(capsys.readouterr().out)["files"]
+        assert {file["path"]: file["bytes"] for file in written} == {
+            f"source/{name}": (files / "source" / name).stat().st_size for name in ("beam.c", "beam.h", "main.c")
+        }
+        assert "thickness_2" in (files / "source/beam.h").read_text()
+
+    @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+    def test_fmu(self, files, capsys, monkeypatch):
+        (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
+        monkeypatch.setattr(fmu, "FLAGS", ("-O0", *fmu.FLAGS[1:]))
+        assert main(["export", "small.toml", "--format", "fmu", "--out", "beam.fmu", "--markers", "0.1,0.25"]) == 0
+        captured = capsys.readouterr()
+        assert captured.out == f"beam.fmu  {(files / 'beam.fmu').stat().st_size} bytes\n"
+        assert "compiler" in captured.err  # what it is at
+        with zipfile.ZipFile("beam.fmu") as archive:
+            description = archive.read("modelDescription.xml").decode()
+        assert "the point at arc length 0.25 m, y" in description
+
+    @pytest.mark.parametrize(
+        ("arguments", "what"),
+        [
+            (["beam.toml", "--format", "exe", "--out", "x"], "invalid choice: 'exe'"),
+            (["beam.toml", "--format", "json"], "required: --out"),
+            (["beam.toml", "--out", "x"], "required: --format"),
+            (["none.toml", "--format", "json", "--out", "x"], "none.toml: cannot be read"),
+            (["none.json", "--format", "json", "--out", "x"], "none.json: cannot be read"),
+            (["bad.json", "--format", "json", "--out", "x"], "bad.json: format: must be 'ancf-casadi'"),
+            (["bad.toml", "--format", "json", "--out", "x"], "bad.json: format: must be 'ancf-casadi'"),
+            (["beam.toml", "--format", "json", "--out", "."], ".: is a folder"),
+            (["beam.toml", "--format", "json", "--out", "beam.toml/x"], "beam.toml: is not a folder"),
+            (["beam.toml", "--format", "json", "--out", "x", "--markers", "0.1"], "--markers: JSON holds the beam"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.1;2"], "must be numbers with commas"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.6"], "beam.toml: s: the point must be on"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "nan"], "must be a finite number"),
+            (
+                ["beam.toml", "--format", "json", "--out", "x", "--identification", "bad.json"],
+                "bad.json: result: is no",
+            ),
+            (
+                ["beam.toml", "--format", "json", "--out", "x", "--identification", "decay.csv"],
+                "decay.csv: is not JSON",
+            ),
+            (["beam.toml", "--format", "c", "--out", "beam.toml"], "beam.toml: is not a folder"),
+            (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "beam.toml: s: the point must be on"),
+            (
+                ["beam.toml", "--format", "c", "--out", "x", "--identification", "good.json"],
+                "goes along with json and fmu",
+            ),
+            (["beam.toml", "--format", "json", "--out", "x", "--data", "decay.csv"], "--data: there are 1 for 0"),
+        ],
+    )
+    def test_refusals(self, files, capsys, arguments, what):
+        (files / "bad.json").write_text('{"a": 1}')
+        (files / "good.json").write_text('{"unknowns": []}')
+        (files / "bad.toml").write_text('[beam]\ndocument = "bad.json"\n')
+        assert what in refused(["export", *arguments], files, capsys)
+
+    def test_a_document_is_named_by_a_text_and_stands_alone(self, files, capsys):
+        (files / "bad.toml").write_text("[beam]\ndocument = 3\n")
+        assert "[beam]: document: must be the name of a file" in refused(["modes", "bad.toml"], files, capsys)
+        (files / "bad.toml").write_text('[beam]\ndocument = "a.json"\nlength = 1\n')
+        assert "[beam]: unknown key 'length'" in refused(["modes", "bad.toml"], files, capsys)
+
+    def test_a_document_with_other_strain_measures_is_not_matched(self, files, capsys):
+        measures = StrainMeasures(axial="green")
+        write_document("green.json", Document(Model(Beam.from_toml("beam.toml"), measures)))
+        (files / "match.toml").write_text('[beam]\ndocument = "green.json"\n[match]\ntargets = [1.85]\n')
+        assert "strain measures" in refused(["match", "match.toml"], files, capsys)
+
+    def test_an_fmu_without_fmpy(self, files, capsys, monkeypatch):
+        monkeypatch.setattr(fmu.importlib.util, "find_spec", lambda name: None)
+        call = ["export", "beam.toml", "--format", "fmu", "--out", "beam.fmu"]
+        assert "needs the headers of FMI" in refused(call, files, capsys)
+
+
 def refused(arguments: list[str], files: Path, capsys) -> str:
     """Return the one line with which the command refuses, having written nothing."""
     before = sorted(path.relative_to(files) for path in files.rglob("*"))
@@ -253,7 +391,11 @@ class TestUnusableInput:
         ("old", "new", "what"),
         [
             ("thickness = 0.5e-3", "", "[beam]: the key 'thickness' is missing"),
-            ("elements = 20", "elements = 20\ncolour = 1", "[beam]: unknown key 'colour'; known are axis, density"),
+            (
+                "elements = 20",
+                "elements = 20\ncolour = 1",
+                "[beam]: unknown key 'colour'; known are axis, clamp_stiffness",
+            ),
             ("[match]", "[mach]", "unknown key 'mach'; known are base, beam, damping, match"),
             ("[beam]", "[bean]", "the key 'beam' is missing"),
             ("thickness = 0.5e-3", "thickness = -0.5e-3", "[beam]: thickness: must be positive, got -0.0005"),
@@ -456,6 +598,17 @@ class TestInterrupted:
         assert main([command, file]) == 130
         assert one_line(capsys) == "ancf-casadi: stopped; nothing was written"
         assert sorted(files.iterdir()) == before
+
+    @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+    def test_while_an_fmu_is_compiled(self, files, capsys, monkeypatch):
+        def stopped(*_, **__):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(fmu.subprocess, "run", stopped)
+        before = sorted(files.iterdir())
+        assert main(["export", "beam.toml", "--format", "fmu", "--out", "new/beam.fmu"]) == 130
+        assert capsys.readouterr().err.endswith("ancf-casadi: stopped; nothing was written\n")
+        assert (sorted(files.iterdir()), Path.cwd()) == (before, files)
 
     def test_study(self, files, capsys, monkeypatch):
         def stopped(**_):

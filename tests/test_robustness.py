@@ -46,6 +46,11 @@ def experiments(draw):
         elements=draw(st.integers(2, 12)),
         axis=(np.cos(angle), np.sin(angle)),
     )
+    stiffness = elastic_modulus * 10 * thickness * thickness**3 / 12
+    beam = beam.with_(
+        tip_mass=draw(st.sampled_from([0.0, 0.0, 0.3])) * beam.mass,
+        clamp_stiffness=draw(st.sampled_from([np.inf, np.inf, 10.0])) * stiffness / length,
+    )
     model = Model(beam)
     mode = natural_modes(model, count=2)
     f = float(mode.frequencies[0])
@@ -73,7 +78,6 @@ def experiments(draw):
         base = SweepBase(amplitude=size, frequencies=(f, 3 * f), stop=0.7 / f, direction=(1.0, 0.3))
         return model, arguments | {"base": base} | small
     if kind == "release":
-        stiffness = elastic_modulus * 10 * thickness * thickness**3 / 12
         push = 3 * draw(st.floats(0.01, 0.6)) * stiffness / length**2
         return model, arguments | {
             "start": static_equilibrium(model, tip_force=(-push * np.sin(angle), push * np.cos(angle)))

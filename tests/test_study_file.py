@@ -15,7 +15,7 @@ from ancf_casadi import (
     RayleighDamping,
     natural_modes,
 )
-from problems.study_file import numbers, read_beam, read_match, read_simulation
+from problems.study_file import numbers, read_match, read_model, read_simulation
 
 BEAM = """
 [beam]
@@ -48,24 +48,24 @@ def file(tmp_path):
 
 class TestBeam:
     def test_uniform(self, file):
-        assert read_beam(file(BEAM)) == beam()
+        assert read_model(file(BEAM)).beam == beam()
 
     def test_values_of_each_element_axis_and_gravity(self, file):
         text = BEAM.replace("width = 5e-3", "width = [5e-3, 4e-3, 3e-3, 2e-3]")
         text += "axis = [2.0, 0.0]\ngravity = [0, -1.62]\n"
-        assert read_beam(file(text)) == beam(width=(5e-3, 4e-3, 3e-3, 2e-3), axis=(1, 0), gravity=(0, -1.62))
+        assert read_model(file(text)).beam == beam(width=(5e-3, 4e-3, 3e-3, 2e-3), axis=(1, 0), gravity=(0, -1.62))
 
     def test_tables_of_other_commands_do_not_disturb(self, file):
-        assert read_beam(file(BEAM, "[match]\ntargets = 1\n[base]\n", SIMULATION)) == beam()
+        assert read_model(file(BEAM, "[match]\ntargets = 1\n[base]\n", SIMULATION)).beam == beam()
 
     @pytest.mark.parametrize("text", ["", "[base]\n", "beam = 1\n"])
     def test_missing(self, file, text):
         with pytest.raises(InputError, match=r"study\.toml: (the key 'beam' is missing|has no table \[beam\])"):
-            read_beam(file(text))
+            read_model(file(text))
 
     def test_file_that_is_not_there(self, tmp_path):
         with pytest.raises(InputError, match=r"absent\.toml: cannot be read"):
-            read_beam(str(tmp_path / "absent.toml"))
+            read_model(str(tmp_path / "absent.toml"))
 
 
 class TestMatch:
@@ -198,7 +198,7 @@ def test_numbers_refuse_what_is_no_number(value):
 @pytest.mark.parametrize("name", ["beam.toml", "study.toml"])
 def test_examples_can_be_read(name):
     path = str(Path(__file__).parents[1] / "examples" / name)
-    assert read_beam(path).elements == 20
+    assert read_model(path).beam.elements == 20
     if name == "beam.toml":
         assert read_match(path)[1]["targets"] == [1.85, 10.19, 26.84, 53.20, 88.60]
     else:

@@ -1,8 +1,27 @@
-"""The model for other programs: CasADi Functions, C, and the table that describes their entries."""
+"""The model for other programs: CasADi Functions, C and FMU; and its durable form, a JSON document."""
 
 from ancf_casadi.export.c import write_c
+from ancf_casadi.export.document import Document, read_document, schema, write_document
+from ancf_casadi.export.fmu import write_fmu
 from ancf_casadi.export.functions import BeamFunctions, beam_functions
+from ancf_casadi.export.identification import DataFile, Identification, Provenance
 from ancf_casadi.export.signals import Signal, values
 from ancf_casadi.export.storage import load_functions, save_functions
 
-__all__ = ["BeamFunctions", "Signal", "beam_functions", "load_functions", "save_functions", "values", "write_c"]
+__all__ = [
+    "BeamFunctions",
+    "DataFile",
+    "Document",
+    "Identification",
+    "Provenance",
+    "Signal",
+    "beam_functions",
+    "load_functions",
+    "read_document",
+    "save_functions",
+    "schema",
+    "values",
+    "write_c",
+    "write_document",
+    "write_fmu",
+]

@@ -7,8 +7,9 @@ One table serves all forms of the model, so that a header, an FMU and a document
     base            displacement (x, y) and rotation of the clamp from where the beam is at rest, with their first and
                     second rates; a rotation turns the axis of the beam counterclockwise
 
-Elements count from 1 at the clamp; node i ends element i, and node 0 is clamped.  Names are identifiers of C.  The
-projection B of a generic damping law is no parameter: the shapes of its modes are part of the law.
+Elements count from 1 at the clamp; node i ends element i, and node 0 is clamped, or free behind an elastic clamp.
+Names are identifiers of C.  The projection B of a generic damping law is no parameter: the shapes of its modes are part
+of the law; nor are a mass at the tip and the stiffness of the clamp, which are part of the beam.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ def state_signals(equilibrium: Equilibrium) -> tuple[Signal, ...]:
     model = equilibrium.model
     positions, rates = [], []
     for k in range(model.size)[model.free]:
-        node, component = divmod(k, NODE)
+        node, component = divmod(k - NODE * model.root, NODE)
         name, unit, what = COORDINATES[component]
         start = float(equilibrium.coordinates[k])
         positions.append(Signal(f"{name}_{node}", unit, f"{what}, of node {node}", start))

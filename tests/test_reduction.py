@@ -33,6 +33,8 @@ Q = SEED.uniform(-1, 1, 5) * (4e-3, 1e-3, 4e-4, 2e-4, 1e-4)  # bends the paper's
 V = SEED.uniform(-1, 1, 5) * 0.05
 BASE = SEED.uniform(-1, 1, 9) * (0.1, 0.1, 1.0, 0.5, 0.5, 3.0, 5.0, 5.0, 20.0)
 STILL = np.zeros(9)
+HEAVY = {"tip_mass": 5e-3}
+ELASTIC = {"tip_mass": 2e-3, "clamp_stiffness": 0.5, "axis": (1.0, -1.0)}
 
 
 @pytest.fixture(scope="module")
@@ -56,14 +58,18 @@ def uneven(elements=20):
 
 
 @pytest.mark.parametrize(
-    "changes", [{}, {"axis": (1.0, 0.0)}, {"axis": (1.0, 0.0), "gravity": (0.0, 0.0)}, uneven()], ids=str
+    "changes",
+    [{}, {"axis": (1.0, 0.0)}, {"axis": (1.0, 0.0), "gravity": (0.0, 0.0)}, uneven(), HEAVY, ELASTIC],
+    ids=["hanging", "horizontal", "weightless", "uneven", "tip mass", "elastic clamp"],
 )
 def test_small_motion_has_the_frequencies_and_the_rest_of_the_full_beam(paper_beam, changes):
     model = Model(paper_beam(**changes))
-    reduced = reduce_model(model, modes=5)
-    frequencies, ratios = linearised(reduced)
-    np.testing.assert_allclose(frequencies, reduced.modes.angular, rtol=2e-5)
-    assert np.abs(ratios).max() < 1e-12
+    modes = natural_modes(model)
+    for points, limit in ((41, 1.2e-5), (None, 3e-5)):
+        reduced = reduce_model(model, modes=modes, points=points)
+        frequencies, ratios = linearised(reduced)
+        np.testing.assert_allclose(frequencies, modes.angular, rtol=limit)
+        assert np.abs(ratios).max() < 1e-12
     zero = np.zeros(5)
     np.testing.assert_allclose(reduced.tip(zero, STILL).full().ravel(), static_equilibrium(model).tip, atol=1e-9)
     assert np.abs(reduced.rhs(zero, zero, STILL, reduced.values).full()).max() < 1e-5 * 9.81
@@ -84,6 +90,16 @@ def test_small_motion_has_the_damping_ratios_of_the_law(hanging, modes, law):
     expected = law.damping_ratios(modes, np.zeros(5))
     assert expected.min() > 1e-5
     np.testing.assert_allclose(linearised(reduce_model(hanging, modes=modes, damping=law))[1], expected, rtol=2e-4)
+
+
+@pytest.mark.parametrize("changes", [HEAVY, ELASTIC], ids=["tip mass", "elastic clamp"])
+def test_a_tip_mass_and_an_elastic_clamp_are_damped_as_in_the_full_model(paper_beam, changes):
+    model = Model(paper_beam(**changes))
+    modes = natural_modes(model, count=3)
+    law = RayleighDamping(alpha=0.1, beta=1e-5) + QuadraticDamping(eta1=0.1)
+    expected, air = (part.damping_ratios(modes, np.zeros(3)) for part in (law, QuadraticDamping(eta1=0.1)))
+    assert air[0] < 0.9 * 0.1 / (2 * modes.angular[0])  # the tip mass has no drag
+    np.testing.assert_allclose(linearised(reduce_model(model, modes=modes, damping=law))[1], expected, rtol=2e-4)
 
 
 def test_a_generic_law_and_its_symbolic_parameters_give_the_measured_ratios(hanging, modes):

@@ -56,6 +56,8 @@ class Projection:
         P^T M 1.
     total_mass : float
         1^T M 1, kg.
+    tip_mass : float
+        The part of it at the tip, which the air does not damp, kg.
     bending_stiffness : array (m, m)
         K_b.
     rest_force : array (m,)
@@ -70,6 +72,7 @@ class Projection:
     mass_factor: Array
     mass_moment: Array
     total_mass: float
+    tip_mass: float
     bending_stiffness: Array
     rest_force: Array
     rest_energy: float
@@ -92,7 +95,7 @@ def projection_of(modes: Modes, whole: Slopes, few: Slopes, drag_points: int) ->
     model, rest = modes.model, modes.equilibrium.coordinates
     p, beam = model.properties, model.beam
     mass = model.mass(p).full()[::2, ::2]
-    moment = mass @ np.tile([1.0, 0.0], beam.elements + 1)
+    moment = mass @ np.tile([1.0, 0.0], len(mass) // 2)
     across = np.kron(whole.shape @ whole.rotations, [[-beam.axis[1]], [beam.axis[0]]])
     first = np.kron(whole.shape, np.eye(2)) @ whole.first_order.reshape(-1, modes.count)
     places, weights = gauss(drag_points)
@@ -101,6 +104,7 @@ def projection_of(modes: Modes, whole: Slopes, few: Slopes, drag_points: int) ->
         mass_factor=np.linalg.cholesky(few.shape.T @ mass @ few.shape).T,
         mass_moment=few.shape.T @ moment,
         total_mass=float(moment[::2].sum()),
+        tip_mass=beam.tip_mass,
         bending_stiffness=across.T @ (model.tangent_stiffness(model.straight, p).sparse() @ across),
         rest_force=first.T @ model.elastic_force(rest, p).full().ravel(),
         rest_energy=float(model.strain_energy(rest, p)),
@@ -203,6 +207,13 @@ class Projected:
         """Return the modal force of M e_t, of the motion itself."""
         weight = cs.DM(self.projection.mass_moment)
         return self.inertia(*self.slope_rate) + self.on_modes(weight * self.base[3], weight * self.base[4])
+
+    def line_inertia_force(self, rates: cs.MX, properties: cs.MX) -> cs.MX:
+        """Return the modal force of int S^T mu r_t dp, of the motion itself: without the tip mass."""
+        shape = cs.DM(self.projection.slopes.shape[-2])
+        rate = [self.base[3 + k] + cs.dot(shape, part) for k, part in enumerate(self.slope_rate)]
+        tip = self.on_modes(*(self.projection.tip_mass * shape * part for part in rate))
+        return self.inertia_force(rates, properties) - tip
 
     def strain_rate_force(self, q: cs.MX, v: cs.MX, properties: cs.MX) -> cs.MX:
         """Return the modal force of Q_v, bending alone."""

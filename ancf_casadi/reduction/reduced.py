@@ -133,7 +133,8 @@ def reduce_model(
     markers : sequence of float
         Arc lengths of the points whose positions ``markers`` gives, m.
     points : int, optional
-        Points of the beam whose slope is followed, more than modes and at most 2 n + 1; 2 m + 2 if not given.
+        Points of the beam whose slope is followed, more than modes and at most all 2 n + 1 nodes and midpoints;
+        2 m + 2 if not given.
     drag_points : int, optional
         Points at which the quadratic drag acts; 4 m + 4 if not given.
 
@@ -162,7 +163,7 @@ def reduce_model(
     symbols = {"q": q, "v": v, "base": base, "p": p}
     beam = Projected(projection, q, v, base, p[:2])
     slope, rate = cs.horzcat(*beam.slope), cs.horzcat(*beam.slope_rate)
-    position = np.kron(np.ones(model.beam.elements + 1), [1.0, 0.0])[:, None]
+    position = np.tile([1.0, 0.0], len(projection.slopes.shape) // 2)[:, None]
     e, e_t = (
         cs.vec((cs.DM(projection.slopes.shape) @ part + position @ base[k : k + 2].T).T)
         for k, part in ((0, slope), (3, rate))

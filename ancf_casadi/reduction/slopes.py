@@ -56,8 +56,8 @@ class Slopes:
         |r'| at rest.
     rotations : array (k, m)
         Theta, rotation of the slope a unit of each modal coordinate, rad/(m kg^1/2).
-    shape : array (2 n + 2, k)
-        From one component of the slopes to that of all nodal coordinates, relative to the clamp.
+    shape : array (2 n + 2, k), or (2 n + 4, k) behind an elastic clamp
+        From one component of the slopes to that of all nodal coordinates, relative to the base.
     """
 
     angles: Array
@@ -91,12 +91,19 @@ def slopes_of(modes: Modes) -> Slopes:
     interpolation = np.array([model.slope_interpolation(min(float(s), length)) for s in places])
     rest, change = interpolation @ modes.equilibrium.coordinates, interpolation @ modes.shapes
     (x, y), square = rest.T, (rest**2).sum(axis=1)
+    base = model.root  # behind an elastic clamp the base has a slope of its own, which only turns with the base
     rotations = (x[:, None] * change[:, 1] - y[:, None] * change[:, 0]) / square[:, None]
     stretching = (x[:, None] * change[:, 0] + y[:, None] * change[:, 1]) / square[:, None]
     axial = np.abs(stretching).max(axis=0) > AXIAL * np.abs(rotations).max(axis=0)
     if axial.any():
         raise InputError(f"mode {axial.argmax() + 1} stretches the beam; keep fewer", "modes")
-    return Slopes(np.unwrap(np.arctan2(y, x)), np.sqrt(square), rotations, _simpson(model))
+    angles = np.unwrap(np.concatenate([[np.arctan2(*model.beam.axis[::-1])] * base, np.arctan2(y, x)]))
+    return Slopes(
+        angles,
+        np.concatenate([np.ones(base), np.sqrt(square)]),
+        np.vstack([np.zeros((base, modes.count)), rotations]),
+        _simpson(model),
+    )
 
 
 def selected(slopes: Slopes, points: int) -> Slopes:
@@ -126,12 +133,12 @@ def selected(slopes: Slopes, points: int) -> Slopes:
 
 
 def _simpson(model: Model) -> Array:
-    """From slopes at nodes and midpoints to positions and slopes of the nodes, (2 n + 2, 2 n + 1)."""
+    """From slopes at nodes and midpoints to positions and slopes of the nodes, (2 n + 2, 2 n + 1) and the base."""
     elements, l = model.beam.elements, model.beam.element_length
-    shape = np.zeros((2 * elements + 2, 2 * elements + 1))
+    base, shape = model.root, np.zeros((2 * elements + 2, 2 * elements + 1))
     nodes = np.arange(elements + 1)
     shape[2 * nodes + 1, 2 * nodes] = 1.0
     for i in range(elements):
         shape[2 * i + 2] = shape[2 * i]
         shape[2 * i + 2, 2 * i : 2 * i + 3] += l / 6 * np.array([1.0, 4.0, 1.0])
-    return shape
+    return np.asarray(scipy.linalg.block_diag(*[np.array([[0.0], [1.0]])] * base, shape))

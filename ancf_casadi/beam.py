@@ -23,6 +23,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.inputs import check_keys, number, positive, read_toml, vector
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
+LUMPED = ("tip_mass", "clamp_stiffness")
 MINIMUM_ELEMENTS = 2
 ROUNDING = 1e-15  # of the length of a unit vector
 

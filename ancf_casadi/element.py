@@ -32,6 +32,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Literal, get_args
 
 import casadi as cs
@@ -123,8 +124,9 @@ class Element:
     drag_force: cs.Function
 
 
+@lru_cache(maxsize=8)
 def element(l: float, measures: StrainMeasures) -> Element:
-    """Derive the Functions of an element of length ``l`` (m) from its energies."""
+    """Derive the Functions of an element of length ``l`` (m) from its energies, once for each length."""
     e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", 4)
     width, thickness, density, elastic_modulus = cs.vertsplit(p)
     area = width * thickness

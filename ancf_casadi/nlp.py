@@ -119,6 +119,10 @@ class Solution:
         Time they took, without that of building the problem.
     status : str
         What IPOPT said.
+    bound_multipliers : ndarray
+        Multipliers of the bounds of ``x``, positive at an upper one.
+    constraint_multipliers : ndarray
+        Multipliers of the constraints, positive at an upper bound.
     """
 
     x: NDArray[np.float64]
@@ -126,6 +130,8 @@ class Solution:
     iterations: int
     solve_seconds: float
     status: str
+    bound_multipliers: NDArray[np.float64]
+    constraint_multipliers: NDArray[np.float64]
 
 
 def least_squares(
@@ -277,7 +283,13 @@ def solve_nlp(
         advice = ADVICE.get(status, "start elsewhere, or check scales and bounds")
         raise FitError(f"no minimum was found after {stats['iter_count']} iterations ({status}): {advice}", stats)
     return Solution(
-        result["x"].full().ravel(), float(result["f"]), stats["iter_count"], seconds, stats["return_status"]
+        x=result["x"].full().ravel(),
+        objective=float(result["f"]),
+        iterations=stats["iter_count"],
+        solve_seconds=seconds,
+        status=stats["return_status"],
+        bound_multipliers=result["lam_x"].full().ravel(),
+        constraint_multipliers=result["lam_g"].full().ravel(),
     )
 
 

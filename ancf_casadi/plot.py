@@ -6,12 +6,13 @@ Each function returns a matplotlib ``Figure``; ``png`` turns it into a file's co
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
+from ancf_casadi.beam import PROPERTIES, Beam
 from ancf_casadi.envelope import DampingCurve
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.trajectory import Trajectory
@@ -99,4 +100,31 @@ def motion_figure(run: Trajectory) -> Figure:
         x, y = 1e3 * np.array([run.model.interpolation(float(s)) @ run.coordinates[row] for s in arc]).T
         in_plane.plot(x, y, lw=0.8, color=COMPUTED, alpha=0.3 + 0.7 * row / max(1, len(run.time) - 1))
     in_plane.set(xlabel="x, mm", ylabel="y, mm", aspect="equal")
+    return figure
+
+
+def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, NDArray[np.float64]]) -> Figure:
+    """Draw how the properties of a beam changed along it, and between what they may be.
+
+    Parameters
+    ----------
+    given, found : Beam
+        The beam before and after.
+    ranges : mapping of str to array (n, 2)
+        Properties to draw, with the lowest and highest relative change of each element.
+    """
+    figure = Figure(figsize=(8, 1.2 + 1.6 * len(ranges)), layout="constrained")
+    edges = 1e3 * np.linspace(0.0, found.length, found.elements + 1)
+    plots = figure.subplots(len(ranges), 1, sharex=True, squeeze=False).ravel()
+    for axes, name in zip(plots, (name for name in PROPERTIES if name in ranges), strict=True):
+        change = 100 * (np.array(getattr(found, name)) / np.array(getattr(given, name)) - 1)
+        low, high = 100 * ranges[name].T
+        axes.fill_between(edges, np.append(low, low[-1]), np.append(high, high[-1]), step="post", color=COMPUTED,
+                          alpha=0.2, lw=0, label="fits as well, one element at a time")  # fmt: skip
+        axes.stairs(change, edges, baseline=None, color=COMPUTED, lw=1.5, label="matched")
+        axes.axhline(0.0, ls=":", lw=0.8, color=MEASURED)
+        axes.set(ylabel=f"{name.replace('_', ' ')}, %", xlim=(0.0, edges[-1]))
+    plots[0].legend(frameon=False, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    plots[-1].set(xlabel="arc length, mm")
+    figure.align_ylabels()
     return figure

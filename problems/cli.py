@@ -30,7 +30,7 @@ from problems.decay_comparison import compare_decay_laws
 from problems.decay_fitting import fit_decay
 from problems.exporting import FORMATS, export, read_identifications
 from problems.frequency_matching import match_frequencies
-from problems.study_file import numbers, read_match, read_model, read_simulation, read_source
+from problems.study_file import read_match, read_model, read_simulation, read_source
 
 INTERRUPTED = 130
 STOPPED = "stopped; nothing was written"
@@ -139,6 +139,7 @@ def _parser() -> argparse.ArgumentParser:
     modes.add_argument("--count", type=int, default=5, metavar="N", help="how many (default: 5)")
     match = command("match", _match, "the beam nearest to a given one that has the measured frequencies")
     match.add_argument("file", metavar="BEAM.toml", help="a file with the tables [beam] and [match]")
+    match.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the properties along the beam")
     motion = command("simulate", _simulate, "the large motion of a beam")
     motion.add_argument("file", metavar="STUDY.toml", help="tables [beam], [simulation], [damping], [base]")
     motion.add_argument("--out", type=Path, metavar="FILE.csv", help="write the motion of the tip")
@@ -229,38 +230,14 @@ def _modes(options: argparse.Namespace) -> str:
 
 def _match(options: argparse.Namespace) -> str:
     beam, request = read_match(options.file)
+    plot = None if options.plot is None else _new_file(options.plot)
     with _located(f"{options.file}: [match]"):
-        request["targets"] = numbers(request["targets"], "targets")
         match = match_frequencies(beam, **request)
-    if options.json:
-        data = {
-            "target_hz": match.targets,
-            "standard_hz": match.standard,
-            "matched_hz": match.frequencies,
-            "width_m": match.beam.width,
-            "thickness_m": match.beam.thickness,
-            "density": match.beam.density,
-            "elastic_modulus": match.beam.elastic_modulus,
-            "max_relative_error": match.max_relative_error,
-            "at_bound": match.at_bound,
-            "iterations": match.iterations,
-            "solve_seconds": match.solve_seconds,
-        }
-        return to_json(data).rstrip()
-    frequencies = zip(match.targets, match.standard, match.frequencies, strict=True)
-    properties = zip(
-        match.beam.width, match.beam.thickness, match.beam.density, match.beam.elastic_modulus, strict=True
-    )
-    tables = [
-        Table("frequencies", "Natural frequencies, Hz", ("mode", "target", "before", "matched"),
-              [(mode, *row) for mode, row in enumerate(frequencies, start=1)],
-              (f"largest relative error {match.max_relative_error:.1e}",)),
-        Table("properties", "Properties of the matched beam",
-              ("element", "width_m", "thickness_m", "density", "modulus_Pa"),
-              [(element, *row) for element, row in enumerate(properties, start=1)],
-              (f"at a bound: {', '.join(match.at_bound) or 'nothing'}",)),
-    ]  # fmt: skip
-    return "\n\n".join(table.text() for table in tables)
+    if plot is not None:
+        from ancf_casadi.plot import png  # matplotlib is slow to import
+
+        write_file(plot, png(match.figure()))
+    return to_json(match.to_dict()).rstrip() if options.json else match.report()
 
 
 def _simulate(options: argparse.Namespace) -> str:

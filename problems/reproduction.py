@@ -46,7 +46,8 @@ from problems import paper
 from problems.damping_fitting import RayleighFit, fit_rayleigh
 from problems.decay_fitting import fit_decay
 from problems.decay_result import DecayFit
-from problems.frequency_matching import FrequencyMatch, match_frequencies
+from problems.frequency_matching import match_frequencies
+from problems.matching_result import FrequencyMatch
 
 Array = NDArray[np.float64]
 

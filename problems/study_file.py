@@ -3,7 +3,9 @@
 A TOML file has the table ``[beam]``, with the keys of ``Beam.uniform``, or with the one key ``document``: the name of
 a JSON document beside it, whose damping then holds unless the file has its own.  And as the command asks
 
-    [match]       targets (Hz), bounds
+    [match]       targets (Hz), frequency_std (Hz), bounds, objective, starts, seed;
+                  points (m), shapes, shape_std where shapes were measured;
+                  unknowns = {width = "element", density = "global", thickness = {smooth = 3, bounds = 0.05}}
     [[damping]]   law = "rayleigh":  alpha, beta, stiffness
                   law = "quadratic": eta1 (1/s), eta2 (1/m)
                   law = "modal":     ratios, frequencies (Hz);  several tables add up
@@ -15,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,9 +30,13 @@ from ancf_casadi.export.document import Document, read_document
 from ancf_casadi.inputs import check_keys, number, read_toml
 from ancf_casadi.model import Model
 from ancf_casadi.modes import natural_modes
+from problems.matching_unknowns import Global, PerElement, PropertyUnknown, Smooth
+from problems.measured_modes import MeasuredModes
 
 Made = TypeVar("Made")
 
+MODES = ("frequency_std", "points", "shapes", "shape_std")  # what [match] may have of MeasuredModes
+MATCH = ("bounds", "objective", "starts", "seed", "unknowns")
 TABLES = ("beam", "match", "damping", "base", "simulation")
 
 
@@ -78,7 +85,7 @@ def read_model(path: str) -> Model:
 
 
 def read_match(path: str) -> tuple[Beam, dict[str, Any]]:
-    """Read a beam, and the targets and bounds to match it to.
+    """Read a beam, and the arguments of ``match_frequencies`` to match it.
 
     Raises
     ------
@@ -89,7 +96,16 @@ def read_match(path: str) -> tuple[Beam, dict[str, Any]]:
     model = _beam(tables, path).model
     if model.measures != StrainMeasures():
         raise InputError("the document has strain measures for which no frequencies are matched", f"{path}: [beam]")
-    return model.beam, _table(tables.get("match"), {"targets"}, {"bounds"}, f"{path}: [match]")
+    where = f"{path}: [match]"
+    request = dict(_table(tables.get("match"), {"targets"}, {*MODES, *MATCH}, where))
+    measured = {key: request.pop(key) for key in MODES if key in request}
+    targets = _made(lambda: numbers(request["targets"], "targets"), where)
+    request["targets"] = (
+        _made(lambda: MeasuredModes(frequencies=tuple(targets), **measured), where) if measured else targets
+    )
+    if "unknowns" in request:
+        request["unknowns"] = _unknowns(request["unknowns"], where)
+    return model.beam, request
 
 
 def read_simulation(path: str) -> Simulation:
@@ -133,6 +149,27 @@ def _beam(tables: dict[str, Any], path: str) -> Document:
             raise InputError(f"must be the name of a file, got {table['document']!r}", f"{where}: document")
         return read_document(Path(path).parent / table["document"])
     return Document(Model(Beam.from_table(table, path)))
+
+
+def _unknowns(table: Any, where: str) -> tuple[PropertyUnknown, ...]:
+    if not isinstance(table, dict):
+        raise InputError(f"must be a table of properties, got {table!r}", f"{where}: unknowns")
+    return tuple(_made(partial(_unknown, name, given), where) for name, given in table.items())
+
+
+def _unknown(name: str, given: Any) -> PropertyUnknown:
+    """Make an unknown from "global", "element", {smooth = 3}, or {element = true, bounds = 0.05}."""
+    table = {given: True} if isinstance(given, str) else given
+    kinds = sorted({"global", "element", "smooth"} & set(table)) if isinstance(table, dict) else []
+    if len(kinds) != 1 or set(table) - {kinds[0], "bounds"}:
+        raise InputError(
+            f'must be "global", "element", {{smooth = 3}} or {{element = true, bounds = 0.05}}, got {given!r}',
+            f"unknowns: {name}",
+        )
+    bounds = table.get("bounds")
+    if kinds[0] == "smooth":
+        return Smooth(name, terms=table["smooth"], bounds=bounds)
+    return Global(name, bounds) if kinds[0] == "global" else PerElement(name, bounds)
 
 
 def _table(table: Any, required: set[str], optional: set[str], where: str) -> dict[str, Any]:

@@ -44,7 +44,7 @@ def tables(study: Study) -> list[Table]:
 
 def results(study: Study) -> dict[str, Any]:
     """Return the results as plain data: SI units, ratios as fractions, lists in the order of the modes."""
-    match, beam = study.match, study.match.beam
+    match = study.match
     return {
         "data": SYNTHETIC,
         "versions": {"ancf-casadi": __version__, "casadi": version("casadi")},
@@ -74,17 +74,9 @@ def results(study: Study) -> dict[str, Any]:
             for mode, fit in zip(MODES, study.quadratic, strict=True)
         ],
         "frequency_matching": {
-            "target_hz": list(match.targets),
-            "standard_hz": list(match.standard),
-            "matched_hz": list(match.frequencies),
-            "width_m": list(beam.width),
-            "thickness_m": list(beam.thickness),
-            "elastic_modulus": beam.elastic_modulus[0],
-            "density": beam.density[0],
-            "max_relative_error": match.max_relative_error,
-            "at_bound": list(match.at_bound),
-            "iterations": match.iterations,
-            "solve_seconds": match.solve_seconds,
+            **match.to_dict(),
+            "elastic_modulus": match.beam.elastic_modulus[0],
+            "density": match.beam.density[0],
         },
         "damping_comparison": {
             "experiment": list(paper.DAMPING_RATIOS),

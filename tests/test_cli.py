@@ -97,8 +97,21 @@ class TestMatch:
         rows = [[float(cell) for cell in line.split()] for line in frequencies.splitlines()[4:7]]
         for row, target in zip(rows, (1.85, 10.19, 26.84), strict=True):
             assert (row[1], row[3]) == (pytest.approx(target), pytest.approx(target, rel=1e-5))
-        assert len(properties.splitlines()) == 4 + 8 + 1
+        assert len(properties.splitlines()) == 4 + 8 + 8 + 2 + 3  # rows, and three lines of notes
+        assert "The data fix 3 of 18 combinations of the unknowns." in properties
         assert "at a bound: nothing" in properties
+
+    def test_plot_and_unknowns(self, files, capsys):
+        text = edited(
+            BEAM, ("elements = 20", "elements = 6"), (", 53.20, 88.60", ""), ("bounds = 0.10", "bounds = 0.3")
+        )
+        (files / "beam.toml").write_text(text + '\n[match.unknowns]\nthickness = {smooth = 4}\ndensity = "global"\n')
+        assert main(["match", "beam.toml", "--json", "--plot", "change.png"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert [p["name"] for p in data["properties"]] == [*(f"thickness[{k}]" for k in range(1, 7)), "density"]
+        assert data["rank"] == 3
+        assert data["max_relative_error"] < 1e-6
+        assert (files / "change.png").read_bytes().startswith(b"\x89PNG")
 
 
 class TestFitDecay:
@@ -426,7 +439,7 @@ class TestUnusableInput:
             ),
             ("bounds = 0.10", "bounds = 0", "bounds: must be positive, got 0"),
             ("bounds = 0.10", "bounds = 1.5", "bounds: must be at most 1, got 1.5"),
-            ("bounds = 0.10", "bound = 0.10", "unknown key 'bound'; known are bounds, targets"),
+            ("bounds = 0.10", "bound = 0.10", "unknown key 'bound'; known are bounds, frequency_std"),
             ("targets = ", "bounds = 0.10 #", None),
         ],
     )

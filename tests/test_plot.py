@@ -9,7 +9,7 @@ import pytest
 
 from ancf_casadi import Beam, HarmonicBase, Model, Trajectory, simulate
 from ancf_casadi.measurement import Measurement
-from ancf_casadi.plot import FINE, decay_figure, motion_figure, png
+from ancf_casadi.plot import FINE, decay_figure, motion_figure, png, properties_figure
 
 RELEASE = 0.5
 
@@ -75,3 +75,16 @@ def test_the_package_does_not_load_matplotlib():
     code = "import sys, ancf_casadi, problems.cli; print('matplotlib' in sys.modules)"
     done = run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "False\n"
+
+
+def test_properties_are_drawn_as_changes_within_their_ranges(paper_beam):
+    given = paper_beam(4)
+    found = given.with_(thickness=tuple(0.5e-3 * np.array([1.02, 0.97, 1.0, 1.05])), density=8400.0)
+    ranges = {"density": np.tile([-0.1, 0.1], (4, 1)), "thickness": np.array([[-0.05, 0.06]] * 4)}
+    thickness, density = properties_figure(given, found, ranges).axes
+    assert (thickness.get_ylabel(), density.get_ylabel()) == ("thickness, %", "density, %")
+    (steps,) = [patch for patch in thickness.patches if hasattr(patch, "get_data")]
+    assert steps.get_data().values == pytest.approx([2.0, -3.0, 0.0, 5.0])
+    assert steps.get_data().edges == pytest.approx([0.0, 125.0, 250.0, 375.0, 500.0])
+    low, high = thickness.collections[0].get_datalim(thickness.transData).intervaly
+    assert (low, high) == pytest.approx((-5.0, 6.0))

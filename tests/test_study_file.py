@@ -15,6 +15,7 @@ from ancf_casadi import (
     RayleighDamping,
     natural_modes,
 )
+from problems import Global, MeasuredModes, PerElement, Smooth
 from problems.study_file import numbers, read_match, read_model, read_simulation
 
 BEAM = """
@@ -74,12 +75,38 @@ class TestMatch:
         assert read == beam()
         assert request == {"targets": [1.85, 10.19], "bounds": 0.2}
 
+    def test_unknowns_and_shapes(self, file):
+        text = """
+        [match]
+        targets = [10.19, 1.85]
+        frequency_std = [0.01, 0.002]
+        points = [0.2, 0.5]
+        shapes = [[-1.0, 2.0], [1.0, 4.0]]
+        objective = "worst-error"
+        starts = 2
+        unknowns = {width = "element", density = "global", thickness = {smooth = 2, bounds = 0.05}}
+        """
+        _, request = read_match(file(BEAM, text))
+        assert request == {
+            "targets": MeasuredModes((10.19, 1.85), (0.01, 0.002), (0.2, 0.5), ((-1.0, 2.0), (1.0, 4.0))),
+            "objective": "worst-error",
+            "starts": 2,
+            "unknowns": (PerElement("width"), Global("density"), Smooth("thickness", terms=2, bounds=0.05)),
+        }
+
     @pytest.mark.parametrize(
         ("text", "message"),
         [
             ("", "the table is missing"),
             ("[match]\nbounds = 0.1\n", "the key 'targets' is missing"),
-            ("[match]\ntargets = [1]\nstart = [1]\n", "unknown key 'start'; known are bounds, targets"),
+            ("[match]\ntargets = [1]\nstart = [1]\n", "unknown key 'start'; known are bounds, freq"),
+            ("[match]\ntargets = 1\n", "targets: must be a list of numbers, got 1"),
+            ("[match]\ntargets = [2, 1]\nfrequency_std = 0.1\n", "targets: must be ascending"),
+            ("[match]\ntargets = [1]\nunknowns = 3\n", "unknowns: must be a table of properties, got 3"),
+            ("[match]\ntargets = [1]\nunknowns.width = 'all'\n", 'unknowns: width: must be "global", "element"'),
+            ("[match]\ntargets = [1]\nunknowns.width = {smooth = 2, order = 1}\n", "unknowns: width: must be"),
+            ("[match]\ntargets = [1]\nunknowns.length = 'global'\n", "unknowns: must be one of width"),
+            ("[match]\ntargets = [1]\nunknowns.width = {smooth = 'x'}\n", "unknowns: width: terms must be a whole"),
         ],
     )
     def test_unusable(self, file, text, message):

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as cs
 import numpy as np
@@ -36,11 +36,13 @@ from numpy.typing import NDArray
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.equations import Equations
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.signals import Signal, parameter_signals, values
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes, natural_modes
 from ancf_casadi.reduction.projection import BASE, Projected, projection_of
 from ancf_casadi.reduction.slopes import selected, slopes_of
+
+if TYPE_CHECKING:
+    from ancf_casadi.export.signals import Signal
 
 Array = NDArray[np.float64]
 
@@ -103,7 +105,7 @@ class ReducedModel:
     @property
     def values(self) -> Array:
         """The values of p."""
-        return values(self.parameters)
+        return np.array([signal.value for signal in self.parameters])
 
     @property
     def functions(self) -> tuple[cs.Function, ...]:
@@ -146,6 +148,8 @@ def reduce_model(
     EquilibriumError
         If there is no stable equilibrium under gravity.
     """
+    from ancf_casadi.export.signals import parameter_signals  # with its package, slow to import, and needed here alone
+
     modes = modes if isinstance(modes, Modes) else natural_modes(model, count=modes)
     if modes.model != model:
         raise InputError("belong to another model", "modes")

@@ -18,6 +18,7 @@ from ancf_casadi.measurement import Measurement
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes, modal_assurance, natural_modes
 from ancf_casadi.parallel import run_all
+from ancf_casadi.reduction import ReducedModel, ReducedTrajectory, reduce_model, simulate_reduced
 from ancf_casadi.simulate import simulate
 from ancf_casadi.trajectory import State, Trajectory
 from ancf_casadi.version import __version__
@@ -40,6 +41,8 @@ __all__ = [
     "NumericsError",
     "QuadraticDamping",
     "RayleighDamping",
+    "ReducedModel",
+    "ReducedTrajectory",
     "SampledBase",
     "Section",
     "SimulationError",
@@ -51,7 +54,9 @@ __all__ = [
     "modal_assurance",
     "motion",
     "natural_modes",
+    "reduce_model",
     "run_all",
     "simulate",
+    "simulate_reduced",
     "static_equilibrium",
 ]

@@ -1,0 +1,95 @@
+"""Time of the reduced model as C: bar 10 ms for 1 s of mode 5; run as ``test_speed.py``, with ``-s`` for the errors."""
+
+import ctypes
+import shutil
+import subprocess
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from ancf_casadi import Beam, ModalDamping, Model, QuadraticDamping, natural_modes, reduce_model, simulate
+from ancf_casadi.reduction.motion import project
+from ancf_casadi.reduction.projection import BASE
+from problems import paper
+
+STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
+SAMPLES = 500  # of 1 s
+PROGRAM = """
+#include <string.h>
+typedef long long int casadi_int;
+int reduced_step(const double** arg, double** res, casadi_int* iw, double* w, int mem);
+void run(double* x, const double* p, double h, int steps, int every, double* path) {
+  static double w[WORK], base[27];
+  static casadi_int iw[WORK];
+  const double* arg[WORK];
+  double* res[WORK];
+  double next[2 * M];
+  int k;
+  for (k = 1; k <= steps; ++k) {
+    arg[0] = x; arg[1] = x + M; arg[2] = base; arg[3] = p; arg[4] = &h;
+    res[0] = next; res[1] = next + M;
+    reduced_step(arg, res, iw, w, 0);
+    memcpy(x, next, sizeof(next));
+    if (k % every == 0) memcpy(path + (k / every - 1) * 2 * M, x, sizeof(next));
+  }
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def full():
+    """1 s of the full beam, released from the load that bends it like mode 5; tip 0.5 mm aside."""
+    import sys
+    from pathlib import Path
+
+    sys.path.insert(0, str(Path(__file__).parents[1] / "docs"))
+    from accuracy import bent
+
+    model = Model(Beam.uniform(**STEEL, elements=20))
+    modes = natural_modes(model)
+    start = bent(modes, 4, 0.5e-3)
+    laws = {
+        "undamped": None,
+        "generic": ModalDamping(modes, paper.DAMPING_RATIOS),
+        "drag": ModalDamping(modes, paper.DAMPING_RATIOS) + QuadraticDamping(eta2=0.11),
+    }
+    runs = {
+        name: simulate(
+            model, damping=law, start=start, duration=1.0, sample_rate=SAMPLES, method="radau", tolerance=1e-9
+        )
+        for name, law in laws.items()
+    }
+    return model, start, laws, runs
+
+
+@pytest.mark.parametrize("flags", [("-O2",), ("-O3", "-march=native", "-fno-math-errno")], ids=" ".join)
+@pytest.mark.parametrize("law", ["undamped", "generic", "drag"])
+@pytest.mark.parametrize("modes", [5, 8])
+def test_one_second_of_mode_5(benchmark, full, tmp_path, modes, law, flags):
+    model, start, laws, runs = full
+    reduced = reduce_model(model, modes=modes, damping=laws[law])
+    generator = cs.CodeGenerator("reduced.c")
+    generator.add(reduced.step)
+    generator.generate(f"{tmp_path}/")
+    work = max(reduced.step.sz_w(), reduced.step.sz_iw(), reduced.step.sz_arg(), reduced.step.sz_res()) + 1
+    (tmp_path / "run.c").write_text(f"#define M {modes}\n#define WORK {work}\n{PROGRAM}")
+    sources = [str(tmp_path / name) for name in ("reduced.c", "run.c")]
+    compiler = shutil.which("gcc")
+    subprocess.run([compiler, *flags, "-fPIC", "-shared", *sources, "-o", str(tmp_path / "run.so"), "-lm"], check=True)
+    library = ctypes.CDLL(str(tmp_path / "run.so"))
+    steps = SAMPLES * int(np.ceil(10 * reduced.modes.frequencies[4] / SAMPLES))  # 10 in a period of mode 5 at least
+    x0, p, path = project(reduced, start, np.zeros(BASE)), reduced.values, np.zeros((SAMPLES, 2 * modes))
+
+    def run():
+        x = x0.copy()
+        pointers = [array.ctypes.data_as(ctypes.c_void_p) for array in (x, p, path)]
+        library.run(*pointers[:2], ctypes.c_double(1 / steps), steps, steps // SAMPLES, pointers[2])
+
+    benchmark(run)
+    tip = reduced.tip(path[:, :modes].T, np.zeros((BASE, SAMPLES))).full().T
+    error = np.linalg.norm(tip - runs[law].tip[1:], axis=1)
+    text = ", ".join(f"{error[: round(t * SAMPLES)].max() / 0.5e-3:.1e} in {t:g} s" for t in (0.1, 1.0))
+    least = f"{1e3 * benchmark.stats['min']:.1f} ms, " if benchmark.stats else ""
+    print(f"\n{modes} modes, {law}, {' '.join(flags)}: {least}{steps} steps, error of the amplitude {text}")
+    assert error.max() < 0.2 * 0.5e-3

@@ -1,0 +1,108 @@
+"""Generic damping from measured modal parameters, Q = M Phi diag(2 zeta omega) Phi^T M e_t, Eq. (32)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, final
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.damping.law import Array, DampingLaw, named
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import number
+from ancf_casadi.model import Model
+from ancf_casadi.modes import Modes
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class ModalDamping(DampingLaw):
+    """Generic damping from measured modal parameters, C = M Phi diag(2 zeta omega) Phi^T M, Eq. (32).
+
+    Modes beyond those given are undamped.
+
+    Parameters
+    ----------
+    modes : Modes
+        Natural modes of the beam, at least as many as there are ratios.
+    ratios : sequence of float
+        Damping ratio of each mode from the first, at least 0 and below 1.
+    frequencies : sequence of float, optional
+        Measured natural frequencies, Hz; those of ``modes`` if not given.
+
+    Raises
+    ------
+    InputError
+        If a ratio is negative, 1 or more, or the lengths do not fit.
+    """
+
+    modes: Modes
+    ratios: Sequence[float]
+    frequencies: Sequence[float] | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Validate, and keep the numbers as tuples."""
+        if not hasattr(self.ratios, "__len__"):
+            raise InputError(f"must have one value a mode, got {self.ratios!r}", "ratios")
+        object.__setattr__(self, "ratios", tuple(_damping_ratio(zeta, "ratios") for zeta in self.ratios))
+        if not 1 <= len(self.ratios) <= self.modes.count:
+            raise InputError(f"has {len(self.ratios)} values for {self.modes.count} modes", "ratios")
+        given = self.modes.frequencies[: len(self.ratios)] if self.frequencies is None else self.frequencies
+        if len(given) != len(self.ratios):
+            raise InputError(f"has {len(given)} values for {len(self.ratios)} ratios", "frequencies")
+        frequencies = tuple(number(frequency, "frequencies") for frequency in given)
+        if min(frequencies) <= 0.0:
+            raise InputError("must be positive", "frequencies")
+        object.__setattr__(self, "frequencies", frequencies)
+
+    @property
+    def parameters(self) -> tuple[tuple[str, float], ...]:
+        """The damping ratios."""
+        return tuple((f"ratio{k + 1}", zeta) for k, zeta in enumerate(self.ratios))
+
+    def with_parameters(self, values: Sequence[float] | Array) -> ModalDamping:
+        """Return the law with other ratios."""
+        return replace(self, ratios=tuple(named(self, values).values()))
+
+    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
+        """Return zero."""
+        return cs.MX(model.size, 1)
+
+    def projection(self, model: Model) -> Array:
+        """Return B = M Phi, so that C = B diag(2 zeta omega) B^T.
+
+        Raises
+        ------
+        InputError
+            If the modes are those of a mesh with another number of elements.
+        """
+        if self.modes.model.size != model.size:
+            raise InputError("belong to a beam with another number of elements", "modes")
+        mass = self.modes.model.mass(self.modes.model.properties).sparse()
+        return np.asarray(mass @ self.modes.shapes[:, : len(self.ratios)])
+
+    def rates(self, parameters: cs.MX) -> cs.MX:
+        """Return 2 zeta omega."""
+        return 4 * math.pi * cs.DM(list(self.frequencies or ())) * parameters
+
+    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
+        """Return phi^T C phi / (2 omega) for each mode, at any amplitude: the given ratios for the given modes."""
+        rates = 4 * math.pi * np.array(self.ratios) * np.array(self.frequencies)
+        return np.asarray(rates @ (self.projection(modes.model).T @ modes.shapes) ** 2 / (2 * modes.angular))
+
+
+def _damping_ratio(value: Any, where: str) -> float:
+    """Return a damping ratio as a float.
+
+    Raises
+    ------
+    InputError
+        If it is not a number from 0 to below 1.
+    """
+    zeta = number(value, where)
+    if not 0.0 <= zeta < 1.0:
+        raise InputError(f"a damping ratio must be at least 0 and below 1, got {zeta:g}", where)
+    return zeta

@@ -1,0 +1,94 @@
+"""Proportional damping, Q = alpha M e_t + beta (stiffness-proportional part), Eq. (14)."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, final, get_args
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.damping.law import Array, DampingLaw, coefficients, named, nonzero
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.model import Model
+from ancf_casadi.modes import Modes
+
+ProportionalStiffness = Literal["strain-rate", "tangent", "reference"]
+
+
+@final
+@dataclass(frozen=True)
+class RayleighDamping(DampingLaw):
+    """Proportional damping C = alpha M + beta K, Eq. (14).
+
+    Parameters
+    ----------
+    alpha : float
+        Mass-proportional coefficient, 1/s.
+    beta : float
+        Stiffness-proportional coefficient, s.
+    stiffness : {"strain-rate", "tangent", "reference"}
+        What K means in large motion.  ``strain-rate``: a Kelvin-Voigt force on the rates of axial strain and
+        curvature, objective, with the elastic K of the straight beam as its linearisation.  ``tangent``: the tangent
+        stiffness where the beam is.  ``reference``: the constant K of the straight beam, the paper's letter; it is
+        not objective, and in rotated elements its axial part resists the motion itself.
+
+    Raises
+    ------
+    InputError
+        If a coefficient is negative or not finite, or the name unknown.
+    """
+
+    alpha: float = 0.0
+    beta: float = 0.0
+    stiffness: ProportionalStiffness = "strain-rate"
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        coefficients(self, "alpha", "beta")
+        if self.stiffness not in get_args(ProportionalStiffness):
+            known = ", ".join(get_args(ProportionalStiffness))
+            raise InputError(f"must be one of {known}, got {self.stiffness!r}", "stiffness")
+        if self.stiffness == "reference" and self.beta > 0.0:
+            message = "damping proportional to the reference stiffness is not objective: it resists large rotations"
+            warnings.warn(message, stacklevel=3)
+
+    @property
+    def parameters(self) -> tuple[tuple[str, float], ...]:
+        """Alpha (1/s) and beta (s)."""
+        return nonzero(alpha=self.alpha, beta=self.beta)
+
+    def with_parameters(self, values: Sequence[float] | Array) -> RayleighDamping:
+        """Return the law with other coefficients."""
+        return replace(self, **named(self, values))
+
+    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
+        """Return alpha M e_t and the stiffness-proportional force, Eq. (11) with Eq. (14)."""
+        forces = []
+        if self.alpha:
+            forces.append(model.inertia_force(e_t, properties))
+        if self.beta and self.stiffness == "strain-rate":
+            forces.append(model.strain_rate_force(e, e_t, properties))
+        elif self.beta and self.stiffness == "tangent":
+            forces.append(model.tangent_force(e, e_t, properties))
+        elif self.beta:
+            forces.append(model.tangent_stiffness(model.straight, properties) @ e_t)
+        return cs.horzcat(cs.MX(model.size, 0), *forces) @ parameters
+
+    def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
+        """Return zeta = alpha/(2 omega) + beta phi^T K phi/(2 omega) at any amplitude.
+
+        With the ``tangent`` stiffness phi^T K phi is omega^2, and this Eq. (16).  The other two lack the stiffness that
+        gravity adds or takes: 4 % of the beta part in mode 2 of the paper's beam.
+        """
+        stiffness = modes.angular**2
+        if self.stiffness != "tangent":
+            model, p, rest = modes.model, modes.model.properties, modes.equilibrium.coordinates
+            if self.stiffness == "strain-rate":
+                forces = [model.strain_rate_force(rest, phi, p).full().ravel() for phi in modes.shapes.T]
+            else:
+                forces = list((model.tangent_stiffness(model.straight, p).sparse() @ modes.shapes).T)
+            stiffness = np.array([phi @ force for phi, force in zip(modes.shapes.T, forces, strict=True)])
+        return np.asarray((self.alpha + self.beta * stiffness) / (2 * modes.angular))

@@ -16,11 +16,13 @@ from ancf_casadi import (
     QuadraticDamping,
     RayleighDamping,
     natural_modes,
+    reduce_model,
     simulate,
     static_equilibrium,
 )
 from ancf_casadi.equations import Equations
 from ancf_casadi.export import beam_functions, load_functions, save_functions, values
+from ancf_casadi.reduction import ReducedFunctions
 
 MOTION = ("q", "v", "base", "p")
 
@@ -243,6 +245,25 @@ print([x.hex() for x in (*a.full().ravel().tolist(), *loaded.frequencies(p * 1.0
     assert load_functions(path).parameters == functions.parameters
 
 
+def test_the_reduced_model_comes_back_from_a_file(model, tmp_path):
+    """To the last bit, in the place of a full one."""
+    law = RayleighDamping(beta=3e-5) + QuadraticDamping(eta2=0.2)
+    reduced = reduce_model(model, modes=2, damping=law, markers=(0.2,))
+    path = tmp_path / "beam.casadi"
+    save_functions(beam_functions(model, modes=1), path)
+    save_functions(reduced, path)
+    loaded = load_functions(path)
+    assert isinstance(loaded, ReducedFunctions)
+    for table in ("parameters", "states", "base", "outputs"):
+        assert getattr(loaded, table) == getattr(reduced, table)
+    assert list(loaded.named) == list(reduced.named)
+    random = np.random.default_rng(1)
+    for name, function in loaded.named.items():
+        inputs = [1e-3 * random.normal(size=function.size_in(k)) for k in range(function.n_in())]
+        for found, expected in zip(function.call(inputs), reduced.named[name].call(inputs), strict=True):
+            assert np.array_equal(found.full(), expected.full())
+
+
 def test_files_that_cannot_be_loaded_are_refused(functions, tmp_path):
     path = tmp_path / "beam.casadi"
     save_functions(functions, path)
@@ -250,6 +271,8 @@ def test_files_that_cannot_be_loaded_are_refused(functions, tmp_path):
     for text, said in (
         ("hello", "is not a file of Functions"),
         (f"{first}\n{rest[:1000]}", "is damaged"),
+        (first.replace('"full"', '"reduced"') + f"\n{rest[:1000]}", "is damaged"),
+        (first.replace('"full"', '"half"') + f"\n{rest}", "is not a file of Functions"),
         (first.replace(cs.CasadiMeta.version(), "1.2.3") + "\n" + rest, "was written by CasADi 1.2.3"),
     ):
         path.write_text(text)
@@ -264,6 +287,7 @@ def test_files_that_cannot_be_loaded_are_refused(functions, tmp_path):
 
 
 def test_the_functions_are_all_there(functions):
+    assert tuple(functions.named.values()) == functions.functions
     names = {field.name for field in dataclasses.fields(functions)} - {"parameters", "states", "base", "outputs"}
     assert {function.name() for function in functions.functions} == names
 

@@ -1,6 +1,3 @@
-import ctypes
-import shutil
-import subprocess
 from pathlib import Path
 
 import casadi as cs
@@ -23,7 +20,6 @@ from ancf_casadi import (
     simulate_reduced,
     static_equilibrium,
 )
-from ancf_casadi.export import beam_functions, write_c
 from ancf_casadi.reduction.motion import project
 from ancf_casadi.reduction.slopes import slopes_of
 
@@ -303,28 +299,6 @@ def test_markers_and_the_state_of_a_sample_are_those_of_the_full_beam(hanging):
     again = simulate_reduced(reduced, start=run.state(2), duration=0.06, sample_rate=50.0)
     np.testing.assert_allclose(again.q, run.q[2:], atol=1e-8 * np.abs(run.q).max())
     np.testing.assert_allclose(run.energy.sum(axis=1), run.energy[0].sum(), rtol=1e-7)
-
-
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
-def test_the_reduced_model_goes_to_c_with_the_full_one(paper_beam, tmp_path):
-    model, law = Model(paper_beam(elements=2)), QuadraticDamping(eta1=0.1, eta2=0.1) + RayleighDamping(beta=1e-5)
-    reduced = reduce_model(model, modes=3, damping=law, markers=(0.2,))
-    source, _, _ = write_c(beam_functions(model, law, modes=1), tmp_path, name="beam", also=reduced.functions)
-    library = tmp_path / "beam.so"
-    flags = ["-std=c99", "-O0", "-Wall", "-Werror", "-fPIC", "-shared"]
-    subprocess.run(["gcc", *flags, str(source), "-o", str(library), "-lm"], check=True, capture_output=True)
-    loaded = ctypes.CDLL(str(library))
-    given = {"q": Q[:3], "v": V[:3], "base": BASE, "p": reduced.values, "h": np.array([1e-3])}
-    for function in reduced.functions:
-        stages = np.tile(BASE, 3) if function.name() == "reduced_step" else BASE
-        inputs = [np.ascontiguousarray({**given, "base": stages}[name]) for name in function.name_in()]
-        shaped = [x.reshape(function.size_in(k), order="F") for k, x in enumerate(inputs)]
-        expected = [part.full().ravel(order="F") for part in function.call([cs.DM(x) for x in shaped])]
-        found = [np.full(part.size, np.nan) for part in expected]
-        pointers = [x.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for x in (*inputs, *found)]
-        assert loaded[f"beam_{function.name()}"](*pointers) == 0
-        for one, other in zip(found, expected, strict=True):
-            np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
 
 
 def test_what_cannot_be_reduced_is_refused(hanging, rubber_beam, modes):

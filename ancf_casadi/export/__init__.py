@@ -5,8 +5,8 @@ from ancf_casadi.export.document import Document, read_document, schema, write_d
 from ancf_casadi.export.fmu import write_fmu
 from ancf_casadi.export.functions import BeamFunctions, beam_functions
 from ancf_casadi.export.identification import DataFile, Identification, Provenance
-from ancf_casadi.export.signals import Signal, values
 from ancf_casadi.export.storage import load_functions, save_functions
+from ancf_casadi.signals import Signal, values
 
 __all__ = [
     "BeamFunctions",

@@ -11,16 +11,16 @@ with an adaptive step, or calls Python, it makes none: such a Function is refuse
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.functions import BeamFunctions
-from ancf_casadi.export.signals import Signal, values
+from ancf_casadi.export.decay_program import decay_program
 from ancf_casadi.report import check_folder, remove_file, write_file
+from ancf_casadi.signals import MotionFunctions, Signal, values
 
 MARK = "/* Written by ancf-casadi"
 TRANSLATED = {"MXFunction", "SXFunction", "Map", "MapSum", "FastNewton", "Switch", "BSplineInterpolant"}
@@ -30,25 +30,23 @@ KEEP_QUIET = """#if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-function"
 #endif
 """
-DECAY_STEP, DECAY_STEPS, DECAY_EVERY = 5e-4, 4000, 10
-DEFLECTION = 0.1  # of the distance from clamp to tip: how far the tip is drawn aside, in proportion, before the decay
 
 
 def write_c(
-    functions: BeamFunctions, folder: str | Path, *, name: str = "beam", also: Sequence[cs.Function] = ()
+    functions: MotionFunctions, folder: str | Path, *, name: str = "beam", also: Sequence[cs.Function] = ()
 ) -> tuple[Path, Path, Path]:
     """Write the Functions as C: NAME.c, NAME.h and main.c, all of them or none.
 
     Parameters
     ----------
-    functions : BeamFunctions
-        The model.
+    functions : BeamFunctions, ReducedModel or ReducedFunctions
+        The model, full or reduced.
     folder : path
         Where to; made if it is not there.
     name : str
         Name of the files, and beginning of every name in C: small letters, digits and underscores.
     also : sequence of Function
-        Functions of one's own to go with them.
+        Functions of one's own to go with them, or those of the reduced model with the full one.
 
     Returns
     -------
@@ -58,19 +56,22 @@ def write_c(
     Raises
     ------
     InputError
-        If the name is no name in C, a Function has no C, a file of that name is there that is not of this kind, or one
-        cannot be written.
+        If the name is no name in C, a Function has no C or the name of another one, a file of that name is there that
+        is not of this kind, or one cannot be written.
     """
     if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or name == "main":
         raise InputError(f"must be small letters, digits and single underscores, and not main, got {name!r}", "name")
     target = check_folder(folder)
-    every = (*functions.functions, *also)
-    for function in every:
+    every = {f"{name}_{own}": function for own, function in functions.named.items()}
+    for function in also:
+        if every.setdefault(f"{name}_{function.name()}", function) is not function:
+            raise InputError("is the name of another Function; give it one of its own", function.name())
+    for function in every.values():
         _check_translated(function)
     contents = {
         target / f"{name}.c": _source(name, functions, every),
         target / f"{name}.h": _header(name, functions, every),
-        target / "main.c": _program(name, functions),
+        target / "main.c": f"{MARK}: {decay_program(name, functions)}",
     }
     for path in contents:
         if path.exists() and not _is_ours(path):
@@ -106,29 +107,28 @@ def _check_translated(function: cs.Function) -> None:
             )
 
 
-def _source(name: str, functions: BeamFunctions, every: Sequence[cs.Function]) -> str:
+def _source(name: str, functions: MotionFunctions, every: Mapping[str, cs.Function]) -> str:
     """Return CasADi's C of all Functions, the calls with plain arrays, and the tables."""
     generator = cs.CodeGenerator(f"{name}.c", {"with_header": False})
-    raw = []
-    for function in every:
+    calls = []
+    for called, function in every.items():
         inputs = function.mx_in()
         outputs = function.call(inputs, True, False)
-        names = function.name_in(), function.name_out()
-        raw.append(cs.Function(f"{name}_raw_{function.name()}", inputs, outputs, *names))
-        generator.add(raw[-1])
+        raw = cs.Function(f"{called}_raw", inputs, outputs, function.name_in(), function.name_out())
+        generator.add(raw)
+        calls.append(_call(called, function, raw))
     code = generator.dump()
     if "#error" in code:
         raise InputError("holds a linear solver of which there is no C; 'ldl' and 'qr' have one", "functions")
-    parts = [f"{MARK}: see {name}.h. */\n", KEEP_QUIET, code, f'#include "{name}.h"\n']
-    parts += [_call(name, *pair) for pair in zip(every, raw, strict=True)]
+    parts = [f"{MARK}: see {name}.h. */\n", KEEP_QUIET, code, f'#include "{name}.h"\n', *calls]
     parts += [_table(f"const double {label}", data) for label, data in _numbers(name, functions)]
-    parts += [_table(f"const int {label}", data) for function in every for label, data in _patterns(name, function)]
+    parts += [_table(f"const int {label}", data) for pair in every.items() for label, data in _patterns(*pair)]
     return "\n".join(parts)
 
 
-def _call(name: str, function: cs.Function, raw: cs.Function) -> str:
+def _call(called: str, function: cs.Function, raw: cs.Function) -> str:
     work = "static " if _is_static(raw) else ""
-    lines = [f"{_signature(name, function)} {{"]
+    lines = [f"{_signature(called, function)} {{"]
     lines.append(f"  {work}double w[{raw.sz_w() + 1}];")
     lines.append(f"  {work}casadi_int iw[{raw.sz_iw() + 1}];")
     lines.append(f"  const double* arg[{raw.sz_arg() + 1}];")
@@ -148,24 +148,24 @@ def _output_names(function: cs.Function) -> list[str]:
     return [f"{label}_out" if label in taken else label for label in function.name_out()]
 
 
-def _signature(name: str, function: cs.Function) -> str:
+def _signature(called: str, function: cs.Function) -> str:
     inputs = [f"const double {label}[{function.nnz_in(k)}]" for k, label in enumerate(function.name_in())]
     outputs = [f"double {label}[{max(function.nnz_out(k), 1)}]" for k, label in enumerate(_output_names(function))]
-    return f"int {name}_{function.name()}({', '.join([*inputs, *outputs])})"
+    return f"int {called}({', '.join([*inputs, *outputs])})"
 
 
-def _numbers(name: str, functions: BeamFunctions) -> list[tuple[str, np.ndarray]]:
+def _numbers(name: str, functions: MotionFunctions) -> list[tuple[str, np.ndarray]]:
     return [(f"{name}_parameters", values(functions.parameters)), (f"{name}_rest", values(functions.states))]
 
 
-def _patterns(name: str, function: cs.Function) -> list[tuple[str, np.ndarray]]:
+def _patterns(called: str, function: cs.Function) -> list[tuple[str, np.ndarray]]:
     """Return column starts and rows of the sparse outputs."""
     found = []
     for label, k in zip(_output_names(function), range(function.n_out()), strict=True):
         pattern = function.sparsity_out(k)
         if not pattern.is_dense():
-            where = f"{name}_{function.name()}_{label}"
-            found += [(f"{where}_colind", np.array(pattern.colind())), (f"{where}_row", np.array(pattern.row()))]
+            found += [(f"{called}_{label}_colind", np.array(pattern.colind()))]
+            found += [(f"{called}_{label}_row", np.array(pattern.row()))]
     return found
 
 
@@ -176,11 +176,11 @@ def _table(declaration: str, data: np.ndarray) -> str:
 
 
 def _comment(title: str, signals: Sequence[Signal]) -> str:
-    rows = [f" *  {k:5d}  {s.name:<24}  {s.unit:<7}  {s.value: .8e}  {s.description}" for k, s in enumerate(signals)]
+    rows = [f" *  {k:5d}  {s.name:<24}  {s.unit:<10}  {s.value: .8e}  {s.description}" for k, s in enumerate(signals)]
     return "\n".join([f"/* {title}", *rows, " */"])
 
 
-def _header(name: str, functions: BeamFunctions, every: Sequence[cs.Function]) -> str:
+def _header(name: str, functions: MotionFunctions, every: Mapping[str, cs.Function]) -> str:
     guard, upper = f"{name.upper()}_H", name.upper()
     lines = [
         f"{MARK}: a beam under a damping law.  SI units; arrays, matrices by columns.",
@@ -191,7 +191,7 @@ def _header(name: str, functions: BeamFunctions, every: Sequence[cs.Function]) -
         f"#ifndef {guard}",
         f"#define {guard}",
         "",
-        f"#define {upper}_FREE {functions.free}  /* free coordinates q, and as many rates v */",
+        f"#define {upper}_FREE {functions.free}  /* coordinates q, and as many rates v */",
         f"#define {upper}_PARAMETERS {len(functions.parameters)}  /* parameters p */",
         f"#define {upper}_BASE {len(functions.base)}  /* motion of the clamp */",
         "",
@@ -206,18 +206,19 @@ def _header(name: str, functions: BeamFunctions, every: Sequence[cs.Function]) -
         _comment("Outputs of tip, markers and energies: index, name, unit, value, meaning", functions.outputs),
         "",
     ]
-    for function in every:
+    for called, function in every.items():
         if _is_static(function):
             lines.append("/* its work arrays are static: one call at a time */")
         if note := UNITS.get(function.name()):
             lines.append(f"/* {note} */")
-        lines.append(f"{_signature(name, function)};")
-        for label, data in _patterns(name, function):
+        lines.append(f"{_signature(called, function)};")
+        for label, data in _patterns(called, function):
             lines.append(f"extern const int {label}[{len(data)}];")
         lines.append("")
     return "\n".join([*lines, "#endif", ""])
 
 
+TIP, MARKERS, ENERGIES = "r: x and y, m", "r: x and y of each point, m", "T kinetic, U strain, V of gravity, J"
 UNITS = {
     "residual": "r: N for positions, N m for slopes; zero in a motion",
     "residual_jacobians": "derivatives of r, nonzeros by columns",
@@ -225,65 +226,17 @@ UNITS = {
     "mass": "M: nonzeros by columns, kg, kg m, kg m2",
     "tangent_stiffness": "K: derivative of the elastic force, nonzeros by columns, N/m, N, N m",
     "damping_force": "Q: on the left of the equation of motion, N and N m",
-    "tip": "r: x and y, m",
-    "markers": "r: x and y of each point, m",
-    "energies": "T kinetic, U strain, V of gravity, J",
+    "tip": TIP,
+    "markers": MARKERS,
+    "energies": ENERGIES,
     "equilibrium": "q_out or q: free coordinates at rest, m and 1",
     "frequencies": "f: lowest natural frequencies, Hz",
     "step": "state after the time h, s; base: at 0.29289321881345254 h and at h; order 2, stiffly stable",
+    "reduced_rhs": "a: second rates of q, m kg^0.5/s2",
+    "reduced_step": "state after the time h, s; base: at 0, h/2 and h; order 4, h at most 1/20 of the shortest period",
+    "reduced_tip": TIP,
+    "reduced_markers": MARKERS,
+    "reduced_energies": ENERGIES,
+    "reduced_mass": "M: of the modal coordinates, 1",
+    "reduced_coordinates": "e: nodal coordinates of the full model, m and 1; e_t: their rates",
 }
-
-
-def _pull(functions: BeamFunctions) -> np.ndarray:
-    """Return the acceleration across the beam that draws it aside, m/s^2."""
-    p = cs.MX.sym("p", len(functions.parameters))
-    tip = functions.tip(functions.equilibrium(p), cs.MX(len(functions.base), 1))
-    place, change = cs.Function("tip", [p], [tip, cs.jacobian(tip, p)[:, :2]])(values(functions.parameters))
-    x, y = place.full().ravel()
-    across = np.array([-y, x]) / np.hypot(x, y)
-    return np.asarray(DEFLECTION * np.hypot(x, y) / np.linalg.norm(change.full() @ across) * across)
-
-
-def _program(name: str, functions: BeamFunctions) -> str:
-    upper, (pull_x, pull_y) = name.upper(), _pull(functions).tolist()
-    return f"""{MARK}: the decay of a beam that gravity held aside and that is let go.
- *
- * Prints CSV: time in s, position of the tip in m, kinetic, strain and gravity energy in J.
- */
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-#include "{name}.h"
-
-int main(void) {{
-  const double h = {DECAY_STEP!r};  /* s */
-  const double pull[2] = {{{pull_x!r}, {pull_y!r}}};  /* added to gravity before time 0, m/s2 */
-  double p[{upper}_PARAMETERS], base[2 * {upper}_BASE] = {{0.0}};
-  double q[{upper}_FREE], v[{upper}_FREE], q_next[{upper}_FREE], v_next[{upper}_FREE];
-  double tip[2], kinetic[1], strain[1], gravity[1];
-  int k;
-  memcpy(p, {name}_parameters, sizeof(p));
-  p[0] += pull[0];
-  p[1] += pull[1];
-  if ({name}_equilibrium(p, q) || isnan(q[0])) {{
-    fprintf(stderr, "no equilibrium was found\\n");
-    return 1;
-  }}
-  memset(v, 0, sizeof(v));
-  printf("time_s,tip_x_m,tip_y_m,kinetic_j,strain_j,gravity_j\\n");
-  for (k = 0; k <= {DECAY_STEPS}; ++k) {{
-    if (k % {DECAY_EVERY} == 0) {{
-      if ({name}_tip(q, base, tip)) return 1;
-      if ({name}_energies(q, v, base, {name}_parameters, kinetic, strain, gravity)) return 1;
-      printf("%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\\n", k * h, tip[0], tip[1], kinetic[0], strain[0], gravity[0]);
-    }}
-    if ({name}_step(q, v, base, {name}_parameters, &h, q_next, v_next) || isnan(q_next[0])) {{
-      fprintf(stderr, "the step at %g s did not converge\\n", k * h);
-      return 1;
-    }}
-    memcpy(q, q_next, sizeof(q));
-    memcpy(v, v_next, sizeof(v));
-  }}
-  return 0;
-}}
-"""

@@ -43,8 +43,8 @@ from ancf_casadi.damping import SumOfLaws
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document import Document
 from ancf_casadi.export.functions import BeamFunctions, beam_functions
-from ancf_casadi.export.signals import Signal
 from ancf_casadi.report import to_json, write_file
+from ancf_casadi.signals import Signal
 from ancf_casadi.version import __version__
 
 NAME = "beam"  # of the model in C

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
@@ -25,17 +25,24 @@ from numpy.typing import NDArray
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.equations import Equations, clamped_node
 from ancf_casadi.excitation import Piece
-from ancf_casadi.export.signals import Signal, base_signals, output_signals, parameter_signals, state_signals, values
 from ancf_casadi.export.statics import equilibrium_function, frequencies_function
 from ancf_casadi.export.step import step_function
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.modes import natural_modes
+from ancf_casadi.signals import (
+    MotionFunctions,
+    base_signals,
+    output_signals,
+    parameter_signals,
+    state_signals,
+    values,
+)
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class BeamFunctions:
+class BeamFunctions(MotionFunctions):
     """A beam under a damping law as CasADi Functions; made by ``beam_functions``.
 
     Parameters
@@ -68,32 +75,13 @@ class BeamFunctions:
         (q, v, base, p, h) -> q_next, v_next, after a time h (s); base (9, 2) at the instants ``STAGES`` of the step.
     """
 
-    parameters: tuple[Signal, ...]
-    states: tuple[Signal, ...]
-    base: tuple[Signal, ...]
-    outputs: tuple[Signal, ...]
     residual: cs.Function
     residual_jacobians: cs.Function
-    rhs: cs.Function
     mass: cs.Function
     tangent_stiffness: cs.Function
     damping_force: cs.Function
-    tip: cs.Function
-    markers: cs.Function
-    energies: cs.Function
     equilibrium: cs.Function
     frequencies: cs.Function
-    step: cs.Function
-
-    @property
-    def functions(self) -> tuple[cs.Function, ...]:
-        """All Functions."""
-        return tuple(getattr(self, field.name) for field in fields(self) if field.type == "cs.Function")
-
-    @property
-    def free(self) -> int:
-        """Number of free coordinates q."""
-        return len(self.states) // 2
 
 
 def beam_functions(

@@ -6,8 +6,9 @@ keeps the large bending of the beam, its inertia, gravity and damping; axial mot
 an integrator, is left out (``slopes``, ``projection``).  Small motion about the rest has the modes of the full beam.
 What a few modes cannot follow grows with the amplitude: ``docs/reduction.md`` shows how much.
 
-As all Functions are straight lines of scalar operations on vectors of a few numbers, they are fast as C code; they go
-with those of the full model as ``write_c(beam_functions(model, law), folder, also=reduced.functions)``.
+As all Functions are straight lines of scalar operations on vectors of a few numbers, they are fast as C code.  They
+leave by the ways of the full model (``write_c``, ``save_functions``, ``write_fmu``), or in C together with it:
+``write_c(beam_functions(model, law), folder, also=reduced.functions)``.
 
 One step of time.  With w_k the natural frequencies, q_tt = -w^2 q + N(q, q_t, t), and the exact flow E(t) of the linear
 part carries the classical Runge-Kutta method of order 4 for the rest (Lawson's method):
@@ -26,8 +27,8 @@ Numerical Analysis 4.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -40,9 +41,14 @@ from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes, natural_modes
 from ancf_casadi.reduction.projection import BASE, Projected, projection_of
 from ancf_casadi.reduction.slopes import selected, slopes_of
-
-if TYPE_CHECKING:
-    from ancf_casadi.export.signals import Signal
+from ancf_casadi.signals import (
+    MotionFunctions,
+    base_signals,
+    modal_signals,
+    output_signals,
+    parameter_signals,
+    values,
+)
 
 Array = NDArray[np.float64]
 
@@ -50,8 +56,8 @@ STAGES = 3  # instants of a step at which the base motion is needed: begin, midd
 
 
 @dataclass(frozen=True, eq=False)
-class ReducedModel:
-    """A beam in a few modes; made by ``reduce_model``.
+class ReducedFunctions(MotionFunctions):
+    """A beam in a few modes as CasADi Functions, called ``reduced_rhs`` and so on.
 
     The modal coordinates q (m,) are those of the mass-normalised modes, m kg^1/2; v are their rates.  ``base`` (9,) is
     displacement (x, y; m) and rotation (rad) of the clamp, their rates, and the rates of those; p (2 + l,) is gravity
@@ -59,12 +65,8 @@ class ReducedModel:
 
     Parameters
     ----------
-    modes : Modes
-        The modes kept.
-    law : DampingLaw
-        The damping law.
-    parameters : tuple of Signal
-        What the entries of p are, with their values.
+    parameters, states, base, outputs : tuple of Signal
+        What the entries of p, of (q, v), of base and of (tip, markers, energies) are, with the values of the model.
     rhs : Function
         (q, v, base, p) -> q_tt.
     step : Function
@@ -81,16 +83,26 @@ class ReducedModel:
         (q, v, base) -> e, e_t, nodal coordinates of the full model and their rates (4 n + 4,).
     """
 
+    mass: cs.Function
+    coordinates: cs.Function
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedModel(ReducedFunctions):
+    """A beam in a few modes, with what it was made from; made by ``reduce_model``.
+
+    Parameters
+    ----------
+    modes : Modes
+        The modes kept.
+    law : DampingLaw
+        The damping law.
+    parameters, states, base, outputs, rhs, step, mass, energies, tip, markers, coordinates
+        As those of ``ReducedFunctions``.
+    """
+
     modes: Modes
     law: DampingLaw
-    parameters: tuple[Signal, ...]
-    rhs: cs.Function
-    step: cs.Function
-    mass: cs.Function
-    energies: cs.Function
-    tip: cs.Function
-    markers: cs.Function
-    coordinates: cs.Function
 
     @property
     def model(self) -> Model:
@@ -105,12 +117,7 @@ class ReducedModel:
     @property
     def values(self) -> Array:
         """The values of p."""
-        return np.array([signal.value for signal in self.parameters])
-
-    @property
-    def functions(self) -> tuple[cs.Function, ...]:
-        """All Functions, called ``reduced_rhs`` and so on, for C."""
-        return tuple(getattr(self, field.name) for field in fields(self) if field.type == "cs.Function")
+        return values(self.parameters)
 
 
 def reduce_model(
@@ -148,8 +155,6 @@ def reduce_model(
     EquilibriumError
         If there is no stable equilibrium under gravity.
     """
-    from ancf_casadi.export.signals import parameter_signals  # with its package, slow to import, and needed here alone
-
     modes = modes if isinstance(modes, Modes) else natural_modes(model, count=modes)
     if modes.model != model:
         raise InputError("belong to another model", "modes")
@@ -189,6 +194,9 @@ def reduce_model(
         modes=modes,
         law=law,
         parameters=parameters,
+        states=modal_signals(modes.frequencies.tolist()),
+        base=base_signals(),
+        outputs=output_signals(markers),
         rhs=rhs,
         step=_step(rhs, modes),
         mass=function("mass", ("q",), M=Projected(projection, q, v, cs.MX.zeros(BASE), p[:2]).mass),

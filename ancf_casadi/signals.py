@@ -1,9 +1,10 @@
-"""What the exported model takes and gives, entry by entry: name, unit, description and value.
+"""What an exported model takes and gives, entry by entry: name, unit, description and value.
 
 One table serves all forms of the model, so that a header, an FMU and a document name the same thing alike:
 
     parameters p    gravity, the properties of the elements one element after the other, those of the damping law
-    state           free coordinates q and their rates v, absolute, in the laboratory frame
+    state           free coordinates q and their rates v, absolute, in the laboratory frame; of the reduced model, which
+                    has no properties among its parameters, modal coordinates and their rates
     base            displacement (x, y) and rotation of the clamp from where the beam is at rest, with their first and
                     second rates; a rotation turns the axis of the beam counterclockwise
 
@@ -16,8 +17,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
+import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,6 +64,52 @@ class Signal:
     value: float = 0.0
 
 
+@dataclass(frozen=True, eq=False)
+class MotionFunctions:
+    """An equation of motion as CasADi Functions, and what their entries mean: what C, an FMU and a file are made from.
+
+    Parameters
+    ----------
+    parameters, states, base, outputs : tuple of Signal
+        What the entries of p, of (q, v), of base and of (tip, markers, energies) are, with the values of the model.
+    rhs : Function
+        (q, v, base, p) -> a, the second rates of q.
+    step : Function
+        (q, v, base, p, h) -> q_next, v_next, after a time h (s); base (9, k) at k instants of the step.
+    tip : Function
+        (q, base) -> r, the position of the tip (2,), m.
+    markers : Function
+        (q, base) -> r, the positions of the points asked for (2, k), m.
+    energies : Function
+        (q, v, base, p) -> T kinetic, U strain, V of gravity, J.
+    """
+
+    parameters: tuple[Signal, ...]
+    states: tuple[Signal, ...]
+    base: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    rhs: cs.Function
+    step: cs.Function
+    tip: cs.Function
+    markers: cs.Function
+    energies: cs.Function
+
+    @property
+    def named(self) -> dict[str, cs.Function]:
+        """All Functions by the names they have here, which are those in C."""
+        return {field.name: getattr(self, field.name) for field in fields(self) if field.type == "cs.Function"}
+
+    @property
+    def functions(self) -> tuple[cs.Function, ...]:
+        """All Functions."""
+        return tuple(self.named.values())
+
+    @property
+    def free(self) -> int:
+        """Number of coordinates q."""
+        return len(self.states) // 2
+
+
 def values(signals: Sequence[Signal]) -> NDArray[np.float64]:
     """Return the values of some signals."""
     return np.array([signal.value for signal in signals], dtype=float)
@@ -92,6 +140,15 @@ def state_signals(equilibrium: Equilibrium) -> tuple[Signal, ...]:
         positions.append(Signal(f"{name}_{node}", unit, f"{what}, of node {node}", start))
         rates.append(Signal(f"rate_{name}_{node}", _rate(unit), f"rate of {name}_{node}"))
     return (*positions, *rates)
+
+
+def modal_signals(frequencies: Sequence[float]) -> tuple[Signal, ...]:
+    """Return modal coordinates (q, v), at rest, of modes of some frequencies in Hz."""
+    unit, known = "m kg^0.5", list(enumerate(frequencies, start=1))
+    return (
+        *(Signal(f"q_{k}", unit, f"modal coordinate of mode {k}, {f:.6g} Hz") for k, f in known),
+        *(Signal(f"rate_q_{k}", _rate(unit), f"rate of q_{k}") for k, _ in known),
+    )
 
 
 def base_signals() -> tuple[Signal, ...]:

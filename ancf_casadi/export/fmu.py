@@ -5,6 +5,8 @@
     parameters   gravity, the properties of the elements, those of the damping law
     outputs      tip, markers, energies
 
+or q, v of ``ReducedModel``, which has no properties of the elements among its parameters and is not stiff,
+
 with q_t = v, v_t = rhs(q, v, (u, u_t, u_tt), p).  The clamp is driven by its accelerations, and its motion is a state,
 for thus position, rate and acceleration belong together however an importer interpolates or holds its inputs; a motion
 given by positions would set off axial waves at each kink.  States start in the static equilibrium of the beam as
@@ -42,9 +44,10 @@ from ancf_casadi.compilation import FLAGS, SECONDS, c_compiler
 from ancf_casadi.damping import SumOfLaws
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document import Document
-from ancf_casadi.export.functions import BeamFunctions, beam_functions
+from ancf_casadi.export.functions import beam_functions
+from ancf_casadi.reduction.reduced import ReducedFunctions, reduce_model
 from ancf_casadi.report import to_json, write_file
-from ancf_casadi.signals import Signal
+from ancf_casadi.signals import MotionFunctions, Signal
 from ancf_casadi.version import __version__
 
 NAME = "beam"  # of the model in C
@@ -60,10 +63,18 @@ BASE_UNITS = {
 }
 PLATFORMS = {"Linux": ("linux", "so"), "Darwin": ("darwin", "dylib"), "Windows": ("windows", "dll")}
 TOLERANCE = "1e-8"  # asked of an importer: CasADi declares nominal values of 1, and 1e-5 of these is no accuracy
+MODAL_TOLERANCE = "1e-10"  # of modal coordinates, which are far smaller than 1
 BAR = "{desc} {bar}| [{elapsed}]"
 
 
-def write_fmu(path: str | Path, document: Document, *, markers: Sequence[float] = (), progress: bool = False) -> None:
+def write_fmu(
+    path: str | Path,
+    document: Document,
+    *,
+    markers: Sequence[float] = (),
+    modes: int | None = None,
+    progress: bool = False,
+) -> None:
     """Write a beam as an FMU, with a binary for this machine and the sources for others.
 
     The current folder of the process is another one for a moment, while CasADi writes its files.
@@ -76,14 +87,16 @@ def write_fmu(path: str | Path, document: Document, *, markers: Sequence[float] 
         The beam, its damping, and what they were identified from.
     markers : sequence of float
         Arc lengths of the points whose positions are outputs, m.
+    modes : int, optional
+        How many modes the reduced model keeps, which is then written; the full model if not given.
     progress : bool
         Whether to show a progress bar.
 
     Raises
     ------
     InputError
-        If a marker is not on the beam, fmpy or a C compiler is missing, the compiler fails, or the file cannot be
-        written.
+        If a marker is not on the beam, it has no such reduced model, fmpy or a C compiler is missing, the compiler
+        fails, or the file cannot be written.
     EquilibriumError
         If the beam has no stable equilibrium under gravity.
     """
@@ -97,7 +110,11 @@ def write_fmu(path: str | Path, document: Document, *, markers: Sequence[float] 
         tqdm(total=3, disable=not progress, bar_format=BAR, desc="equations") as bar,
     ):
         folder = Path(temporary)
-        functions = beam_functions(document.model, document.damping, markers=markers, modes=1)
+        functions: MotionFunctions
+        if modes is None:
+            functions = beam_functions(document.model, document.damping, markers=markers, modes=1)
+        else:
+            functions = reduce_model(document.model, damping=document.damping, markers=markers, modes=modes)
         _advance(bar, "C")
         with contextlib.chdir(folder):
             files = dae_builder(functions).export_fmu({"with_serialization": False, "no_warning": True})
@@ -134,7 +151,7 @@ def fmi_headers() -> Path:
     return folder
 
 
-def dae_builder(functions: BeamFunctions) -> cs.DaeBuilder:
+def dae_builder(functions: MotionFunctions) -> cs.DaeBuilder:
     """Return the equation of motion as CasADi's DaeBuilder, with one scalar variable for each signal."""
     dae = cs.DaeBuilder(NAME)
 
@@ -174,7 +191,7 @@ def _compile(compiler: str, sources: Sequence[Path], library: Path, headers: Pat
     try:
         subprocess.run(call, check=True, capture_output=True, timeout=SECONDS)
     except subprocess.TimeoutExpired:
-        raise InputError(f"did not compile the FMU in {SECONDS} s; fewer elements take less", compiler) from None
+        raise InputError(f"did not compile the FMU in {SECONDS} s; fewer elements or modes take less", compiler) from None
     except subprocess.CalledProcessError as error:
         said = [line for line in error.stderr.decode(errors="replace").splitlines() if "error" in line] or ["no reason"]
         raise InputError(f"cannot compile the FMU ({said[0]})", compiler) from None
@@ -182,7 +199,7 @@ def _compile(compiler: str, sources: Sequence[Path], library: Path, headers: Pat
         raise InputError(f"cannot be run ({error.strerror or error})", compiler) from None
 
 
-def _described(path: Path, title: str, functions: BeamFunctions, document: Document) -> bytes:
+def _described(path: Path, title: str, functions: MotionFunctions, document: Document) -> bytes:
     """Return CasADi's description of the model with what it lacks."""
     tree = ET.parse(path)
     root = tree.getroot()
@@ -211,21 +228,24 @@ def _described(path: Path, title: str, functions: BeamFunctions, document: Docum
     units = sorted({variable.attrib["unit"] for variable in variables if "unit" in variable.attrib})
     definitions = ET.Element("UnitDefinitions")
     for unit in units:
-        exponents = {base: str(power) for base, power in _exponents(unit).items()}
-        ET.SubElement(ET.SubElement(definitions, "Unit", name=unit), "BaseUnit", exponents)
+        definition, exponents = ET.SubElement(definitions, "Unit", name=unit), _exponents(unit)
+        if exponents is not None:
+            ET.SubElement(definition, "BaseUnit", {base: str(power) for base, power in exponents.items()})
     root.insert(1, definitions)
-    root.insert(2, ET.Element("DefaultExperiment", startTime="0", tolerance=TOLERANCE))
+    tolerance = MODAL_TOLERANCE if isinstance(functions, ReducedFunctions) else TOLERANCE
+    root.insert(2, ET.Element("DefaultExperiment", startTime="0", tolerance=tolerance))
     ET.indent(tree)
     content: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
     return content
 
 
-def _about(functions: BeamFunctions, document: Document) -> str:
+def _about(functions: MotionFunctions, document: Document) -> str:
     """Return what the model is, and the identification it came from, in a line."""
     beam, law = document.model.beam, document.damping
     terms = law.laws if isinstance(law, SumOfLaws) else [law] if law else []
     damping = " and ".join(type(term).__name__ for term in terms) or "no damping"
-    parts = [f"Beam of {beam.elements} elements, {beam.length:g} m long, {damping}"]
+    kept = f" in {functions.free} modes" if isinstance(functions, ReducedFunctions) else ""
+    parts = [f"Beam of {beam.elements} elements{kept}, {beam.length:g} m long, {damping}"]
     parts += [f"identified by {found.summary()}" for found in document.identifications]
     return "; ".join(parts)
 
@@ -239,14 +259,14 @@ def _rate(unit: str) -> str:
     return f"{unit}2" if unit.endswith("/s") else f"{unit}/s"
 
 
-def _exponents(unit: str) -> dict[str, int]:
-    """Return the exponents of the base units in a unit such as ``kg/m3``; none where a part is not known."""
+def _exponents(unit: str) -> dict[str, int] | None:
+    """Return the exponents of the base units in a unit such as ``kg/m3``; None if it is not known or has others."""
     exponents: dict[str, int] = {}
     above, *below = unit.split("/")
     for sign, product in [(1, above), *((-1, part) for part in below)]:
-        for base, power in re.findall(r"([A-Za-z]+)(\d*)", product):
-            if base not in BASE_UNITS:
-                return {}
+        for base, power in re.findall(r"([A-Za-z]+)([^ ]*)", product):
+            if base not in BASE_UNITS or not re.fullmatch(r"\d*", power):
+                return None
             for name, exponent in BASE_UNITS[base].items():
                 exponents[name] = exponents.get(name, 0) + sign * exponent * int(power or 1)
     return exponents

@@ -119,7 +119,7 @@ def _parser() -> argparse.ArgumentParser:
     study.add_argument("--out", type=Path, default=Path("results"), metavar="DIR", help="folder (default: results)")
     study.add_argument("--quick", action="store_true", help="short excitations and loose tolerances, for a look")
     study.add_argument(
-        "--jobs", type=_jobs, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)"
+        "--jobs", type=_count, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)"
     )
     decay = command("fit-decay", _fit_decay, "frequency and damping from one measured decay")
     decay.add_argument("file", metavar="FILE.csv", help="times (s) and displacements (m)")
@@ -151,6 +151,7 @@ def _parser() -> argparse.ArgumentParser:
     export.add_argument(
         "--markers", type=_lengths, default=(), metavar="S,S,...", help="arc lengths of points to put out, m"
     )
+    export.add_argument("--reduced", type=_count, metavar="N", help="write the reduced model, of so many modes")
     export.add_argument(
         "--identification",
         action="append",
@@ -171,7 +172,7 @@ def _lengths(text: str) -> tuple[float, ...]:
         raise argparse.ArgumentTypeError(f"must be numbers with commas between, got {text!r}") from None
 
 
-def _jobs(text: str) -> int:
+def _count(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"must be a whole number above 0, got {text!r}")
     return int(text)
@@ -281,7 +282,7 @@ def _export(options: argparse.Namespace) -> str:
         for marker in options.markers:
             source.model.element_of(marker)
     found = read_identifications(options.identification, options.data)
-    written = export(source, options.format, out, markers=options.markers, identifications=found)
+    written = export(source, options.format, out, markers=options.markers, modes=options.reduced, identifications=found)
     files = [{"path": str(path), "bytes": path.stat().st_size} for path in written]
     if options.json:
         return to_json({"format": options.format, "files": files, "seconds": time.perf_counter() - began}).rstrip()

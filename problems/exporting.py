@@ -10,8 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+from ancf_casadi import ReducedModel, reduce_model
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export import (
+    BeamFunctions,
     Document,
     Identification,
     Provenance,
@@ -39,6 +41,7 @@ def export(
     out: Path,
     *,
     markers: Sequence[float] = (),
+    modes: int | None = None,
     identifications: Sequence[Identification] = (),
 ) -> Sequence[Path]:
     """Write a beam and its damping, and return the files.
@@ -53,6 +56,8 @@ def export(
         The file; for C, the folder.
     markers : sequence of float
         Arc lengths of points to put out, m.
+    modes : int, optional
+        How many modes the reduced model keeps, which is then written; the full model if not given.
     identifications : sequence of Identification
         What goes along, after what the document has.
 
@@ -67,6 +72,8 @@ def export(
         raise InputError("goes along with json and fmu", "--identification")
     if markers and form == "json":
         raise InputError("JSON holds the beam itself, and no outputs", "--markers")
+    if modes is not None and form == "json":
+        raise InputError("JSON holds the beam itself, from which the reduced model is made", "--reduced")
     document = replace(
         source,
         identifications=[*source.identifications, *identifications],
@@ -75,13 +82,19 @@ def export(
     if form == "json":
         write_document(out, document)
     elif form == "fmu":
-        write_fmu(out, document, markers=markers, progress=True)
+        write_fmu(out, document, markers=markers, modes=modes, progress=True)
     else:
-        functions = beam_functions(document.model, document.damping, markers=markers)
+        functions = _functions(document, markers, modes)
         if form == "c":
             return write_c(functions, out)
         save_functions(functions, out)
     return (out,)
+
+
+def _functions(document: Document, markers: Sequence[float], modes: int | None) -> BeamFunctions | ReducedModel:
+    if modes is None:
+        return beam_functions(document.model, document.damping, markers=markers)
+    return reduce_model(document.model, damping=document.damping, markers=markers, modes=modes)
 
 
 def read_identifications(results: Sequence[str], records: Sequence[str]) -> list[Identification]:

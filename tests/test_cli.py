@@ -316,6 +316,18 @@ class TestExport:
         }
         assert "thickness_2" in (files / "source/beam.h").read_text()
 
+    def test_the_reduced_model_as_casadi_and_c(self, files, capsys):
+        (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
+        call = ["export", "small.toml", "--markers", "0.25", "--reduced", "2", "--format"]
+        assert main([*call, "casadi", "--out", "beam.casadi"]) == 0
+        functions = load_functions("beam.casadi")
+        assert [state.name for state in functions.states] == ["q_1", "q_2", "rate_q_1", "rate_q_2"]
+        assert functions.markers(0, 0).full().ravel() == pytest.approx([0.0, -0.25], abs=1e-6)
+        assert main([*call, "c", "--out", "source"]) == 0
+        assert "source/beam.c" in capsys.readouterr().out
+        header = (files / "source/beam.h").read_text()
+        assert "beam_step(const double q[2]" in header and "thickness_2" not in header
+
     @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
     def test_fmu(self, files, capsys, monkeypatch):
         (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
@@ -327,6 +339,9 @@ class TestExport:
         with zipfile.ZipFile("beam.fmu") as archive:
             description = archive.read("modelDescription.xml").decode()
         assert "the point at arc length 0.25 m, y" in description
+        assert main(["export", "small.toml", "--format", "fmu", "--out", "small.fmu", "--reduced", "1"]) == 0
+        with zipfile.ZipFile("small.fmu") as archive:
+            assert "modes kept: 1" in archive.read("modelDescription.xml").decode()
 
     @pytest.mark.parametrize(
         ("arguments", "what"),
@@ -359,6 +374,10 @@ class TestExport:
                 "goes along with json and fmu",
             ),
             (["beam.toml", "--format", "json", "--out", "x", "--data", "decay.csv"], "--data: there are 1 for 0"),
+            (["beam.toml", "--format", "json", "--out", "x", "--reduced", "3"], "--reduced: JSON holds the beam"),
+            (["beam.toml", "--format", "c", "--out", "x", "--reduced", "0"], "--reduced: must be a whole number above"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--reduced", "99"], "count: must be 1 to 80"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--reduced", "40"], "modes: mode 23 stretches the beam"),
         ],
     )
     def test_refusals(self, files, capsys, arguments, what):

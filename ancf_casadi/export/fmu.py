@@ -105,17 +105,16 @@ def write_fmu(
     headers, compiler = fmi_headers(), c_compiler()
     if compiler is None:
         raise InputError("an FMU needs a C compiler, and there is none; install one, or name it in CC", "CC")
+    functions: MotionFunctions
+    if modes is None:
+        functions = beam_functions(document.model, document.damping, markers=markers, modes=1)
+    else:
+        functions = reduce_model(document.model, damping=document.damping, markers=markers, modes=modes)
     with (
         tempfile.TemporaryDirectory() as temporary,
-        tqdm(total=3, disable=not progress, bar_format=BAR, desc="equations") as bar,
+        tqdm(total=2, disable=not progress, bar_format=BAR, desc="C") as bar,
     ):
         folder = Path(temporary)
-        functions: MotionFunctions
-        if modes is None:
-            functions = beam_functions(document.model, document.damping, markers=markers, modes=1)
-        else:
-            functions = reduce_model(document.model, damping=document.damping, markers=markers, modes=modes)
-        _advance(bar, "C")
         with contextlib.chdir(folder):
             files = dae_builder(functions).export_fmu({"with_serialization": False, "no_warning": True})
         description = _described(folder / "modelDescription.xml", Path(path).stem, functions, document)
@@ -191,7 +190,7 @@ def _compile(compiler: str, sources: Sequence[Path], library: Path, headers: Pat
     try:
         subprocess.run(call, check=True, capture_output=True, timeout=SECONDS)
     except subprocess.TimeoutExpired:
-        raise InputError(f"did not compile the FMU in {SECONDS} s; fewer elements or modes take less", compiler) from None
+        raise InputError(f"did not compile the FMU in {SECONDS} s; take fewer elements or modes", compiler) from None
     except subprocess.CalledProcessError as error:
         said = [line for line in error.stderr.decode(errors="replace").splitlines() if "error" in line] or ["no reason"]
         raise InputError(f"cannot compile the FMU ({said[0]})", compiler) from None
@@ -244,8 +243,9 @@ def _about(functions: MotionFunctions, document: Document) -> str:
     beam, law = document.model.beam, document.damping
     terms = law.laws if isinstance(law, SumOfLaws) else [law] if law else []
     damping = " and ".join(type(term).__name__ for term in terms) or "no damping"
-    kept = f" in {functions.free} modes" if isinstance(functions, ReducedFunctions) else ""
-    parts = [f"Beam of {beam.elements} elements{kept}, {beam.length:g} m long, {damping}"]
+    parts = [f"Beam of {beam.elements} elements, {beam.length:g} m long, {damping}"]
+    if isinstance(functions, ReducedFunctions):
+        parts.append(f"modes kept: {functions.free}")
     parts += [f"identified by {found.summary()}" for found in document.identifications]
     return "; ".join(parts)
 

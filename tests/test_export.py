@@ -21,8 +21,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.equations import Equations
-from ancf_casadi.export import beam_functions, load_functions, save_functions, values
-from ancf_casadi.reduction import ReducedFunctions
+from ancf_casadi.export import ReducedFunctions, beam_functions, load_functions, save_functions, values
 
 MOTION = ("q", "v", "base", "p")
 

@@ -6,14 +6,17 @@ from ancf_casadi.export.fmu import write_fmu
 from ancf_casadi.export.functions import BeamFunctions, beam_functions
 from ancf_casadi.export.identification import DataFile, Identification, Provenance
 from ancf_casadi.export.storage import load_functions, save_functions
-from ancf_casadi.signals import Signal, values
+from ancf_casadi.reduction.reduced import ReducedFunctions
+from ancf_casadi.signals import MotionFunctions, Signal, values
 
 __all__ = [
     "BeamFunctions",
     "DataFile",
     "Document",
     "Identification",
+    "MotionFunctions",
     "Provenance",
+    "ReducedFunctions",
     "Signal",
     "beam_functions",
     "load_functions",

@@ -47,26 +47,18 @@ class BeamFunctions(MotionFunctions):
 
     Parameters
     ----------
-    parameters, states, base, outputs : tuple of Signal
-        What the entries of p, of (q, v), of base and of (tip, markers, energies) are, with the values of the model.
+    parameters, states, base, outputs, rhs, tip, markers, energies
+        As those of ``MotionFunctions``; a is in m/s^2 and 1/s^2.
     residual : Function
         (q, v, a, base, p) -> r, N and N m.
     residual_jacobians : Function
         (q, v, a, base, p) -> dr_dq, dr_dv, dr_da, dr_dbase, dr_dp; sparse, but dr_dv under a generic law.
-    rhs : Function
-        (q, v, base, p) -> a, m/s^2 and 1/s^2.
     mass : Function
         p -> M, sparse.
     tangent_stiffness : Function
         (q, base, p) -> K, of the elastic force, sparse.
     damping_force : Function
         (q, v, base, p) -> Q_damp, on the left of the equation of motion.
-    tip : Function
-        (q, base) -> r, the position of the tip (2,), m.
-    markers : Function
-        (q, base) -> r, the positions of the points asked for (2, k), m.
-    energies : Function
-        (q, v, base, p) -> T kinetic, U strain, V of gravity, J.
     equilibrium : Function
         p -> q at rest, base at rest; nan where none was found.
     frequencies : Function

@@ -65,20 +65,12 @@ class ReducedFunctions(MotionFunctions):
 
     Parameters
     ----------
-    parameters, states, base, outputs : tuple of Signal
-        What the entries of p, of (q, v), of base and of (tip, markers, energies) are, with the values of the model.
-    rhs : Function
-        (q, v, base, p) -> q_tt.
+    parameters, states, base, outputs, rhs, tip, markers, energies
+        As those of ``MotionFunctions``; a is q_tt, in m kg^1/2/s^2.
     step : Function
         (q, v, base, p, h) -> q_next, v_next after h seconds, with base (9, 3) at the begin, middle and end of the step.
     mass : Function
         (q) -> M.
-    energies : Function
-        (q, v, base, p) -> T kinetic, U strain, V of gravity, J.
-    tip : Function
-        (q, base) -> r, position of the tip (2,), m.
-    markers : Function
-        (q, base) -> r, positions of the points asked for (2, k), m.
     coordinates : Function
         (q, v, base) -> e, e_t, nodal coordinates of the full model and their rates (4 n + 4,).
     """

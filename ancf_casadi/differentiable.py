@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import casadi as cs
 import numpy as np
+from numpy.typing import NDArray
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.equations import Equations
@@ -24,6 +25,8 @@ from ancf_casadi.model import Model
 from ancf_casadi.sensitivity import Problem, Run
 from ancf_casadi.simulate import TOLERANCES, Start, sample_times
 from ancf_casadi.trajectory import State
+
+Array = NDArray[np.float64]
 
 
 def motion(
@@ -78,6 +81,7 @@ class Motion(cs.Callback):
         cs.Callback.__init__(self)
         self.problem = problem
         self._last: Run | None = None
+        self._slopes: tuple[Run, Array, Array] | None = None
         self.construct("motion", {})
 
     def get_n_in(self) -> int:
@@ -118,6 +122,13 @@ class Motion(cs.Callback):
         if self._last is None or not np.array_equal(self._last.values, values):
             self._last = self.problem.solve(values)
         return self._last
+
+    def slopes(self, run: Run, directions: Array) -> Array:
+        """Return the derivatives along some directions, computed once for the same."""
+        last = self._slopes
+        if last is None or last[0] is not run or not np.array_equal(last[1], directions):
+            self._slopes = last = run, directions, self.problem.forward(run, directions)
+        return last[2]
 
     def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
         """Return the coordinates; nan where there is no motion, with a warning that says why."""
@@ -182,7 +193,7 @@ class _Derivative(cs.Callback):
         seeds = [part.full().reshape(part.size1(), count, part.size2() // count).transpose(2, 0, 1) for part in arg[4:]]
         if self._forward:
             directions = np.vstack([part.reshape(-1, count) for part in seeds])
-            found = [problem.forward(run, directions)]
+            found = [self._motion.slopes(run, directions)]
         else:
             weights = problem.reverse(run, seeds[0])
             law, base, _ = problem.sizes

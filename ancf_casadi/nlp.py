@@ -176,7 +176,7 @@ def least_squares(
     if not (math.isfinite(weight) and weight > 0.0):
         raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
     if gauss_newton:
-        options = {"hess_lag": _gauss_newton(evaluate, huber, weight), **(options or {})}
+        options = {**_gauss_newton(evaluate, huber, weight), **(options or {})}
     solution = solve_nlp(
         {"x": z, "f": loss(r, huber) / weight},
         guess / scale,
@@ -219,13 +219,21 @@ def loss(residuals: cs.MX, huber: float) -> cs.MX:
     return huber**2 * cs.sum1(cs.sqrt(1 + (residuals / huber) ** 2) - 1)
 
 
-def _gauss_newton(evaluate: cs.Function, huber: float, weight: float) -> cs.Function:
-    """Return J' D J, D the slope psi/r of the loss by residual, as the Hessian of the Lagrange function."""
-    z, factor = cs.MX.sym("z", evaluate.size1_in(0)), cs.MX.sym("factor")
+def _gauss_newton(evaluate: cs.Function, huber: float, weight: float) -> dict[str, cs.Function]:
+    """Return the gradient J' psi of the objective, and J' D J, D the slope psi/r of the loss by residual, for Hessian.
+
+    Both are made of the same residuals and J, so that an integration is differentiated once, forward.
+    """
+    z, p, factor = cs.MX.sym("z", evaluate.size1_in(0)), cs.MX.sym("p", 0, 1), cs.MX.sym("factor")
     r, jacobian = evaluate(z)
-    rows = jacobian / cs.repmat((1 + (r / huber) ** 2) ** 0.25, 1, jacobian.shape[1])
+    slope = 1 / cs.sqrt(1 + (r / huber) ** 2)
+    gradient = cs.mtimes(jacobian.T, slope * r) / weight
+    rows = jacobian * cs.repmat(cs.sqrt(slope), 1, jacobian.shape[1])
     hessian = cs.triu(factor / weight * cs.mtimes(rows.T, rows))
-    return cs.Function("hess_lag", [z, cs.MX(0, 1), factor, cs.MX(0, 1)], [hessian])
+    return {
+        "grad_f": cs.Function("grad_f", [z, p], [loss(r, huber) / weight, gradient]),
+        "hess_lag": cs.Function("hess_lag", [z, p, factor, cs.MX(0, 1)], [hessian]),
+    }
 
 
 def solve_nlp(

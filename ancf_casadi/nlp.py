@@ -165,12 +165,11 @@ def least_squares(
         raise InputError(f"share a name: {', '.join(names)}", "unknowns")
     scale, guess, lower, upper = np.array([[u.scale, u.guess, u.lower, u.upper] for u in unknowns]).T
 
+    evaluate = residual_function(residuals, scale)
+    if evaluate.size1_out(0) < len(names):
+        raise InputError(f"{evaluate.size1_out(0)} values cannot determine {len(names)} unknowns", "residuals")
     z = cs.MX.sym("z", len(names))
     r = residuals(*cs.vertsplit(cs.DM(scale) * z))
-    if r.numel() < len(names):
-        raise InputError(f"{r.numel()} values cannot determine {len(names)} unknowns", "residuals")
-    evaluate = cs.Function("residuals", [z], [cs.densify(r), cs.densify(cs.jtimes(r, z, cs.DM.eye(len(names))))])
-
     _, jacobian = _numbers(evaluate, guess / scale)
     weight = float(np.max(np.sum(jacobian**2, axis=0)))
     if not (math.isfinite(weight) and weight > 0.0):
@@ -210,6 +209,13 @@ def least_squares(
         solve_seconds=solution.solve_seconds,
         model=evaluate,
     )
+
+
+def residual_function(residuals: Callable[..., cs.MX], scale: NDArray[np.float64]) -> cs.Function:
+    """Return what gives residuals and their derivatives by the unknowns, these in units of their scales."""
+    z = cs.MX.sym("z", len(scale))
+    r = residuals(*cs.vertsplit(cs.DM(scale) * z))
+    return cs.Function("residuals", [z], [cs.densify(r), cs.densify(cs.jtimes(r, z, cs.DM.eye(len(scale))))])
 
 
 def loss(residuals: cs.MX, huber: float) -> cs.MX:

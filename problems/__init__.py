@@ -6,8 +6,9 @@ from problems.decay_fitting import fit_decay, fit_decays
 from problems.decay_result import DecayFit
 from problems.frequency_matching import FrequencyMatch, match_frequencies
 from problems.law_comparison import LawComparison, compare_laws
+from problems.marker_record import MarkerRecord
 from problems.mode_separation import fit_modes
-from problems.transient_fitting import MarkerRecord, TransientFit, fit_transient
+from problems.transient_fitting import TransientFit, fit_transient
 
 __all__ = [
     "DecayComparison",

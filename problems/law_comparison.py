@@ -17,7 +17,8 @@ from ancf_casadi.model import Model
 from ancf_casadi.parallel import run_all
 from ancf_casadi.report import Table
 from problems.criteria import Candidate, Verdict, judge
-from problems.transient_fitting import MarkerRecord, TransientFit, fit_transient
+from problems.marker_record import MarkerRecord
+from problems.transient_fitting import TransientFit, fit_transient
 
 
 @dataclass(frozen=True, eq=False)

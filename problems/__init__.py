@@ -7,6 +7,7 @@ from problems.decay_result import DecayFit
 from problems.frequency_matching import FrequencyMatch, match_frequencies
 from problems.law_comparison import LawComparison, compare_laws
 from problems.marker_record import MarkerRecord
+from problems.monte_carlo import MonteCarlo, monte_carlo
 from problems.mode_separation import fit_modes
 from problems.transient_fitting import TransientFit, fit_transient
 
@@ -16,6 +17,7 @@ __all__ = [
     "FrequencyMatch",
     "LawComparison",
     "MarkerRecord",
+    "MonteCarlo",
     "RayleighFit",
     "TransientFit",
     "compare_decay_laws",
@@ -26,4 +28,5 @@ __all__ = [
     "fit_rayleigh",
     "fit_transient",
     "match_frequencies",
+    "monte_carlo",
 ]

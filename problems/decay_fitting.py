@@ -145,8 +145,16 @@ def fit_decays(
     fit, columns = _match(model, records, guesses, (lower, upper), robust)
     ends = np.cumsum([0, *map(len, times)]).tolist()
     return tuple(
-        decay_result(model, fit, time, indices=indices, rows=slice(*rows), ratio_bounds=(lower, upper))
-        for time, indices, rows in zip(times, columns, pairwise(ends), strict=True)
+        decay_result(
+            model,
+            fit,
+            time,
+            indices=indices,
+            rows=slice(*rows),
+            ratio_bounds=(lower, upper),
+            reason=guess.reason,
+        )
+        for time, indices, rows, guess in zip(times, columns, pairwise(ends), guesses, strict=True)
     )
 
 

@@ -40,6 +40,7 @@ MINIMUM_SAMPLES = 10
 MINIMUM_WINDOW = 8  # samples; fewer may look quiet by chance where there is noise
 QUIET = 0.25  # of the strongest swing in half a period: any free oscillation swings by half of it at least
 LEVEL = 0.02  # of the strongest swing: what counts as not having moved
+GROWN = 0.8  # of the strongest swing: a released beam swings so far within a period
 NOISE_PEAK = 25.0  # times the median of its powers is more than the spectrum of noise reaches, but for 1 bin in 3e7
 
 MOST_BLOCKS = 128
@@ -48,7 +49,7 @@ VISIBLE = 5.0  # standard deviations of the noise that an amplitude must have
 ROUGH = 1e-3  # of an amplitude: what no model explains
 CLEAR = 10.0  # difference of a criterion that leaves no doubt
 POSSIBLE = 4.0  # difference of twice the logarithm of the likelihood
-SUPPLY = 0.6  # of the energy that a free mode would have lost: what a force must have supplied
+SUPPLY = 0.3  # of the energy that a free mode would have lost: what a force must have supplied
 FORCE = 0.2  # of the amplitude: what its steady part must be
 BEAT = 0.75  # of a beat there must be in the record for two modes to be seen
 TURN = math.pi / 2  # rad, of the steady part in a block, at most
@@ -86,10 +87,13 @@ def find_release(time: Series, displacement: Series) -> Release:
     """
     if len(time) < MINIMUM_SAMPLES or np.ptp(displacement) == 0.0:
         return Release(0, "the first sample")
-    rest = _end_of_rest(time, displacement)
+    rest, grows = _end_of_rest(time, displacement)
     forced = _end_of_excitation(time[rest:], displacement[rest:])
     if forced:
         return Release(rest + forced, "an excitation ends before")
+    forced = _end_of_excitation(time, displacement) if grows else 0  # what seems rest may be its beginning
+    if forced > rest:
+        return Release(forced, "an excitation ends before")
     return Release(rest, "the end of rest" if rest else "the first sample")
 
 
@@ -107,18 +111,19 @@ def peak_frequency(time: Series, swing: Series, *, steps: bool = False) -> float
     return float(frequency[1 + np.argmax(power[1:])])
 
 
-def _end_of_rest(time: Series, displacement: Series) -> int:
-    """Return the index of the last sample of rest; 0 if there is none."""
+def _end_of_rest(time: Series, displacement: Series) -> tuple[int, bool]:
+    """Return the index of the last sample of rest, 0 if there is none; and whether the swing grows after it."""
     period = 1 / peak_frequency(time, displacement - displacement.mean(), steps=True)
     width = int(np.clip(round(period / (time[1] - time[0]) / 2), MINIMUM_WINDOW, len(time)))
     swing = _running_maximum(displacement, width) + _running_maximum(-displacement, width)
     quiet = np.flatnonzero(swing[: int(np.argmax(swing))] <= QUIET * swing.max())
     if quiet.size == 0:
-        return 0
+        return 0, False
     rest = displacement[quiet[-1] : quiet[-1] + width]
     departure = np.abs(rest - np.median(rest))
     still = departure <= max(LEVEL * swing.max(), 3 * np.median(departure))
-    return int(quiet[-1] + np.flatnonzero(still)[-1])
+    end = int(quiet[-1] + np.flatnonzero(still)[-1])
+    return end, bool(swing[end : end + 2 * width].max(initial=0.0) < GROWN * swing.max())
 
 
 def _running_maximum(values: Series, width: int) -> Series:

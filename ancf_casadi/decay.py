@@ -15,8 +15,9 @@ A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi), and 2 eta0/(pi omega^2 A) more 
 
 The closed forms take and give CasADi values, MX, SX or DM, and are smooth in all their arguments.
 
-A record may begin with rest, or with an excitation (``release``).  From the release on, the highest peak of the spectrum
-gives the frequency.  The decay rate is the best of a list, the coefficients that are linear being fitted for each.
+A record may begin with rest, or with an excitation (``release``).  From the release on, the highest peak of the
+spectrum gives the frequency.  The decay rate is the best of a list, the coefficients that are linear being fitted for
+each.
 
 References
 ----------

@@ -1,8 +1,9 @@
 """The motion as a CasADi Function of its parameters.
 
 ``motion`` makes the motion that ``simulate(method="radau")`` finds a Function of the law's parameters theta, those of
-the base motion b, the properties P of the elements and, if asked, of the load s it starts from.  It can stand in any CasADi expression and be differentiated,
-forward (few parameters) and in reverse (few results); ``sensitivity`` says how.
+the base motion b, the properties P of the elements and, if asked, of the load s it starts from.  It can stand in any
+CasADi expression and be differentiated, forward (few parameters) and in reverse (few results); ``sensitivity`` says
+how.
 """
 
 from __future__ import annotations
@@ -198,7 +199,10 @@ class _Derivative(cs.Callback):
             run = self._motion.run(arg[: self._motion.n_in()])
         except AncfError:
             return [cs.DM.nan(shape) for shape in self._results]
-        seeds = [part.full().reshape(part.size1(), count, part.size2() // count).transpose(2, 0, 1) for part in arg[self._motion.n_in() + 1 :]]
+        seeds = [
+            part.full().reshape(part.size1(), count, part.size2() // count).transpose(2, 0, 1)
+            for part in arg[self._motion.n_in() + 1 :]
+        ]
         if self._forward:
             directions = np.vstack([part.reshape(-1, count) for part in seeds])
             found = [self._motion.slopes(run, directions)]

@@ -3,8 +3,9 @@
 Rest.  The release is the last sample still at the level of the last stretch of half a period, before the strongest
 swing, in which next to nothing moves.
 
-Excitation.  Seen from a carrier near its frequency, the record is y = Re(z exp(i omega t)) with a slow z, found block by
-block, each some whole periods.  A free mode has z_k = a q^k, one under a harmonic force the steady part and a transient,
+Excitation.  Seen from a carrier near its frequency, the record is y = Re(z exp(i omega t)) with a slow z, found block
+by block, each some whole periods.  A free mode has z_k = a q^k, one under a harmonic force the steady part and a
+transient,
 
     z_k = B p^k + C q^k,    |p| = 1,
 
@@ -14,9 +15,9 @@ so that an excitation that ends before block s, in block s - 1, leaves the misfi
 
 with q from the second sum.  It is taken for real if this explains z clearly better, by the criterion BIC, than the free
 decays do: of one mode with any amplitude-dependent loss, dA/dk = -c - a A - b A^2 with a, b, c >= 0, and of two or
-three modes that beat; and if the force does keep the swing up.  Then the release is the latest that the misfit does not speak
-against: a release found late does no harm to a fit, since the closed forms hold from any instant on; one found early
-does.
+three modes that beat; and if the force does keep the swing up.  Then the release is the latest that the misfit does not
+speak against: a release found late does no harm to a fit, since the closed forms hold from any instant on; one found
+early does.
 
 References
 ----------
@@ -196,7 +197,7 @@ def _blocks(time: Series, displacement: Series) -> tuple[Complex, int]:
 
 def _tails(z: Complex) -> tuple[Complex, Series]:
     """Return ln q of the free decay from each block to the last, and its misfit, by weighted regression of ln z."""
-    k, w = np.arange(len(z)), np.abs(z) ** 2
+    k, w = np.arange(len(z), dtype=float), np.abs(z) ** 2
     logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
 
     def after(values: Complex | Series) -> Complex:

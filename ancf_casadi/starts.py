@@ -70,8 +70,8 @@ def held_start(model: Model, slopes: cs.Function, load: Array) -> HeldStart:
     """
     force_x, force_y, moment = load[: len(LOAD)].tolist()
     coordinates = static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment).coordinates
-    given, still = (model.properties, model.beam.gravity, *np.split(load, 2)), np.zeros(model.size)
-    stiffness, by_p, by_P, *_ = slopes(coordinates, still, *given)
+    given = model.properties, np.array(model.beam.gravity), load[: len(LOAD)], load[len(LOAD) :]
+    stiffness, by_p, by_P, *_ = slopes(coordinates, np.zeros(model.size), *given)
     factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
     q_p, q_P = -factors.solve(by_p.full()), -factors.solve(by_P.full())
     velocities = np.concatenate([np.zeros(NODE), q_p @ load[len(LOAD) :]])

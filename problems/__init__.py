@@ -7,8 +7,8 @@ from problems.decay_result import DecayFit
 from problems.frequency_matching import FrequencyMatch, match_frequencies
 from problems.law_comparison import LawComparison, compare_laws
 from problems.marker_record import MarkerRecord
-from problems.monte_carlo import MonteCarlo, monte_carlo
 from problems.mode_separation import fit_modes
+from problems.monte_carlo import MonteCarlo, monte_carlo
 from problems.transient_fitting import TransientFit, fit_transient
 
 __all__ = [

@@ -111,7 +111,6 @@ class MonteCarlo:
     def table(self) -> Table:
         """Return the quantities with estimates, standard errors, and what the runs say of both."""
         columns = ("quantity", "estimate", "unit", "standard_error", "mean", "deviation", "lower_95", "upper_95")
-        series = self.estimates, self.units, self.standard_errors, self.means, self.deviations
         rows = [
             (name, float(value), unit, error if math.isfinite(error) else None, mean, deviation, low, high)
             for name, value, unit, error, mean, deviation, (low, high) in zip(
@@ -227,7 +226,8 @@ def block_length(fit: Fit) -> int:
     m, rho = len(fit.residuals), fit.autocorrelation
     if not abs(rho) > WHITE / math.sqrt(m):
         return 1
-    return max(1, min(m // 2, round((2 * abs(rho) / (1 - rho**2)) ** (2 / 3) * m ** (1 / 3))))
+    best: float = (2 * abs(rho) / (1 - rho**2)) ** (2 / 3) * m ** (1 / 3)
+    return max(1, min(m // 2, round(best)))
 
 
 def _run(fit: DecayFit | TransientFit, seed: np.random.SeedSequence, method: Method, block: int) -> Array | str:

@@ -163,7 +163,7 @@ class TransientFit:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel between processes without the motion, which is derived again there."""
-        return _restored, (self.law, self.model, replace(self.fit, model=None), self.problem)
+        return _restored, (self.law, self.model, replace(self.fit, model=cs.Function()), self.problem)
 
 
 def _restored(law: DampingLaw, model: Model, fit: Fit, problem: TransientProblem) -> TransientFit:

@@ -111,8 +111,8 @@ def load_name(record: int, name: str) -> str:
 
 def loads(record: MarkerRecord) -> list[tuple[str, float]]:
     """Return the load that a record starts from, as far as it is known, and its rate, which is not: zero."""
-    held = isinstance(record.start, Equilibrium)
-    known = (*record.start.tip_force, record.start.tip_moment) if held else (0.0,) * len(LOAD)
+    start = record.start
+    known = (*start.tip_force, start.tip_moment) if isinstance(start, Equilibrium) else (0.0,) * len(LOAD)
     return list(zip(START, (*known, *(0.0,) * len(LOAD)), strict=True))
 
 

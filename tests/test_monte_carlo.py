@@ -18,7 +18,7 @@ def swing(ratio=0.01, frequency=1.85):
     return 0.05 * np.exp(-ratio * ω * TIME) * np.cos(ω * math.sqrt(1 - ratio**2) * TIME)
 
 
-def white(seed, size=len(TIME)):
+def white(seed, size=500):
     return np.random.default_rng(seed).standard_normal(size)
 
 

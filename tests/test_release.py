@@ -1,4 +1,4 @@
-"""The end of an excitation in a decay record, from exact motions of one mode; and plain decays, which are left whole."""
+"""The end of an excitation in a decay record, by exact motions of one mode; and plain decays, left whole."""
 
 import math
 
@@ -51,7 +51,9 @@ def test_the_motion_obeys_its_equation_and_is_smooth_where_the_force_ends():
     assert abs(np.diff(x)).max() < 1.1 * ω * h
 
 
-@pytest.mark.parametrize(("ζ", "noise", "least"), [(0.002, 0.01, 30), (0.01, 0.1, 29), (0.03, 0.01, 30), (0.03, 0.1, 29)])
+@pytest.mark.parametrize(
+    ("ζ", "noise", "least"), [(0.002, 0.01, 30), (0.01, 0.1, 29), (0.03, 0.01, 30), (0.03, 0.1, 29)]
+)
 def test_frequency_and_damping_after_an_excitation_are_unbiased(ζ, noise, least):
     """30 records with the force on for 8 to 40 periods, steady or growing, at resonance, 1 % below or 2 % above.
 

@@ -47,26 +47,26 @@ def transient():
 
 @pytest.mark.parametrize("method", ["parametric", "bootstrap"])
 def test_the_scatter_of_the_runs_is_the_standard_error_where_the_noise_is_white(decay, method):
-    """200 runs: a standard deviation is known to 5 %; four of these are allowed."""
-    study = monte_carlo(decay, runs=200, method=method)
+    """100 runs: a standard deviation is known to 7 %; four of these are allowed."""
+    study = monte_carlo(decay, runs=100, method=method)
     assert study.names == ("frequency", "damping_ratio", "eta1", "amplitude", "offset")
     assert study.units == ("Hz", "", "1/s", "m", "m")
-    assert study.block == 1 and study.runs == 200 and not study.failures
+    assert study.block == 1 and study.runs == 100 and not study.failures
     assert study.estimates[1] == pytest.approx(decay.damping_ratio)
     assert study.standard_errors[0] == decay.standard_errors.frequency
-    np.testing.assert_allclose(study.deviations, study.standard_errors, rtol=0.2)
-    assert (abs(study.means - study.estimates) < 4 * study.standard_errors / math.sqrt(200)).all()
+    np.testing.assert_allclose(study.deviations, study.standard_errors, rtol=0.28)
+    assert (abs(study.means - study.estimates) < 4 * study.standard_errors / math.sqrt(100)).all()
     half = np.diff(study.intervals()).ravel() / 2
-    np.testing.assert_allclose(half, 1.96 * study.standard_errors, rtol=0.3)
+    np.testing.assert_allclose(half, 1.96 * study.standard_errors, rtol=0.4)
 
 
 def test_blocks_keep_what_correlates_together():
     """Over many records, the fits scatter as their block bootstraps say, twice as far as single residuals would."""
     rho = 0.8
-    fits = [fit_decay(TIME, swing() + 1e-3 * coloured(100 + seed, rho), offset=False) for seed in range(60)]
+    fits = [fit_decay(TIME, swing() + 1e-3 * coloured(100 + seed, rho), offset=False) for seed in range(40)]
     scatter = np.std([fit.frequency for fit in fits], ddof=1)
-    blocks = monte_carlo(fits[0], runs=100, method="bootstrap")
-    singles = monte_carlo(fits[0], runs=100)
+    blocks = monte_carlo(fits[0], runs=60, method="bootstrap")
+    singles = monte_carlo(fits[0], runs=30)
     estimated = np.mean([fit.fit.autocorrelation for fit in fits])
     assert estimated == pytest.approx(rho, abs=0.05)
     expected = (2 * fits[0].fit.autocorrelation / (1 - fits[0].fit.autocorrelation ** 2)) ** (2 / 3) * 500 ** (1 / 3)
@@ -77,7 +77,7 @@ def test_blocks_keep_what_correlates_together():
 
 
 def test_a_motion_is_fitted_again_too(transient):
-    study = monte_carlo(transient, runs=12, seed=3)
+    study = monte_carlo(transient, runs=8, seed=3)
     assert study.names == ("alpha",) and study.units == ("1/s",)
     assert study.deviations[0] == pytest.approx(transient.fit.standard_errors[0], rel=0.9)
     assert abs(study.means[0] - 2.0) < 4 * transient.fit.standard_errors[0]

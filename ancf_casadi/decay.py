@@ -15,10 +15,9 @@ A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi), and 2 eta0/(pi omega^2 A) more 
 
 The closed forms take and give CasADi values, MX, SX or DM, and are smooth in all their arguments.
 
-A record may begin with rest.  Its release is the last sample still at the level of the last stretch of half a period,
-before the strongest swing, in which next to nothing moves.  A release found late does no harm to a fit, since the
-closed forms hold from any instant on; one found early does.  From the release on, the highest peak of the spectrum
-gives the frequency.  The decay rate is the best of a list, the coefficients that are linear being fitted for each.
+A record may begin with rest, or with an excitation (``release``).  From the release on, the highest peak of the
+spectrum gives the frequency.  The decay rate is the best of a list, the coefficients that are linear being fitted for
+each.
 
 References
 ----------
@@ -40,18 +39,14 @@ from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.measurement import Measurement
+from ancf_casadi.release import MINIMUM_SAMPLES, Release, find_release, peak_frequency
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 Series = NDArray[np.float64]
 
-MINIMUM_SAMPLES = 10
 MINIMUM_PERIODS = 1.5  # as the spectrum sees them; its peak is up to half a period off
 SERIES_BELOW = 0.01  # where the series of (1 - exp(-x))/x takes over from the closed form
 SERIES_TERMS = 7  # 0.01^7/8! is below 1e-18
-MINIMUM_WINDOW = 8  # samples; fewer may look quiet by chance where there is noise
-QUIET = 0.25  # of the strongest swing in half a period: any free oscillation swings by half of it at least
-LEVEL = 0.02  # of the strongest swing: what counts as not having moved
-NOISE_PEAK = 25.0  # times the median of its powers is more than the spectrum of noise reaches, but for 1 bin in 3e7
 NOISE_ODDS = 1e-4  # chance to take pure noise for an oscillation
 
 
@@ -113,6 +108,8 @@ class DecayGuess:
     ----------
     release : int
         Index of the first sample of the free decay.
+    reason : str
+        Why it begins there.
     duration : float
         How long there is something to see: ``length`` or 1/(zeta omega), the lesser, s.
     length : float
@@ -132,6 +129,7 @@ class DecayGuess:
     """
 
     release: int
+    reason: str
     duration: float
     length: float
     ω: float
@@ -161,7 +159,7 @@ def first_guess(
     Parameters
     ----------
     record : Measurement
-        The record; rest may come before the decay.
+        The record; rest or an excitation may come before the decay.
     release_time : float, optional
         When the decay begins, s; found in the record if not given.
     offset : bool
@@ -176,21 +174,23 @@ def first_guess(
     """
     time, displacement = _evenly_spaced(record)
     if release_time is None:
-        release = find_release(time, _without_line(time, displacement) if drift else displacement)
+        found = find_release(time, _without_line(time, displacement) if drift else displacement)
     else:
-        release = int(np.searchsorted(time, release_time))
+        found = Release(int(np.searchsorted(time, release_time)), "given")
+    release = found.index
     t, y = time[release:] - time[min(release, len(time) - 1)], displacement[release:]
     if len(t) < MINIMUM_SAMPLES:
         raise InputError(f"has {len(t)} samples of free decay; a fit needs at least {MINIMUM_SAMPLES}", "record")
     if np.ptp(y) == 0.0:
         raise InputError("is constant, nothing oscillates", "record")
-    ω_d = 2 * math.pi * _peak_frequency(t, _without_line(t, y) if drift else y - y.mean())
+    ω_d = 2 * math.pi * peak_frequency(t, _without_line(t, y) if drift else y - y.mean())
     if ω_d * t[-1] < 2 * math.pi * MINIMUM_PERIODS:
         raise InputError("has fewer than two periods of free decay, or nothing oscillates", "record")
     λ, c, s, level, slope = _best_rate(t, y, ω_d, offset, drift)
     ω = math.hypot(ω_d, λ)
     return DecayGuess(
         release=int(np.searchsorted(record.time, time[release] - (time[1] - time[0]) / 2)),
+        reason=found.reason,
         duration=min(float(t[-1]), 1 / λ) if λ else float(t[-1]),
         length=float(t[-1]),
         ω=ω,
@@ -200,30 +200,6 @@ def first_guess(
         offset=level,
         drift=slope,
     )
-
-
-def find_release(time: Series, displacement: Series) -> int:
-    """Return the index of the first sample of the free decay; 0 unless rest comes before it.
-
-    Parameters
-    ----------
-    time : ndarray
-        Equally spaced times, s.
-    displacement : ndarray
-        Displacement at each, m.
-    """
-    if len(time) < MINIMUM_SAMPLES or np.ptp(displacement) == 0.0:
-        return 0
-    period = 1 / _peak_frequency(time, displacement - displacement.mean(), steps=True)
-    width = int(np.clip(round(period / (time[1] - time[0]) / 2), MINIMUM_WINDOW, len(time)))
-    swing = _running_maximum(displacement, width) + _running_maximum(-displacement, width)
-    quiet = np.flatnonzero(swing[: int(np.argmax(swing))] <= QUIET * swing.max())
-    if quiet.size == 0:
-        return 0
-    rest = displacement[quiet[-1] : quiet[-1] + width]
-    departure = np.abs(rest - np.median(rest))
-    still = departure <= max(LEVEL * swing.max(), 3 * np.median(departure))
-    return int(quiet[-1] + np.flatnonzero(still)[-1])
 
 
 def _mean_decay(x: Value) -> Value:
@@ -246,28 +222,6 @@ def _without_line(time: Series, displacement: Series) -> Series:
     t: Series = time - time.mean()
     rest: Series = displacement - displacement.mean() - t * (t @ displacement) / (t @ t)
     return rest
-
-
-def _running_maximum(values: Series, width: int) -> Series:
-    """Return the maximum of each ``width`` successive values, from maxima over 1, 2, 4, ... of them."""
-    maximum, span = values, 1
-    while 2 * span <= width:
-        maximum, span = np.maximum(maximum[:-span], maximum[span:]), 2 * span
-    return np.maximum(maximum[: len(values) - width + 1], maximum[width - span :])
-
-
-def _peak_frequency(time: Series, swing: Series, *, steps: bool = False) -> float:
-    """Return the frequency (Hz) of the highest peak of the spectrum; of that of the velocity, if there are steps.
-
-    A step has a spectrum like 1/f, that of its derivative is flat.  What may be a peak of noise, whose spectrum is flat
-    too, is taken off before it grows with f^2.
-    """
-    length = 2 ** math.ceil(math.log2(4 * len(swing)))
-    power = np.abs(np.fft.rfft(swing, length)) ** 2
-    frequency = np.arange(len(power)) / (length * (time[1] - time[0]))
-    if steps:
-        power = frequency**2 * np.maximum(power - NOISE_PEAK * np.median(power), 0.0)
-    return float(frequency[1 + np.argmax(power[1:])])
 
 
 def _best_rate(t: Series, y: Series, ω_d: float, offset: bool, drift: bool) -> tuple[float, float, float, float, float]:

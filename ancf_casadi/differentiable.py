@@ -1,8 +1,9 @@
 """The motion as a CasADi Function of its parameters.
 
 ``motion`` makes the motion that ``simulate(method="radau")`` finds a Function of the law's parameters theta, those of
-the base motion b and the properties P of the elements.  It can stand in any CasADi expression and be differentiated,
-forward (few parameters) and in reverse (few results); ``sensitivity`` says how.
+the base motion b, the properties P of the elements and, if asked, of the load s it starts from.  It can stand in any
+CasADi expression and be differentiated, forward (few parameters) and in reverse (few results); ``sensitivity`` says
+how.
 """
 
 from __future__ import annotations
@@ -13,17 +14,20 @@ from typing import Any, TypeVar
 
 import casadi as cs
 import numpy as np
+from numpy.typing import NDArray
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.equations import Equations
 from ancf_casadi.equilibrium import Equilibrium
-from ancf_casadi.exceptions import AncfError
+from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.excitation import BaseMotion, FixedBase
 from ancf_casadi.inputs import positive
 from ancf_casadi.model import Model
 from ancf_casadi.sensitivity import Problem, Run
 from ancf_casadi.simulate import TOLERANCES, Start, sample_times
 from ancf_casadi.trajectory import State
+
+Array = NDArray[np.float64]
 
 
 def motion(
@@ -35,6 +39,7 @@ def motion(
     sample_rate: float = 1000.0,
     start: Start | Equilibrium | State = "equilibrium",
     tolerance: float = TOLERANCES["radau"],
+    start_load: bool = False,
 ) -> Motion:
     """Return the motion as a differentiable CasADi Function.
 
@@ -48,12 +53,17 @@ def motion(
     model, duration, damping, base, sample_rate, start, tolerance
         As of ``simulate``.  A start ``equilibrium`` or ``moving``, or an ``Equilibrium``, changes with the properties;
         a ``State`` does not.
+    start_load : bool
+        Whether the function has a fourth input, ``start``: the tip load that holds the beam until it is let go, and its
+        rate (``starts.START``; N, N, N m, and a second), instead of that of ``start``.
 
     Raises
     ------
     InputError
-        If a number is not positive.
+        If a number is not positive, or the load of a start is asked for that is no equilibrium.
     """
+    if start_load and not (isinstance(start, Equilibrium) or start == "equilibrium"):
+        raise InputError("has no load; it must be 'equilibrium' or an Equilibrium", "start")
     duration, sample_rate = positive(duration, "duration"), positive(sample_rate, "sample_rate")
     problem = Problem(
         equations=Equations(model, RayleighDamping() if damping is None else damping),
@@ -61,12 +71,13 @@ def motion(
         start=start,
         times=sample_times(duration, sample_rate),
         tolerance=positive(tolerance, "tolerance"),
+        held=start_load,
     )
     return _kept(Motion(problem))
 
 
 class Motion(cs.Callback):
-    """A motion as a CasADi Function (damping, base, properties) -> coordinates; made by ``motion``.
+    """A motion as a CasADi Function (damping, base, properties, [start]) -> coordinates; made by ``motion``.
 
     Parameters
     ----------
@@ -78,11 +89,12 @@ class Motion(cs.Callback):
         cs.Callback.__init__(self)
         self.problem = problem
         self._last: Run | None = None
+        self._slopes: tuple[Run, Array, Array] | None = None
         self.construct("motion", {})
 
     def get_n_in(self) -> int:
         """Return the number of inputs."""
-        return 3
+        return 4 if self.problem.held else 3
 
     def get_n_out(self) -> int:
         """Return the number of outputs."""
@@ -90,7 +102,7 @@ class Motion(cs.Callback):
 
     def get_name_in(self, i: int) -> str:
         """Return the name of an input."""
-        return ("damping", "base", "properties")[i]
+        return ("damping", "base", "properties", "start")[i]
 
     def get_name_out(self, i: int) -> str:
         """Return the name of an output."""
@@ -102,14 +114,15 @@ class Motion(cs.Callback):
 
     def get_sparsity_out(self, i: int) -> cs.Sparsity:
         """Return the shape of an output."""
-        return self.shapes[3]
+        return self.shapes[-1]
 
     @property
     def shapes(self) -> list[cs.Sparsity]:
-        """Shapes of the three inputs and of the output."""
-        law, base, _ = self.problem.sizes
+        """Shapes of the inputs and of the output."""
+        law, base, _, start = self.problem.sizes
         model = self.problem.equations.model
-        shapes = [(law, 1), (base, 1), model.properties.shape, (model.size, self.problem.times.size)]
+        shapes = [(law, 1), (base, 1), model.properties.shape, *[(start, 1)] * self.problem.held]
+        shapes.append((model.size, self.problem.times.size))
         return [cs.Sparsity.dense(*shape) for shape in shapes]
 
     def run(self, inputs: Sequence[cs.DM]) -> Run:
@@ -119,13 +132,20 @@ class Motion(cs.Callback):
             self._last = self.problem.solve(values)
         return self._last
 
+    def slopes(self, run: Run, directions: Array) -> Array:
+        """Return the derivatives along some directions, computed once for the same."""
+        last = self._slopes
+        if last is None or last[0] is not run or not np.array_equal(last[1], directions):
+            self._slopes = last = run, directions, self.problem.forward(run, directions)
+        return last[2]
+
     def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
         """Return the coordinates; nan where there is no motion, with a warning that says why."""
         try:
             return [cs.DM(self.run(arg).coordinates.T)]
         except AncfError as error:
             warnings.warn(str(error), RuntimeWarning, stacklevel=2)
-            return [cs.DM.nan(self.shapes[3])]
+            return [cs.DM.nan(self.shapes[-1])]
 
     def has_forward(self, nfwd: int) -> bool:
         """Return True."""
@@ -176,19 +196,20 @@ class _Derivative(cs.Callback):
         """Return the derivatives; nan where there is no motion."""
         count, problem = self._count, self._motion.problem
         try:
-            run = self._motion.run(arg[:3])
+            run = self._motion.run(arg[: self._motion.n_in()])
         except AncfError:
             return [cs.DM.nan(shape) for shape in self._results]
-        seeds = [part.full().reshape(part.size1(), count, part.size2() // count).transpose(2, 0, 1) for part in arg[4:]]
+        seeds = [
+            part.full().reshape(part.size1(), count, part.size2() // count).transpose(2, 0, 1)
+            for part in arg[self._motion.n_in() + 1 :]
+        ]
         if self._forward:
             directions = np.vstack([part.reshape(-1, count) for part in seeds])
-            found = [problem.forward(run, directions)]
+            found = [self._motion.slopes(run, directions)]
         else:
             weights = problem.reverse(run, seeds[0])
-            law, base, _ = problem.sizes
-            parts, shapes = np.split(weights, [law, law + base]), self._motion.shapes
-            sizes = [(shape.size2(), shape.size1(), count) for shape in shapes[:3]]
-            found = [part.reshape(size) for part, size in zip(parts, sizes, strict=True)]
+            sizes = [(shape.size2(), shape.size1(), count) for shape in self._motion.shapes[:-1]]
+            found = [part.reshape(size) for part, size in zip(problem.split(weights), sizes, strict=False)]
         return [cs.DM(part.transpose(1, 2, 0).reshape(part.shape[1], count * part.shape[0])) for part in found]
 
 

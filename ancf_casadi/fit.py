@@ -28,7 +28,7 @@ M. C. Neale, M. B. Miller, The use of likelihood-based confidence intervals in g
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -197,6 +197,19 @@ class Fit:
             values[:, None] + np.array([np.minimum(steps, 0.0).sum(axis=1), np.maximum(steps, 0.0).sum(axis=1)]).T
         )
         return np.where(bounded[:, None], one_sided, ends)
+
+    def vagueness(self, names: Sequence[str]) -> float:
+        """Return the largest share that one of some unknowns may be off by, in what all of them do to the residuals.
+
+        With columns J_k of the Jacobian, and the wider side w_k of its interval, max |J_k| w_k / sum |J_k| |x_k|.
+        """
+        chosen = [k for k, name in enumerate(self.names) if name in names]
+        if not chosen:
+            return 0.0
+        sizes = np.linalg.norm(self.jacobian[:, chosen], axis=0)
+        wide = np.abs(self.intervals()[chosen] - self.values[chosen, None]).max(axis=1)
+        total = float(sizes @ np.abs(self.values[chosen]))
+        return float((sizes * wide).max()) / total if total > 0.0 else math.inf
 
     def warnings(self) -> tuple[str, ...]:
         """Return what to know before using the estimates: bounds, correlations, intervals that reach a bound."""

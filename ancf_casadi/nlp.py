@@ -140,6 +140,7 @@ def least_squares(
     *,
     huber: float = math.inf,
     gauss_newton: bool = False,
+    forward: bool = False,
     options: Mapping[str, Any] | None = None,
 ) -> Fit:
     """Estimate unknowns by least squares within their bounds, or by a loss that bears outliers.
@@ -154,6 +155,8 @@ def least_squares(
         Residual beyond which the loss grows linearly; least squares without it.
     gauss_newton : bool
         Whether to take J' J for the Hessian, where second derivatives are dear, as through an integration.
+    forward : bool
+        Whether to make the gradient of J then too, where J is kept for the Hessian, as that of ``motion`` is.
     options : mapping, optional
         Options of ``nlpsol`` and IPOPT (``"ipopt.max_iter"``); they override those set here.
 
@@ -171,18 +174,17 @@ def least_squares(
         raise InputError(f"share a name: {', '.join(names)}", "unknowns")
     scale, guess, lower, upper = np.array([[u.scale, u.guess, u.lower, u.upper] for u in unknowns]).T
 
+    evaluate = residual_function(residuals, scale)
+    if evaluate.size1_out(0) < len(names):
+        raise InputError(f"{evaluate.size1_out(0)} values cannot determine {len(names)} unknowns", "residuals")
     z = cs.MX.sym("z", len(names))
     r = residuals(*cs.vertsplit(cs.DM(scale) * z))
-    if r.numel() < len(names):
-        raise InputError(f"{r.numel()} values cannot determine {len(names)} unknowns", "residuals")
-    evaluate = cs.Function("residuals", [z], [cs.densify(r), cs.densify(cs.jtimes(r, z, cs.DM.eye(len(names))))])
-
     _, jacobian = _numbers(evaluate, guess / scale)
     weight = float(np.max(np.sum(jacobian**2, axis=0)))
     if not (math.isfinite(weight) and weight > 0.0):
         raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
     if gauss_newton:
-        options = {"hess_lag": _gauss_newton(evaluate, huber, weight), **(options or {})}
+        options = {**_gauss_newton(evaluate, huber, weight, forward), **(options or {})}
     solution = solve_nlp(
         {"x": z, "f": loss(r, huber) / weight},
         guess / scale,
@@ -218,6 +220,13 @@ def least_squares(
     )
 
 
+def residual_function(residuals: Callable[..., cs.MX], scale: NDArray[np.float64]) -> cs.Function:
+    """Return what gives residuals and their derivatives by the unknowns, these in units of their scales."""
+    z = cs.MX.sym("z", len(scale))
+    r = residuals(*cs.vertsplit(cs.DM(scale) * z))
+    return cs.Function("residuals", [z], [cs.densify(r), cs.densify(cs.jtimes(r, z, cs.DM.eye(len(scale))))])
+
+
 def loss(residuals: cs.MX, huber: float) -> cs.MX:
     """Return half the sum of the squared residuals, or their pseudo-Huber loss."""
     if math.isinf(huber):
@@ -225,13 +234,18 @@ def loss(residuals: cs.MX, huber: float) -> cs.MX:
     return huber**2 * cs.sum1(cs.sqrt(1 + (residuals / huber) ** 2) - 1)
 
 
-def _gauss_newton(evaluate: cs.Function, huber: float, weight: float) -> cs.Function:
-    """Return J' D J, D the slope psi/r of the loss by residual, as the Hessian of the Lagrange function."""
-    z, factor = cs.MX.sym("z", evaluate.size1_in(0)), cs.MX.sym("factor")
+def _gauss_newton(evaluate: cs.Function, huber: float, weight: float, forward: bool) -> dict[str, cs.Function]:
+    """Return J' D J, D the slope psi/r of the loss by residual, for Hessian; and the gradient J' psi, if asked for."""
+    z, p, factor = cs.MX.sym("z", evaluate.size1_in(0)), cs.MX.sym("p", 0, 1), cs.MX.sym("factor")
     r, jacobian = evaluate(z)
-    rows = jacobian / cs.repmat((1 + (r / huber) ** 2) ** 0.25, 1, jacobian.shape[1])
+    slope = 1 / cs.sqrt(1 + (r / huber) ** 2)
+    gradient = cs.mtimes(jacobian.T, slope * r) / weight
+    rows = jacobian * cs.repmat(cs.sqrt(slope), 1, jacobian.shape[1])
     hessian = cs.triu(factor / weight * cs.mtimes(rows.T, rows))
-    return cs.Function("hess_lag", [z, cs.MX(0, 1), factor, cs.MX(0, 1)], [hessian])
+    functions = {"hess_lag": cs.Function("hess_lag", [z, p, factor, cs.MX(0, 1)], [hessian])}
+    if forward:
+        functions["grad_f"] = cs.Function("grad_f", [z, p], [loss(r, huber) / weight, gradient])
+    return functions
 
 
 def solve_nlp(

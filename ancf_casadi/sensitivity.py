@@ -1,4 +1,4 @@
-"""Exact derivatives of a motion by the parameters of its law, its base motion and its elements.
+"""Exact derivatives of a motion by the parameters of its law, its base motion, its elements and its start.
 
 Derivatives are those of the steps of ``radau`` that were taken, their lengths held: exact for the numbers that were
 computed, and as close to those of the exact motion as these are.  With the residual R of the stages (``tangent``),
@@ -9,8 +9,8 @@ G = dR/dZ, and what is given for a step in u = (q, v, clamped nodes, parameters)
 of which the last stage starts the next step, and in reverse the same steps backwards with G^T.
 
 Samples are the quintic polynomials through the ends of the steps; what ``simulate`` adds there, to put the axial forces
-right, is below the tolerance.  A start at rest depends on the properties P of the elements through the static
-equilibrium, dq = -K^-1 (dR/dP) dP.
+right, is below the tolerance.  A start at rest depends on the properties P of the elements, and on the load that holds
+it, through the static equilibrium (``starts``).
 
 References
 ----------
@@ -32,11 +32,12 @@ from ancf_casadi.beam import PROPERTIES
 from ancf_casadi.collocation import QUINTIC, RADAU, STAGES, Collocation
 from ancf_casadi.compilation import Buffered, compiled, interpreted
 from ancf_casadi.equations import Equations, clamped_node
-from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.excitation import BaseMotion, Piece
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.radau import Factors, Step, Stepper
 from ancf_casadi.simulate import COMPILED_FROM, Start, initial_state, rigid_motion
+from ancf_casadi.starts import START, held_start, start_slopes
 from ancf_casadi.stretches import CLOSE
 from ancf_casadi.tangent import Tangent
 from ancf_casadi.trajectory import State
@@ -78,11 +79,11 @@ class Run:
     Parameters
     ----------
     values : array
-        The values of theta, b and P it belongs to.
+        The values of theta, b, P and s it belongs to.
     parameters : array
         The parameters of its equation of motion.
     start : array (2 N, ...)
-        Derivatives of the first q and v by theta, b and P.
+        Derivatives of the first q and v by theta, b, P and s.
     passages : list of Passage
         Its smooth pieces.
     coordinates : array (k, 4 n + 4)
@@ -98,7 +99,7 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A motion that depends on theta, b and P.
+    """A motion that depends on theta, b, P and, if it is let go from an unknown load, on this load and its rate s.
 
     Parameters
     ----------
@@ -112,6 +113,8 @@ class Problem:
         The samples, s.
     tolerance : float
         Tolerance of the steps.
+    held : bool
+        Whether the load at the start and its rate are parameters, in the order of ``START``.
     """
 
     equations: Equations
@@ -119,29 +122,34 @@ class Problem:
     start: Start | Equilibrium | State
     times: Array
     tolerance: float
+    held: bool = False
 
     @property
-    def sizes(self) -> tuple[int, int, int]:
-        """Number of parameters of the law and of the base motion, and of properties."""
+    def sizes(self) -> tuple[int, int, int, int]:
+        """Number of parameters of the law and of the base motion, of properties, and of parameters of the start."""
         law = len(self.equations.law.parameters)
-        return law, len(self.base.parameters), self.equations.model.properties.size
+        return law, len(self.base.parameters), self.equations.model.properties.size, len(START) * self.held
+
+    def split(self, values: Array) -> list[Array]:
+        """Return theta, b, P and s from one array."""
+        return np.split(values, np.cumsum(self.sizes[:3]).tolist())
 
     def solve(self, values: Array) -> Run:
-        """Compute the motion for the values of theta, b and P, one after the other.
+        """Compute the motion for the values of theta, b, P and s, one after the other.
 
         Raises
         ------
         AncfError
             If there is no equilibrium to start from, or the integrator fails.
         """
-        law, base, size = self.sizes
-        theta, b, properties = np.split(values, [law, law + base])
+        law, _, size, _ = self.sizes
+        theta, b, properties, load = self.split(values)
         model = self.equations.model
         parameters = self.equations.parameters.copy()
         parameters[2 : 2 + size], parameters[2 + size : 2 + size + law] = properties, theta
         columns = properties.reshape(model.properties.shape, order="F")
         beam = model.beam.with_(**{name: row.tolist() for name, row in zip(PROPERTIES, columns, strict=True)})
-        state, slope = self._start(Model(beam, model.measures), parameters, b)
+        state, slope = self._start(Model(beam, model.measures), b, load)
         passages, begin, end = [], 0.0, float(self.times[-1])
         for piece in self.base.pieces():
             passage, state = self._pass(piece, begin, min(piece.end, end), state, parameters, b)
@@ -218,8 +226,8 @@ class Problem:
             q, v = q + given[:free], v + given[free:own]
             bar_b += passage.slope(passage.begin).T @ given[own : own + 3 * NODE]
             bar_p += given[own + 3 * NODE :]
-        law, _, size = self.sizes
-        direct = np.vstack([bar_p[2 + size : 2 + size + law], bar_b, bar_p[2 : 2 + size]])
+        law, _, size, start = self.sizes
+        direct = np.vstack([bar_p[2 + size : 2 + size + law], bar_b, bar_p[2 : 2 + size], np.zeros((start, d))])
         return np.asarray(direct + run.start.T @ np.vstack([q, v]))
 
     @cached_property
@@ -272,33 +280,38 @@ class Problem:
         jacobians = [cs.jacobian(forces[NODE:], x) for x in (q, v, node, p)]
         return cs.Function("slopes", [q, v, a, node, p], jacobians)
 
-    def _start(self, model: Model, parameters: Array, b: Array) -> tuple[State, Array]:
+    @cached_property
+    def _start_slopes(self) -> cs.Function:
+        return start_slopes(self.equations.model)
+
+    def _start(self, model: Model, b: Array, load: Array) -> tuple[State, Array]:
         """Return the first state, and the derivatives of its q and v by the values."""
-        law, base, size = self.sizes
         free, piece = self.equations.free, self.base.pieces()[0]
         node, slope, clamp = self._clamp(piece, b)
-        slopes = np.zeros((2 * free, law + base + size))
-        if isinstance(self.start, Equilibrium):
-            rest = static_equilibrium(model, tip_force=self.start.tip_force, tip_moment=self.start.tip_moment)
-        elif self.start in ("equilibrium", "moving"):
-            rest = static_equilibrium(model)
+        slopes = np.zeros((2 * free, sum(self.sizes)))
+        _, by_b, by_P, by_load = np.split(slopes, np.cumsum(self.sizes[:3]).tolist(), axis=1)
+        start = self.start
+        if self.held:
+            held = held_start(model, self._start_slopes, load)
+        elif isinstance(start, Equilibrium):
+            nominal = np.array([*start.tip_force, start.tip_moment, 0.0, 0.0, 0.0])
+            held = held_start(model, self._start_slopes, nominal)
+        elif start in ("equilibrium", "moving"):
+            held = held_start(model, self._start_slopes, np.zeros(len(START)))
         else:
-            return initial_state(model, clamp, self.start), slopes
-        still, coordinates = np.zeros(free), rest.coordinates
-        fixed = np.concatenate([coordinates[:NODE], np.zeros(2 * NODE)])
-        *_, by_parameters = self._force_slopes(coordinates[NODE:], still, still, fixed, parameters)
-        right = by_parameters.full()[:, 2 : 2 + size]
-        slopes[:free, law + base :] = -scipy.sparse.linalg.splu(rest.stiffness).solve(right)
-        if self.start != "moving":
-            return initial_state(model, clamp, rest), slopes
+            return initial_state(model, clamp, start), slopes
+        by_P[:] = held.by_properties
+        by_load[:] = held.by_load[:, : by_load.shape[1]]
+        if start != "moving":
+            return State(held.coordinates, held.velocities), slopes
         e, rates = cs.MX.sym("e", model.size), cs.MX.sym("rates", NODE)
         moved = rigid_motion(model)(e, rates)
         jacobians = [cs.jacobian(moved[NODE:], e)[:, NODE:], cs.jacobian(moved[NODE:], rates)]
-        motion = cs.Function("moved", [e, rates], [moved, *jacobians])(coordinates, node(0.0)[NODE : 2 * NODE])
+        motion = cs.Function("moved", [e, rates], [moved, *jacobians])(held.coordinates, node(0.0)[NODE : 2 * NODE])
         velocities, by_e, by_rates = (part.full() for part in motion)
-        slopes[free:] = by_e @ slopes[:free]
-        slopes[free:, law : law + base] += by_rates @ slope(0.0)[NODE : 2 * NODE]
-        return State(coordinates, velocities.ravel()), slopes
+        by_P[free:] = by_e @ by_P[:free]
+        by_b[free:] = by_rates @ slope(0.0)[NODE : 2 * NODE]
+        return State(held.coordinates, velocities.ravel()), slopes
 
     def _pass(
         self, piece: Piece, begin: float, end: float, state: State, parameters: Array, b: Array
@@ -334,8 +347,8 @@ class Problem:
 
     def _expand(self, seeds: Array) -> tuple[Array, Array]:
         """Return the directions of all parameters of the equation of motion, and of b, from those of the values."""
-        law, base, size = self.sizes
-        theta, b, properties = np.split(seeds, [law, law + base])
+        law, _, size, _ = self.sizes
+        theta, b, properties, _ = self.split(seeds)
         dp = np.zeros((self.equations.parameters.size, seeds.shape[1]))
         dp[2 : 2 + size], dp[2 + size : 2 + size + law] = properties, theta
         return dp, b

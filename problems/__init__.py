@@ -6,12 +6,14 @@ from problems.decay_fitting import fit_decay, fit_decays
 from problems.decay_result import DecayFit
 from problems.frequency_matching import match_frequencies
 from problems.law_comparison import LawComparison, compare_laws
+from problems.marker_record import MarkerRecord
 from problems.matching_preference import LeastChange, Smoothness
 from problems.matching_result import FrequencyMatch
 from problems.matching_unknowns import Global, PerElement, Smooth
 from problems.measured_modes import MeasuredModes
 from problems.mode_separation import fit_modes
-from problems.transient_fitting import MarkerRecord, TransientFit, fit_transient
+from problems.monte_carlo import MonteCarlo, monte_carlo
+from problems.transient_fitting import TransientFit, fit_transient
 
 __all__ = [
     "DecayComparison",
@@ -22,6 +24,7 @@ __all__ = [
     "LeastChange",
     "MarkerRecord",
     "MeasuredModes",
+    "MonteCarlo",
     "PerElement",
     "RayleighFit",
     "Smooth",
@@ -35,4 +38,5 @@ __all__ = [
     "fit_rayleigh",
     "fit_transient",
     "match_frequencies",
+    "monte_carlo",
 ]

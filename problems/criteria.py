@@ -12,6 +12,10 @@ them and the record long.  A term too many costs ln m at most, so that only a mo
 count m independent residuals.  Where successive ones correlate at rho, there are about m (1 - rho)/(1 + rho), and
 differences are overstated by the inverse of that: the verdict then says so.
 
+That a smaller model has the least criterion does not mean that the terms it lacks are not there: where the record is
+short or noisy, they may be as large as the others and cost more than they explain.  So the record can tell only if no
+model that is not clearly worse has a term that may be off by a third of all damping (``Fit.vagueness``).
+
 References
 ----------
 K. P. Burnham, D. R. Anderson, Model Selection and Multimodel Inference, Springer (2002), Sections 2.4, 6.4.
@@ -28,6 +32,7 @@ import numpy as np
 
 COLOURED = 0.5  # correlation of successive residuals beyond which they are not noise
 COLOURED_CHOICE = 0.2  # that beyond which there are a third fewer of them
+VAGUE = 1 / 3  # share of all damping that a term may be off by
 CLEAR = 10.0  # difference of a criterion that leaves no doubt
 SAME = 1e-6  # difference below which two models are one
 
@@ -48,6 +53,8 @@ class Candidate:
         Unknowns estimated, those at a bound not counted.
     autocorrelation : float
         Correlation of successive residuals.
+    vagueness : float
+        Share of all damping that one of its terms may be off by.
     """
 
     name: str
@@ -55,6 +62,7 @@ class Candidate:
     residual_rms: float
     rank: int
     autocorrelation: float
+    vagueness: float = 0.0
 
     @property
     def estimated(self) -> int:
@@ -81,7 +89,7 @@ class Verdict:
     best : int
         The one with the least BIC.
     settled : bool
-        Whether no other comes near, and AICc agrees.
+        Whether the record can tell: no other comes near, none hides a term as large, and AICc agrees.
     warnings : tuple of str
         What to know before believing it.
     """
@@ -107,6 +115,12 @@ def judge(candidates: Sequence[Candidate]) -> Verdict:
     ]  # fmt: skip
     if rivals:
         warnings.append(f"the {rivals[0]} law is not clearly worse")
+    warnings += [
+        f"the record cannot rule out the {candidate.name} law: a term of it may be off by {candidate.vagueness:.0%} of "
+        "all damping"
+        for candidate, value in zip(candidates, bic, strict=True)
+        if candidate is not chosen and value - bic[best] < CLEAR and candidate.vagueness > VAGUE
+    ]
     settled = not warnings
     rho = chosen.autocorrelation
     if rho > max(COLOURED_CHOICE, 3 / math.sqrt(chosen.samples)):

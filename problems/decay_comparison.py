@@ -18,7 +18,7 @@ from ancf_casadi.measurement import Measurement
 from ancf_casadi.report import Table
 from problems.criteria import Candidate, Verdict, judge
 from problems.decay_fitting import fit_decay
-from problems.decay_laws import Law
+from problems.decay_laws import LAWS, Law
 from problems.decay_result import DecayFit
 
 
@@ -74,7 +74,10 @@ class DecayComparison:
             for fit, aicc, bic in zip(self.fits, self.aicc, self.bic, strict=True)
         ]
         columns = ("law", "estimated", "residual_rms_m", "delta_AICc", "delta_BIC", "autocorrelation", "at_bound")
-        notes = (f"best by BIC: {self.best.law}", *(f"note: {warning}" for warning in self.warnings))
+        said = f"best by BIC: {self.best.law}"
+        if not self.verdict.settled:
+            said = f"the record cannot tell for sure; {said}"
+        notes = (said, *(f"note: {warning}" for warning in self.warnings))
         return Table("laws", "Laws of damping", columns, rows, notes)
 
     def report(self) -> str:
@@ -85,6 +88,7 @@ class DecayComparison:
         """Return the result for JSON."""
         return {
             "best": self.best.law,
+            "settled": self.verdict.settled,
             "laws": [
                 {
                     "law": fit.law,
@@ -139,4 +143,5 @@ def compare_decay_laws(
 
 
 def _candidate(fit: DecayFit) -> Candidate:
-    return Candidate(fit.law, fit.samples, fit.residual_rms, fit.fit.rank, fit.fit.autocorrelation)
+    vagueness = fit.fit.vagueness(LAWS[fit.law].terms or ("zeta",))
+    return Candidate(fit.law, fit.samples, fit.residual_rms, fit.fit.rank, fit.fit.autocorrelation, vagueness)

@@ -34,7 +34,7 @@ from ancf_casadi.fit import Fit
 from ancf_casadi.inputs import number, vector
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.nlp import least_squares
-from problems.decay_laws import DecayModel, Law
+from problems.decay_laws import LAWS, DecayModel, Law
 from problems.decay_result import ROUNDING, DecayFit, decay_result
 
 RATIO_BOUNDS = (0.0, 0.999)
@@ -145,8 +145,16 @@ def fit_decays(
     fit, columns = _match(model, records, guesses, (lower, upper), robust)
     ends = np.cumsum([0, *map(len, times)]).tolist()
     return tuple(
-        decay_result(model, fit, time, indices=indices, rows=slice(*rows), ratio_bounds=(lower, upper))
-        for time, indices, rows in zip(times, columns, pairwise(ends), strict=True)
+        decay_result(
+            model,
+            fit,
+            time,
+            indices=indices,
+            rows=slice(*rows),
+            ratio_bounds=(lower, upper),
+            reason=guess.reason,
+        )
+        for time, indices, rows, guess in zip(times, columns, pairwise(ends), guesses, strict=True)
     )
 
 
@@ -174,13 +182,13 @@ def _match(
             *(model.curve(t, *(x[i] for i in indices)) - y for (t, y), indices in zip(data, columns, strict=True))
         )
 
-    fit = least_squares(residuals, unknowns, gauss_newton=model.integrated)
+    fit = least_squares(residuals, unknowns, gauss_newton=LAWS[model.law].dear)
     for _ in range(ROBUST_ROUNDS * robust):
         noise = NORMAL * float(np.median(np.abs(fit.residuals)))
         if noise <= ROUNDING * largest.amplitude:
             break
         starts = [replace(u, guess=value) for u, value in zip(unknowns, fit.values.tolist(), strict=True)]
-        fit = least_squares(residuals, starts, huber=HUBER * noise, gauss_newton=model.integrated)
+        fit = least_squares(residuals, starts, huber=HUBER * noise, gauss_newton=LAWS[model.law].dear)
     return fit, columns
 
 

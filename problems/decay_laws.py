@@ -59,6 +59,11 @@ class DecayLaw:
     curve: Callable[..., cs.MX] | None
     quantities: Callable[..., cs.MX]
 
+    @property
+    def dear(self) -> bool:
+        """Whether second derivatives cost more than the iterations they save: of an integration, or with friction."""
+        return self.curve is None or "eta0" in self.terms
+
 
 def _linear_shared(guess: DecayGuess, ratio_bounds: tuple[float, float]) -> list[Unknown]:
     lower, upper = ratio_bounds
@@ -152,11 +157,6 @@ class DecayModel:
     offset: bool
     drift: bool
     longest_step: float
-
-    @property
-    def integrated(self) -> bool:
-        """Whether the law has no closed form."""
-        return LAWS[self.law].curve is None
 
     def shared(self, guess: DecayGuess, ratio_bounds: tuple[float, float]) -> list[Unknown]:
         """Return the unknowns of the mode."""

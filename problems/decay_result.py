@@ -105,6 +105,8 @@ class DecayFit:
         Velocity of the point of rest, m/s; 0 if the fit had none.
     release_time : float
         When the decay begins, s, in the times of the record.
+    release_reason : str
+        Why there: the first sample, the end of rest, an excitation that ends before, or as given.
     correlation : float
         Correlation of eta1 and eta2; nan under the linear law.
     standard_errors : DecayErrors
@@ -135,6 +137,7 @@ class DecayFit:
     offset: float
     drift: float
     release_time: float
+    release_reason: str
     correlation: float
     standard_errors: DecayErrors
     intervals: DecayIntervals
@@ -209,6 +212,7 @@ class DecayFit:
         table |= {
             "correlation": _known(self.correlation),
             "release_time_s": self.release_time,
+            "release_reason": self.release_reason,
             "residual_rms_m": self.residual_rms,
             "samples": self.samples,
             "at_bound": list(self.at_bound),
@@ -233,6 +237,7 @@ class DecayFit:
             low, high = (_precise(end, intervals[name]) for end in intervals[name])
             value = f"  {name:<14}{getattr(self, name):>13.6g} +- {errors[name]:.2g} {UNITS[name]}".rstrip()
             lines.append(f"{value}  [{low}, {high}]")
+        lines.append(f"  {'release':<14}{self.release_time:>13.6g} s  ({self.release_reason})")
         lines.append(f"  {'residual_rms':<14}{self.residual_rms:>13.3g} m")
         lines.append(
             f"  {'problem':<14}rank {self.fit.rank} of {len(self.fit.names)}, condition {self.fit.condition:.3g}, "
@@ -254,6 +259,7 @@ def decay_result(
     indices: tuple[int, ...],
     rows: slice,
     ratio_bounds: Interval,
+    reason: str,
 ) -> DecayFit:
     """Return what a fit tells of one of its records.
 
@@ -271,6 +277,8 @@ def decay_result(
         Which residuals are.
     ratio_bounds : (float, float)
         Bounds of the damping ratio under the linear law.
+    reason : str
+        Why the free decay begins with the first of the times.
     """
     values, errors = fit.derived(lambda *x: quantities(model, indices, x))
     lower, upper = ratio_bounds if model.law == "linear" else (0.0, math.inf)
@@ -285,6 +293,7 @@ def decay_result(
         law=model.law,
         **named,
         release_time=float(time[0]),
+        release_reason=reason,
         correlation=math.nan if model.law == "linear" else float(fit.correlations[indices[1], indices[2]]),
         standard_errors=standard_errors,
         intervals=DecayIntervals(*((float(low), float(high)) for low, high in ends)),

@@ -17,7 +17,9 @@ from ancf_casadi.model import Model
 from ancf_casadi.parallel import run_all
 from ancf_casadi.report import Table
 from problems.criteria import Candidate, Verdict, judge
-from problems.transient_fitting import MarkerRecord, TransientFit, fit_transient
+from problems.marker_record import MarkerRecord
+from problems.transient_fitting import TransientFit, fit_transient
+from problems.transient_unknowns import named_parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,14 @@ class LawComparison:
         """What the criteria say."""
         return judge(
             [
-                Candidate(name, len(one.fit.residuals), one.fit.residual_rms, one.fit.rank, one.fit.autocorrelation)
+                Candidate(
+                    name,
+                    len(one.fit.residuals),
+                    one.fit.residual_rms,
+                    one.fit.rank,
+                    one.fit.autocorrelation,
+                    one.fit.vagueness([own for own, _ in named_parameters(one.law)]),
+                )
                 for name, one in zip(self.names, self.fits, strict=True)
             ]
         )

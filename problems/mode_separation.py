@@ -75,7 +75,7 @@ def fit_modes(
     release = None if release_time is None else number(release_time, "release_time")
     unknowns: list[Unknown] = []
     parts: list[tuple[DecayModel, tuple[int, ...]]] = []
-    left = record
+    left, reason = record, ""
     for mode in range(1, count + 1):
         model = DecayModel("linear", offset and mode == 1, False, STEP)
         try:
@@ -87,7 +87,7 @@ def fit_modes(
             raise InputError(
                 f"shows {mode - 1} of {count} modes: what is left {str(error).removeprefix('record: ')}", "record"
             ) from None
-        release = alone.release_time
+        release, reason = alone.release_time, reason or alone.release_reason
         left = Measurement(alone.time, left.displacement[-alone.samples :] - alone.displacement(alone.time))
         own = [*model.shared(guess, RATIO_BOUNDS), *model.own(guess)]
         parts.append((model, tuple(range(len(unknowns), len(unknowns) + len(own)))))
@@ -97,7 +97,7 @@ def fit_modes(
     y, t = cs.DM(record.displacement[-len(left.time) :]), left.time - left.time[0]
     fit = least_squares(_sum(parts, t, y), unknowns)
     fits = [
-        decay_result(model, fit, left.time, indices=indices, rows=slice(None), ratio_bounds=RATIO_BOUNDS)
+        decay_result(model, fit, left.time, indices=indices, rows=slice(None), ratio_bounds=RATIO_BOUNDS, reason=reason)
         for model, indices in parts
     ]
     return tuple(sorted(fits, key=lambda fit: fit.frequency))

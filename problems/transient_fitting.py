@@ -4,15 +4,18 @@ The measured positions y_ij of the points s_j at the times t_i of a record are m
 
     minimise    1/2 sum (r(s_j, t_i; theta, P, b) - y_ij)^2        within bounds,
 
-over any parameters theta of the damping law, factors common to all elements on the properties P, and the amplitude b of
-the base motion.  The motion and its exact derivatives are those of ``motion``; J' J of its forward derivatives serves
-as Hessian.  Records, each with its own base motion and start, share all unknowns but the amplitudes.
+over any parameters theta of the damping law, factors common to all elements on the properties P, the amplitude b of
+the base motion, and the load at the tip the beam is let go from, with its rate (``starts``).  The motion and its exact
+derivatives are those of ``motion``; of its forward derivatives J come the gradient J' r and the Hessian J' J.  Records,
+each with its own base motion and start, share all unknowns but amplitudes and loads.
+
+A record that begins amid a swing has a velocity at its start: the rate of the load stands for it.
 
 This takes the place of the closed form (27) where the motion is large: there it lacks the inertia along the beam, the
 higher modes, and what the shape of the swing does to the drag.
 
-The scale of each unknown is its guess, so that the solver's tolerance is a relative one.  It stays above the
-tolerance of the integration, whose steps change with the unknowns.
+The tolerance of the solver, in units of the scales (``transient_unknowns``), stays above that of the integration, whose
+steps change with the unknowns.
 
 References
 ----------
@@ -22,89 +25,96 @@ References
 from __future__ import annotations
 
 import math
+import pickle
 import warnings
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ancf_casadi.beam import PROPERTIES
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.differentiable import Motion, motion
-from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.excitation import BaseMotion, FixedBase
 from ancf_casadi.fit import Fit
-from ancf_casadi.inputs import array
 from ancf_casadi.model import Model
-from ancf_casadi.nlp import Unknown, least_squares
-from ancf_casadi.simulate import Start
+from ancf_casadi.nlp import least_squares, residual_function
+from ancf_casadi.starts import held_start, start_slopes
 from ancf_casadi.trajectory import State
+from problems.marker_record import MarkerRecord
+from problems.transient_unknowns import amplitude_name, load_name, loads, named_parameters, transient_unknowns
 
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6  # of the integration
-EVEN = 1e-6  # of a sampling interval: how far a sample may be off
-NEAR = 0.10  # bounds of a property, on either side
 OPTIONS: Mapping[str, Any] = {"ipopt.tol": 1e-5, "ipopt.compl_inf_tol": 1e-7, "ipopt.max_iter": 50}
-UNITS = {"alpha": "1/s", "beta": "s", "eta1": "1/s", "eta2": "1/m"}
+SHARED = 16  # motions that are kept for the next fit
 
 
 @dataclass(frozen=True, eq=False)
-class MarkerRecord:
-    """Measured positions of points on a beam.
+class TransientProblem:
+    """Measured motions, and the model they are held against.
 
     Parameters
     ----------
-    time : array_like (k,)
-        Instants, s, from 0 at equal intervals.
-    positions : array_like (k, m, 2) or (k, 2)
-        Positions in the laboratory frame, m, the clamp at rest being the origin; of m points, or of one.
-    points : sequence of float
-        Their arc lengths from the clamp, m; the tip if not given.
-    base : BaseMotion, optional
-        Motion of the clamp; fixed if not given.
-    start : str, Equilibrium or State
-        Start of the motion, as of ``simulate``.
-
-    Raises
-    ------
-    InputError
-        If there are fewer than 10 samples, the times do not begin with 0 or are not evenly spaced, the shapes do not
-        fit, or a value is not finite.
+    model : Model
+        The beam.
+    records : tuple of MarkerRecord
+        What was measured.
+    damping : DampingLaw
+        The law.
+    starts : tuple of str
+        What is unknown of the loads at the start.
+    tolerance : float
+        Tolerance of the integration.
     """
 
-    time: ArrayLike
-    positions: ArrayLike
-    points: Sequence[float] | None = None
-    base: BaseMotion | None = None
-    start: Start | Equilibrium | State = "equilibrium"
+    model: Model
+    records: tuple[MarkerRecord, ...]
+    damping: DampingLaw
+    starts: tuple[str, ...]
+    tolerance: float
 
-    def __post_init__(self) -> None:
-        """Validate, and keep arrays."""
-        time, positions = (array(getattr(self, name), name) for name in ("time", "positions"))
-        if time.ndim != 1 or time.size < 10:
-            raise InputError("needs at least 10 instants", "time")
-        step = (time[-1] - time[0]) / (time.size - 1)
-        if not step > 0.0 or time[0] != 0.0 or np.abs(time - step * np.arange(time.size)).max() > EVEN * step:
-            raise InputError("must begin with 0 and go on at equal intervals; resample the record", "time")
-        if positions.ndim == 2:
-            positions = positions[:, None, :]
-        count = 1 if self.points is None else len(self.points)
-        if positions.shape != (time.size, count, 2):
-            raise InputError(f"must have the shape {(time.size, count, 2)}, got {positions.shape}", "positions")
-        object.__setattr__(self, "time", time)
-        object.__setattr__(self, "positions", positions)
+    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+        """Return computed less measured positions for some unknowns by name, one coordinate after the other."""
+        theta = [given.get(name, cs.MX(value)) for name, value in named_parameters(self.damping)]
+        own_rows = zip(PROPERTIES, self.model.properties.tolist(), strict=True)
+        rows = [given.get(name, cs.MX(1.0)) * cs.DM(row).T for name, row in own_rows]
+        parts = []
+        for k, record in enumerate(self.records):
+            b = [given.get(amplitude_name(k, name), cs.MX(value)) for name, value in record.own_base.parameters]
+            inputs = [cs.vertcat(cs.MX(0, 1), *theta), cs.vertcat(cs.MX(0, 1), *b), cs.vertcat(*rows)]
+            if self.starts:
+                inputs.append(cs.vertcat(*(given.get(load_name(k, name), cs.MX(p)) for name, p in loads(record))))
+            coordinates = self._motion(record)(*inputs)
+            points = (self.model.beam.length,) if record.points is None else record.points
+            matrix = np.vstack([self.model.interpolation(point) for point in points])
+            parts.append(cs.vec((cs.DM(matrix) @ coordinates - cs.DM(record.columns)).T))
+        return cs.vertcat(*parts)
 
-    @property
-    def sample_rate(self) -> float:
-        """Samples a second, 1/s."""
-        time = np.asarray(self.time)
-        return float((time.size - 1) / time[-1])
+    def _motion(self, record: MarkerRecord) -> Motion:
+        """Return the motion a record is held against."""
+        known = {
+            "duration": record.duration,
+            "sample_rate": record.sample_rate,
+            "base": record.base,
+            "start": record.start,
+            "tolerance": self.tolerance,
+            "start_load": bool(self.starts),
+        }
+        law = self.damping.with_parameters([0.5] * len(self.damping.parameters))  # the values are inputs
+        return _shared(pickle.dumps((self.model, law, known)))
+
+
+@lru_cache(SHARED)
+def _shared(recipe: bytes) -> Motion:
+    """Return a motion, the same for the same beam, base motion, start and kind of law."""
+    model, law, known = pickle.loads(recipe)
+    return motion(model, damping=law, **known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,11 +129,29 @@ class TransientFit:
         The beam with the estimated properties.
     fit : Fit
         All unknowns with their uncertainties.
+    problem : TransientProblem
+        What was fitted.
     """
 
     law: DampingLaw
     model: Model
     fit: Fit
+    problem: TransientProblem
+
+    def start(self, record: int = 0) -> State:
+        """Return the state that a record starts from, where its load was estimated.
+
+        Raises
+        ------
+        InputError
+            If no load was.
+        """
+        if not self.problem.starts:
+            raise InputError("was not estimated", "start")
+        found = dict(zip(self.fit.names, self.fit.values.tolist(), strict=True))
+        load = [found.get(load_name(record, name), value) for name, value in loads(self.problem.records[record])]
+        held = held_start(self.model, start_slopes(self.model), np.array(load))
+        return State(held.coordinates, held.velocities)
 
     def report(self) -> str:
         """Return the result as text."""
@@ -133,6 +161,17 @@ class TransientFit:
         """Return the result for JSON."""
         return {"law": repr(self.law), **self.fit.to_dict()}
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel between processes without the motion, which is derived again there."""
+        return _restored, (self.law, self.model, replace(self.fit, model=cs.Function()), self.problem)
+
+
+def _restored(law: DampingLaw, model: Model, fit: Fit, problem: TransientProblem) -> TransientFit:
+    def residuals(*values: cs.MX) -> cs.MX:
+        return problem.residuals(dict(zip(fit.names, values, strict=True)))
+
+    return TransientFit(law, model, replace(fit, model=residual_function(residuals, fit.scale)), problem)
+
 
 def fit_transient(
     model: Model,
@@ -141,6 +180,7 @@ def fit_transient(
     *,
     properties: Sequence[str] = (),
     base_amplitude: bool = False,
+    start: Sequence[str] = (),
     fixed: Sequence[str] = (),
     bounds: Mapping[str, tuple[float, float]] | None = None,
     robust: float = math.inf,
@@ -160,6 +200,9 @@ def fit_transient(
         Properties to estimate too, each by a factor common to all elements.
     base_amplitude : bool
         Whether to estimate the amplitude of each record's base motion.
+    start : sequence of {"force_x", "force_y", "moment", "force_x_rate", "force_y_rate", "moment_rate"}
+        What to estimate of the load at the tip (N, N m) that each record starts from, and of its rate of change (a
+        second); the others are those of the record's ``start``, an equilibrium, and its rates zero.
     fixed : sequence of str
         Parameters of the law to keep.
     bounds : mapping, optional
@@ -173,112 +216,30 @@ def fit_transient(
     Raises
     ------
     InputError
-        If a name is unknown, a point is not on the beam, nothing is to be estimated, or a guess is not within its
-        bounds.
+        If a name is unknown, a point is not on the beam, nothing is to be estimated, a guess is not within its bounds,
+        or a record whose load is to be estimated does not start from an equilibrium.
     FitError
         If the fit does not converge, or the records do not determine the unknowns.
     """
-    records = [records] if isinstance(records, MarkerRecord) else list(records)
+    records = (records,) if isinstance(records, MarkerRecord) else tuple(records)
     if not records:
         raise InputError("there are none", "records")
-    unknowns = _unknowns(damping, records, properties, base_amplitude, fixed, dict(bounds or {}))
-    motions = [_motion(model, record, damping, tolerance) for record in records]
+    unknowns = transient_unknowns(model, records, damping, properties, base_amplitude, start, fixed, bounds or {})
+    problem = TransientProblem(model, records, damping, tuple(start), tolerance)
     names = [unknown.name for unknown in unknowns]
-    points = [_interpolation(model, record) for record in records]
-
-    def residuals(*values: cs.MX) -> cs.MX:
-        given = dict(zip(names, values, strict=True))
-        theta = [given.get(name, cs.MX(value)) for name, value in _named(damping)]
-        own_rows = zip(PROPERTIES, model.properties.tolist(), strict=True)
-        rows = [given.get(name, cs.MX(1.0)) * cs.DM(row).T for name, row in own_rows]
-        parts = []
-        for k, (record, function, matrix) in enumerate(zip(records, motions, points, strict=True)):
-            own = _base(record).parameters
-            b = [given.get(_amplitude(k, name), cs.MX(value)) for name, value in own]
-            coordinates = function(cs.vertcat(cs.MX(0, 1), *theta), cs.vertcat(cs.MX(0, 1), *b), cs.vertcat(*rows))
-            measured = np.asarray(record.positions).reshape(len(np.asarray(record.time)), -1).T
-            parts.append(cs.vec((cs.DM(matrix) @ coordinates - cs.DM(measured)).T))  # one coordinate after the other
-        return cs.vertcat(*parts)
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a trial without a motion is stepped back from
-        fit = least_squares(residuals, unknowns, huber=robust, gauss_newton=True, options=OPTIONS)
+        fit = least_squares(
+            lambda *values: problem.residuals(dict(zip(names, values, strict=True))),
+            unknowns,
+            huber=robust,
+            gauss_newton=True,
+            forward=True,
+            options=OPTIONS,
+        )
     found = dict(zip(names, fit.values.tolist(), strict=True))
-    law = damping.with_parameters([found.get(name, value) for name, value in _named(damping)])
+    law = damping.with_parameters([found.get(name, value) for name, value in named_parameters(damping)])
     factors = {name: found.get(name, 1.0) for name in PROPERTIES}
     rows = zip(PROPERTIES, model.properties, strict=True)
     beam = model.beam.with_(**{name: (factors[name] * row).tolist() for name, row in rows})
-    return TransientFit(law, Model(beam, model.measures), fit)
-
-
-def _unknowns(
-    damping: DampingLaw,
-    records: Sequence[MarkerRecord],
-    properties: Sequence[str],
-    base_amplitude: bool,
-    fixed: Sequence[str],
-    bounds: dict[str, tuple[float, float]],
-) -> list[Unknown]:
-    """Return what is to be estimated, with guesses, scales and bounds."""
-    law = _named(damping)
-    for name, known, where in [(name, [known for known, _ in law], "fixed") for name in fixed] + [
-        (name, list(PROPERTIES), "properties") for name in properties
-    ]:
-        if name not in known:
-            raise InputError(f"{name!r} is none of {', '.join(known)}", where)
-    guesses = [(name, value, 0.0, 1.0 - 1e-6 if name.startswith("ratio") else math.inf) for name, value in law]
-    guesses = [guess for guess in guesses if guess[0] not in fixed]
-    guesses += [(name, 1.0, 1.0 - NEAR, 1.0 + NEAR) for name in properties]
-    if base_amplitude:
-        numbered = enumerate(records)
-        own = [(_amplitude(k, name), value) for k, record in numbered for name, value in _base(record).parameters]
-        guesses += [(name, value, (1 - NEAR) * value, (1 + NEAR) * value) for name, value in own]
-    if not guesses:
-        raise InputError("nothing is to be estimated; a coefficient of 0 is no parameter: guess above 0", "damping")
-    unknown = set(bounds) - {guess[0] for guess in guesses}
-    if unknown:
-        raise InputError(f"{', '.join(sorted(unknown))}: not to be estimated", "bounds")
-    result = []
-    for name, value, lower, upper in guesses:
-        lower, upper = bounds.get(name, (lower, upper))
-        unit = "m" if name.startswith("base") else UNITS.get(name.split("_")[0], "")
-        result.append(Unknown(name, value, scale=abs(value) or 1.0, lower=lower, upper=upper, unit=unit))
-    return result
-
-
-def _named(damping: DampingLaw) -> list[tuple[str, float]]:
-    """Return the parameters of a law; the second of a name in a sum is called ``name_2``."""
-    seen: Counter[str] = Counter()
-    named = []
-    for name, value in damping.parameters:
-        seen[name] += 1
-        named.append((f"{name}_{seen[name]}" if seen[name] > 1 else name, value))
-    return named
-
-
-def _amplitude(record: int, name: str) -> str:
-    """Return the name of a parameter of a record's base motion."""
-    return f"base_{name}_{record + 1}"
-
-
-def _base(record: MarkerRecord) -> BaseMotion:
-    return FixedBase() if record.base is None else record.base
-
-
-def _motion(model: Model, record: MarkerRecord, damping: DampingLaw, tolerance: float) -> Motion:
-    """Return the motion a record is held against."""
-    return motion(
-        model,
-        duration=float(np.asarray(record.time)[-1]),
-        damping=damping,
-        base=record.base,
-        sample_rate=record.sample_rate,
-        start=record.start,
-        tolerance=tolerance,
-    )
-
-
-def _interpolation(model: Model, record: MarkerRecord) -> Array:
-    """Return what gives the positions of the points from the nodal coordinates, (2 m, 4 n + 4)."""
-    points = (model.beam.length,) if record.points is None else record.points
-    return np.vstack([model.interpolation(point) for point in points])
+    return TransientFit(law, Model(beam, model.measures), fit, problem)

@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 
 from ancf_casadi.decay import (
     equivalent_damping_ratio,
-    find_release,
     first_guess,
     linear_decay,
     quadratic_decay,
@@ -17,6 +16,7 @@ from ancf_casadi.decay import (
 )
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.measurement import Measurement
+from ancf_casadi.release import Release, find_release
 
 TIME = np.arange(0.0, 5.0, 1 / 500)
 TABLE_4 = [  # Hz, 1/s, 1/m (the paper's are per mm), and the amplitude in m that its equivalent ratio implies
@@ -162,14 +162,14 @@ def test_the_release_after_rest_is_found(level, rest, noise):
     time = np.arange(0.0, rest + 5.0, 0.01)
     y = swing(2.0, 0.02, level, time=np.maximum(time - rest, 0.0)) - 0.3
     y += noise * 0.05 * np.random.default_rng(5).standard_normal(len(time))
-    assert time[find_release(time, y)] == pytest.approx(rest, abs=0.05)
+    assert time[find_release(time, y).index] == pytest.approx(rest, abs=0.05)
 
 
 @pytest.mark.parametrize("phase", np.linspace(0.0, 2 * math.pi, 9))
 @pytest.mark.parametrize("ratio", [0.0, 0.01, 0.2])
 def test_a_record_without_rest_is_taken_from_its_first_sample(ratio, phase):
     y = swing(2.0, ratio, 0.05 * math.cos(phase), 0.6 * math.sin(phase))
-    assert find_release(TIME, y) == 0
+    assert find_release(TIME, y) == Release(0, "the first sample")
 
 
 def test_a_release_given_is_taken():

@@ -61,6 +61,31 @@ def test_coloured_residuals_are_named():
     assert not any("correlate" in w for w in compare_decay_laws(TIME, record("quadratic")).warnings)
 
 
+def test_a_record_that_is_too_short_and_noisy_cannot_tell():
+    """None of 9 records of a period and a half."""
+    weak = np.arange(0.0, 0.8, 1 / 500)
+    for law in TRUTHS:
+        for seed in range(3):
+            comparison = compare_decay_laws(weak, record(law, seed, noise=4e-3, time=weak))
+            assert not comparison.verdict.settled
+            assert "the record cannot tell for sure; best by BIC" in comparison.report()
+            assert not comparison.to_dict()["settled"]
+
+
+def test_a_law_without_a_term_does_not_win_where_the_term_may_be_large():
+    """The drag is 70 % of the damping, and the record too short to see it: BIC prefers the law without."""
+    time = TIME[:400]
+    verdicts = [
+        compare_decay_laws(time, record("quadratic", seed, noise=4e-3, time=time), laws=("linear", "quadratic"))
+        for seed in range(6)
+    ]
+    preferred = [comparison for comparison in verdicts if comparison.best.law == "linear"]
+    assert preferred
+    for comparison in preferred:
+        assert not comparison.verdict.settled
+        assert any("cannot rule out the quadratic law: a term of it may be off by" in w for w in comparison.warnings)
+
+
 def test_a_short_record_settles_nothing():
     time = TIME[:800]
     warnings = compare_decay_laws(time, record("quadratic", noise=2e-3, time=time)).warnings

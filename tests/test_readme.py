@@ -45,7 +45,7 @@ def test_ci_runs_the_test_line():
 
 def test_the_commands_exist(capsys):
     named = {line.split()[1] for line in shell_lines() if line.startswith("ancf-casadi ")}
-    assert named == {"reproduce", "fit-decay", "modes", "match", "simulate"}
+    assert named == {"reproduce", "fit-decay", "modes", "match", "simulate", "export"}
     for command in named:
         with pytest.raises(SystemExit) as ended:
             main([command, "--help"])

@@ -1,5 +1,6 @@
 """Damping laws and properties from the large motion of a soft strip, made with known ones and seeded noise."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from ancf_casadi import (
     Model,
     QuadraticDamping,
     RayleighDamping,
+    State,
     natural_modes,
     simulate,
     static_equilibrium,
@@ -45,15 +47,20 @@ def driven(model):
     return record(model, TRUTH, 1)
 
 
+@pytest.fixture(scope="module")
+def again(model, driven):
+    """The fit that starts from the truth."""
+    return fit_transient(model, driven, TRUTH)
+
+
 @pytest.mark.parametrize("guess", [(0.3, 8.0), (1.5, 1.0)])
-def test_the_truth_is_found_from_two_starts(model, driven, guess):
+def test_the_truth_is_found_from_two_starts(model, driven, again, guess):
     found = fit_transient(model, driven, QuadraticDamping(*guess))
     score = (found.fit.values - [0.6, 4.0]) / found.fit.standard_errors
     assert found.fit.names == ("eta1", "eta2") and (found.law.eta1, found.law.eta2) == tuple(found.fit.values)
     assert abs(score).max() < 3.0
     assert found.fit.residual_rms == pytest.approx(NOISE, rel=0.2)
     assert found.fit.standard_errors[1] < 2.0
-    again = fit_transient(model, driven, QuadraticDamping(0.6, 4.0))
     np.testing.assert_allclose(found.fit.values, again.fit.values, atol=1e-2 * again.fit.standard_errors.min())
 
 
@@ -93,6 +100,30 @@ def test_modulus_base_amplitude_and_a_sum_of_laws_from_two_records_and_two_marke
     assert "elastic_modulus" in found.report() and found.to_dict()["unknowns"][3]["unit"] == "m"
 
 
+def test_an_unknown_start_and_the_damping_are_found(model):
+    """A record that begins amid a swing, its guess hanging still; the velocity is a difference of two equilibria."""
+    force, rate = 2e-3, -0.02
+    ends = [static_equilibrium(model, tip_force=(force + h * rate, 0.0)).coordinates for h in (1e-3, -1e-3)]
+    state = State(static_equilibrium(model, tip_force=(force, 0.0)).coordinates, (ends[0] - ends[1]) / 2e-3)
+    cut = record(model, RayleighDamping(alpha=0.8), 7, base=None, start=state, duration=1.0)
+    assert np.linalg.norm(state.velocities[-4:-2]) > 0.25  # m/s
+    unknown = ("force_x", "force_x_rate")
+    found = fit_transient(model, replace(cut, start="equilibrium"), RayleighDamping(alpha=0.5), start=unknown)
+    assert found.fit.names == ("alpha", "start_force_x_1", "start_force_x_rate_1")
+    assert found.fit.units == ("1/s", "N", "N/s")
+    score = (found.fit.values - [0.8, force, rate]) / found.fit.standard_errors
+    assert abs(score).max() < 3.0
+    np.testing.assert_array_less(found.fit.standard_errors, [0.1, 0.02 * force, 0.02 * abs(rate)])
+    assert found.fit.residual_rms == pytest.approx(NOISE, rel=0.2)
+    start = found.start()
+    assert abs(start.coordinates - state.coordinates).max() < 0.01
+    assert abs(start.velocities - state.velocities)[-4:-2].max() < 0.02
+    copy = pickle.loads(pickle.dumps(found))
+    assert copy.to_dict() == found.to_dict()
+    z = found.fit.values / found.fit.scale
+    assert (copy.fit.model(z)[1].full() == found.fit.model(z)[1].full()).all()
+
+
 def test_the_closed_form_is_wrong_where_this_is_right(model):
     """A release from 0.8 L: Eq. (27) takes the drag for viscous damping and leaves 7 mm."""
     start, rest = static_equilibrium(model, tip_force=(0.03, 0.0)), static_equilibrium(model)
@@ -130,6 +161,8 @@ def test_laws_that_explain_a_record_alike_are_not_told_apart():
         ({"time": np.arange(61) ** 1.1}, "time: must begin with 0 and go on at equal intervals"),
         ({"positions": np.zeros((60, 2))}, r"positions: must have the shape \(61, 1, 2\), got \(60, 1, 2\)"),
         ({"positions": np.full((61, 2), np.nan)}, "positions: must be finite"),
+        ({"positions": np.full((61, 2), 0.1)}, "positions: are constant, nothing moves"),
+        ({"time": np.arange(61)[::-1] / 40.0}, "time: must begin with 0 and go on"),
     ],
 )
 def test_a_record_that_makes_no_sense_is_refused(changes, message):
@@ -143,6 +176,8 @@ def test_a_record_that_makes_no_sense_is_refused(changes, message):
     [
         ({"properties": ("colour",)}, "properties: 'colour' is none of width"),
         ({"fixed": ("eta3",)}, "fixed: 'eta3' is none of eta1, eta2"),
+        ({"start": ("force",)}, "start: 'force' is none of force_x"),
+        ({"start": ("force_x",)}, "start: must be an equilibrium, for its load"),
         ({"fixed": ("eta1", "eta2")}, "damping: nothing is to be estimated"),
         ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: beta: not to be estimated"),
         ({"bounds": {"eta1": (1.0, 2.0)}}, "eta1: the guess 0.6 is not within"),

@@ -32,7 +32,7 @@ from problems.decay_comparison import compare_decay_laws
 from problems.decay_fitting import fit_decay
 from problems.exporting import FORMATS, export, read_identifications
 from problems.frequency_matching import match_frequencies
-from problems.study_file import read_match, read_model, read_simulation, read_source
+from problems.study_file import TABLE_KEYS, read_match, read_model, read_simulation, read_source
 
 INTERRUPTED = 130
 STOPPED = "stopped; nothing was written"
@@ -112,7 +112,13 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
     def command(name: str, run: Callable[[argparse.Namespace], str], about: str) -> argparse.ArgumentParser:
-        added = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
+        added = commands.add_parser(
+            name,
+            help=about,
+            description=f"{about[0].upper()}{about[1:]}.",
+            epilog=TABLE_KEYS if name in ("modes", "match", "simulate", "export") else None,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
         added.add_argument("--json", action="store_true", help="print data for machines")
         added.set_defaults(run=run)
         return added

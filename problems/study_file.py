@@ -1,16 +1,8 @@
 """Beams, laws and base motions from TOML files, and beams and laws from JSON documents.
 
 A TOML file has the table ``[beam]``, with the keys of ``Beam.uniform``, or with the one key ``document``: the name of
-a JSON document beside it, whose damping then holds unless the file has its own.  And as the command asks
-
-    [match]       targets (Hz), frequency_std (Hz), bounds, objective, starts, seed;
-                  points (m), shapes, shape_std where shapes were measured;
-                  unknowns = {width = "element", density = "global", thickness = {smooth = 3, bounds = 0.05}}
-    [[damping]]   law = "rayleigh":  alpha, beta, stiffness
-                  law = "quadratic": eta1 (1/s), eta2 (1/m)
-                  law = "modal":     ratios, frequencies (Hz);  several tables add up
-    [base]        amplitude (m), frequency (Hz), stop (s), direction, stop_at
-    [simulation]  duration (s), sample_rate (1/s), start, method, tolerance
+a JSON document beside it, whose damping then holds unless the file has its own.  What else it may have, as the
+command asks: ``TABLE_KEYS``.
 """
 
 from __future__ import annotations
@@ -37,7 +29,30 @@ Made = TypeVar("Made")
 
 MODES = ("frequency_std", "points", "shapes", "shape_std")  # what [match] may have of MeasuredModes
 MATCH = ("bounds", "objective", "starts", "seed", "unknowns")
+SIMULATION = ("sample_rate", "start", "method", "tolerance")  # what [simulation] may have beside its duration
 TABLES = ("beam", "match", "damping", "base", "simulation")
+TABLE_KEYS = """\
+tables of a TOML file:
+  [beam]        length, width, thickness (m), density (kg/m^3),
+                elastic_modulus (Pa): each but the length a number, or a list
+                with one an element; elements, axis, gravity (m/s^2),
+                tip_mass (kg), clamp_stiffness (N m/rad);
+                or document = "BEAM.json" alone: a JSON document beside it,
+                with its damping
+  [match]       targets (Hz), frequency_std (Hz), bounds, starts, seed,
+                objective ("least-squares" or "worst-error");
+                points (m), shapes, shape_std where shapes were measured;
+                unknowns = {width = "element", density = "global",
+                thickness = {smooth = 3, bounds = 0.05}}
+  [[damping]]   law = "rayleigh": alpha (1/s), beta (s),
+                stiffness ("strain-rate", "tangent" or "reference")
+                law = "quadratic": eta1 (1/s), eta2 (1/m)
+                law = "modal": ratios, frequencies (Hz);  several tables add up
+  [base]        amplitude (m), frequency (Hz), stop (s), direction,
+                stop_at ("rest" or "once")
+  [simulation]  duration (s), sample_rate (1/s), method ("idas" or "radau"),
+                start ("equilibrium", "straight" or "moving"), tolerance
+"""
 
 
 @dataclass(frozen=True)
@@ -118,7 +133,7 @@ def read_simulation(path: str) -> Simulation:
     """
     tables = _tables(path)
     source, where = _source(tables, path), f"{path}: [simulation]"
-    settings = _table(tables.get("simulation"), {"duration"}, {"sample_rate", "start", "method", "tolerance"}, where)
+    settings = _table(tables.get("simulation"), {"duration"}, set(SIMULATION), where)
     return Simulation(source.model, source.damping, _base(tables.get("base"), path), settings)
 
 

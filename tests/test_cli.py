@@ -3,24 +3,36 @@
 import hashlib
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import time
 import zipfile
+from dataclasses import fields
 from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, FitError, Measurement, Model, SimulationError, StrainMeasures
+from ancf_casadi import (
+    Beam,
+    FitError,
+    HarmonicBase,
+    Measurement,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    SimulationError,
+    StrainMeasures,
+)
 from ancf_casadi.export import Document, fmu, load_functions, read_document, write_document
 from ancf_casadi.version import __version__
 from problems import cli, reproduction
 from problems.cli import main
-from problems.study_file import read_simulation
+from problems.study_file import MATCH, MODES, SIMULATION, read_simulation
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 RECORD = Path(__file__).parents[2] / "shared" / "data" / "silicone_beam" / "beam_gravity_tip.csv"
@@ -247,12 +259,22 @@ def test_version_and_entry_point(capsys):
     assert script.load() is main
 
 
-@pytest.mark.parametrize("command", ["reproduce", "fit-decay", "modes", "match", "simulate"])
+@pytest.mark.parametrize("command", ["reproduce", "fit-decay", "modes", "match", "simulate", "export"])
 def test_every_command_has_help_and_json(command, capsys):
     with pytest.raises(SystemExit) as stopped:
         main([command, "--help"])
     assert stopped.value.code == 0
     assert "--json" in capsys.readouterr().out
+
+
+def test_help_names_every_key_that_a_file_may_have(capsys):
+    with pytest.raises(SystemExit):
+        main(["match", "--help"])
+    told = set(re.findall(r"\w+", capsys.readouterr().out))
+    keys = {field.name for field in fields(Beam)} | {"elements", "document", "targets", *MODES, *MATCH}
+    for kind in (HarmonicBase, RayleighDamping, QuadraticDamping):
+        keys |= {field.name for field in fields(kind)}
+    assert {*keys, "ratios", "frequencies", *SIMULATION} <= told
 
 
 def one_line(capsys) -> str:

@@ -25,6 +25,7 @@ top = circle.position(beam.length / 2)  # a circle of circumference L is L/pi hi
 if __name__ == "__main__":
     import matplotlib.pyplot as plt
 
+    print(f"the tip ends {gap:.1e} L from the clamp, and the circle is {top[1] / beam.length:.4f} L high")
     plt.plot(*np.array([circle.position(s) for s in np.linspace(0.0, beam.length, 200)]).T)
     plt.gca().set(aspect="equal", xlabel="x, m", ylabel="y, m", title=f"gap {gap:.1e} L")
     plt.show()

@@ -34,6 +34,7 @@ balance = abs(run.balance_error[-1]) / lost
 if __name__ == "__main__":
     import matplotlib.pyplot as plt
 
+    print(f"swing {swing:.3f} L, {1e3 * lost:.4f} mJ lost to damping, balance closed to {balance:.0e}")
     plt.plot(run.time, 1e3 * run.kinetic_energy, label="kinetic")
     plt.plot(run.time, 1e3 * (run.strain_energy + run.potential_energy - run.energy[-1]), label="strain and potential")
     plt.plot(run.time, 1e3 * run.dissipated_energy, label="lost to damping")

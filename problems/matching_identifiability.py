@@ -6,8 +6,7 @@ J N = 0.  To first order the data admit every m + dm with J dm = 0 within the bo
 each factor among them are linear programs, min and max of t^T dm.
 
 With standard deviations, the factors that the data fix have the covariance T (J^T J)^+ T^T, those at a bound taken as
-known.  A preference whose weight
-is given adds its matrix to J^T J, as what was known before.
+known.  A preference whose weight is given adds its matrix to J^T J, as what was known before.
 
 Frequencies are products of powers of global properties over wide ranges.  In logarithms the combinations of those that
 the data fix therefore read as exponents: without gravity, E h^2/rho.

@@ -34,7 +34,7 @@ def truth(beam) -> Beam:
 
 
 @pytest.fixture(scope="module")
-def thin() -> Beam:
+def stocky() -> Beam:
     """Half a metre of steel, 20 mm thick, without gravity."""
     return Beam.uniform(
         length=0.5, width=5e-3, thickness=20e-3, density=8e3, elastic_modulus=210e9, elements=10,
@@ -138,17 +138,17 @@ class TestCrossing:
     """25 mm instead of 20 mm: bending mode 4 has passed the first axial mode (2562 Hz)."""
 
     @pytest.mark.parametrize("start", [None, [1.3]])
-    def test_bending_modes_are_followed_past_the_axial_one(self, thin, start):
-        measured = measure(thin.with_(thickness=25e-3), [2, 4])
-        match = match_frequencies(thin, targets=measured, unknowns=(Global("thickness", bounds=0.3),), start=start)
+    def test_bending_modes_are_followed_past_the_axial_one(self, stocky, start):
+        measured = measure(stocky.with_(thickness=25e-3), [2, 4])
+        match = match_frequencies(stocky, targets=measured, unknowns=(Global("thickness", bounds=0.3),), start=start)
         assert match.beam.thickness[0] == pytest.approx(25e-3, rel=1e-6)
         assert match.modes == (3, 5)
         assert match.warnings == ("target 2 is mode 4 of the given beam, and mode 5 of the matched one",)
 
-    def test_without_shapes_the_answer_says_that_modes_crossed(self, thin):
+    def test_without_shapes_the_answer_says_that_modes_crossed(self, stocky):
         """Four bending modes of 25 mm, given as the lowest: the axial mode that has come below is no error."""
-        frequencies = natural_modes(Model(thin.with_(thickness=25e-3)), count=5).frequencies[[0, 1, 2, 4]]
-        match = match_frequencies(thin, targets=frequencies.tolist(), unknowns=(Global("thickness", bounds=0.3),))
+        frequencies = natural_modes(Model(stocky.with_(thickness=25e-3)), count=5).frequencies[[0, 1, 2, 4]]
+        match = match_frequencies(stocky, targets=frequencies.tolist(), unknowns=(Global("thickness", bounds=0.3),))
         assert match.beam.thickness[0] == pytest.approx(25e-3, rel=1e-6)
         assert any("are not the lowest" in note for note in match.warnings)
 

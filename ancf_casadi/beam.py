@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from numbers import Integral
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ from ancf_casadi.inputs import check_keys, number, positive, read_toml, vector
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 LUMPED = ("tip_mass", "clamp_stiffness")
 MINIMUM_ELEMENTS = 2
+MAXIMUM_ELEMENTS = 10_000  # more are a slip: rounding of positions spoils the statics from some thousand on
+SMALLEST, LARGEST = 1e-100, 1e100  # in SI; what is beyond overflows in products
 ROUNDING = 1e-15  # of the length of a unit vector
 
 
@@ -83,7 +85,8 @@ class Beam:
     ------
     InputError
         If a value is not finite and positive (gravity: not finite; tip mass: negative), the axis is zero, the lengths
-        differ, or there are fewer than 2 elements.
+        differ, there are fewer than 2 or more than 10000 elements, or the mass or a stiffness of one is beyond the
+        range of numbers.
     """
 
     length: float
@@ -105,8 +108,8 @@ class Beam:
             object.__setattr__(self, name, tuple(positive(value, name) for value in getattr(self, name)))
             if len(getattr(self, name)) != len(self.width):
                 raise InputError(f"has {len(getattr(self, name))} values for {len(self.width)} elements", name)
-        if self.elements < MINIMUM_ELEMENTS:
-            raise InputError(f"needs at least {MINIMUM_ELEMENTS} elements, got {self.elements}", "elements")
+        _check_count(self.elements)
+        self._check_range()
         axis, gravity = vector(self.axis, "axis"), vector(self.gravity, "gravity")
         norm = math.hypot(*axis)
         if norm == 0.0:
@@ -118,7 +121,7 @@ class Beam:
         if number(self.tip_mass, "tip_mass") < 0.0:
             raise InputError(f"must not be negative, got {self.tip_mass:g}", "tip_mass")
         object.__setattr__(self, "tip_mass", float(self.tip_mass))
-        rigid = self.clamp_stiffness == math.inf
+        rigid = isinstance(self.clamp_stiffness, Real) and self.clamp_stiffness == math.inf
         object.__setattr__(
             self, "clamp_stiffness", math.inf if rigid else positive(self.clamp_stiffness, "clamp_stiffness")
         )
@@ -162,8 +165,7 @@ class Beam:
         """
         if isinstance(elements, bool) or not isinstance(elements, Integral):
             raise InputError(f"must be a whole number, got {elements!r}", "elements")
-        if elements < MINIMUM_ELEMENTS:
-            raise InputError(f"needs at least {MINIMUM_ELEMENTS} elements, got {elements}", "elements")
+        _check_count(int(elements))
         given = {"width": width, "thickness": thickness, "density": density, "elastic_modulus": elastic_modulus}
         spread = {name: _spread(value, elements, name) for name, value in given.items()}
         lumped = {"tip_mass": tip_mass, "clamp_stiffness": clamp_stiffness}
@@ -233,6 +235,29 @@ class Beam:
             if name in PROPERTIES:
                 changes[name] = _spread(value, self.elements, name)
         return replace(self, **changes)
+
+    def _check_range(self) -> None:
+        """Refuse what no arithmetic can hold: mostly a value in the wrong unit."""
+        l = self.element_length
+        values = zip(*(getattr(self, name) for name in PROPERTIES), strict=True)
+        for k, (b, h, rho, modulus) in enumerate(values):
+            terms = {
+                "mass": rho * b * h * l,
+                "axial stiffness": modulus * b * h / l,
+                "bending stiffness": modulus * (b * h * h * h) / 12 / l / l / l,
+            }
+            for name, value in terms.items():
+                if not SMALLEST <= value <= LARGEST:
+                    raise InputError(
+                        f"the {name} of element {k + 1} is {value:g}, beyond the range of numbers; check the units"
+                    )
+
+
+def _check_count(elements: int) -> None:
+    if elements < MINIMUM_ELEMENTS:
+        raise InputError(f"needs at least {MINIMUM_ELEMENTS} elements, got {elements}", "elements")
+    if elements > MAXIMUM_ELEMENTS:
+        raise InputError(f"takes at most {MAXIMUM_ELEMENTS} elements, got {elements:.3g}", "elements")
 
 
 def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:

@@ -84,9 +84,9 @@ def _compile(compiler: str, source: str, library: Path) -> bool:
         with tempfile.TemporaryDirectory(dir=library.parent) as folder:
             text, draft = Path(folder) / "source.c", Path(folder) / library.name
             text.write_text(source)
-            subprocess.run(
-                [compiler, *FLAGS, str(text), "-o", str(draft), "-lm"], check=True, capture_output=True, timeout=SECONDS
-            )
+            call = [compiler, *FLAGS, str(text), "-o", str(draft), "-lm"]
+            drafts = os.environ | {"TMPDIR": folder}  # which a compiler that is stopped leaves behind
+            subprocess.run(call, check=True, capture_output=True, timeout=SECONDS, env=drafts)
             os.replace(draft, library)
     except (OSError, subprocess.SubprocessError):
         return False

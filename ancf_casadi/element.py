@@ -38,6 +38,7 @@ from typing import Any, Literal, get_args
 import casadi as cs
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import shown
 from ancf_casadi.shape import gauss, hermite, hermite_curvature, hermite_slope
 
 AxialStrain = Literal["engineering", "green"]
@@ -78,10 +79,10 @@ class StrainMeasures:
         """Validate."""
         for name, kind in (("axial", AxialStrain), ("curvature", Curvature)):
             if getattr(self, name) not in get_args(kind):
-                raise InputError(f"must be one of {', '.join(get_args(kind))}, got {getattr(self, name)!r}", name)
+                raise InputError(f"must be one of {', '.join(get_args(kind))}, got {shown(getattr(self, name))}", name)
         for name in ("axial_points", "bending_points"):
             if getattr(self, name) not in range(1, 10):
-                raise InputError(f"must be 1 to 9, got {getattr(self, name)!r}", name)
+                raise InputError(f"must be 1 to 9, got {shown(getattr(self, name))}", name)
 
 
 @dataclass(frozen=True)

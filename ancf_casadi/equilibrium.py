@@ -126,7 +126,8 @@ def static_equilibrium(
                 raise EquilibriumError(
                     f"no static equilibrium was found beyond {factor:.4g} of the load (tip force {force} N, tip moment "
                     f"{moment:g} N m, gravity {model.beam.gravity} m/s^2); either an element bends by more than half a "
-                    "radian, which a cubic cannot follow (use more elements), or the beam buckles (tilt the axis)"
+                    "radian, which a cubic cannot follow (use more elements), the beam buckles (tilt the axis), or a "
+                    "value is in the wrong unit"
                 )
             continue
         coordinates, factor = trial, min(factor + step, 1.0)
@@ -156,7 +157,11 @@ def _newton(
     slopes = np.arange(model.size).reshape(-1, NODE)[:, 2:]
     for _ in range(NEWTON_ITERATIONS):
         residual, stiffness = balance(coordinates, load, factor)
-        update = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse())).solve(residual.full().ravel())
+        try:
+            factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
+        except RuntimeError:  # exactly singular
+            return None
+        update = factors.solve(residual.full().ravel())
         if not np.isfinite(update).all():
             return None
         coordinates[model.free] -= update

@@ -80,7 +80,7 @@ def check_folder(path: str | Path) -> Path:
     """
     folder = Path(path)
     existing = folder.absolute()
-    while not existing.exists():
+    while not os.path.exists(existing):  # a name that is too long is not there either
         existing = existing.parent
     if not existing.is_dir():
         raise InputError("is not a folder", str(existing))
@@ -89,14 +89,35 @@ def check_folder(path: str | Path) -> Path:
     return folder
 
 
+def check_file(path: str | Path) -> Path:
+    """Check that a file can be written, before any work is done and without touching it.
+
+    Raises
+    ------
+    InputError
+        If it is a folder, a device or a pipe, or its folder cannot be written.
+    """
+    target = Path(path)
+    check_folder(Path(os.path.realpath(target)).parent)
+    if os.path.isdir(target):
+        raise InputError("is a folder", str(target))
+    if os.path.exists(target) and not os.path.isfile(target):
+        raise InputError("is a device or a pipe; name a file", str(target))
+    return target
+
+
 def write_file(path: Path, content: str | bytes) -> None:
     """Write a file as a whole: it is complete under its name, or not there; folders are made.
+
+    A symbolic link stays one, and what it points to is written.
 
     Raises
     ------
     InputError
         If it cannot be written.
     """
+    check_file(path)
+    named, path = path, Path(os.path.realpath(path))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
@@ -109,7 +130,7 @@ def write_file(path: Path, content: str | bytes) -> None:
             os.unlink(draft)
             raise
     except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", str(path)) from None
+        raise InputError(f"cannot be written ({error.strerror or error})", str(named)) from None
 
 
 def remove_file(path: Path) -> None:

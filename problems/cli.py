@@ -20,9 +20,11 @@ import numpy as np
 
 from ancf_casadi.envelope import damping_curve
 from ancf_casadi.exceptions import AncfError, InputError
+from ancf_casadi.export import Document, Identification, write_document
 from ancf_casadi.measurement import Measurement
+from ancf_casadi.model import Model
 from ancf_casadi.modes import natural_modes
-from ancf_casadi.report import Table, check_folder, to_json, write_file
+from ancf_casadi.report import Table, check_file, check_folder, to_json, write_file
 from ancf_casadi.simulate import simulate
 from ancf_casadi.trajectory import Trajectory
 from ancf_casadi.version import __version__
@@ -139,6 +141,7 @@ def _parser() -> argparse.ArgumentParser:
     modes.add_argument("--count", type=int, default=5, metavar="N", help="how many (default: 5)")
     match = command("match", _match, "the beam nearest to a given one that has the measured frequencies")
     match.add_argument("file", metavar="BEAM.toml", help="a file with the tables [beam] and [match]")
+    match.add_argument("--out", type=Path, metavar="FILE.json", help="write the matched beam as a JSON document")
     match.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the properties along the beam")
     motion = command("simulate", _simulate, "the large motion of a beam")
     motion.add_argument("file", metavar="STUDY.toml", help="tables [beam], [simulation], [damping], [base]")
@@ -147,7 +150,7 @@ def _parser() -> argparse.ArgumentParser:
     export = command("export", _export, "the beam and its damping for other programs")
     export.add_argument("file", metavar="BEAM.toml", help="tables [beam] and [damping], or a JSON document")
     export.add_argument("--format", choices=tuple(FORMATS), required=True, help="; ".join(FORMATS.values()))
-    export.add_argument("--out", type=Path, required=True, metavar="PATH", help="what to write")
+    export.add_argument("--out", type=Path, required=True, metavar="PATH", help="the file to write; for c, the folder")
     export.add_argument(
         "--markers", type=_lengths, default=(), metavar="S,S,...", help="arc lengths of points to put out, m"
     )
@@ -197,7 +200,7 @@ def _reproduce(options: argparse.Namespace) -> str:
 
 def _fit_decay(options: argparse.Namespace) -> str:
     record = Measurement.from_csv(options.file, column=options.column)
-    plot, curve = (None if path is None else _new_file(path) for path in (options.plot, options.curve))
+    plot, curve = _new_files([options.file], options.plot, options.curve)
     comparison = None
     with _located(options.file):
         if options.law == "auto":
@@ -231,9 +234,11 @@ def _modes(options: argparse.Namespace) -> str:
 
 def _match(options: argparse.Namespace) -> str:
     beam, request = read_match(options.file)
-    plot = None if options.plot is None else _new_file(options.plot)
+    out, plot = _new_files([options.file], options.out, options.plot)
     with _located(f"{options.file}: [match]"):
         match = match_frequencies(beam, **request)
+    if out is not None:
+        write_document(out, Document(Model(match.beam), identifications=[Identification.of(match)]))
     if plot is not None:
         from ancf_casadi.plot import png  # matplotlib is slow to import
 
@@ -243,7 +248,7 @@ def _match(options: argparse.Namespace) -> str:
 
 def _simulate(options: argparse.Namespace) -> str:
     study = read_simulation(options.file)
-    out, plot = (None if path is None else _new_file(path) for path in (options.out, options.plot))
+    out, plot = _new_files([options.file], options.out, options.plot)
     with _located(f"{options.file}: [simulation]"):
         run = simulate(study.model, damping=study.damping, base=study.base, progress=True, **study.settings)
     if run.interrupted:
@@ -277,12 +282,17 @@ def _motion(run: Trajectory) -> Table:
 def _export(options: argparse.Namespace) -> str:
     began = time.perf_counter()
     source = read_source(options.file)
-    out = check_folder(options.out) if options.format == "c" else _new_file(options.out)
-    with _located(options.file):
+    if options.format == "c":
+        check_folder(options.out)
+    else:
+        _new_files([options.file, *options.identification, *options.data], options.out)
+    with _located("--markers"):
         for marker in options.markers:
             source.model.element_of(marker)
     found = read_identifications(options.identification, options.data)
-    written = export(source, options.format, out, markers=options.markers, modes=options.reduced, identifications=found)
+    written = export(
+        source, options.format, options.out, markers=options.markers, modes=options.reduced, identifications=found
+    )
     files = [{"path": str(path), "bytes": path.stat().st_size} for path in written]
     if options.json:
         return to_json({"format": options.format, "files": files, "seconds": time.perf_counter() - began}).rstrip()
@@ -294,11 +304,18 @@ def _plain(value: Any) -> str:
     return "  ".join(f"{item:.6g}" if isinstance(item, float) else str(item) for item in values)
 
 
-def _new_file(path: Path) -> Path:
-    check_folder(path.parent)
-    if path.is_dir():
-        raise InputError("is a folder", str(path))
-    return path
+def _new_files(inputs: Sequence[str], *outputs: Path | None) -> tuple[Path | None, ...]:
+    """Check the files to be written, each of them another one, and none that is read."""
+    taken = {os.path.realpath(path): "is an input, which would be lost; choose another name" for path in inputs}
+    for path in outputs:
+        if path is None:
+            continue
+        check_file(path)
+        place = os.path.realpath(path)
+        if place in taken:
+            raise InputError(taken[place], str(path))
+        taken[place] = "is asked for twice; choose two names"
+    return outputs
 
 
 if __name__ == "__main__":

@@ -20,7 +20,6 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from functools import partial
-from numbers import Integral
 from typing import get_args
 
 import numpy as np
@@ -28,6 +27,7 @@ from numpy.typing import NDArray
 
 from ancf_casadi.beam import Beam
 from ancf_casadi.exceptions import FitError, InputError, NumericsError
+from ancf_casadi.inputs import whole
 from ancf_casadi.model import Model
 from ancf_casadi.modes import natural_modes
 from ancf_casadi.parallel import run_all
@@ -109,9 +109,7 @@ def match_frequencies(
         raise InputError(f"must be one of {', '.join(get_args(Objective))}, got {objective!r}", "objective")
     if preference is not None and not isinstance(preference, LeastChange | Smoothness):
         raise InputError(f"must be LeastChange or Smoothness, got {preference!r}", "preference")
-    for name, number, least in (("starts", starts, 1), ("jobs", jobs, 1), ("seed", seed, 0)):
-        if isinstance(number, bool) or not isinstance(number, Integral) or number < least:
-            raise InputError(f"must be a whole number, {least} or more, got {number!r}", name)
+    starts, jobs, seed = whole(starts, "starts", 1), whole(jobs, "jobs", 1), whole(seed, "seed", 0)
     first = space.check_start(start)
     began = time.perf_counter()
     matching = Matching(space, measured, preference or LeastChange(), objective)

@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 
 from ancf_casadi.beam import Beam
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import number, positive
+from ancf_casadi.inputs import is_sequence, numbers, positive, shown
 from ancf_casadi.model import Model
 
 Array = NDArray[np.float64]
+
+SMALLEST = 1e-12  # standard deviation relative to the value
 
 
 @dataclass(frozen=True)
@@ -46,8 +48,8 @@ class MeasuredModes:
     Raises
     ------
     InputError
-        If frequencies or deviations are not positive, sizes do not fit, frequencies without shapes do not ascend, or
-        a shape has fewer than two points or no size.
+        If frequencies or deviations are not positive, sizes do not fit, frequencies without shapes do not ascend, a
+        shape has fewer than two points or no size, or a deviation is beyond 1e-12 to 1e12 of its value.
     """
 
     frequencies: tuple[float, ...]
@@ -59,19 +61,21 @@ class MeasuredModes:
     def __post_init__(self) -> None:
         """Validate."""
         given: Any = self.frequencies
-        if isinstance(given, str) or not hasattr(given, "__len__"):
-            raise InputError(f"must be a sequence of frequencies, got {given!r}", "targets")
+        if not is_sequence(given):
+            raise InputError(f"must be a sequence of frequencies, got {shown(given)}", "targets")
         frequencies = tuple(positive(frequency, "targets") for frequency in given)
         if not frequencies:
             raise InputError("needs at least one frequency", "targets")
         object.__setattr__(self, "frequencies", frequencies)
         if self.frequency_std is not None:
             object.__setattr__(self, "frequency_std", _spread(self.frequency_std, self.count, "frequency_std"))
-        if not isinstance(self.points, str) and len(self.points):
-            object.__setattr__(self, "points", tuple(number(point, "points") for point in self.points))
+            _check_ratio(self.relative_std, "frequency_std")
+        object.__setattr__(self, "points", numbers(self.points, "points"))
+        if not is_sequence(self.shapes):
+            raise InputError(f"must be a sequence of shapes, got {shown(self.shapes)}", "shapes")
         if len(self.shapes):
             self._check_shapes()
-        elif len(self.points) or self.shape_std is not None:
+        elif self.points or self.shape_std is not None:
             raise InputError("are missing; points and shape_std are theirs", "shapes")
         elif (np.diff(frequencies) <= 0.0).any():
             raise InputError(
@@ -118,6 +122,7 @@ class MeasuredModes:
         """
         known = self.measured
         shapes = np.where(known, np.array(self.shapes), 0.0)
+        shapes = shapes / np.abs(shapes).max(axis=1, keepdims=True)  # of any scale
         own = (shapes**2).sum(axis=1)[:, None] * (known @ displacements**2)
         return np.asarray((shapes @ displacements) ** 2 / np.where(own > 0.0, own, 1.0))
 
@@ -142,7 +147,7 @@ class MeasuredModes:
             raise InputError(f"{len(self.shapes)} shapes for {self.count} frequencies", "shapes")
         rows = []
         for k, shape in enumerate(self.shapes, start=1):
-            if isinstance(shape, str) or not hasattr(shape, "__len__") or len(shape) != len(self.points):
+            if not is_sequence(shape) or len(shape) != len(self.points):
                 raise InputError(f"shape {k} needs one displacement a point, {len(self.points)} of them", "shapes")
             try:
                 rows.append(tuple(float(value) for value in shape))
@@ -158,20 +163,26 @@ class MeasuredModes:
             object.__setattr__(self, "shape_std", self._spread_shape_std(self.shape_std))
 
     def _spread_shape_std(self, given: Any) -> tuple[tuple[float, ...], ...]:
-        k = len(self.points)
-        if not hasattr(given, "__len__"):
-            return ((positive(given, "shape_std"),) * k,) * self.count
-        if len(given) != self.count:
-            raise InputError(f"has {len(given)} values for {self.count} shapes", "shape_std")
-        return tuple(
-            _spread(row, k, "shape_std") if hasattr(row, "__len__") else (positive(row, "shape_std"),) * k
-            for row in given
-        )
+        rows = given if is_sequence(given) else [given] * self.count
+        if len(rows) != self.count:
+            raise InputError(f"has {len(rows)} values for {self.count} shapes", "shape_std")
+        found = tuple(_spread(row, len(self.points), "shape_std") for row in rows)
+        for shape, deviations in zip(self.shapes, found, strict=True):
+            _check_ratio(np.array(deviations) / np.nanmax(np.abs(shape)), "shape_std")
+        return found
 
 
 def _spread(given: Any, count: int, where: str) -> tuple[float, ...]:
-    if not hasattr(given, "__len__"):
+    if not is_sequence(given):
         return (positive(given, where),) * count
-    if isinstance(given, str) or len(given) != count:
+    if len(given) != count:
         raise InputError(f"has {len(given)} values for {count}", where)
     return tuple(positive(value, where) for value in given)
+
+
+def _check_ratio(relative: Array, where: str) -> None:
+    """Refuse deviations so far from what deviates that their squares are beyond the range of numbers."""
+    if not ((relative > SMALLEST) & (relative < 1 / SMALLEST)).all():
+        raise InputError(
+            f"must be within {SMALLEST:g} to {1 / SMALLEST:g} times the measured value; check the unit", where
+        )

@@ -27,7 +27,7 @@ from ancf_casadi.element import StrainMeasures
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.excitation import HarmonicBase
 from ancf_casadi.export.document import Document, read_document
-from ancf_casadi.inputs import check_keys, number, read_toml
+from ancf_casadi.inputs import check_keys, numbers, read_toml, shown
 from ancf_casadi.model import Model
 from ancf_casadi.modes import natural_modes
 from problems.matching_unknowns import Global, PerElement, PropertyUnknown, Smooth
@@ -99,7 +99,7 @@ def read_match(path: str) -> tuple[Beam, dict[str, Any]]:
     where = f"{path}: [match]"
     request = dict(_table(tables.get("match"), {"targets"}, {*MODES, *MATCH}, where))
     measured = {key: request.pop(key) for key in MODES if key in request}
-    targets = _made(lambda: numbers(request["targets"], "targets"), where)
+    targets = _made(lambda: list(numbers(request["targets"], "targets")), where)
     request["targets"] = (
         _made(lambda: MeasuredModes(frequencies=tuple(targets), **measured), where) if measured else targets
     )
@@ -127,6 +127,11 @@ def _is_document(path: str) -> bool:
 
 
 def _tables(path: str) -> dict[str, Any]:
+    if _is_document(path):
+        raise InputError(
+            f'a document holds beam and damping alone; write a TOML file with [beam] document = "{Path(path).name}"',
+            path,
+        )
     tables = read_toml(path)
     check_keys(tables, {"beam"}, set(TABLES), path)
     return tables
@@ -146,24 +151,25 @@ def _beam(tables: dict[str, Any], path: str) -> Document:
     if isinstance(table, dict) and "document" in table:
         check_keys(table, {"document"}, set(), where)
         if not isinstance(table["document"], str):
-            raise InputError(f"must be the name of a file, got {table['document']!r}", f"{where}: document")
+            raise InputError(f"must be the name of a file, got {shown(table['document'])}", f"{where}: document")
         return read_document(Path(path).parent / table["document"])
     return Document(Model(Beam.from_table(table, path)))
 
 
 def _unknowns(table: Any, where: str) -> tuple[PropertyUnknown, ...]:
     if not isinstance(table, dict):
-        raise InputError(f"must be a table of properties, got {table!r}", f"{where}: unknowns")
+        raise InputError(f"must be a table of properties, got {shown(table)}", f"{where}: unknowns")
     return tuple(_made(partial(_unknown, name, given), where) for name, given in table.items())
 
 
 def _unknown(name: str, given: Any) -> PropertyUnknown:
     """Make an unknown from "global", "element", {smooth = 3}, or {element = true, bounds = 0.05}."""
-    table = {given: True} if isinstance(given, str) else given
+    table = {given: True} if given in ("global", "element") else given
     kinds = sorted({"global", "element", "smooth"} & set(table)) if isinstance(table, dict) else []
-    if len(kinds) != 1 or set(table) - {kinds[0], "bounds"}:
+    usable = len(kinds) == 1 and set(table) <= {kinds[0], "bounds"}
+    if not usable or (kinds[0] != "smooth" and table[kinds[0]] is not True):
         raise InputError(
-            f'must be "global", "element", {{smooth = 3}} or {{element = true, bounds = 0.05}}, got {given!r}',
+            f'must be "global", "element", {{smooth = 3}} or {{element = true, bounds = 0.05}}, got {shown(given)}',
             f"unknowns: {name}",
         )
     bounds = table.get("bounds")
@@ -176,7 +182,7 @@ def _table(table: Any, required: set[str], optional: set[str], where: str) -> di
     if table is None:
         raise InputError("the table is missing", where)
     if not isinstance(table, dict):
-        raise InputError(f"must be a table, got {table!r}", where)
+        raise InputError(f"must be a table, got {shown(table)}", where)
     check_keys(table, required, optional, where)
     return table
 
@@ -209,7 +215,7 @@ def _law(table: Any, model: Model, where: str) -> DampingLaw:
     }
     kind = table.get("law") if isinstance(table, dict) else None
     if not isinstance(kind, str) or kind not in known:
-        raise InputError(f"law must be one of {', '.join(known)}, got {kind!r}", where)
+        raise InputError(f"law must be one of {', '.join(known)}, got {shown(kind)}", where)
     required = {"law", "ratios"} if kind == "modal" else {"law"}
     given = _table(table, required, known[kind], where)
     arguments = {key: value for key, value in given.items() if key != "law"}
@@ -222,19 +228,6 @@ def _law(table: Any, model: Model, where: str) -> DampingLaw:
         arguments["frequencies"] = numbers(arguments["frequencies"], f"{where}: frequencies")
     count = min(max(1, len(ratios)), model.size - model.free.start)
     return _made(lambda: ModalDamping(natural_modes(model, count=count), ratios, **arguments), where)
-
-
-def numbers(values: Any, where: str) -> list[float]:
-    """Return a list of finite numbers.
-
-    Raises
-    ------
-    InputError
-        If it is anything else.
-    """
-    if not isinstance(values, list | tuple):
-        raise InputError(f"must be a list of numbers, got {values!r}", where)
-    return [number(value, where) for value in values]
 
 
 def _made(make: Callable[[], Made], where: str) -> Made:

@@ -99,6 +99,7 @@ def test_a_property_that_is_not_a_positive_number_is_refused_by_name(name, value
         ({"length": math.nan}, "length: must be a finite number, got nan"),
         ({"elements": 1}, "elements: needs at least 2 elements, got 1"),
         ({"elements": -3}, "elements: needs at least 2 elements, got -3"),
+        ({"elements": 10**30}, "elements: takes at most 10000 elements, got 1e+30"),
         ({"elements": 4.0}, "elements: must be a whole number, got 4.0"),
         ({"elements": True}, "elements: must be a whole number, got True"),
         ({"width": [5e-3] * 3}, "width: has 3 values for 4 elements"),
@@ -111,12 +112,29 @@ def test_a_property_that_is_not_a_positive_number_is_refused_by_name(name, value
         ({"tip_mass": math.inf}, "tip_mass: must be a finite number, got inf"),
         ({"clamp_stiffness": 0.0}, "clamp_stiffness: must be positive, got 0"),
         ({"clamp_stiffness": math.nan}, "clamp_stiffness: must be a finite number, got nan"),
+        ({"clamp_stiffness": [1.0]}, "clamp_stiffness: must be a finite number, got [1.0]"),
         ({"gravity": (0.0, -math.inf)}, "gravity: must be a finite number, got -inf"),
     ],
 )
 def test_unusable_input_is_refused_with_its_name_and_what_would_be_right(changes, message):
     with pytest.raises(InputError, match=f"^{re.escape(message)}$"):
         Beam.uniform(**{**GOOD, **changes})
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "what"),
+    [
+        ("length", 1e308, "mass"),
+        ("length", 1e-308, "mass"),
+        ("thickness", [5e-4, 5e-4, 5e-4, 1e300], "mass"),
+        ("elastic_modulus", 1e300, "axial stiffness"),
+        ("elastic_modulus", 1e-95, "bending stiffness"),
+    ],
+)
+def test_what_no_arithmetic_can_hold_is_refused_with_a_hint_at_the_units(name, value, what):
+    """A length of 1e308 was an OverflowError in the first element."""
+    with pytest.raises(InputError, match=f"^the {what} of element [14] is .*, beyond the range of numbers; check"):
+        Beam.uniform(**{**GOOD, name: value})
 
 
 def test_the_constructor_asks_for_one_value_an_element():

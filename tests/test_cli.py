@@ -113,6 +113,17 @@ class TestMatch:
         assert data["max_relative_error"] < 1e-6
         assert (files / "change.png").read_bytes().startswith(b"\x89PNG")
 
+    def test_the_matched_beam_as_a_document(self, files, capsys):
+        """Its frequencies are the targets, and the document says what it was matched to."""
+        (files / "beam.toml").write_text(edited(BEAM, ("elements = 20", "elements = 6"), (", 53.20, 88.60", "")))
+        assert main(["match", "beam.toml", "--json", "--out", "new/matched.json"]) == 0
+        printed = json.loads(capsys.readouterr().out)
+        (identification,) = read_document("new/matched.json").identifications
+        assert identification.result["unknowns"] == printed["unknowns"]
+        assert main(["modes", "new/matched.json", "--json", "--count", "3"]) == 0
+        frequencies = json.loads(capsys.readouterr().out)["frequencies_hz"]
+        assert frequencies == pytest.approx([1.85, 10.19, 26.84], rel=1e-6)
+
 
 class TestFitDecay:
     @pytest.mark.parametrize("law", ["linear", "quadratic"])
@@ -357,7 +368,7 @@ class TestExport:
             (["beam.toml", "--format", "json", "--out", "beam.toml/x"], "beam.toml: is not a folder"),
             (["beam.toml", "--format", "json", "--out", "x", "--markers", "0.1"], "--markers: JSON holds the beam"),
             (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.1;2"], "must be numbers with commas"),
-            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.6"], "beam.toml: s: the point must be on"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.6"], "--markers: s: the point must be on"),
             (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "nan"], "must be a finite number"),
             (
                 ["beam.toml", "--format", "json", "--out", "x", "--identification", "bad.json"],
@@ -368,7 +379,7 @@ class TestExport:
                 "decay.csv: is not JSON",
             ),
             (["beam.toml", "--format", "c", "--out", "beam.toml"], "beam.toml: is not a folder"),
-            (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "beam.toml: s: the point must be on"),
+            (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "--markers: s: the point must be on"),
             (
                 ["beam.toml", "--format", "c", "--out", "x", "--identification", "good.json"],
                 "goes along with json and fmu",
@@ -416,6 +427,30 @@ def refused(arguments: list[str], files: Path, capsys) -> str:
     return one_line(capsys)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (["match", "beam.toml", "--plot", "beam.toml"], "beam.toml: is an input, which would be lost"),
+        (["fit-decay", "decay.csv", "--curve", "./decay.csv"], "decay.csv: is an input, which would be lost"),
+        (["simulate", "study.toml", "--out", "link.toml"], "link.toml: is an input, which would be lost"),
+        (["export", "beam.toml", "--format", "json", "--out", "beam.toml"], "beam.toml: is an input"),
+        (["simulate", "study.toml", "--out", "x", "--plot", "./x"], "x: is asked for twice; choose two names"),
+        (["simulate", "study.toml", "--out", "pipe"], "pipe: is a device or a pipe; name a file"),
+        (["match", "beam.json"], "beam.json: a document holds beam and damping alone; write a TOML file"),
+        (["simulate", "beam.json"], "beam.json: a document holds beam and damping alone; write a TOML file"),
+        (["modes", "large.toml"], "large.toml: is larger than 64 MiB"),
+    ],
+)
+def test_files_that_are_not_for_it(files, capsys, arguments, what):
+    (files / "link.toml").symlink_to("study.toml")
+    os.mkfifo(files / "pipe")
+    with open("large.toml", "wb") as file:
+        os.truncate(file.fileno(), 64 * 2**20 + 1)
+    before = (files / "decay.csv").read_bytes(), (files / "beam.toml").read_bytes()
+    assert what in refused(arguments, files, capsys)
+    assert before == ((files / "decay.csv").read_bytes(), (files / "beam.toml").read_bytes())
+
+
 class TestUnusableInput:
     """Exit code 2, and one line that says what and where."""
 
@@ -450,7 +485,7 @@ class TestUnusableInput:
         [
             ("1.85, 10.19", "10.19, 1.85", "targets: must be ascending, got 10.19, 1.85, 26.84, 53.2, 88.6 Hz"),
             ("1.85, 10.19", "1.85, -10.19", "targets: must be positive, got -10.19"),
-            ("[1.85", "1.85 #", "targets: must be a list of numbers, got 1.85"),
+            ("[1.85", "1.85 #", "targets: must be a sequence of numbers, got 1.85"),
             (
                 "[1.85",
                 f"[{', '.join(str(0.01 * k) for k in range(1, 40))}, 1.85",

@@ -78,3 +78,14 @@ def test_the_cache_is_a_folder_of_the_user(monkeypatch, tmp_path):
     monkeypatch.delenv("ANCF_CASADI_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert cache_folder() == tmp_path / "ancf-casadi"
+
+
+def test_drafts_of_a_compiler_that_is_stopped_go_with_its_folder(tmp_path, monkeypatch, cache):
+    """They stayed in the folder of temporary files."""
+    (tmp_path / "cc").write_text('#!/bin/sh\ntouch "$TMPDIR/draft.s"\nexit 1\n')
+    (tmp_path / "cc").chmod(0o755)
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("CC", str(tmp_path / "cc"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    assert compiled(a_function())([1.0, 2.0, 3.0], 1.0).numel() == 3
+    assert not [*cache.iterdir(), *(tmp_path / "temporary").iterdir()]

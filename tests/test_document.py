@@ -4,6 +4,7 @@ import copy
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 from dataclasses import fields
@@ -39,12 +40,14 @@ from ancf_casadi.export import (
     schema,
     write_document,
 )
-from ancf_casadi.export.strict_json import MOST_BYTES, MOST_LEVELS
+from ancf_casadi.export.strict_json import MOST_LEVELS
+from ancf_casadi.inputs import MOST_BYTES
 from problems import fit_decay
 
 WRITTEN = "2025-01-31T12:00:00Z"
 
 positive = st.floats(min_value=1e-300, max_value=1e300)
+sizes = st.floats(min_value=1e-10, max_value=1e10)  # of what masses and stiffnesses are products of
 finite = st.floats(allow_nan=False, allow_infinity=False)
 coefficients = st.floats(min_value=0.0, max_value=1e300)
 ratios = st.floats(min_value=0.0, max_value=1.0, exclude_max=True)
@@ -55,9 +58,9 @@ def beams(draw, elements=None):
     n = draw(st.integers(2, 4)) if elements is None else elements
     angle = draw(st.floats(-4.0, 4.0))
     return Beam(
-        length=draw(positive),
+        length=draw(sizes),
         **{
-            name: tuple(draw(st.lists(positive, min_size=n, max_size=n)))
+            name: tuple(draw(st.lists(sizes, min_size=n, max_size=n)))
             for name in ("width", "thickness", "density", "elastic_modulus")
         },
         axis=(draw(positive) * np.cos(angle), draw(positive) * np.sin(angle)),
@@ -324,3 +327,47 @@ class TestRefusals:
         (tmp_path / "abc.csv").write_bytes(b"abc")
         expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
         assert DataFile.of(tmp_path / "abc.csv") == DataFile("abc.csv", expected)
+
+
+class TestParts:
+    """What could not be read again is not taken in."""
+
+    @pytest.mark.parametrize(
+        ("make", "message"),
+        [
+            (lambda: Identification(3, {}), "kind: must be a text, not empty, got 3"),
+            (lambda: Identification("decay", 3), "result: must be a mapping, got 3"),
+            (lambda: Identification("decay", {1: 2}), "result: must be a text, got 1"),
+            (lambda: Identification("decay", {"k" * 201: 2}), "result: has a key of 201 characters"),
+            (lambda: Identification("decay", {"a": 10**5000}), "result.a: is beyond the range of numbers"),
+            (lambda: Identification("decay", {}, ["x.csv"]), "data: must be a sequence of DataFile"),
+            (lambda: Identification.of({"unknowns": 1}, data="x.csv"), "data: must be a sequence of files"),
+            (lambda: DataFile(3, "a" * 64), "name: must be a text, not empty, got 3"),
+            (lambda: DataFile("a", 3), "sha256: must be 64 digits"),
+            (lambda: DataFile.of("."), ".: is not a file"),
+            (lambda: Provenance(3, {}), "written: must be a time"),
+            (lambda: Provenance(WRITTEN, 3), "versions: must be a mapping, got 3"),
+            (lambda: Provenance(WRITTEN, {1: "2"}), "versions: must be a text, not empty, got 1"),
+            (lambda: Provenance(WRITTEN, {"casadi": 3.8}), "versions.casadi: must be a text, got 3.8"),
+            (lambda: Provenance(WRITTEN, {}, note=3), "note: must be a text, got 3"),
+        ],
+    )
+    def test_one_that_is_none(self, make, message):
+        with pytest.raises(InputError, match=f"^{re.escape(message)}"):
+            make()
+
+    @pytest.mark.parametrize(
+        ("changes", "message"),
+        [
+            ({"model": "beam"}, "model: has another type, str"),
+            ({"damping": "air"}, "damping: has another type, str"),
+            ({"provenance": "here"}, "provenance: has another type, str"),
+            ({"identifications": ["decay"]}, "identifications: must be a sequence of Identification"),
+        ],
+    )
+    def test_a_document_of_other_things(self, paper_beam, changes, message):
+        with pytest.raises(InputError, match=f"^{message}"):
+            Document(**({"model": Model(paper_beam(2))} | changes))
+
+    def test_a_fit_without_standard_errors_is_named_alone(self):
+        assert Identification("frequency matching", {"matched_hz": [1.0]}).summary() == "frequency matching"

@@ -226,3 +226,9 @@ def test_loads_that_are_no_numbers_are_refused_by_name(weightless, loads, messag
 def test_a_point_off_the_beam_has_no_position(weightless):
     with pytest.raises(InputError, match=r"^s: the point must be on the beam, 0 to 0\.5 m, got 0\.51$"):
         static_equilibrium(weightless).position(0.51)
+
+
+def test_a_beam_too_slender_for_arithmetic_is_an_error_with_advice(paper_beam):
+    """Its stiffness is singular; that was a RuntimeError of the solver."""
+    with pytest.raises(EquilibriumError, match="a value is in the wrong unit"):
+        static_equilibrium(Model(paper_beam(4, length=1e20)))

@@ -16,11 +16,12 @@ from ancf_casadi import (
     State,
     motion,
     reduce_model,
+    report,
     simulate,
     simulate_reduced,
     static_equilibrium,
 )
-from ancf_casadi.export import beam_functions, values, write_c
+from ancf_casadi.export import beam_functions, c, values, write_c
 from ancf_casadi.export.decay_program import SAMPLE, SAMPLES
 
 LAW = RayleighDamping(alpha=0.5, beta=3e-5) + QuadraticDamping(eta2=0.2)
@@ -170,6 +171,37 @@ def test_two_functions_of_one_name_are_refused(functions, reduced, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+X = cs.SX.sym("x")
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (cs.Function("rest", [X], [X]), "rest: is the name of another Function or table"),
+        (cs.Function("rhs_raw", [X], [X]), "rhs_raw: is the name of another Function or table"),
+        (cs.Function("own", [X], [X], ["w"], ["y"]), "own: w has a meaning of its own in C"),
+        (cs.Function("own", [X], [X], ["x"], ["double"]), "own: double has a meaning of its own in C"),
+        (cs.Function("own", [X], [X * cs.SX.sym("k")], {"allow_free": True}), "own: depends on k, which is no input"),
+    ],
+)
+def test_functions_of_which_no_compiler_makes_anything_are_refused(functions, tmp_path, function, message):
+    with pytest.raises(InputError, match=f"^{message}"):
+        write_c(functions, tmp_path, also=[function])
+    assert not list(tmp_path.iterdir())
+
+
+def test_interrupted_it_leaves_none_of_its_files(functions, tmp_path, monkeypatch):
+    def interrupted(path, content):
+        if path.name == "main.c":
+            raise KeyboardInterrupt
+        report.write_file(path, content)
+
+    monkeypatch.setattr(c, "write_file", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_c(functions, tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_contains_an_integrator_is_refused(model, functions, tmp_path, capfd):
     x, theta = cs.MX.sym("x"), cs.MX.sym("theta", 3)
     integrator = cs.integrator("through_time", "cvodes", {"x": x, "ode": -x}, 0.0, 1.0)
@@ -200,7 +232,7 @@ def test_files_of_others_are_not_touched(functions, tmp_path):
     assert first == [path.read_bytes() for path in write_c(functions, tmp_path)]
 
 
-@pytest.mark.parametrize("name", ["main", "2beam", "Beam", "a__b", "../beam", ""])
+@pytest.mark.parametrize("name", ["main", "2beam", "Beam", "a__b", "../beam", "", "a" * 300, 3, None])
 def test_names_that_are_none_in_c_are_refused(functions, tmp_path, name):
     with pytest.raises(InputError, match="name: must be"):
         write_c(functions, tmp_path, name=name)

@@ -297,6 +297,17 @@ def test_what_the_reduced_model_declares(small, reduced):
     assert units["m/s2"].s == -2
 
 
+def test_drafts_of_a_compiler_that_is_stopped_do_not_stay(document, tmp_path, monkeypatch):
+    (tmp_path / "cc").write_text('#!/bin/sh\ntouch "$TMPDIR/draft.s"\nexit 1\n')
+    (tmp_path / "cc").chmod(0o755)
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("CC", str(tmp_path / "cc"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    with pytest.raises(InputError, match="cannot compile"):
+        write_fmu(tmp_path / "beam.fmu", document)
+    assert not list((tmp_path / "temporary").iterdir())
+
+
 class TestRefusals:
     @pytest.fixture(autouse=True)
     def writes_nothing(self, tmp_path, monkeypatch):

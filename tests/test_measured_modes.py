@@ -97,6 +97,16 @@ class TestUnusable:
             ({"points": (0.1, 0.2), "shapes": ((1, 2), (1, NAN))}, "shapes: shape 2 needs two measured displacements"),
             ({"points": (0.1, 0.2), "shapes": ((0, 0), (1, 2))}, "shapes: shape 1 needs two measured displacements"),
             ({"points": (0.1, 0.2), "shapes": ((1, "x"), (1, 2))}, "shapes: shape 1 must be numbers"),
+            ({"points": 0.1}, "points: must be a sequence of numbers, got 0.1"),
+            ({"points": "ab", "shapes": ((1, 2), (1, 2))}, "points: must be a sequence of numbers, got 'ab'"),
+            ({"points": (0.1, 0.2), "shapes": 1.0}, r"shapes: must be a sequence of shapes, got 1\.0"),
+            ({"frequency_std": "ab"}, "frequency_std: must be a finite number, got 'ab'"),
+            ({"frequency_std": 1e-300}, r"frequency_std: must be within 1e-12 to 1e\+12 times the measured value"),
+            ({"frequency_std": 1e300}, r"frequency_std: must be within 1e-12 to 1e\+12 times the measured value"),
+            (
+                {"points": (0.1, 0.2), "shapes": ((1, 2), (1, 3)), "shape_std": 1e-300, "frequency_std": 0.1},
+                "shape_std: must be within 1e-12",
+            ),
             ({"points": (0.1, NAN), "shapes": ((1, 2), (1, 2))}, "points: must be a finite number"),
             ({"points": (0.1, 0.2), "shapes": ((1, 2), (1, 3)), "shape_std": 0.1}, "frequency_std: is missing"),
             (
@@ -112,6 +122,17 @@ class TestUnusable:
     def test_modes(self, given, message):
         with pytest.raises(InputError, match=message):
             MeasuredModes(**{"frequencies": (1.0, 2.0), **given})
+
+    def test_arrays_are_as_good_as_tuples(self):
+        given = MeasuredModes(
+            np.array([1.0, 2.0]),
+            frequency_std=np.array(0.1),
+            points=np.array([0.1, 0.2]),
+            shapes=np.eye(2) + 1,
+            shape_std=np.array(0.2),
+        )
+        tuples = MeasuredModes((1.0, 2.0), 0.1, (0.1, 0.2), ((2.0, 1.0), (1.0, 2.0)), 0.2)
+        assert given == tuples
 
     def test_points_off_the_beam(self, beam):
         measured = MeasuredModes((1.8,), points=(0.1, 0.6), shapes=((0.1, 1.0),))

@@ -310,10 +310,14 @@ def test_what_cannot_be_reduced_is_refused(hanging, rubber_beam, modes):
         reduce_model(Model(rubber_beam(elements=4)), modes=6)
     with pytest.raises(InputError, match="another model"):
         reduce_model(Model(rubber_beam(elements=4)), modes=modes)
-    with pytest.raises(InputError, match="points: must be 6 to 41"):
-        reduce_model(hanging, modes=modes, points=5)
-    with pytest.raises(InputError, match="drag_points"):
-        reduce_model(hanging, modes=modes, drag_points=0)
+    for points in (5, 42, 12.5, "many"):
+        with pytest.raises(InputError, match=r"^points: must be a whole number, 6 to 41, got"):
+            reduce_model(hanging, modes=modes, points=points)
+    for points in (0, 101, 2.5):
+        with pytest.raises(InputError, match=r"^drag_points: must be a whole number, 1 to 100, got"):
+            reduce_model(hanging, modes=modes, drag_points=points)
+    with pytest.raises(InputError, match=r"^markers: must be a sequence of numbers"):
+        reduce_model(hanging, modes=modes, markers=0.2)
     with pytest.raises(InputError, match="on the beam"):
         reduce_model(hanging, modes=modes, markers=(0.6,))
     reduced = reduce_model(hanging, modes=1)

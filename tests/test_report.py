@@ -10,7 +10,7 @@ import stat
 import pytest
 
 from ancf_casadi import InputError
-from ancf_casadi.report import Table, check_folder, remove_file, to_json, write_file
+from ancf_casadi.report import Table, check_file, check_folder, remove_file, to_json, write_file
 
 TABLE = Table(
     "one",
@@ -103,10 +103,31 @@ class TestFile:
         assert (tmp_path / "a.txt").read_text() == "old"
         assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
 
-    def test_one_that_cannot_be_written_is_named(self, tmp_path):
+    @pytest.mark.parametrize(
+        ("name", "message"), [("file/a.txt", "file: is not a folder"), ("a" * 300, r"a{300}: cannot be written \(")]
+    )
+    def test_one_that_cannot_be_written_is_named(self, tmp_path, name, message):
         (tmp_path / "file").write_text("")
-        with pytest.raises(InputError, match=r"file/a\.txt: cannot be written \("):
-            write_file(tmp_path / "file" / "a.txt", "new")
+        with pytest.raises(InputError, match=message):
+            write_file(tmp_path / name, "new")
+        assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+    def test_a_pipe_or_a_device_is_not_replaced(self, tmp_path):
+        """The superuser's ``--out /dev/null`` made an ordinary file of it."""
+        os.mkfifo(tmp_path / "pipe")
+        for write in (check_file, lambda path: write_file(path, "new")):
+            with pytest.raises(InputError, match="pipe: is a device or a pipe; name a file"):
+                write(tmp_path / "pipe")
+        assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
+
+    @pytest.mark.parametrize("there", [True, False])
+    def test_a_link_stays_one(self, tmp_path, there):
+        (tmp_path / "link").symlink_to(tmp_path / "file")
+        if there:
+            (tmp_path / "file").write_text("old")
+        write_file(tmp_path / "link", "new")
+        assert (tmp_path / "link").is_symlink()
+        assert (tmp_path / "file").read_text() == "new"
 
     def test_remove(self, tmp_path):
         (tmp_path / "a.txt").write_text("")

@@ -100,11 +100,13 @@ class TestMatch:
             ("", "the table is missing"),
             ("[match]\nbounds = 0.1\n", "the key 'targets' is missing"),
             ("[match]\ntargets = [1]\nstart = [1]\n", "unknown key 'start'; known are bounds, freq"),
-            ("[match]\ntargets = 1\n", "targets: must be a list of numbers, got 1"),
+            ("[match]\ntargets = 1\n", "targets: must be a sequence of numbers, got 1"),
             ("[match]\ntargets = [2, 1]\nfrequency_std = 0.1\n", "targets: must be ascending"),
             ("[match]\ntargets = [1]\nunknowns = 3\n", "unknowns: must be a table of properties, got 3"),
             ("[match]\ntargets = [1]\nunknowns.width = 'all'\n", 'unknowns: width: must be "global", "element"'),
             ("[match]\ntargets = [1]\nunknowns.width = {smooth = 2, order = 1}\n", "unknowns: width: must be"),
+            ("[match]\ntargets = [1]\nunknowns.width = {element = false}\n", "unknowns: width: must be"),
+            ("[match]\ntargets = [1]\nunknowns.width = 'smooth'\n", 'unknowns: width: must be "global", "element"'),
             ("[match]\ntargets = [1]\nunknowns.length = 'global'\n", "unknowns: must be one of width"),
             ("[match]\ntargets = [1]\nunknowns.width = {smooth = 'x'}\n", "unknowns: width: terms must be a whole"),
         ],
@@ -179,7 +181,10 @@ class TestSimulation:
             ),
             ("[damping]\nlaw = 'rayleigh'\nalpha = -1\n", r"\[damping\]: alpha: must not be negative"),
             ("[damping]\nlaw = 'modal'\n", r"\[damping\]: the key 'ratios' is missing"),
-            ("[damping]\nlaw = 'modal'\nratios = 0.01\n", r"\[damping\]: ratios: must be a list of numbers, got 0.01"),
+            (
+                "[damping]\nlaw = 'modal'\nratios = 0.01\n",
+                r"\[damping\]: ratios: must be a sequence of numbers, got 0.01",
+            ),
             ("[damping]\nlaw = 'modal'\nratios = []\n", r"\[damping\]: ratios: has 0 values"),
             ("[damping]\nlaw = 'modal'\nratios = [1.0]\n", r"\[damping\]: ratios: a damping ratio must be at least 0"),
             (f"[damping]\nlaw = 'modal'\nratios = {[0.01] * 17}\n", r"\[damping\]: ratios: has 17 values for 16 modes"),
@@ -212,7 +217,7 @@ class TestSimulation:
 
 @pytest.mark.parametrize("values", [1.0, "1, 2", {"a": 1}, None])
 def test_numbers_refuse_what_is_no_list(values):
-    with pytest.raises(InputError, match="here: must be a list of numbers"):
+    with pytest.raises(InputError, match="here: must be a sequence of numbers"):
         numbers(values, "here")
 
 

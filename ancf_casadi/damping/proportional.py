@@ -12,6 +12,7 @@ import numpy as np
 
 from ancf_casadi.damping.law import Array, DampingLaw, coefficients, named, nonzero
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import shown
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes
 
@@ -50,7 +51,7 @@ class RayleighDamping(DampingLaw):
         coefficients(self, "alpha", "beta")
         if self.stiffness not in get_args(ProportionalStiffness):
             known = ", ".join(get_args(ProportionalStiffness))
-            raise InputError(f"must be one of {known}, got {self.stiffness!r}", "stiffness")
+            raise InputError(f"must be one of {known}, got {shown(self.stiffness)}", "stiffness")
         if self.stiffness == "reference" and self.beta > 0.0:
             message = "damping proportional to the reference stiffness is not objective: it resists large rotations"
             warnings.warn(message, stacklevel=3)

@@ -19,12 +19,20 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.decay_program import decay_program
+from ancf_casadi.inputs import shown
 from ancf_casadi.report import check_folder, remove_file, write_file
 from ancf_casadi.signals import MotionFunctions, Signal, values
 
 MARK = "/* Written by ancf-casadi"
+NAME = r"[a-z][a-z0-9]*(_[a-z0-9]+)*"
+LONGEST_NAME = 60
 TRANSLATED = {"MXFunction", "SXFunction", "Map", "MapSum", "FastNewton", "Switch", "BSplineInterpolant"}
 LARGEST_ON_STACK = 65536  # numbers, half a megabyte
+TABLES = ("parameters", "rest")
+RESERVED = {"arg", "res", "iw", "w", "NAN", "INFINITY"} | set(
+    "auto break case char const continue default do double else enum extern float for goto if inline int long register "
+    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while".split()
+)
 KEEP_QUIET = """#if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #pragma GCC diagnostic ignored "-Wunused-function"
@@ -59,13 +67,18 @@ def write_c(
         If the name is no name in C, a Function has no C or the name of another one, a file of that name is there that
         is not of this kind, or one cannot be written.
     """
-    if not re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) or name == "main":
-        raise InputError(f"must be small letters, digits and single underscores, and not main, got {name!r}", "name")
+    if not isinstance(name, str) or not re.fullmatch(NAME, name) or len(name) > LONGEST_NAME or name == "main":
+        raise InputError(
+            f"must be small letters, digits and single underscores, {LONGEST_NAME} at most, and not main, got "
+            f"{shown(name)}",
+            "name",
+        )
     target = check_folder(folder)
     every = {f"{name}_{own}": function for own, function in functions.named.items()}
     for function in also:
-        if every.setdefault(f"{name}_{function.name()}", function) is not function:
-            raise InputError("is the name of another Function; give it one of its own", function.name())
+        own = function.name()
+        if every.setdefault(f"{name}_{own}", function) is not function or own in TABLES or own.endswith("_raw"):
+            raise InputError("is the name of another Function or table; give it one of its own", own)
     for function in every.values():
         _check_translated(function)
     contents = {
@@ -81,7 +94,7 @@ def write_c(
         for path, content in contents.items():
             write_file(path, content)
             written.append(path)
-    except InputError:
+    except BaseException:
         for path in written:
             remove_file(path)
         raise
@@ -98,6 +111,11 @@ def _is_ours(path: Path) -> bool:
 
 
 def _check_translated(function: cs.Function) -> None:
+    if function.has_free():
+        raise InputError(f"depends on {', '.join(function.get_free())}, which is no input", function.name())
+    for label in (*function.name_in(), *function.name_out()):
+        if label in RESERVED or label.startswith("casadi"):
+            raise InputError(f"{label} has a meaning of its own in C; call it otherwise", function.name())
     for inner in (function, *function.find_functions()):
         if inner.class_name() not in TRANSLATED:
             raise InputError(

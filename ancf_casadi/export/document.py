@@ -24,6 +24,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.identification import DataFile, Identification, Provenance
 from ancf_casadi.export.law_data import law_data, law_from, made, model_data, model_from
 from ancf_casadi.export.strict_json import list_at, object_at, place, read_json, text_at
+from ancf_casadi.inputs import is_sequence, shown
 from ancf_casadi.model import Model
 from ancf_casadi.report import to_json, write_file
 
@@ -49,7 +50,7 @@ class Document:
     Raises
     ------
     InputError
-        If the law belongs to a beam with another number of elements.
+        If a part has another type, or the law belongs to a beam with another number of elements.
     """
 
     model: Model
@@ -59,7 +60,13 @@ class Document:
 
     def __post_init__(self) -> None:
         """Validate."""
-        object.__setattr__(self, "identifications", tuple(self.identifications))
+        for name, kind in (("model", Model), ("damping", DampingLaw | None), ("provenance", Provenance)):
+            if not isinstance(getattr(self, name), kind):
+                raise InputError(f"has another type, {type(getattr(self, name)).__name__}", name)
+        found = self.identifications
+        if not is_sequence(found) or not all(isinstance(item, Identification) for item in found):
+            raise InputError(f"must be a sequence of Identification, got {shown(found)}", "identifications")
+        object.__setattr__(self, "identifications", tuple(found))
         _check_mesh(self.damping, self.model)
 
     def to_dict(self) -> dict[str, Any]:

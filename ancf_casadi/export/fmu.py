@@ -27,6 +27,7 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import io
+import os
 import platform
 import re
 import subprocess
@@ -45,6 +46,7 @@ from ancf_casadi.damping import SumOfLaws
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document import Document
 from ancf_casadi.export.functions import beam_functions
+from ancf_casadi.inputs import numbers
 from ancf_casadi.reduction.reduced import ReducedFunctions, reduce_model
 from ancf_casadi.report import to_json, write_file
 from ancf_casadi.signals import MotionFunctions, Signal
@@ -100,7 +102,7 @@ def write_fmu(
     EquilibriumError
         If the beam has no stable equilibrium under gravity.
     """
-    for s in markers:
+    for s in numbers(markers, "markers"):
         document.model.element_of(s)
     headers, compiler = fmi_headers(), c_compiler()
     if compiler is None:
@@ -186,9 +188,10 @@ def _advance(bar: tqdm[NoReturn], step: str) -> None:
 def _compile(compiler: str, sources: Sequence[Path], library: Path, headers: Path) -> None:
     """Compile the sources of the FMU to a library that binds its names to itself."""
     own = ["-Wl,-Bsymbolic"] if library.suffix == ".so" else []
+    drafts = os.environ | {"TMPDIR": str(library.parent)}  # which a compiler that is stopped leaves behind
     call = [compiler, *FLAGS, *own, f"-I{headers}", *map(str, sources), "-o", str(library), "-lm"]
     try:
-        subprocess.run(call, check=True, capture_output=True, timeout=SECONDS)
+        subprocess.run(call, check=True, capture_output=True, timeout=SECONDS, env=drafts)
     except subprocess.TimeoutExpired:
         raise InputError(f"did not compile the FMU in {SECONDS} s; take fewer elements or modes", compiler) from None
     except subprocess.CalledProcessError as error:

@@ -27,6 +27,7 @@ from ancf_casadi.equations import Equations, clamped_node
 from ancf_casadi.excitation import Piece
 from ancf_casadi.export.statics import equilibrium_function, frequencies_function
 from ancf_casadi.export.step import step_function
+from ancf_casadi.inputs import numbers
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.modes import natural_modes
 from ancf_casadi.signals import (
@@ -100,6 +101,7 @@ def beam_functions(
         If the beam has no stable equilibrium under gravity.
     """
     equations = Equations(model, RayleighDamping() if damping is None else damping)
+    markers = numbers(markers, "markers")
     points = [model.interpolation(s) for s in markers]
     first = natural_modes(model, count=modes)
     parameters, clamp = parameter_signals(equations), base_signals()

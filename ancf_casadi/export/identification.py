@@ -18,13 +18,15 @@ import numpy as np
 import scipy
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.strict_json import MOST_LEVELS, place, whole_text
+from ancf_casadi.export.strict_json import LONGEST_KEY, MOST_LEVELS, place, whole_text
+from ancf_casadi.inputs import is_sequence, shown
 from ancf_casadi.version import __version__
 
 KINDS = {"frequency_hz": "decay", "matched_hz": "frequency matching", "unknowns": "transient"}
 MOST_RESULT_LEVELS = MOST_LEVELS - 4
 TIME = "[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}Z"
 HASH = "[0-9a-f]{64}"
+MOST_BITS = 1023  # of a whole number, which is then within the range of doubles
 CHUNK = 2**20  # bytes
 
 
@@ -50,9 +52,8 @@ class DataFile:
 
     def __post_init__(self) -> None:
         """Validate."""
-        if not self.name:
-            raise InputError("must not be empty", "name")
-        if not re.fullmatch(HASH, self.sha256):
+        _text(self.name, "name")
+        if not isinstance(self.sha256, str) or not re.fullmatch(HASH, self.sha256):
             raise InputError("must be 64 digits from 0 to 9 and a to f", "sha256")
 
     @classmethod
@@ -65,6 +66,8 @@ class DataFile:
             If it cannot be read.
         """
         digest = hashlib.sha256()
+        if os.path.exists(path) and not os.path.isfile(path):
+            raise InputError("is not a file", str(path))
         try:
             with open(path, "rb") as file:
                 while chunk := file.read(CHUNK):
@@ -101,8 +104,11 @@ class Identification:
 
     def __post_init__(self) -> None:
         """Validate, and keep plain data."""
-        if not self.kind:
-            raise InputError("must not be empty", "kind")
+        _text(self.kind, "kind")
+        if not isinstance(self.result, Mapping):
+            raise InputError(f"must be a mapping, got {shown(self.result)}", "result")
+        if not is_sequence(self.data) or not all(isinstance(file, DataFile) for file in self.data):
+            raise InputError(f"must be a sequence of DataFile, got {shown(self.data)}", "data")
         object.__setattr__(self, "result", _plain(self.result, "result"))
         object.__setattr__(self, "data", tuple(self.data))
 
@@ -126,13 +132,15 @@ class Identification:
         kinds = [kind for key, kind in KINDS.items() if isinstance(found, Mapping) and key in found]
         if not kinds:
             raise InputError(f"is no result of an identification, which has one of {', '.join(KINDS)}", "result")
+        if not is_sequence(data):
+            raise InputError(f"must be a sequence of files, got {shown(data)}", "data")
         return cls(kinds[0], found, [DataFile.of(path) for path in data])
 
     def summary(self) -> str:
         """Return kind, files with their hashes, and values with standard errors, in a line."""
         files = [f"{file.name} SHA-256 {file.sha256}" for file in self.data]
         values = [f"{name} {value:.6g} +- {error:.2g}" for name, value, error in _estimates(self.result)]
-        return f"{self.kind} ({', '.join([*files, *values])})"
+        return f"{self.kind} ({', '.join([*files, *values])})" if files or values else self.kind
 
 
 @dataclass(frozen=True)
@@ -164,8 +172,14 @@ class Provenance:
             if not re.fullmatch(TIME, self.written):
                 raise ValueError
             datetime.datetime.fromisoformat(self.written)
-        except ValueError:
+        except (TypeError, ValueError):
             raise InputError("must be a time such as 2025-01-31T12:00:00Z", "written") from None
+        if not isinstance(self.versions, Mapping):
+            raise InputError(f"must be a mapping, got {shown(self.versions)}", "versions")
+        for name, version in self.versions.items():
+            _text(name, "versions")
+            _text(version, f"versions.{name}", empty=True)
+        _text(self.note, "note", empty=True)
 
     @classmethod
     def of_this(cls, *, note: str = "", written: str | None = None) -> Provenance:
@@ -187,6 +201,13 @@ class Provenance:
         return cls(now if written is None else written, versions, note)
 
 
+def _text(value: Any, where: str, *, empty: bool = False) -> None:
+    """Refuse what is no text that a document can hold."""
+    if not isinstance(value, str) or not (value or empty):
+        raise InputError(f"must be a text{'' if empty else ', not empty'}, got {shown(value)}", where)
+    whole_text(value, where)
+
+
 def _plain(value: Any, where: str, level: int = 1) -> Any:
     """Return what a fit says as JSON can hold it, with None for what is not finite."""
     if level > MOST_RESULT_LEVELS:
@@ -195,15 +216,24 @@ def _plain(value: Any, where: str, level: int = 1) -> Any:
         value = value.tolist()
     if isinstance(value, str):
         return whole_text(value, where)
+    if isinstance(value, int) and value.bit_length() > MOST_BITS:
+        raise InputError("is beyond the range of numbers", where)
     if value is None or isinstance(value, bool | int):
         return value
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
-        return {whole_text(key, where): _plain(item, place(where, key), level + 1) for key, item in value.items()}
+        return {_key(key, where): _plain(item, place(where, key), level + 1) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item, place(where, index), level + 1) for index, item in enumerate(value)]
     raise InputError(f"must be numbers, texts, lists and objects, got a {type(value).__name__}", where)
+
+
+def _key(key: Any, where: str) -> str:
+    _text(key, where, empty=True)
+    if len(key) > LONGEST_KEY:
+        raise InputError(f"has a key of {len(key)} characters; at most {LONGEST_KEY} are read", where)
+    return str(key)
 
 
 def _estimates(result: Mapping[str, Any]) -> list[tuple[str, float, float]]:

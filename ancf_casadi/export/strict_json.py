@@ -18,9 +18,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import check_keys
+from ancf_casadi.inputs import check_keys, read_bytes
 
-MOST_BYTES = 64 * 2**20
 MOST_LEVELS = 24
 LONGEST_KEY = 200
 
@@ -37,13 +36,7 @@ def read_json(path: str | Path) -> dict[str, Any]:
     InputError
         If the file cannot be read, is not JSON, is no object, or is beyond the limits.
     """
-    try:
-        with open(path, "rb") as file:
-            content = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror or error})", str(path)) from None
-    if len(content) > MOST_BYTES:
-        raise InputError(f"is larger than {MOST_BYTES // 2**20} MiB", str(path))
+    content = read_bytes(path)
     try:
         value = json.loads(content.decode(), object_pairs_hook=_object, parse_constant=_no_number)
     except RecursionError:

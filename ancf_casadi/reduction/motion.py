@@ -24,7 +24,7 @@ from ancf_casadi.equations import Equations
 from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.excitation import BaseMotion, FixedBase, Piece
-from ancf_casadi.inputs import positive
+from ancf_casadi.inputs import positive, whole
 from ancf_casadi.reduction.projection import BASE
 from ancf_casadi.reduction.reduced import STAGES, ReducedModel
 from ancf_casadi.simulate import COMPILED_FROM, Start, initial_state, sample_times
@@ -108,8 +108,7 @@ class ReducedTrajectory:
         InputError
             If there is no such sample.
         """
-        if not -len(self.time) <= index < len(self.time):
-            raise InputError(f"there are {len(self.time)} samples, got {index}", "index")
+        index = whole(index, "index", -len(self.time), len(self.time) - 1)
         e, e_t = self.reduced.coordinates(self.q[index], self.v[index], self.base[index])
         return State(e.full().ravel(), e_t.full().ravel())
 

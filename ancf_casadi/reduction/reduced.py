@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.equations import Equations
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import numbers, whole
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes, natural_modes
 from ancf_casadi.reduction.projection import BASE, Projected, projection_of
@@ -52,6 +53,7 @@ from ancf_casadi.signals import (
 
 Array = NDArray[np.float64]
 
+MOST_DRAG_POINTS = 100
 STAGES = 3  # instants of a step at which the base motion is needed: begin, middle, end
 
 
@@ -137,7 +139,7 @@ def reduce_model(
         Points of the beam whose slope is followed, more than modes and at most all 2 n + 1 nodes and midpoints;
         2 m + 2 if not given.
     drag_points : int, optional
-        Points at which the quadratic drag acts; 4 m + 4 if not given.
+        Points at which the quadratic drag acts, at most 100; 4 m + 4 if not given.
 
     Raises
     ------
@@ -151,12 +153,13 @@ def reduce_model(
     if modes.model != model:
         raise InputError("belong to another model", "modes")
     law = RayleighDamping() if damping is None else damping
-    m, whole = modes.count, slopes_of(modes)
-    points = min(2 * m + 2, len(whole.angles)) if points is None else points
-    drag_points = 4 * m + 4 if drag_points is None else drag_points
-    if not 1 <= drag_points <= 100:
-        raise InputError(f"must be 1 to 100, got {drag_points}", "drag_points")
-    projection = projection_of(modes, whole, selected(whole, points), drag_points)
+    m, every = modes.count, slopes_of(modes)
+    most = len(every.angles)
+    points = min(2 * m + 2, most) if points is None else whole(points, "points", m + 1, most)
+    usual = min(4 * m + 4, MOST_DRAG_POINTS)
+    drag_points = usual if drag_points is None else whole(drag_points, "drag_points", 1, MOST_DRAG_POINTS)
+    markers = numbers(markers, "markers")
+    projection = projection_of(modes, every, selected(every, points), drag_points)
 
     full = parameter_signals(Equations(model, law))
     parameters = (*full[:2], *full[2 + model.properties.size :])  # without the properties of the elements

@@ -107,16 +107,8 @@ def slopes_of(modes: Modes) -> Slopes:
 
 
 def selected(slopes: Slopes, points: int) -> Slopes:
-    """Return the slopes at the few points that tell those at all points best.
-
-    Raises
-    ------
-    InputError
-        If there are not so many points to select from.
-    """
+    """Return the slopes at the few points, more than modes, that tell those at all points best."""
     count, m = slopes.rotations.shape
-    if not m < points <= count:
-        raise InputError(f"must be {m + 1} to {count}, got {points}", "points")
     largest = TURN / np.sqrt(m) / np.abs(slopes.rotations).max(axis=0)
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (SAMPLES, m)) * largest
     angles = slopes.angles + q @ slopes.rotations.T

@@ -51,7 +51,12 @@ from problems.transient_unknowns import amplitude_name, load_name, loads, named_
 Array = NDArray[np.float64]
 
 TOLERANCE = 1e-6  # of the integration
-OPTIONS: Mapping[str, Any] = {"ipopt.tol": 1e-5, "ipopt.compl_inf_tol": 1e-7, "ipopt.max_iter": 50}
+OPTIONS: Mapping[str, Any] = {
+    "ipopt.tol": 1e-5,
+    "ipopt.compl_inf_tol": 1e-7,
+    "ipopt.max_iter": 50,
+    "ipopt.accept_after_max_steps": 8,  # halvings; a step so short that no decrease shows is lost in the integration
+}
 SHARED = 16  # motions that are kept for the next fit
 
 

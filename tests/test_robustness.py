@@ -86,7 +86,7 @@ def experiments(draw):
 
 
 @pytest.mark.slow
-@settings(max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_every_reasonable_experiment_ends_within_its_steps_and_balances_its_energy(data):
     """Or there is no equilibrium to start from, or ``idas`` says that its steps are too many."""

@@ -144,9 +144,14 @@ class DesignSpace:
         return tuple(f"{PROPERTIES[k]}[{i + 1}]" for k in self._smooth for i in range(self.beam.elements))
 
     @cached_property
+    def given(self) -> Array:
+        """Properties of the given beam, (4 n + 2,)."""
+        return structure_properties(Model(self.beam))
+
+    @cached_property
     def directions(self) -> Array:
         """Derivatives of the properties by the unknowns, (4 n + 2, N)."""
-        return structure_properties(Model(self.beam))[:, None] * self.map
+        return self.given[:, None] * self.map
 
     def factors(self, m: Array) -> Array:
         """Return the factors on the properties, (4 n + 2,)."""
@@ -154,7 +159,7 @@ class DesignSpace:
 
     def properties(self, m: Array) -> Array:
         """Return the properties, (4 n + 2,)."""
-        return np.asarray(self.factors(m) * structure_properties(Model(self.beam)))
+        return np.asarray(self.factors(m) * self.given)
 
     def changed(self, m: Array) -> Beam:
         """Return the beam that the unknowns stand for."""

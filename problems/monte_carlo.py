@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.fit import LEVEL, Fit
-from ancf_casadi.inputs import number
+from ancf_casadi.inputs import number, whole
 from ancf_casadi.nlp import Unknown, least_squares
 from ancf_casadi.parallel import run_all
 from ancf_casadi.report import Table
@@ -202,9 +202,7 @@ def monte_carlo(
     FitError
         If fewer than two runs converge.
     """
-    for name, value, least in (("runs", runs, MINIMUM_RUNS), ("seed", seed, 0)):
-        if isinstance(value, bool) or not isinstance(value, int) or value < least:
-            raise InputError(f"must be a whole number, {least} or more, got {value!r}", name)
+    runs, seed = whole(runs, "runs", MINIMUM_RUNS), whole(seed, "seed", 0)
     if method not in get_args(Method):
         raise InputError(f"must be one of {', '.join(get_args(Method))}, got {method!r}", "method")
     if not isinstance(fit, DecayFit | TransientFit):

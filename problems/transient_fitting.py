@@ -25,11 +25,9 @@ References
 from __future__ import annotations
 
 import math
-import pickle
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import casadi as cs
@@ -57,7 +55,6 @@ OPTIONS: Mapping[str, Any] = {
     "ipopt.max_iter": 50,
     "ipopt.accept_after_max_steps": 8,  # halvings; a step so short that no decrease shows is lost in the integration
 }
-SHARED = 16  # motions that are kept for the next fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,23 +100,16 @@ class TransientProblem:
 
     def _motion(self, record: MarkerRecord) -> Motion:
         """Return the motion a record is held against."""
-        known = {
-            "duration": record.duration,
-            "sample_rate": record.sample_rate,
-            "base": record.base,
-            "start": record.start,
-            "tolerance": self.tolerance,
-            "start_load": bool(self.starts),
-        }
-        law = self.damping.with_parameters([0.5] * len(self.damping.parameters))  # the values are inputs
-        return _shared(pickle.dumps((self.model, law, known)))
-
-
-@lru_cache(SHARED)
-def _shared(recipe: bytes) -> Motion:
-    """Return a motion, the same for the same beam, base motion, start and kind of law."""
-    model, law, known = pickle.loads(recipe)
-    return motion(model, damping=law, **known)
+        return motion(
+            self.model,
+            duration=record.duration,
+            damping=self.damping,
+            base=record.base,
+            sample_rate=record.sample_rate,
+            start=record.start,
+            tolerance=self.tolerance,
+            start_load=bool(self.starts),
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,11 +20,13 @@ from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.equations import Equations
 from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import AncfError, InputError
-from ancf_casadi.excitation import BaseMotion, FixedBase
+from ancf_casadi.excitation import BaseMotion
+from ancf_casadi.initial_state import Start, base_of, check_start, initial_state
 from ancf_casadi.inputs import positive
 from ancf_casadi.model import Model
 from ancf_casadi.sensitivity import Problem, Run
-from ancf_casadi.simulate import TOLERANCES, Start, sample_times
+from ancf_casadi.simulate import clamped_nodes, sample_times, smooth_pieces
+from ancf_casadi.tolerance import expected_travel, radau_tolerance
 from ancf_casadi.trajectory import State
 
 Array = NDArray[np.float64]
@@ -38,7 +40,7 @@ def motion(
     base: BaseMotion | None = None,
     sample_rate: float = 1000.0,
     start: Start | Equilibrium | State = "equilibrium",
-    tolerance: float = TOLERANCES["radau"],
+    tolerance: float | None = None,
     start_load: bool = False,
 ) -> Motion:
     """Return the motion as a differentiable CasADi Function.
@@ -51,7 +53,7 @@ def motion(
     Parameters
     ----------
     model, duration, damping, base, sample_rate, start, tolerance
-        As of ``simulate``.  A start ``equilibrium`` or ``moving``, or an ``Equilibrium``, changes with the properties;
+        As of ``simulate``.  A start ``equilibrium`` or ``impact``, or an ``Equilibrium``, changes with the properties;
         a ``State`` does not.
     start_load : bool
         Whether the function has a fourth input, ``start``: the tip load that holds the beam until it is let go, and its
@@ -65,11 +67,18 @@ def motion(
     if start_load and not (isinstance(start, Equilibrium) or start == "equilibrium"):
         raise InputError("has no load; it must be 'equilibrium' or an Equilibrium", "start")
     duration, sample_rate = positive(duration, "duration"), positive(sample_rate, "sample_rate")
+    check_start(model, start)
+    base, equations = base_of(model, base, start), Equations(model, RayleighDamping() if damping is None else damping)
+    times = sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
+    pieces = smooth_pieces(equations, base, float(times[0]), float(times[-1]))
+    nodes, state = clamped_nodes(pieces), initial_state(model, pieces[0].clamp, start)
+    if tolerance is None:
+        tolerance = radau_tolerance(expected_travel(model, nodes, state))
     problem = Problem(
-        equations=Equations(model, RayleighDamping() if damping is None else damping),
-        base=FixedBase() if base is None else base,
+        equations=equations,
+        base=base,
         start=start,
-        times=sample_times(duration, sample_rate),
+        times=times,
         tolerance=positive(tolerance, "tolerance"),
         held=start_load,
     )

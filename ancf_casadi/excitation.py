@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import array, positive, vector
+from ancf_casadi.inputs import array, number, positive, vector
 
 StopAt = Literal["rest", "once"]
 
@@ -61,11 +61,33 @@ class BaseMotion(ABC):
 @final
 @dataclass(frozen=True)
 class FixedBase(BaseMotion):
-    """A clamp that does not move."""
+    """A clamp that does not move.
+
+    Parameters
+    ----------
+    displacement : (float, float)
+        Where it is held, m from the origin.
+    rotation : float
+        Angle by which it is turned from the axis of the beam, counterclockwise, rad.
+
+    Raises
+    ------
+    InputError
+        If a value is not a finite number.
+    """
+
+    displacement: tuple[float, float] = (0.0, 0.0)
+    rotation: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        object.__setattr__(self, "displacement", vector(self.displacement, "displacement"))
+        object.__setattr__(self, "rotation", number(self.rotation, "rotation"))
 
     def pieces(self) -> tuple[Piece, ...]:
-        """Return one piece without displacement."""
-        return (Piece(math.inf, lambda t, parameters: cs.MX(3, 1)),)
+        """Return one piece at rest."""
+        place = cs.DM([*self.displacement, self.rotation])
+        return (Piece(math.inf, lambda t, parameters: cs.MX(place)),)
 
 
 @final

@@ -296,8 +296,9 @@ def integrate_by_idas(
             velocities=velocities[kept],
             forces=forces(states.T, unknowns.T, np.linspace(0.0, 1.0, stretch.points + 1)[None, :], p).full().T[kept],
             energies=energies[kept],
-            end=State(coordinates[-1], velocities[-1]),
+            end=State(coordinates[-1], velocities[-1], stretch.end),
             end_energies=energies[-1],
+            stretch=stretch,
             steps=int(run.stats()["nsteps"]),
         )
         x0 = states[-1]
@@ -324,7 +325,7 @@ def _failure(message: str, stretch: Stretch) -> SimulationError:
     step = f" with a step of {stretch.length * float(said[2]):.1e} s" if said and said[2] else ""
     if "TOO_MUCH_WORK" in message:
         what = "took too many steps between two samples"
-        why = "modes of the mesh may ring with nothing to damp them, or a blow to the clamp have set them off"
+        why = "modes of the mesh may ring with nothing to damp them, or an impact on the clamp have set them off"
     elif "CONV_FAIL" in message:
         what = "could not solve for a step"
         why = "the beam may bend more sharply than its elements can follow, or the tolerance be below rounding"
@@ -332,7 +333,7 @@ def _failure(message: str, stretch: Stretch) -> SimulationError:
         what = "could not keep to the tolerance"
         why = "the tolerance may be below rounding, or the beam have been struck"
     return SimulationError(
-        f"the integrator {what} at {time:.6g} s{step}: {why}; try method='radau', start='moving' if the base starts "
-        "with a speed, another tolerance, a little damping proportional to the strain rate, or more elements",
+        f"IDAS {what} at {time:.6g} s{step}: {why}; try method='radau', another tolerance, a little damping "
+        "proportional to the strain rate, or more elements",
         time,
     )

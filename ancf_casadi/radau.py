@@ -103,6 +103,7 @@ def integrate_by_radau(
             energies=np.array([sample.energies for sample in samples]).reshape(-1, 2) - energies,
             end=end,
             end_energies=end_energies - energies,
+            stretch=stretch,
             steps=stepper.steps - steps,
         )
         steps, energies = stepper.steps, end_energies
@@ -266,7 +267,7 @@ class Stepper:
     @property
     def state(self) -> State:
         """Where the beam is after the last step."""
-        return State(self._all_at(self.now, self._q, 0), self._all_at(self.now, self._v, 1))
+        return State(self._all_at(self.now, self._q, 0), self._all_at(self.now, self._v, 1), self.now)
 
     def reach(self, instant: float) -> None:
         """Take steps until an instant is behind.
@@ -429,6 +430,5 @@ def _advice(problem: str, now: float, step: float) -> str:
     """Say in a line what went wrong, and what to try."""
     return (
         f"the integrator {problem} at {now:g} s with a step of {step:.1e} s: the beam may be struck, or bent more "
-        "sharply than its elements can follow; try start='moving' if the base starts with a speed, a larger tolerance, "
-        "or more elements"
+        "sharply than its elements can follow; try a larger tolerance, or more elements"
     )

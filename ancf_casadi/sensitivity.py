@@ -34,9 +34,10 @@ from ancf_casadi.compilation import Buffered, compiled, interpreted
 from ancf_casadi.equations import Equations, clamped_node
 from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.excitation import BaseMotion, Piece
+from ancf_casadi.initial_state import Start, initial_state, rigid_motion
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.radau import Factors, Step, Stepper
-from ancf_casadi.simulate import COMPILED_FROM, Start, initial_state, rigid_motion
+from ancf_casadi.simulate import COMPILED_FROM
 from ancf_casadi.starts import START, held_start, start_slopes
 from ancf_casadi.stretches import CLOSE
 from ancf_casadi.tangent import Tangent
@@ -150,8 +151,8 @@ class Problem:
         columns = properties.reshape(model.properties.shape, order="F")
         beam = model.beam.with_(**{name: row.tolist() for name, row in zip(PROPERTIES, columns, strict=True)})
         state, slope = self._start(Model(beam, model.measures), b, load)
-        passages, begin, end = [], 0.0, float(self.times[-1])
-        for piece in self.base.pieces():
+        passages, begin, end = [], float(self.times[0]), float(self.times[-1])
+        for piece in self._pieces:
             passage, state = self._pass(piece, begin, min(piece.end, end), state, parameters, b)
             passages.append(passage)
             begin = piece.end
@@ -231,6 +232,11 @@ class Problem:
         return np.asarray(direct + run.start.T @ np.vstack([q, v]))
 
     @cached_property
+    def _pieces(self) -> list[Piece]:
+        """The pieces of the base motion that end after the start."""
+        return [piece for piece in self.base.pieces() if piece.end > self.times[0]]
+
+    @cached_property
     def _form(self) -> Collocation:
         return Collocation(self.equations)
 
@@ -286,32 +292,36 @@ class Problem:
 
     def _start(self, model: Model, b: Array, load: Array) -> tuple[State, Array]:
         """Return the first state, and the derivatives of its q and v by the values."""
-        free, piece = self.equations.free, self.base.pieces()[0]
+        free, piece = self.equations.free, self._pieces[0]
         node, slope, clamp = self._clamp(piece, b)
         slopes = np.zeros((2 * free, sum(self.sizes)))
         _, by_b, by_P, by_load = np.split(slopes, np.cumsum(self.sizes[:3]).tolist(), axis=1)
-        start = self.start
-        if self.held:
-            held = held_start(model, self._start_slopes, load)
-        elif isinstance(start, Equilibrium):
-            nominal = np.array([*start.tip_force, start.tip_moment, 0.0, 0.0, 0.0])
-            held = held_start(model, self._start_slopes, nominal)
-        elif start in ("equilibrium", "moving"):
-            held = held_start(model, self._start_slopes, np.zeros(len(START)))
-        else:
-            return initial_state(model, clamp, start), slopes
-        by_P[:] = held.by_properties
-        by_load[:] = held.by_load[:, : by_load.shape[1]]
-        if start != "moving":
-            return State(held.coordinates, held.velocities), slopes
+        if isinstance(self.start, State):
+            return initial_state(model, clamp, self.start), slopes
+        coordinates, velocities = model.straight, np.zeros(model.size)
+        if self.start != "straight":
+            held = held_start(model, self._start_slopes, self._load(load))
+            coordinates, velocities = held.coordinates, held.velocities
+            by_P[:] = held.by_properties
+            by_load[:] = held.by_load[:, : by_load.shape[1]]
+        if self.start == "impact":
+            return State(coordinates, velocities), slopes
         e, rates = cs.MX.sym("e", model.size), cs.MX.sym("rates", NODE)
         moved = rigid_motion(model)(e, rates)
         jacobians = [cs.jacobian(moved[NODE:], e)[:, NODE:], cs.jacobian(moved[NODE:], rates)]
-        motion = cs.Function("moved", [e, rates], [moved, *jacobians])(held.coordinates, node(0.0)[NODE : 2 * NODE])
-        velocities, by_e, by_rates = (part.full() for part in motion)
-        by_P[free:] = by_e @ by_P[:free]
-        by_b[free:] = by_rates @ slope(0.0)[NODE : 2 * NODE]
-        return State(held.coordinates, velocities.ravel()), slopes
+        motion = cs.Function("moved", [e, rates], [moved, *jacobians])(coordinates, node(0.0)[NODE : 2 * NODE])
+        rigid, by_e, by_rates = (part.full() for part in motion)
+        slopes[free:] += by_e @ slopes[:free]
+        by_b[free:] += by_rates @ slope(0.0)[NODE : 2 * NODE]
+        return State(coordinates, velocities + rigid.ravel()), slopes
+
+    def _load(self, load: Array) -> Array:
+        """Return the load at the start and its rate: the unknown one, or that of the equilibrium given."""
+        if self.held:
+            return load
+        if isinstance(self.start, Equilibrium):
+            return np.array([*self.start.tip_force, self.start.tip_moment, 0.0, 0.0, 0.0])
+        return np.zeros(len(START))
 
     def _pass(
         self, piece: Piece, begin: float, end: float, state: State, parameters: Array, b: Array
@@ -328,7 +338,7 @@ class Problem:
         mass = self._form.mass(parameters)
         acceleration = -scipy.sparse.linalg.splu(mass).solve(np.hstack([part.full() for part in slopes]))
         ends = np.array([step.start + step.length for step in steps])
-        inside = (self.times <= end * (1 + CLOSE)) & ((self.times > begin * (1 + CLOSE)) | (begin == 0.0))
+        inside = (self.times <= end * (1 + CLOSE)) & ((self.times > begin * (1 + CLOSE)) | (begin == self.times[0]))
         owner = np.minimum(np.searchsorted(ends, self.times * (1 - CLOSE)), len(steps) - 1)
         samples = [np.flatnonzero(inside & (owner == k)) for k in range(len(steps))]
         return Passage(node, slope, begin, acceleration, steps, samples), stepper.state

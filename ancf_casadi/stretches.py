@@ -31,13 +31,16 @@ class Stretch:
     points : int
         Number of instants at equal intervals, the start not among them, that end it.
     samples : int
-        How many of them, from the first, are instants of the result; at time 0 the start is one too.
+        How many of them, from the first, are instants of the result.
+    first : bool
+        Whether the start is an instant of the result too, the first.
     """
 
     start: float
     length: float
     points: int
     samples: int
+    first: bool = False
 
     @property
     def end(self) -> float:
@@ -52,7 +55,7 @@ class Stretch:
     @property
     def kept(self) -> slice:
         """Which of ``instants`` are instants of the result."""
-        return slice(0 if self.start == 0.0 else 1, self.samples + 1)
+        return slice(0 if self.first else 1, self.samples + 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +74,8 @@ class Path:
         The state at its end.
     end_energies : array (2,)
         The energies at its end.
+    stretch : Stretch
+        The time segment.
     steps : int
         Steps of the integrator.
     """
@@ -81,19 +86,23 @@ class Path:
     energies: Array
     end: State
     end_energies: Array
+    stretch: Stretch
     steps: int
 
 
-def cut(begin: float, end: float, rate: float, size: int) -> Iterator[Stretch]:
-    """Cut the time from begin to end at samples, ``size`` samples a stretch; the ends may lie between two samples."""
-    first, last = math.ceil(begin * rate - CLOSE), math.floor(end * rate + CLOSE)
+def cut(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Stretch]:
+    """Cut the time from begin to end at samples, ``size`` samples a stretch; the ends may lie between two samples.
+
+    Samples are taken from ``origin`` on, the start of the motion, at a rate per second.
+    """
+    first, last = math.ceil((begin - origin) * rate - CLOSE), math.floor((end - origin) * rate + CLOSE)
     if first > last:
         yield Stretch(begin, end - begin, 1, 0)
         return
-    if first / rate - begin > CLOSE / rate:
-        yield Stretch(begin, first / rate - begin, 1, 1)
+    if origin + first / rate - begin > CLOSE / rate:
+        yield Stretch(begin, origin + first / rate - begin, 1, 1)
     for k in range(first, last, size):
         points = min(size, last - k)
-        yield Stretch(k / rate, points / rate, points, points)
-    if end - last / rate > CLOSE / rate:
-        yield Stretch(last / rate, end - last / rate, 1, 0)
+        yield Stretch(origin + k / rate, points / rate, points, points, first=k == 0)
+    if end - origin - last / rate > CLOSE / rate:
+        yield Stretch(origin + last / rate, end - origin - last / rate, 1, 0)

@@ -39,11 +39,36 @@ class State:
     Parameters
     ----------
     coordinates, velocities : array (4 n + 4,)
-        Nodal coordinates and their rates in the laboratory frame.
+        Nodal coordinates and their rates in the laboratory frame, those of the clamp first.
+    time : float
+        Time on the clock of the base motion, s.
     """
 
     coordinates: Array
     velocities: Array
+    time: float = 0.0
+
+
+@dataclass(frozen=True)
+class IntegratorUse:
+    """The integrator of a motion from some time on.
+
+    Parameters
+    ----------
+    start : float
+        Time from which it was used, s.
+    method : str
+        ``idas`` or ``radau``.
+    tolerance : float
+        Its tolerance.
+    reason : str
+        Why it was taken instead of the default; empty where it is the default, or was asked for.
+    """
+
+    start: float
+    method: str
+    tolerance: float
+    reason: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +80,7 @@ class Trajectory:
     model : Model
         The beam.
     time : array (k,)
-        Instants, s, from 0.
+        Instants, s, from 0, or from the time of the state that the motion continues.
     coordinates, velocities : array (k, 4 n + 4)
         Nodal coordinates and their rates in the laboratory frame.
     clamp_force : array (k, 4)
@@ -68,6 +93,8 @@ class Trajectory:
         Steps of the integrator.
     wall_seconds : float
         Time it took, s, building the integrator included.
+    integrators : tuple of IntegratorUse
+        Which integrator was used from when; more than one where the default changed from IDAS to Radau.
     interrupted : bool
         Whether the run was stopped before its end: then this is what was done.
     """
@@ -81,7 +108,18 @@ class Trajectory:
     base_work: Array
     steps: int
     wall_seconds: float
+    integrators: tuple[IntegratorUse, ...]
     interrupted: bool = False
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Why the default integrator was not used all through."""
+        return tuple(
+            f"radau was used from {use.start:.6g} s on: {use.reason}; method='radau' uses it from the start, "
+            "method='idas' never"
+            for use in self.integrators
+            if use.reason
+        )
 
     @property
     def tip(self) -> Array:
@@ -110,7 +148,7 @@ class Trajectory:
         """
         if not -len(self.time) <= index < len(self.time):
             raise InputError(f"there are {len(self.time)} samples, got {index}", "index")
-        return State(self.coordinates[index], self.velocities[index])
+        return State(self.coordinates[index], self.velocities[index], float(self.time[index]))
 
     def position(self, s: float) -> Array:
         """Return the position of the material point at arc length ``s`` (m), (k, 2), m.

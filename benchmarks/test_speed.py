@@ -81,9 +81,7 @@ def test_two_seconds_of_a_large_swing(benchmark, name):
     """Mode 1 driven 5 mm at resonance, 20 elements, at the default tolerance."""
     beam = model()
     law = law_of(name, beam)
-    run = benchmark.pedantic(
-        lambda: simulate(beam, damping=law, base=SWING, start="moving", duration=2.0), rounds=3, warmup_rounds=1
-    )
+    run = benchmark.pedantic(lambda: simulate(beam, damping=law, base=SWING, duration=2.0), rounds=3, warmup_rounds=1)
     benchmark.extra_info["microseconds_a_step"] = 1e6 * run.wall_seconds / run.steps
     assert np.ptp(run.tip[:, 0]) > 0.1
 
@@ -95,7 +93,7 @@ def test_fine_meshes(benchmark, name, elements):
     beam = model(elements)
     law = law_of(name, beam)
     run = benchmark.pedantic(
-        lambda: simulate(beam, damping=law, base=SWING, start="moving", duration=1.0, sample_rate=200.0),
+        lambda: simulate(beam, damping=law, base=SWING, duration=1.0, sample_rate=200.0),
         rounds=1,
         warmup_rounds=1,
     )

@@ -24,11 +24,9 @@ def held_by(seed: int) -> list[float]:
     """Return 1 for each of eta1 and eta2 that its interval holds, 0 for the others."""
     strip = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 264e3}
     model = Model(Beam.uniform(**strip, elements=3))
-    run = simulate(
-        model, damping=TRUTH, base=BASE, start="moving", duration=1.5, sample_rate=40.0, method="radau", tolerance=1e-7
-    )
+    run = simulate(model, damping=TRUTH, base=BASE, duration=1.5, sample_rate=40.0, method="radau", tolerance=1e-7)
     noise = NOISE * np.random.default_rng(seed).normal(size=run.tip.shape)
-    record = MarkerRecord(run.time, run.tip + noise, base=BASE, start="moving")
+    record = MarkerRecord(run.time, run.tip + noise, base=BASE)
     found = fit_transient(model, record, QuadraticDamping(0.3, 8.0), tolerance=1e-5)
     low, high = found.fit.intervals().T
     return [float(inside) for inside in (low <= [0.6, 4.0]) & ([0.6, 4.0] <= high)]

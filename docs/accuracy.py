@@ -165,9 +165,7 @@ def turning() -> Iterator[str]:
             law = RayleighDamping(beta=1e-3, stiffness=kind)
         cells: list[object] = []
         for method in METHODS:
-            run = simulate(
-                model, base=base, damping=law, start="moving", duration=0.25, sample_rate=200.0, method=method
-            )
+            run = simulate(model, base=base, damping=law, duration=0.25, sample_rate=200.0, method=method)
             cells += [f"{run.dissipated_energy[-1] / run.kinetic_energy[0]:.1e}", run.steps]
         yield row(kind, *cells)
 

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.excitation import BaseMotion, FixedBase
+from ancf_casadi.initial_state import Start
 from ancf_casadi.inputs import array
-from ancf_casadi.simulate import Start
 from ancf_casadi.trajectory import State
 
 EVEN = 1e-6  # of a sampling interval: how far a sample may be off

@@ -320,7 +320,7 @@ def run_transient(transient: Transient) -> TransientResult:
         damping=transient.law,
         base=base,
         sample_rate=sample_rate,
-        start="moving",
+        method="idas",
         tolerance=transient.tolerance,
     )
     if run.interrupted:

@@ -51,7 +51,7 @@ tables of a TOML file:
   [base]        amplitude (m), frequency (Hz), stop (s), direction,
                 stop_at ("rest" or "once")
   [simulation]  duration (s), sample_rate (1/s), method ("idas" or "radau"),
-                start ("equilibrium", "straight" or "moving"), tolerance
+                start ("equilibrium", "straight" or "impact"), tolerance
 """
 
 

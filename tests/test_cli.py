@@ -556,9 +556,9 @@ class TestUnusableInput:
             ("duration = 0.4", "length = 0.4", "[simulation]: the key 'duration' is missing"),
             ("sample_rate = 500.0", "sample_rate = -1", "[simulation]: sample_rate: must be positive, got -1"),
             (
-                'start = "moving"',
-                'start = "running"',
-                "[simulation]: start: must be one of equilibrium, straight, moving",
+                "sample_rate = 500.0",
+                'start = "running"\nsample_rate = 500.0',
+                "[simulation]: start: must be one of equilibrium, straight, impact",
             ),
         ],
     )
@@ -653,7 +653,7 @@ class TestFailure:
 
     def test_an_integrator_that_fails(self, files, capsys):
         """No step can meet a tolerance below rounding; the bar before the line is progress, not the message."""
-        text = (files / "study.toml").read_text().replace('start = "moving"', 'start = "moving"\ntolerance = 1e-30')
+        text = (files / "study.toml").read_text().replace("[simulation]", "[simulation]\ntolerance = 1e-30")
         (files / "study.toml").write_text(text)
         assert main(["simulate", "study.toml", "--out", "motion.csv"]) == 1
         captured = capsys.readouterr()

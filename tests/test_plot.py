@@ -18,7 +18,7 @@ RELEASE = 0.5
 def motion() -> Trajectory:
     beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=3)
     base = HarmonicBase(amplitude=2e-3, frequency=2.0)
-    return simulate(Model(beam), duration=0.2, base=base, start="moving", sample_rate=200.0)
+    return simulate(Model(beam), duration=0.2, base=base, sample_rate=200.0)
 
 
 def record() -> Measurement:

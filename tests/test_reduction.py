@@ -243,7 +243,7 @@ TURNED = SampledBase(TIME, np.zeros((81, 2)), 0.25 * (1 - np.cos(np.pi * TIME / 
 )
 def test_a_beam_on_a_moving_base_that_stops_moves_like_the_full_one_the_closer_the_more_modes(paper_beam, base, limits):
     model, law = Model(paper_beam(elements=8)), RayleighDamping(alpha=0.2, beta=3e-5)
-    settings = {"base": base, "duration": 0.7, "sample_rate": 100.0, "start": "moving"}
+    settings = {"base": base, "duration": 0.7, "sample_rate": 100.0}
     full = simulate(model, damping=law, method="radau", tolerance=1e-6, **settings)
     errors = []
     for m in (1, 3, 5):

@@ -70,7 +70,7 @@ def experiments(draw):
     arguments = {"damping": law, "duration": PERIODS / f, "sample_rate": 50 * f}
     arguments |= {"method": method, "most_steps": MOST_STEPS[method]}
     usual = 1e-8 if method == "idas" else 1e-6
-    small = {"start": "moving", "tolerance": min(usual, 1e-5 * size / length)}  # a small motion wants a small tolerance
+    small = {"tolerance": min(usual, 1e-5 * size / length)}  # a small motion wants a small tolerance
     if kind == "harmonic":
         base = HarmonicBase(amplitude=size, frequency=f, stop=0.6 / f, direction=(np.sin(angle), -np.cos(angle)))
         return model, arguments | {"base": base} | small

@@ -40,7 +40,7 @@ def values(law, model):
     return [np.array([value for _, value in law.parameters]), np.array([BASE.amplitude]), model.properties]
 
 
-@pytest.fixture(scope="module", params=["moving", "equilibrium", "released"])
+@pytest.fixture(scope="module", params=["equilibrium", "straight", "impact", "released"])
 def case(request, model, law):
     """A motion, its values, and its tip as an expression of symbols."""
     start = static_equilibrium(model, tip_force=(0.002, 0.0)) if request.param == "released" else request.param
@@ -103,7 +103,7 @@ def test_reverse_derivatives_are_the_transposed_of_the_forward_ones(case, law, m
 def test_a_motion_stands_in_an_expression_and_its_gradient_finds_the_damping_it_was_made_with(model):
     """Two steps of Gauss and Newton from 20 % off, by the derivatives of the expression."""
     law = RayleighDamping(alpha=0.6)
-    function = motion(model, damping=law, base=BASE, start="moving", **SETTINGS)
+    function = motion(model, damping=law, base=BASE, **SETTINGS)
     fixed = [np.array([BASE.amplitude]), model.properties]
     alpha = cs.MX.sym("alpha")
     measured = function(np.array([0.6]), *fixed)[-4, :]
@@ -117,7 +117,7 @@ def test_a_motion_stands_in_an_expression_and_its_gradient_finds_the_damping_it_
 
 
 def test_values_without_a_motion_give_nan_and_a_warning(model):
-    function = motion(model, base=BASE, start="moving", **SETTINGS)
+    function = motion(model, base=BASE, **SETTINGS)
     at = [np.zeros(0), np.array([BASE.amplitude]), model.properties.copy()]
     at[2][3] = -1.0
     with pytest.warns(RuntimeWarning, match="elastic_modulus"):

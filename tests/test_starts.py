@@ -88,7 +88,7 @@ def test_the_motion_from_an_unknown_load_is_that_of_the_state_and_so_are_its_der
     np.testing.assert_allclose(product.full().ravel(), slopes.T @ weights.ravel(order="F"), rtol=1e-7)
 
 
-@pytest.mark.parametrize("start", ["straight", "moving"])
+@pytest.mark.parametrize("start", ["straight", "impact"])
 def test_a_start_without_a_load_has_none_to_vary(model, start):
     with pytest.raises(InputError, match="start: has no load"):
         motion(model, duration=0.1, start=start, start_load=True)

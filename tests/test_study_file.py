@@ -234,4 +234,4 @@ def test_examples_can_be_read(name):
     if name == "beam.toml":
         assert read_match(path)[1]["targets"] == [1.85, 10.19, 26.84, 53.20, 88.60]
     else:
-        assert read_simulation(path).settings["start"] == "moving"
+        assert read_simulation(path).settings["sample_rate"] == 500.0

@@ -33,7 +33,7 @@ def model():
     return Model(Beam.uniform(**strip, elements=3))
 
 
-def record(model, law, seed, *, base=BASE, start="moving", points=None, duration=1.5):
+def record(model, law, seed, *, base=BASE, start="equilibrium", points=None, duration=1.5):
     """A record of some points, the tip if not given."""
     settings = {"damping": law, "base": base, "start": start, "duration": duration, "sample_rate": 40.0}
     run = simulate(model, method="radau", tolerance=1e-8, **settings)

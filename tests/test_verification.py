@@ -271,9 +271,7 @@ def turned(model, law, speed, method):
     """Motion of a beam under a clamp that turns evenly, begun with its motion."""
     t = np.linspace(0.0, 0.25, 101)
     base = SampledBase(t, np.zeros((101, 2)), speed * t)
-    return simulate(
-        model, base=base, damping=law, start="moving", duration=0.12, sample_rate=500.0, method=method, tolerance=1e-8
-    )
+    return simulate(model, base=base, damping=law, duration=0.12, sample_rate=500.0, method=method, tolerance=1e-8)
 
 
 # ---------------------------------------------------------------------------------------- against each other
@@ -289,7 +287,7 @@ def test_both_integrators_find_the_same_motion_forces_and_energies_also_within_t
         "modal": ModalDamping(natural_modes(thick), (0.02,) * 5) + RayleighDamping(beta=3e-5),
     }[law]
     base = HarmonicBase(0.03, 1.85, stop=0.10003, direction=(0.0, 1.0), stop_at="once") if struck else None
-    start = "moving" if struck else "straight"
+    start = "equilibrium" if struck else "straight"
     settings = {"damping": damping, "base": base, "start": start, "duration": 0.2, "sample_rate": 5000.0}
     idas = simulate(thick, method="idas", tolerance=1e-9, **settings)
     radau = simulate(thick, method="radau", tolerance=1e-8, **settings)
@@ -312,7 +310,6 @@ def test_the_power_of_the_clamps_force_is_the_work_of_the_base(thick, method):
         thick,
         base=HarmonicBase(0.02, 4.0, direction=(0.6, 0.8)),
         damping=RayleighDamping(beta=1e-3),
-        start="moving",
         duration=0.2,
         sample_rate=10_000.0,
         method=method,

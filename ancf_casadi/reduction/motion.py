@@ -23,11 +23,12 @@ from ancf_casadi.compilation import compiled, interpreted
 from ancf_casadi.equations import Equations
 from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import InputError, SimulationError
-from ancf_casadi.excitation import BaseMotion, FixedBase, Piece
+from ancf_casadi.excitation import BaseMotion, Piece
+from ancf_casadi.initial_state import Start, base_of, initial_state
 from ancf_casadi.inputs import positive, whole
 from ancf_casadi.reduction.projection import BASE
 from ancf_casadi.reduction.reduced import STAGES, ReducedModel
-from ancf_casadi.simulate import COMPILED_FROM, Start, initial_state, sample_times
+from ancf_casadi.simulate import COMPILED_FROM, sample_times
 from ancf_casadi.stretches import CLOSE
 from ancf_casadi.trajectory import State
 
@@ -110,7 +111,7 @@ class ReducedTrajectory:
         """
         index = whole(index, "index", -len(self.time), len(self.time) - 1)
         e, e_t = self.reduced.coordinates(self.q[index], self.v[index], self.base[index])
-        return State(e.full().ravel(), e_t.full().ravel())
+        return State(e.full().ravel(), e_t.full().ravel(), float(self.time[index]))
 
 
 def simulate_reduced(
@@ -134,7 +135,7 @@ def simulate_reduced(
         Motion of the clamp; fixed if not given.
     sample_rate : float
         Samples a second in the result, 1/s.
-    start : {"equilibrium", "straight", "moving"}, Equilibrium or State
+    start : {"equilibrium", "straight", "impact"}, Equilibrium or State
         As for ``simulate``; projected on the modes.
     steps_a_period : float
         Steps in a period of the highest mode kept, at least.
@@ -150,19 +151,20 @@ def simulate_reduced(
         If the motion does not stay finite: the steps are too long for it.
     """
     began = time.perf_counter()
-    instants = sample_times(positive(duration, "duration"), positive(sample_rate, "sample_rate"))
-    finish, base = float(instants[-1]), FixedBase() if base is None else base
+    origin = start.time if isinstance(start, State) else 0.0
+    instants = sample_times(positive(duration, "duration"), positive(sample_rate, "sample_rate"), origin)
+    finish, base = float(instants[-1]), base_of(reduced.model, base, start)
     longest = 1 / (float(reduced.modes.frequencies[-1]) * positive(steps_a_period, "steps_a_period"))
-    if finish / longest > MOST_STEPS:
-        raise InputError(f"makes {finish / longest:.1e} steps, more than {MOST_STEPS:.0e}", "steps_a_period")
-    pieces = base.pieces()
+    if (finish - origin) / longest > MOST_STEPS:
+        raise InputError(f"makes {(finish - origin) / longest:.1e} steps, more than {MOST_STEPS:.0e}", "steps_a_period")
+    pieces = [piece for piece in base.pieces() if piece.end > origin]
     state = initial_state(reduced.model, Equations(reduced.model, reduced.law).clamp(pieces[0], base), start)
     small = reduced.rhs.n_instructions() <= COMPILED_UP_TO
-    advance = _advance(reduced, compile_it=small and finish >= COMPILED_FROM)
+    advance = _advance(reduced, compile_it=small and finish - origin >= COMPILED_FROM)
 
     found: list[Array] = []
     moved: list[Array] = []
-    steps, now = 0, 0.0
+    steps, now = 0, origin
     for piece in pieces:
         curve, end = _curve(piece, base), min(piece.end, finish)
         x = project(reduced, state, curve(now).full().ravel())

@@ -1,0 +1,273 @@
+"""The first call of a newcomer, with all defaults: right, quick, and honest about the integrator it used."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    Beam,
+    HarmonicBase,
+    InputError,
+    ModalDamping,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    SampledBase,
+    SimulationError,
+    SweepBase,
+    natural_modes,
+    simulate,
+    static_equilibrium,
+)
+from ancf_casadi.integration import FEWEST_ELEMENTS, IDAS_WORK, SPARE_STEPS
+from ancf_casadi.tolerance import IDAS_LARGEST, IDAS_SHARE, RADAU_SHARE, expected_travel
+from ancf_casadi.trajectory import State
+
+L = 0.5
+RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)  # Table 2 of the paper
+BENDING_STIFFNESS = 210e9 * 5e-3 * 0.5e-3**3 / 12
+
+
+def steel(elements=20, **changes):
+    """The paper's beam, Table 1."""
+    given = {"length": L, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
+    return Model(Beam.uniform(**given, elements=elements, **changes))
+
+
+@pytest.fixture(scope="module")
+def modes():
+    return natural_modes(steel())
+
+
+def quietly(model, **settings):
+    """A run with all defaults, without the warning that tells of a change of the integrator."""
+    with warnings.catch_warnings(action="ignore"):
+        return simulate(model, **settings)
+
+
+# ------------------------------------------------------------------------------------------ right and quick
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mode", "amplitude"), [(0, 5e-3), (1, 1e-3)])
+def test_a_driven_beam_is_followed_to_a_ten_thousandth_of_its_travel_within_few_steps(modes, mode, amplitude):
+    """The impact at the start used to set the mesh ringing: millions of steps of IDAS, and a failure at 3.8 s."""
+    law, base = ModalDamping(modes, RATIOS), HarmonicBase(amplitude, modes.frequencies[mode], stop=0.6)
+    settings = {"damping": law, "base": base, "duration": 1.5}
+    run = quietly(modes.model, **settings)
+    exact = simulate(modes.model, method="radau", tolerance=1e-9, **settings)
+    travel = abs(exact.tip - exact.tip[0]).max()
+    assert travel > 10 * amplitude
+    assert abs(run.tip - exact.tip).max() < 1e-4 * travel
+    assert abs(run.balance_error).max() < 1e-4 * run.kinetic_energy.max()
+    assert run.steps < 150_000
+
+
+def test_an_undamped_release_from_four_fifths_of_the_length_keeps_its_energy():
+    model = steel(axis=(1.0, 0.0), gravity=(0.0, 0.0))
+    start = static_equilibrium(model, tip_force=(0.0, 9.1 * BENDING_STIFFNESS / L**2))
+    assert start.tip[1] > 0.78 * L
+    run = quietly(model, start=start, duration=0.5)
+    assert abs(run.energy - run.energy[0]).max() < 1e-5 * run.energy[0]
+    assert run.steps < 50_000
+    assert abs(run.tip[:, 1]).max() > 0.7 * L
+
+
+def bent(modes, mode, amplitude):
+    """The rest of the beam without gravity under the load that bends it like a mode."""
+    model, free = modes.model, modes.model.free
+    shape = modes.shapes[:, mode] / modes.tip_amplitudes()[mode]
+    load = model.mass(model.properties).sparse() @ shape * amplitude * modes.angular[mode] ** 2
+    e = model.straight.copy()
+    for share in np.linspace(0.2, 1.0, 5):
+        for _ in range(8):
+            off = model.elastic_force(e, model.properties).full().ravel() - share * load
+            stiffness = model.tangent_stiffness(e, model.properties).full()[free, free]
+            e[free] -= np.linalg.solve(stiffness, off[free])
+    return State(e, np.zeros(model.size))
+
+
+@pytest.mark.parametrize(("mode", "amplitude"), [(0, 1e-4), (4, 1e-4), (1, 1e-3), (0, 1e-2), (2, 5e-3)])
+def test_defaults_damp_and_detune_no_mode_by_themselves(mode, amplitude):
+    """Numerical damping below 1e-5 and the frequency within 3e-5, against a motion integrated to 1e-11."""
+    modes = natural_modes(steel(axis=(1.0, 0.0), gravity=(0.0, 0.0)))
+    frequency, start = modes.frequencies[mode], bent(modes, mode, amplitude * L)
+    settings = {"start": start, "duration": 5 / frequency, "sample_rate": 50 * frequency}
+    found = []
+    for run in (quietly(modes.model, **settings), simulate(modes.model, method="radau", tolerance=1e-11, **settings)):
+        rates = modes.coordinates_of(run.velocities + modes.equilibrium.coordinates, mode)
+        share = modes.coordinates_of(run.coordinates, mode) - 1j * rates / modes.angular[mode]
+        omega = np.polyfit(run.time, np.unwrap(np.angle(share)), 1)[0]
+        found.append((-np.polyfit(run.time, np.log(abs(share)), 1)[0] / omega, omega))
+    assert abs(found[0][0] - found[1][0]) < 1e-5
+    assert found[0][1] == pytest.approx(found[1][1], rel=3e-5)
+    assert found[1][1] == pytest.approx(modes.angular[mode], rel=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(20))
+def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
+    """20 calls over base motions, starts and laws; a step costs about 20 us of IDAS or 0.3 ms of Radau."""
+    rng = np.random.default_rng(number)
+    hanging = bool(rng.integers(2))
+    model = steel(int(rng.choice([8, 12, 20])), axis=(0.0, -1.0) if hanging else (1.0, 0.0))
+    modes = natural_modes(model)
+    f = modes.frequencies[rng.integers(3)]
+    law = [
+        None,
+        ModalDamping(modes, RATIOS),
+        RayleighDamping(alpha=0.2, beta=1e-5),
+        QuadraticDamping(eta1=0.1, eta2=0.3),
+        ModalDamping(modes, RATIOS[:1]) + QuadraticDamping(eta2=0.2),
+    ][number % 5]
+    size = L * 10 ** rng.uniform(-4, -1.7)
+    time = np.linspace(0.0, 1.0, 201)
+    base = [
+        HarmonicBase(size, f, stop=0.5),
+        HarmonicBase(size, f, stop=0.3, stop_at="once"),
+        SweepBase(size, (0.5 * f, 2 * f), stop=0.6),
+        SampledBase(time, np.outer(size * np.sin(2 * np.pi * f * time), (1.0, 0.5)), 0.3 * np.sin(3 * time) ** 2),
+        None,
+    ][number // 4]
+    pull = static_equilibrium(model, tip_force=(rng.uniform(0.1, 1.0) * BENDING_STIFFNESS / L**2, 0.0))
+    start = [pull, "straight"][number % 2] if base is None else ["equilibrium", "straight", pull][rng.integers(3)]
+    run = quietly(model, damping=law, base=base, start=start, duration=1.0)
+    scale = max(np.ptp(run.kinetic_energy), np.ptp(run.strain_energy))
+    assert scale > 0.0
+    assert abs(run.balance_error).max() < 1e-4 * scale
+    steps = {use.method: 0.0 for use in run.integrators} | {run.integrators[-1].method: float(run.steps)}
+    assert steps.get("idas", 0.0) <= IDAS_WORK / FEWEST_ELEMENTS + 2 * SPARE_STEPS
+    assert steps.get("radau", 0.0) < 30_000
+
+
+# ------------------------------------------------------------------------- which integrator, and how accurate
+
+
+def test_a_beam_that_rings_is_handed_to_radau_with_one_warning_that_says_when_and_why(modes):
+    """An impact on the clamp sets off modes of the mesh that nothing damps."""
+    base = HarmonicBase(1e-2, modes.frequencies[0])
+    with pytest.warns(UserWarning, match=r"^radau was used from \S+ s on: .*IDAS.*method='radau'") as caught:
+        run = simulate(modes.model, base=base, start="impact", duration=0.3)
+    assert len(caught) == 1 and str(caught[0].message) == run.warnings[0]
+    assert [use.method for use in run.integrators] == ["idas", "radau"]
+    assert run.integrators[0].start == 0.0 and 0.0 < run.integrators[1].start < 0.3
+    assert run.steps < 60_000
+    again = quietly(modes.model, base=base, start="impact", duration=0.3)
+    np.testing.assert_array_equal(again.tip, run.tip)
+    assert again.integrators == run.integrators
+
+
+def test_a_motion_too_small_for_idas_is_left_to_radau(modes):
+    base = HarmonicBase(1e-5, modes.frequencies[0])
+    with pytest.warns(UserWarning, match=r"2\.0e-05 of the length, is so small"):
+        run = simulate(modes.model, base=base, duration=0.2)
+    assert [use.method for use in run.integrators] == ["radau"]
+    assert run.integrators[0].tolerance == pytest.approx(RADAU_SHARE * 1e-5 / L)
+
+
+def test_strict_methods_do_not_change(modes):
+    base = HarmonicBase(1e-2, modes.frequencies[0])
+    with pytest.raises(SimulationError, match="IDAS took too many steps"):
+        simulate(modes.model, base=base, start="impact", duration=0.3, method="idas", options={"max_num_steps": 500})
+    run = simulate(modes.model, base=base, start="impact", duration=0.02, method="radau")
+    assert [(use.method, use.reason) for use in run.integrators] == [("radau", "")]
+    assert run.warnings == ()
+
+
+def test_the_default_follows_the_motion_and_an_explicit_tolerance_is_used_as_given(modes):
+    base = HarmonicBase(5e-3, modes.frequencies[0])
+    run = simulate(modes.model, base=base, duration=0.2)
+    assert run.integrators[0].method == "idas"
+    assert run.integrators[0].tolerance == pytest.approx(IDAS_SHARE * 5e-3 / L)
+    resting = simulate(modes.model, duration=0.02)
+    assert resting.integrators[0].tolerance == IDAS_LARGEST
+    given = simulate(modes.model, base=base, duration=0.02, tolerance=3e-7)
+    assert given.integrators[0].tolerance == 3e-7
+
+
+def test_the_expected_travel_is_that_of_base_and_start():
+    """Base travel, L times its rotation, distance from rest, and v/w_1."""
+    model = steel(4, gravity=(0.0, 0.0))
+    still = np.zeros((2, 12))
+    still[:, 2:4] = model.beam.axis
+    rest = State(model.straight, np.zeros(model.size))
+    assert expected_travel(model, still, rest) < 1e-15
+    moved, turned = still.copy(), still.copy()
+    moved[1, :2] = 3e-3, 4e-3
+    assert expected_travel(model, moved, rest) == pytest.approx(5e-3 / L)
+    turned[1, 2:4] = np.sin(0.2), -np.cos(0.2)
+    assert expected_travel(model, turned, rest) == pytest.approx(0.2)
+    pulled = static_equilibrium(model, tip_force=(1e-3, 0.0))
+    assert expected_travel(model, still, State(pulled.coordinates, rest.velocities)) == pytest.approx(
+        np.hypot(*(pulled.tip - [0.0, -L])) / L
+    )
+    kick = np.zeros(model.size)
+    kick[-4] = 0.1
+    assert expected_travel(model, still, State(model.straight, kick)) == pytest.approx(
+        0.1 / natural_modes(model, count=1).angular[0] / L, rel=1e-2
+    )
+
+
+# ------------------------------------------------------------------------------------ going on from a state
+
+
+BASE = HarmonicBase(5e-3, 1.9, stop=0.4)
+DAMPED = RayleighDamping(alpha=0.3, beta=1e-4)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return simulate(steel(8), damping=DAMPED, base=BASE, duration=0.8, sample_rate=200.0, tolerance=1e-9)
+
+
+@pytest.mark.parametrize("sample", [1, 50, 106, -20])
+@pytest.mark.parametrize("method", ["idas", "radau"])
+def test_going_on_from_any_sample_of_a_driven_run_gives_the_uninterrupted_run(whole, sample, method):
+    """While the base moves, after its stop, and off the samples' grid of the first run."""
+    state = whole.state(sample)
+    assert state.time == whole.time[sample]
+    duration = whole.time[-1] - state.time
+    settings = {"duration": duration, "sample_rate": 200.0, "method": method, "tolerance": 1e-9}
+    rest = simulate(whole.model, damping=DAMPED, base=BASE, start=state, **settings)
+    first = sample % len(whole.time)
+    np.testing.assert_allclose(rest.time, whole.time[first:], atol=1e-12)
+    assert abs(rest.tip - whole.tip[first:]).max() < 1e-6
+    np.testing.assert_allclose(rest.coordinates[0], state.coordinates, atol=1e-15)
+    assert np.ptp(whole.tip[first:, 0]) > 5e-3
+
+
+def test_without_a_base_motion_the_clamp_stays_where_the_state_has_it(whole):
+    """It used to jump back to 0: 100 times the strain energy, and 34 m/s."""
+    assert abs(whole.base[-1, 0]) > 1e-3
+    run = simulate(whole.model, damping=DAMPED, start=whole.state(-1), duration=0.1, sample_rate=200.0, tolerance=1e-9)
+    np.testing.assert_allclose(run.base, np.tile(whole.base[-1], (len(run.time), 1)), atol=1e-15)
+    assert run.strain_energy.max() < 1.5 * whole.strain_energy[whole.time > 0.5].max()
+    assert run.time[0] == whole.time[-1]
+
+
+def test_a_turned_clamp_stays_turned(whole):
+    time = np.linspace(0.0, 0.2, 41)
+    base = SampledBase(time, np.zeros((41, 2)), 0.5 * np.sin(np.pi * time / 0.4) ** 2)
+    turned = simulate(whole.model, damping=DAMPED, base=base, duration=0.3, sample_rate=200.0, tolerance=1e-8)
+    run = simulate(whole.model, damping=DAMPED, start=turned.state(-1), duration=0.1, sample_rate=200.0, tolerance=1e-8)
+    np.testing.assert_allclose(run.slope(0.0), -np.pi / 2 + 0.5, atol=1e-12)
+    assert abs(run.balance_error).max() < 1e-4 * run.kinetic_energy.max()
+
+
+@pytest.mark.parametrize(
+    ("sample", "base", "message"),
+    [
+        (
+            -1,
+            HarmonicBase(5e-3, 1.9),
+            r"^start: the clamp of the state is at \(0\.005, 0\), that of the base motion",
+        ),
+        (20, None, r"^start: the clamp of the state has the velocity \(0\.0\S+, 0\) m/s, the base motion \(0, 0\) m/s"),
+        (20, HarmonicBase(5e-3, 3.8), "^start: the clamp of the state is at"),
+    ],
+)
+def test_a_state_that_does_not_agree_with_the_base_motion_is_refused_in_one_line(whole, sample, base, message):
+    with pytest.raises(InputError, match=message) as caught:
+        simulate(whole.model, base=base, start=whole.state(sample), duration=0.1)
+    assert "\n" not in str(caught.value)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ancf_casadi import (
     Beam,
+    HarmonicBase,
     ModalDamping,
     Model,
     RayleighDamping,
@@ -25,8 +26,8 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.damping import ProportionalStiffness
+from ancf_casadi.integration import Method
 from ancf_casadi.modes import Modes
-from ancf_casadi.simulate import Method
 
 Array = NDArray[np.float64]
 
@@ -41,6 +42,7 @@ BEAM: dict[str, Any] = {
 STIFFNESS = 210e9 * 5e-3 * 0.5e-3**3 / 12
 WEIGHTLESS: dict[str, Any] = {"axis": (1.0, 0.0), "gravity": (0.0, 0.0)}
 SMALL = 1e-3 * LENGTH
+LARGEST_BENDS = (0.5, 0.1, 0.03, 0.01, 0.01)  # of L, tip amplitudes to which 20 elements bend like a mode
 EXACT = 1e-11  # tolerance of the radau runs that others are compared with
 METHODS: tuple[Method, ...] = ("idas", "radau")
 LADDERS: tuple[tuple[Method, tuple[float, ...]], ...] = (
@@ -95,6 +97,52 @@ def small_motion() -> Iterator[str]:
     for (method, tolerance), cells in found.items():
         text = [f"{ratio:.1e}, {shift:.1e}" for ratio, shift, _ in cells]
         yield row(method, f"{tolerance:.0e}", *text, cells[0][2], cells[-1][2])
+
+
+def defaults() -> Iterator[str]:
+    """Numerical damping and frequency error of ten periods of each mode, all settings by default."""
+    model = Model(Beam.uniform(**BEAM, **WEIGHTLESS, elements=20))
+    modes = natural_modes(model)
+    yield row("tip amplitude, of L", *(f"mode {k}" for k in range(1, 6)))
+    yield rule(6)
+    for amplitude in (1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.25, 0.5):
+        cells = []
+        for mode, frequency in enumerate(modes.frequencies.tolist()):
+            if amplitude > LARGEST_BENDS[mode]:
+                cells.append("–")
+                continue
+            settings = {
+                "start": bent(modes, mode, amplitude * LENGTH),
+                "duration": max(0.3, 10 / frequency),
+                "sample_rate": 100 * frequency,
+            }
+            exact = simulate(model, method="radau", tolerance=EXACT, **settings)
+            with warnings.catch_warnings(action="ignore"):
+                run = simulate(model, **settings)
+            ratio, omega = decay_and_frequency(run, modes, mode)
+            true_ratio, true_omega = decay_and_frequency(exact, modes, mode)
+            used = "+".join(use.method for use in run.integrators)
+            cells.append(f"{ratio - true_ratio:.1e}, {omega / true_omega - 1:.1e}, {used} {run.steps}")
+        yield row(f"{amplitude:g}", *cells)
+
+
+def first_calls() -> Iterator[str]:
+    """Compare four first calls with tight ones: hanging, modal damping, driven at a resonance for 2 s, left for 4 s."""
+    model = Model(Beam.uniform(**BEAM, elements=20))
+    modes = natural_modes(model)
+    law = ModalDamping(modes, (0.0100, 0.0028, 0.0028, 0.0023, 0.0030))
+    yield row("driven at", "amplitude, mm", "travel of the tip, of L", "error, of the travel", "steps", "integrators")
+    yield rule(6)
+    for mode, amplitude in ((0, 1e-3), (0, 2e-3), (0, 5e-3), (1, 1e-3)):
+        base = HarmonicBase(amplitude, modes.frequencies[mode], stop=2.0)
+        settings = {"damping": law, "base": base, "duration": 6.0}
+        exact = simulate(model, method="radau", tolerance=1e-10, **settings)
+        with warnings.catch_warnings(action="ignore"):
+            run = simulate(model, **settings)
+        travel = np.abs(exact.tip - exact.tip[0]).max()
+        used = ", ".join(f"{use.method} from {use.start:.2g} s" for use in run.integrators)
+        error = np.abs(run.tip - exact.tip).max() / travel
+        yield row(f"f{mode + 1}", f"{1e3 * amplitude:g}", f"{travel / LENGTH:.3f}", f"{error:.1e}", run.steps, used)
 
 
 def orders() -> Iterator[str]:
@@ -231,6 +279,8 @@ def rule(columns: int) -> str:
 
 
 TABLES: Sequence[Callable[[], Iterator[str]]] = (
+    defaults,
+    first_calls,
     small_motion,
     orders,
     tolerances,

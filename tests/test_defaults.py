@@ -58,7 +58,7 @@ def test_a_driven_beam_is_followed_to_a_ten_thousandth_of_its_travel_within_few_
     run = quietly(modes.model, **settings)
     exact = simulate(modes.model, method="radau", tolerance=1e-9, **settings)
     travel = abs(exact.tip - exact.tip[0]).max()
-    assert travel > 10 * amplitude
+    assert travel > 4 * amplitude
     assert abs(run.tip - exact.tip).max() < 1e-4 * travel
     assert abs(run.balance_error).max() < 1e-4 * run.kinetic_energy.max()
     assert run.steps < 150_000
@@ -121,11 +121,11 @@ def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
         QuadraticDamping(eta1=0.1, eta2=0.3),
         ModalDamping(modes, RATIOS[:1]) + QuadraticDamping(eta2=0.2),
     ][number % 5]
-    size = L * 10 ** rng.uniform(-4, -1.7)
+    size = L * 10 ** rng.uniform(-4, -1.7) * modes.frequencies[0] / f
     time = np.linspace(0.0, 1.0, 201)
     base = [
         HarmonicBase(size, f, stop=0.5),
-        HarmonicBase(size, f, stop=0.3, stop_at="once"),
+        HarmonicBase(size, f, direction=(1.0, 1.0)),
         SweepBase(size, (0.5 * f, 2 * f), stop=0.6),
         SampledBase(time, np.outer(size * np.sin(2 * np.pi * f * time), (1.0, 0.5)), 0.3 * np.sin(3 * time) ** 2),
         None,

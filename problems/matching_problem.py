@@ -94,15 +94,15 @@ def solve(matching: Matching, start: Array) -> Optimum:
     jacobian = external("J", lambda m: response.jacobian(m), [size], (count, size))
     curvature = external("H", lambda m, y: response.curvature(m, y), [size, count], (size, size))
     change = m - cs.DM(space.standard)
-    tied = TIE * np.eye(size) if worst else matching.weights * (matching.unit**2 / WEIGHT)
+    tied = cs.sparsify(cs.DM(TIE * np.eye(size) if worst else matching.weights * (matching.unit**2 / WEIGHT)))
     if worst:
-        f = t + cs.bilin(cs.DM(tied), change, change) / 2
+        f = t + cs.bilin(tied, change, change) / 2
         share = np.ones((count, 1))
         g = [r(m) - t, r(m) + t]
         limits = [(-math.inf, 0.0)] * count + [(0.0, math.inf)] * count
         own_start, own_lower = [float(np.abs(first).max())], 0.0
     else:
-        f = cs.sumsqr(t) / 2 + cs.bilin(cs.DM(tied), change, change) / 2
+        f = cs.sumsqr(t) / 2 + cs.bilin(tied, change, change) / 2
         share = math.sqrt(WEIGHT) * np.eye(count)
         g = [r(m) - math.sqrt(WEIGHT) * t]
         limits = [(0.0, 0.0)] * count
@@ -114,7 +114,8 @@ def solve(matching: Matching, start: Array) -> Optimum:
     blocks = [cs.horzcat(J, -share), cs.horzcat(J, share)] if worst else [cs.horzcat(J, -share)]
     by_x = cs.vertcat(*blocks, cs.MX(cs.horzcat(rows, cs.DM(rows.shape[0], own))))
     of_r = y[:count] + y[count : 2 * count] if worst else y[:count]
-    second = sigma * cs.hessian(f, X)[0] + cs.diagcat(curvature(m, of_r), cs.MX(own, own))
+    of_own = cs.DM(own, own) if worst else cs.DM.eye(own)
+    second = sigma * cs.diagcat(tied, of_own) + cs.diagcat(curvature(m, of_r), cs.MX(own, own))
     solution = solve_nlp(
         {"x": X, "f": f, "g": constraints},
         np.concatenate([start, own_start]),

@@ -13,7 +13,7 @@ K - lambda M is singular along phi alone: with the largest component of dphi hel
 
     (K - lambda M) a = -c + beta M phi,    beta = phi^T c,    phi^T M a = b,
 
-and K z = -y_q - sum_k ((K phi_k)_q)^T a_k.  The derivative by the properties is then, for any number of them,
+and K z = -sum_k ((K phi_k)_q)^T a_k.  The derivative by the properties is then, for any number of them,
 
     y_p = z^T R_p + sum_k (a_k^T ((K - lambda_k M) phi_k)_p - beta_k/2 (phi_k^T M phi_k)_p),
 
@@ -21,8 +21,13 @@ at the cost of one solution for each mode.  With X = (q, p, phi, lambda), its de
 
     L = y + z^T R + sum_k (a_k^T (K - lambda_k M) phi_k - beta_k/2 (phi_k^T M phi_k - 1)),
 
-the second derivatives are y_pp = X_p^T Y, Y = L_XX X_p.  L is a sum over the elements, so its Hessian is needed for one
-element and one mode only; and X_p^T Y is what y_p is for a y with the derivatives Y.  All matrices are banded, so the
+and with u = (q, p), v = (phi, lambda), the second derivatives are
+
+    y_pp = B + B^T + v_p^T L_vv v_p,    B = u_p^T (1/2 L_uu u_p + L_uv v_p),    u_p^T Y = Y_p - R_p^T K^-1 Y_q,
+
+    v_p^T L_vv v_p = -sum_k (beta_k phi_p^T M phi_p + lambda_p^T (a_k^T M phi_p) + (a_k^T M phi_p)^T lambda_p).
+
+L is a sum over the elements, so its Hessian is needed for one element and one mode only.  All matrices are banded: the
 work grows with the square of the number of elements.
 
 References
@@ -156,8 +161,7 @@ class ModalState:
         -------
         array (properties, C)
         """
-        none = np.zeros((self.model.size, of_eigenvalues.shape[1]))
-        return self._by_properties(*self._multipliers(of_eigenvalues, of_shapes, none))
+        return self._by_properties(*self._multipliers(of_eigenvalues, of_shapes))
 
     def curvature(self, directions: Array, of_eigenvalues: Array, of_shapes: Array) -> Array:
         """Return the second derivatives of one combination of eigenvalues and shapes along given directions.
@@ -175,58 +179,69 @@ class ModalState:
         -------
         array (N, N)
         """
-        hessians = self._lagrangian_hessians(of_eigenvalues, of_shapes)
-        several, along = directions.shape[1], scipy.sparse.csr_array(directions).T
-        total = np.empty((several, several))
+        free, several = self.model.free, directions.shape[1]
+        along = scipy.sparse.csr_array(directions).T
+        a, beta, z = self._multipliers(of_eigenvalues[:, None], of_shapes[:, :, None])
+        blocks_of_u = self._lagrangian_blocks(a, beta, z)
+        half, of_norm = np.empty((several, several)), np.zeros((several, several))
+        seen, eigenvalues = np.empty((2, len(beta), several))
+        kept = []
         for begin in range(0, several, COLUMNS):
             columns = slice(begin, begin + COLUMNS)
-            total[:, columns] = along @ self._curvature_along(directions[:, columns], hessians)
-        return (total + total.T) / 2
+            slopes = self.slopes(directions[:, columns])
+            half[:, columns] = along @ self._curvature_along(slopes, blocks_of_u)
+            eigenvalues[:, columns] = slopes.eigenvalues
+            for k, shapes in enumerate(slopes.shapes[:, free]):
+                seen[k, columns] = (self.inertia @ a[k, free, 0]) @ shapes
+            if beta.any():
+                kept.append(slopes.shapes[:, free])
+        if kept:
+            for k, shapes in enumerate(np.concatenate(kept, axis=2)):
+                of_norm -= beta[k] * shapes.T @ (self.inertia @ shapes)
+        half -= eigenvalues.T @ seen
+        return half + half.T + of_norm
 
-    def _lagrangian_hessians(self, of_eigenvalues: Array, of_shapes: Array) -> list[tuple[Part, Array, Array]]:
-        """Return L_XX of the pieces: by (e, p) of the forces, and by (e, p, phi, lambda) of each mode."""
-        count = len(self.eigenvalues)
-        none = np.zeros((self.model.size, 1))
-        a, beta, z = self._multipliers(of_eigenvalues[:, None], of_shapes[:, :, None], none)
-        found = []
+    def _lagrangian_blocks(self, a: Array, beta: Array, z: Array) -> list[tuple[Part, Array]]:
+        """Return 1/2 L_uu and L_uv of the pieces side by side, each (pieces, d + k, d + k + m (d + 1))."""
+        count, found = len(self.eigenvalues), []
         for part in self.structure.parts:
-            pieces = len(part.coordinates)
+            pieces, shared = len(part.coordinates), sum(part.piece.sizes)
             (of_forces,) = blocks(part.piece.force_curvature, *self._of(part), z[part.coordinates, 0])
             inputs = a[:, part.coordinates, 0].reshape(count * pieces, -1), np.repeat(beta, pieces)[:, None]
             (of_modes,) = blocks(part.piece.pencil_curvature, *self._of_modes(part), *inputs)
-            found.append((part, of_forces, of_modes.reshape(count, pieces, *of_modes.shape[1:])))
+            of_modes = of_modes.reshape(count, pieces, *of_modes.shape[1:])[:, :, :shared]
+            of_u = (of_forces + of_modes[:, :, :, :shared].sum(axis=0)) / 2
+            found.append((part, np.concatenate([of_u, *of_modes[:, :, :, shared:]], axis=2)))
         return found
 
-    def _curvature_along(self, directions: Array, hessians: list[tuple[Part, Array, Array]]) -> Array:
-        """Return y_pp along some directions by all the properties, (properties, N)."""
-        slopes, size = self.slopes(directions), self.model.size
-        of_shapes, of_eigenvalues = np.zeros_like(slopes.shapes), np.zeros_like(slopes.eigenvalues)
-        of_coordinates, of_properties = np.zeros_like(slopes.coordinates), np.zeros_like(directions)
-        for part, of_forces, of_modes in hessians:
-            d, shared = part.piece.sizes[0], sum(part.piece.sizes)
-            moved = np.concatenate([slopes.coordinates[part.coordinates], directions[part.properties]], axis=1)
-            by_shared = of_forces @ moved
-            for k, of_mode in enumerate(of_modes):
-                eigenvalue = np.broadcast_to(slopes.eigenvalues[k], (len(moved), 1, directions.shape[1]))
-                local = np.concatenate([moved, slopes.shapes[k, part.coordinates], eigenvalue], axis=1)
-                by_all = of_mode @ local
-                by_shared += by_all[:, :shared]
-                of_shapes[k] += _sum(part.coordinates, by_all[:, shared:-1], size)
-                of_eigenvalues[k] += by_all[:, -1].sum(axis=0)
-            of_coordinates += _sum(part.coordinates, by_shared[:, :d], size)
-            of_properties += _sum(part.properties, by_shared[:, d:], len(directions))
-        return of_properties + self._by_properties(*self._multipliers(of_eigenvalues, of_shapes, of_coordinates))
+    def _curvature_along(self, slopes: Slopes, of_u: list[tuple[Part, Array]]) -> Array:
+        """Return u_p^T (1/2 L_uu u_p + L_uv v_p) along some directions, by all the properties, (properties, N)."""
+        free, several = self.model.free, slopes.directions.shape[1]
+        of_coordinates, total = np.zeros_like(slopes.coordinates), np.zeros_like(slopes.directions)
+        for part, block in of_u:
+            d = part.piece.sizes[0]
+            rows = [slopes.coordinates[part.coordinates], slopes.directions[part.properties]]
+            for shape, eigenvalue in zip(slopes.shapes, slopes.eigenvalues, strict=True):
+                rows += [shape[part.coordinates], np.broadcast_to(eigenvalue, (len(block), 1, several))]
+            local = block @ np.concatenate(rows, axis=1)
+            of_coordinates += _sum(part.coordinates, local[:, :d], self.model.size)
+            total += _sum(part.properties, local[:, d:], len(total))
+        z = np.zeros_like(of_coordinates)
+        z[free] = -self._solve(of_coordinates[free])
+        for part, force_by_property in self._force_slopes:
+            total += _sum(part.properties, force_by_property.transpose(0, 2, 1) @ z[part.coordinates], len(total))
+        return total
 
-    def _multipliers(self, b: Array, c: Array, of_coordinates: Array) -> tuple[Array, Array, Array]:
+    def _multipliers(self, b: Array, c: Array) -> tuple[Array, Array, Array]:
         """Return a (m, 4 n + 4, C), beta (m, C) and z (4 n + 4, C), column by column."""
         free = self.model.free
-        a, beta, z = np.zeros_like(c), np.zeros_like(b), np.zeros_like(of_coordinates)
+        a, beta = np.zeros_like(c), np.zeros_like(b)
+        load, z = np.zeros((2, *c.shape[1:]))
         for k, phi in enumerate(self.shapes[free].T):
             inertia = self.inertia @ phi
             beta[k] = phi @ c[k, free]
             particular = self._pencils[k].solve(np.outer(inertia, beta[k]) - c[k, free])
             a[k, free] = particular + np.outer(phi, b[k] - inertia @ particular)
-        load = of_coordinates.copy()
         for part, by_coordinate, _, _ in self._pencil_slopes:
             for k, block in enumerate(by_coordinate):
                 load += _sum(part.coordinates, block.transpose(0, 2, 1) @ a[k, part.coordinates], len(load))
@@ -313,7 +328,7 @@ class _Pencil:
 
     def solve(self, right: Array) -> Array:
         """Return the solution that is zero in the held coordinate, for columns."""
-        right = self.scale[:, None] * right
+        right = np.multiply(self.scale[:, None], right, order="F")
         right[self.held] = 0.0
         return np.asarray(self.scale[:, None] * self.factors(right))
 

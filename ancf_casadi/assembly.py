@@ -27,7 +27,7 @@ import scipy.sparse
 from scipy.linalg.lapack import dgbtrf, dgbtrs
 
 from ancf_casadi.model import NODE, Model
-from ancf_casadi.parts import Array, Index, Part, beam_parts, blocks, structure_properties, tip_load_part
+from ancf_casadi.parts import Array, Part, beam_parts, blocks, structure_properties, tip_load_part
 
 BAND = 2 * NODE - 1  # diagonals on either side of the main one
 REFINEMENTS = 12  # of a solution, at most
@@ -159,8 +159,3 @@ def refined(solve: Callable[[Array], Array], product: Callable[[Array], Array], 
             break
         last = size
     return x
-
-
-__all__ = [
-    "BAND", "Array", "Index", "Position", "Structure", "factorised", "refined", "relative", "sparse"
-]  # fmt: skip

@@ -44,11 +44,10 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse
-from numpy.typing import NDArray
 
-from ancf_casadi.assembly import BAND, Array, Index, Position, Structure, factorised, sparse
+from ancf_casadi.assembly import BAND, Position, Structure, factorised, sparse
 from ancf_casadi.model import Model
-from ancf_casadi.parts import Part, blocks
+from ancf_casadi.parts import Array, Index, Part, blocks
 
 COLUMNS = 128  # directions taken at once, which products of small matrices hold in cache
 
@@ -185,11 +184,11 @@ class ModalState:
         blocks_of_u = self._lagrangian_blocks(a, beta, z)
         half, of_norm = np.empty((several, several)), np.zeros((several, several))
         seen, eigenvalues = np.empty((2, len(beta), several))
-        kept = []
+        kept: list[Array] = []
         for begin in range(0, several, COLUMNS):
             columns = slice(begin, begin + COLUMNS)
             slopes = self.slopes(directions[:, columns])
-            half[:, columns] = along @ self._curvature_along(slopes, blocks_of_u)
+            half[:, columns] = np.asarray(along @ self._curvature_along(slopes, blocks_of_u))
             eigenvalues[:, columns] = slopes.eigenvalues
             for k, shapes in enumerate(slopes.shapes[:, free]):
                 seen[k, columns] = (self.inertia @ a[k, free, 0]) @ shapes
@@ -291,7 +290,8 @@ class ModalState:
         for part in self.structure.parts:
             shape = len(self.eigenvalues), len(part.coordinates)
             outputs = blocks(part.piece.pencil_slopes, *self._of_modes(part))
-            found.append((part, *(output.reshape(*shape, *output.shape[1:]) for output in outputs)))
+            by_coordinate, by_property, of_norm = (output.reshape(*shape, *output.shape[1:]) for output in outputs)
+            found.append((part, by_coordinate, by_property, of_norm))
         return found
 
     def _of(self, part: Part) -> tuple[Array, Array]:

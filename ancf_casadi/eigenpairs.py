@@ -27,8 +27,10 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse.linalg
 
-from ancf_casadi.assembly import BAND, ROUNDING, Array, Position, Structure, refined, sparse
+from ancf_casadi.assembly import BAND, ROUNDING, Position, Structure, refined, sparse
+from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.model import NODE
+from ancf_casadi.parts import Array
 
 SHIFT = 10.0  # c
 
@@ -49,13 +51,20 @@ def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array,
     -------
     (array (count,), array (free, count)) or None
         Squared angular frequencies, (rad/s)^2, ascending, and shapes.
+
+    Raises
+    ------
+    EquilibriumError
+        If Lanczos' method does not converge.
     """
     _, stiffness, mass = structure.balance(at)
     inertia, product = sparse(mass).tocsr(), structure.stiffness_product(at)
     try:
         vectors = _vectors(stiffness, mass, product, count)
-    except (np.linalg.LinAlgError, scipy.sparse.linalg.ArpackError):
+    except np.linalg.LinAlgError:
         return None
+    except scipy.sparse.linalg.ArpackError as error:
+        raise EquilibriumError(f"the modes were not found: {error}; ask for fewer, or use fewer elements") from None
     eigenvalues = np.empty(count)
     for k, phi in enumerate(vectors.T):
         phi /= np.sqrt(phi @ (inertia @ phi))

@@ -63,12 +63,12 @@ class Equilibrium:
     tip_moment: float = 0.0
     remainder: NDArray[np.float64] | None = None
 
-    @cached_property
+    @property
     def structure(self) -> Structure:
         """The beam and its loads as parts."""
         return Structure.of(self.model, (*self.tip_force, self.tip_moment))
 
-    @cached_property
+    @property
     def exact(self) -> Position:
         """The coordinates and their remainder."""
         if self.remainder is None:

@@ -21,11 +21,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ancf_casadi.assembly import Array, Index, Structure
+from ancf_casadi.assembly import Structure
 from ancf_casadi.eigen_derivatives import ModalState
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.modal_state import modal_state
 from ancf_casadi.modes import Modes
+from ancf_casadi.parts import Array, Index
 
 SPARE = 4  # modes above the highest one that are looked at too
 CERTAIN = 0.5  # MAC beyond which a mode is the only one

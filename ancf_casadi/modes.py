@@ -116,8 +116,10 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
         raise InputError("belongs to another model", "equilibrium")
     found = lowest_modes(equilibrium.structure, equilibrium.exact, count)
     if found is None:
+        short = model.beam.element_length < 1.5 * max(model.beam.thickness)
         raise EquilibriumError(
             "the equilibrium is unstable, so it has no modes; a standing beam may be too slender for its weight"
+            + (", and elements as short as the beam is thick are unstable in bending: use fewer" if short else "")
         )
     shapes = np.zeros((model.size, count))
     shapes[model.free] = found[1]

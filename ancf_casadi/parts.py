@@ -53,7 +53,7 @@ class Piece:
 
     @cached_property
     def stiffness_product(self) -> cs.Function:
-        """(e, p, de, x) -> (K + (dK/de) de) x, as the derivative of the force along x, so that K has no own rounding."""
+        """(e, p, de, x) -> (K + (dK/de) de) x, the derivative of the force along x."""
         e, p = self._symbols()
         de, x = cs.SX.sym("de", self.sizes[0]), cs.SX.sym("x", self.sizes[0])
         along = cs.jtimes(self.force(e, p), e, x)

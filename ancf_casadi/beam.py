@@ -25,7 +25,7 @@ from ancf_casadi.inputs import check_keys, number, positive, read_toml, vector
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 LUMPED = ("tip_mass", "clamp_stiffness")
 MINIMUM_ELEMENTS = 2
-MAXIMUM_ELEMENTS = 10_000  # more are a slip: rounding of positions spoils the statics from some thousand on
+MAXIMUM_ELEMENTS = 10_000  # more are a slip
 SMALLEST, LARGEST = 1e-100, 1e100  # in SI; what is beyond overflows in products
 ROUNDING = 1e-15  # of the length of a unit vector
 

@@ -13,6 +13,9 @@ path is followed rather than another equilibrium found.  The path of the discret
 0.6 rad or so: two Gauss points no longer hold a cubic that curved (measured for a pure end moment with 5 to 10
 elements).  What the loads make unstable (a standing beam beyond buckling) is still an equilibrium:
 ``Equilibrium.is_stable`` tells.
+
+The steps of Newton's method are refined, and one step further, too small to be added to the coordinates, is kept beside
+them (``ancf_casadi.assembly``): on any mesh the balance is met to rounding of the forces.
 """
 
 from __future__ import annotations
@@ -20,18 +23,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as cs
 import numpy as np
 import scipy.sparse
-import scipy.sparse.linalg
 from numpy.typing import NDArray
 
+from ancf_casadi.assembly import Position, Structure, factorised, refined, sparse
+from ancf_casadi.eigenpairs import lowest_modes
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.inputs import number, vector
 from ancf_casadi.model import NODE, Model
 
 NEWTON_ITERATIONS = 12
-NEWTON_TOLERANCE = 1e-11  # of the beam's length (positions) and of 1 (slopes)
+NEWTON_TOLERANCE = 1e-11  # of the beam's length (positions) and of 1/2 (slopes)
 LARGEST_TURN = 0.5  # change of a slope in one load step
 SMALLEST_STEP = 1e-5  # of the load
 
@@ -50,12 +53,27 @@ class Equilibrium:
         Force at the tip, N.
     tip_moment : float
         Moment at the tip, counterclockwise, N m.
+    remainder : array (4 n + 4,), optional
+        Rest that rounding has taken from the coordinates; nothing if not given.
     """
 
     model: Model
     coordinates: NDArray[np.float64]
     tip_force: tuple[float, float] = (0.0, 0.0)
     tip_moment: float = 0.0
+    remainder: NDArray[np.float64] | None = None
+
+    @property
+    def structure(self) -> Structure:
+        """The beam and its loads as parts."""
+        return Structure.of(self.model, (*self.tip_force, self.tip_moment))
+
+    @property
+    def exact(self) -> Position:
+        """The coordinates and their remainder."""
+        if self.remainder is None:
+            return Position.of(self.coordinates)
+        return Position(self.coordinates, self.remainder)
 
     def position(self, s: float) -> NDArray[np.float64]:
         """Return the position of the point at arc length ``s`` (m), (2,), m.
@@ -80,18 +98,12 @@ class Equilibrium:
     @cached_property
     def stiffness(self) -> scipy.sparse.csc_array:
         """Tangent stiffness dR/de of the free coordinates, loads included, sparse."""
-        load = np.array([*self.tip_force, self.tip_moment])
-        _, stiffness = _balance(self.model)(self.coordinates, load, 1.0)
-        return scipy.sparse.csc_array(stiffness.sparse())
+        return sparse(self.structure.balance(self.exact)[1]).tocsc()
 
     @cached_property
     def is_stable(self) -> bool:
         """Whether the tangent stiffness is positive definite."""
-        try:
-            np.linalg.cholesky(self.stiffness.toarray())
-        except np.linalg.LinAlgError:
-            return False
-        return True
+        return lowest_modes(self.structure, self.exact, 1) is not None
 
 
 def static_equilibrium(
@@ -116,10 +128,13 @@ def static_equilibrium(
         If the path of equilibria cannot be followed to the full load.
     """
     force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
-    balance, load = _balance(model), np.array([*force, moment])
-    coordinates, factor, step = model.straight.copy(), 0.0, 1.0
+    rest = Position.of(model.straight)
+    weight = -Structure.of(model).balance(rest)[0]
+    factor, step = 0.0, 1.0
     while factor < 1.0:
-        trial = _newton(model, balance, load, min(factor + step, 1.0), coordinates)
+        share = min(factor + step, 1.0)
+        loaded = Structure.of(model, (share * force[0], share * force[1], share * moment))
+        trial = neighbour(loaded, rest, (1.0 - share) * weight)
         if trial is None:
             step /= 2
             if step < SMALLEST_STEP:
@@ -130,44 +145,44 @@ def static_equilibrium(
                     "value is in the wrong unit"
                 )
             continue
-        coordinates, factor = trial, min(factor + step, 1.0)
+        rest, factor = trial, share
         step *= 2
-    return Equilibrium(model, coordinates, force, moment)
+    return Equilibrium(model, rest.coordinates, force, moment, rest.remainder)
 
 
-def _balance(model: Model) -> cs.Function:
-    """(e, (Fx, Fy, m), s) -> R and dR/de of the free coordinates."""
-    e, load, factor = cs.MX.sym("e", model.size), cs.MX.sym("load", 3), cs.MX.sym("s")
-    slope = e[-2:]
-    theta = cs.atan2(slope[1], slope[0])
-    gravity = model.gravity_force(model.properties, model.beam.gravity)
-    tip = cs.MX(model.interpolation(model.beam.length).T) @ load[:2]
-    moment = load[2] * cs.gradient(theta, e)
-    residual = model.elastic_force(e, model.properties) - factor * (gravity + tip + moment)
-    stiffness = model.tangent_stiffness(e, model.properties) - factor * cs.jacobian(moment, e)
-    return cs.Function("balance", [e, load, factor], [residual[model.free], stiffness[model.free, model.free]])
+def neighbour(structure: Structure, near: Position, held: NDArray[np.float64] | float = 0.0) -> Position | None:
+    """Return the equilibrium next to a position; None if Newton's method does not converge or a slope turns too far.
 
-
-def _newton(
-    model: Model, balance: cs.Function, load: NDArray[np.float64], factor: float, start: NDArray[np.float64]
-) -> NDArray[np.float64] | None:
-    """Solve R(e, factor) = 0 from a neighbouring equilibrium; None if it does not converge or turns too far."""
-    coordinates = start.copy()
-    scale = model.scale[model.free]
+    Parameters
+    ----------
+    structure : Structure
+        The structure and its loads.
+    near : Position
+        Where to start.
+    held : array (free,), optional
+        Forces that act besides and hold back a part of the loads, N and N m; they enter the balance as they are.
+    """
+    model, at = structure.model, near
+    free, scale = model.free, model.scale[model.free]
     slopes = np.arange(model.size).reshape(-1, NODE)[:, 2:]
+    converged = False
     for _ in range(NEWTON_ITERATIONS):
-        residual, stiffness = balance(coordinates, load, factor)
+        at = Position.of(at.coordinates)
+        force, stiffness, _ = structure.balance(at)
+        update = np.zeros(model.size)
         try:
-            factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
-        except RuntimeError:  # exactly singular
+            update[free] = -refined(factorised(stiffness), structure.stiffness_product(at), force + held)
+        except np.linalg.LinAlgError:
             return None
-        update = factors.solve(residual.full().ravel())
+        if converged:
+            return Position(at.coordinates, update)
         if not np.isfinite(update).all():
             return None
-        coordinates[model.free] -= update
-        if np.abs(coordinates[slopes] - start[slopes]).max() > 2 * LARGEST_TURN:
+        at = Position.of(at.coordinates + update)
+        turns = np.linalg.norm(at.coordinates[slopes] - near.coordinates[slopes], axis=1)
+        if turns.max() > 2 * LARGEST_TURN:
             return None
-        if np.abs(update / scale).max() < NEWTON_TOLERANCE:
-            turn = np.linalg.norm(coordinates[slopes] - start[slopes], axis=1).max()
-            return coordinates if turn <= LARGEST_TURN else None
+        converged = np.abs(update[free] / scale).max() < NEWTON_TOLERANCE
+        if converged and turns.max() > LARGEST_TURN:
+            return None
     return None

@@ -21,11 +21,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from ancf_casadi.eigen_derivatives import Array, Index, ModalState
+from ancf_casadi.assembly import Structure
+from ancf_casadi.eigen_derivatives import ModalState
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.modal_state import modal_state
 from ancf_casadi.modes import Modes
-from ancf_casadi.parts import beam_parts, structure_properties
+from ancf_casadi.parts import Array, Index
 
 SPARE = 4  # modes above the highest one that are looked at too
 CERTAIN = 0.5  # MAC beyond which a mode is the only one
@@ -42,9 +43,7 @@ def followed_modes(modes: Modes, numbers: Index) -> ModalState:
     numbers : array of int (m,)
         Which of them, from 0.
     """
-    model = modes.model
-    parts = beam_parts(model)
-    state = modal_state(model, parts, structure_properties(model), modes.equilibrium.coordinates, modes.count)
+    state = modal_state(Structure.of(modes.model), modes.equilibrium.exact, modes.count)
     if state is None:
         raise EquilibriumError("the equilibrium is unstable, so it has no modes to follow")
     shapes = modes.shapes[:, numbers]
@@ -80,7 +79,7 @@ def _step(here: ModalState, properties: Array, any_share: bool) -> ModalState | 
     """Return the modes of a neighbouring state; None where there is none, or a mode is not certain."""
     model = here.model
     count = min(model.size - model.free.start, int(here.numbers.max()) + 1 + SPARE)
-    state = modal_state(model, here.parts, properties, here.coordinates, count)
+    state = modal_state(replace(here.structure, properties=properties), here.at, count)
     if state is None:
         return None
     shares = _shares(here, here.shapes, state)

@@ -5,9 +5,7 @@ of the free coordinates, the modes solve
 
     K phi = omega^2 M phi,        Phi^T M Phi = I,               Eq. (30).
 
-The stiff axial modes put the largest omega^2 some 5e10 times above the smallest, and a solver of (K, M) leaves noise
-of that size in the low frequencies.  The inverted pencil M phi = (1/omega^2) K phi has them as its largest
-eigenvalues and keeps all their digits.
+``ancf_casadi.eigenpairs`` solves for them.
 
 References
 ----------
@@ -21,9 +19,9 @@ from dataclasses import dataclass
 from numbers import Integral
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
+from ancf_casadi.eigenpairs import lowest_modes
 from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.model import Model
@@ -116,22 +114,19 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
         equilibrium = static_equilibrium(model)
     if equilibrium.model != model:
         raise InputError("belongs to another model", "equilibrium")
-    mass = model.mass(model.properties).full()[model.free, model.free]
-    try:
-        inverse_squares, vectors = scipy.linalg.eigh(
-            mass, equilibrium.stiffness.toarray(), subset_by_index=(available - count, available - 1)
-        )
-    except np.linalg.LinAlgError:
+    found = lowest_modes(equilibrium.structure, equilibrium.exact, count)
+    if found is None:
+        short = model.beam.element_length < 1.5 * max(model.beam.thickness)
         raise EquilibriumError(
             "the equilibrium is unstable, so it has no modes; a standing beam may be too slender for its weight"
-        ) from None
-    omega = 1 / np.sqrt(inverse_squares[::-1])
+            + (", and elements as short as the beam is thick are unstable in bending: use fewer" if short else "")
+        )
     shapes = np.zeros((model.size, count))
-    shapes[model.free] = vectors[:, ::-1] * omega  # eigh makes phi^T K phi = 1
+    shapes[model.free] = found[1]
     tip = model.interpolation(model.beam.length) @ shapes
     larger = np.abs(tip).argmax(axis=0)
     shapes *= np.where(tip[larger, np.arange(count)] < 0, -1.0, 1.0)
-    return Modes(equilibrium, omega / (2 * np.pi), shapes)
+    return Modes(equilibrium, np.sqrt(found[0]) / (2 * np.pi), shapes)
 
 
 def modal_assurance(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:

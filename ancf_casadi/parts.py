@@ -52,12 +52,13 @@ class Piece:
         return cs.Function("balance", [e, p], [cs.densify(output) for output in outputs], {"cse": True})
 
     @cached_property
-    def stiffness_change(self) -> cs.Function:
-        """(e, p, de) -> dK along de."""
+    def stiffness_product(self) -> cs.Function:
+        """(e, p, de, x) -> (K + (dK/de) de) x, the derivative of the force along x."""
         e, p = self._symbols()
-        de = cs.SX.sym("de", self.sizes[0])
-        stiffness = cs.jacobian(self.force(e, p), e)
-        return cs.Function("stiffness_change", [e, p, de], [cs.densify(cs.jtimes(stiffness, e, de))], {"cse": True})
+        de, x = cs.SX.sym("de", self.sizes[0]), cs.SX.sym("x", self.sizes[0])
+        along = cs.jtimes(self.force(e, p), e, x)
+        product = cs.densify(along + cs.jtimes(along, e, de))
+        return cs.Function("stiffness_product", [e, p, de, x], [product], {"cse": True})
 
     @cached_property
     def pencil_slopes(self) -> cs.Function:
@@ -136,6 +137,21 @@ def beam_parts(model: Model) -> tuple[Part, ...]:
         given = np.append(of_element, n * len(PROPERTIES) + 1)
         parts.append(Part(_clamp_piece(beam.element_length), np.arange(2 * NODE)[None, :], given[None, :]))
     return tuple(parts)
+
+
+def tip_load_part(model: Model, first: int) -> Part:
+    """Return a load at the tip, its properties (Fx, Fy, m) being those from number ``first`` on."""
+    tip = np.arange(model.size - NODE, model.size)
+    return Part(_load_piece(), tip[None, :], first + np.arange(3)[None, :])
+
+
+@lru_cache(maxsize=1)
+def _load_piece() -> Piece:
+    """Return a force and a moment, which follows the slope of the node."""
+    e, load = cs.SX.sym("e", NODE), cs.SX.sym("load", 3)
+    theta = cs.atan2(e[3], e[2])
+    force = -cs.vertcat(load[:2], load[2] * cs.gradient(theta, e[2:]))
+    return Piece(cs.Function("force", [e, load], [force]), cs.Function("mass", [load], [cs.DM.zeros(NODE, NODE)]))
 
 
 @lru_cache(maxsize=8)

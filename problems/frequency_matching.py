@@ -42,7 +42,7 @@ from problems.measured_modes import MeasuredModes
 
 Array = NDArray[np.float64]
 
-SAME = 1e-7  # relative difference between the frequencies of the program and those computed afresh
+SAME = 1e-9  # relative difference between the frequencies of the program and those computed afresh
 SAME_VALUE = 1e-3  # relative difference between the objectives of one optimum reached twice
 
 

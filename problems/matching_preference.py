@@ -1,13 +1,22 @@
 """Which of the beams that fit is the answer: the one changed least, or the smoothest.
 
 With more unknowns than data a family of beams has the measured modes.  A preference, a small multiple of a quadratic
-form of the unknowns m less their values m_0 at the given beam, picks one:
+form of the factors f(x) on the properties along the beam, x = s/L from 0 to 1, picks one:
 
-    LeastChange    w/2 |m - m_0|^2
-    Smoothness     w/2 sum (f_(i+1) - f_i)^2 over neighbouring elements, f the factors on each property.
+    LeastChange    w/2 sum over the properties of c int_0^1 (f - 1)^2 dx
+    Smoothness     w/2 sum over the properties of int_0^1 (df/dx)^2 dx.
+
+For n elements the integrals are 1/n sum (f_i - 1)^2 and n sum (f_(i+1) - f_i)^2: each element counts by its share of
+the length, so that they, and the answer, converge with the mesh.  For a ``Global`` property, the tip mass and the clamp
+stiffness the first is (f - 1)^2.
+
+The count c is 1 for properties that change as a whole or smoothly, and 20 for ``PerElement``: there a change in one
+twentieth of the beam costs as much as that of a global property.  With c = 1 everywhere, elements would be changed by
+much more than the modulus or the density, as only the mean along the beam would be known as well as these.
 
 The weight w stands against half the sum of the squared residuals, each in units of its standard deviation, or relative
-frequency errors where none are given.  An uncertainty of 10 % known beforehand is w = 1/0.1^2.
+frequency errors where none are given.  An uncertainty of 10 % known beforehand, of a global property or of the mean
+over a twentieth of the beam, is w = 1/0.1^2.
 """
 
 from __future__ import annotations
@@ -20,8 +29,11 @@ from numpy.typing import NDArray
 from ancf_casadi.beam import PROPERTIES
 from ancf_casadi.inputs import positive
 from problems.design_space import DesignSpace
+from problems.matching_unknowns import PerElement
 
 WEIGHT = 1e-8  # what a relative frequency error of 1e-4 costs, a change of 1 in one factor costs too
+PATCHES = 20.0  # c of a property that may change in each element: 1/c of the beam counts as a global property
+SMOOTH = 50.0  # usual weight of smoothness against that of least change
 
 
 @dataclass(frozen=True)
@@ -49,7 +61,13 @@ class LeastChange:
 
     def matrix(self, space: DesignSpace, usual: float) -> NDArray[np.float64]:
         """Return the matrix of the quadratic form, weight included, (N, N)."""
-        return np.eye(space.size) * (usual if self.weight is None else self.weight)
+        weight = usual if self.weight is None else self.weight
+        matrix = np.zeros((space.size, space.size))
+        for unknown in space.unknowns:
+            factors = space.map[space.rows_of(unknown.name)]
+            count = PATCHES if isinstance(unknown, PerElement) else 1.0
+            matrix += weight * count / len(factors) * factors.T @ factors
+        return matrix
 
 
 @dataclass(frozen=True)
@@ -59,7 +77,7 @@ class Smoothness:
     Parameters
     ----------
     weight : float, optional
-        Weight w, as in ``LeastChange``; if not given, 1000 times the usual one of least change.
+        Weight w, as in ``LeastChange``; if not given, 50 times the usual one of least change.
 
     Raises
     ------
@@ -76,11 +94,10 @@ class Smoothness:
 
     def matrix(self, space: DesignSpace, usual: float) -> NDArray[np.float64]:
         """Return the matrix of the quadratic form, weight included, (N, N)."""
-        of_elements = space.map[: len(PROPERTIES) * space.beam.elements]
-        factors = of_elements.reshape(len(PROPERTIES), space.beam.elements, space.size)
-        steps = np.diff(factors, axis=1).reshape(-1, space.size)
-        weight = 1e3 * usual if self.weight is None else self.weight
-        return np.asarray(weight * steps.T @ steps + usual * np.eye(space.size))
+        elements = space.beam.elements
+        steps = np.concatenate([np.diff(space.map[space.rows_of(name)], axis=0) for name in PROPERTIES])
+        weight = SMOOTH * usual if self.weight is None else self.weight
+        return np.asarray(weight * elements * steps.T @ steps + LeastChange().matrix(space, usual))
 
 
 Preference = LeastChange | Smoothness

@@ -3,11 +3,11 @@
 With the residuals r(m), relative frequency errors and what is left of the shapes, in units of the best known one,
 
     least-squares    minimise  1/2 |t|^2 + p(m)/w     subject to  r(m) = w^(1/2) t,    w = 1e-8,
-    worst-error      minimise  s + w' |m - m_0|^2/2   subject to  -s <= f_k(m)/target_k - 1 <= s,
+    worst-error      minimise  s + p(m)  subject to  -s <= f_k(m)/target_k - 1 <= s,
 
-and the bounds.  p is the preference.  The residuals are unknowns t of their own, because computed ones carry a noise
-(3e-12 at 20 elements, 6e-10 at 80): as constraints they are met to it, while the gradient of |r|^2/(2 w) would magnify
-it by 1/w.
+and the bounds.  p is the preference, with worst-error that for the least change.  The residuals are unknowns t of their
+own: as constraints they are met to the rounding of computed ones, while the gradient of |r|^2/(2 w) would magnify it by
+1/w.
 
 Equilibrium and modes are solved for at each m, with exact first and second derivatives
 (``ancf_casadi.eigen_derivatives``).  Stated with equilibrium and eigenpairs as unknowns too the program has no solution
@@ -28,12 +28,12 @@ from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.nlp import solve_nlp
-from problems.matching_preference import WEIGHT
+from problems.matching_preference import WEIGHT, LeastChange
 from problems.matching_response import Matching
 
 Array = NDArray[np.float64]
 
-TIE = 1e-6  # w': what a change of 1 may cost in worst error
+TIE = 1e-6  # weight of p with worst-error: a mean square change of 1 may cost half of it in worst error
 OPTIONS: dict[str, Any] = {
     "no_nlp_grad": True,  # CasADi would differentiate what it cannot
     "ipopt.tol": 1e-8,
@@ -94,15 +94,16 @@ def solve(matching: Matching, start: Array) -> Optimum:
     jacobian = external("J", lambda m: response.jacobian(m), [size], (count, size))
     curvature = external("H", lambda m, y: response.curvature(m, y), [size, count], (size, size))
     change = m - cs.DM(space.standard)
-    tied = TIE * np.eye(size) if worst else matching.weights * (matching.unit**2 / WEIGHT)
+    tie = LeastChange(TIE).matrix(space, TIE) if worst else matching.weights * (matching.unit**2 / WEIGHT)
+    tied = cs.sparsify(cs.DM(tie))
     if worst:
-        f = t + cs.bilin(cs.DM(tied), change, change) / 2
+        f = t + cs.bilin(tied, change, change) / 2
         share = np.ones((count, 1))
         g = [r(m) - t, r(m) + t]
         limits = [(-math.inf, 0.0)] * count + [(0.0, math.inf)] * count
         own_start, own_lower = [float(np.abs(first).max())], 0.0
     else:
-        f = cs.sumsqr(t) / 2 + cs.bilin(cs.DM(tied), change, change) / 2
+        f = cs.sumsqr(t) / 2 + cs.bilin(tied, change, change) / 2
         share = math.sqrt(WEIGHT) * np.eye(count)
         g = [r(m) - math.sqrt(WEIGHT) * t]
         limits = [(0.0, 0.0)] * count
@@ -114,7 +115,8 @@ def solve(matching: Matching, start: Array) -> Optimum:
     blocks = [cs.horzcat(J, -share), cs.horzcat(J, share)] if worst else [cs.horzcat(J, -share)]
     by_x = cs.vertcat(*blocks, cs.MX(cs.horzcat(rows, cs.DM(rows.shape[0], own))))
     of_r = y[:count] + y[count : 2 * count] if worst else y[:count]
-    second = sigma * cs.hessian(f, X)[0] + cs.diagcat(curvature(m, of_r), cs.MX(own, own))
+    of_own = cs.DM(own, own) if worst else cs.DM.eye(own)
+    second = sigma * cs.diagcat(tied, of_own) + cs.diagcat(curvature(m, of_r), cs.MX(own, own))
     solution = solve_nlp(
         {"x": X, "f": f, "g": constraints},
         np.concatenate([start, own_start]),

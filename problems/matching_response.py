@@ -16,10 +16,11 @@ from typing import Any, Literal
 
 import casadi as cs
 import numpy as np
+import scipy.sparse
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from ancf_casadi.eigen_derivatives import ModalState, Slopes
+from ancf_casadi.eigen_derivatives import ModalState
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mode_following import follow, followed_modes
 from ancf_casadi.model import Model
@@ -136,7 +137,8 @@ class Response:
     def __init__(self, matching: Matching, objective: Objective) -> None:
         self.matching = matching
         self._residuals, self._slopes, self._curvature = _residual_functions(matching, objective == "worst-error")
-        self._at: tuple[Array, ModalState, Slopes | None] | None = None
+        self._along = scipy.sparse.csr_array(matching.space.directions).T
+        self._at: tuple[Array, ModalState] | None = None
 
     @property
     def size(self) -> int:
@@ -153,18 +155,8 @@ class Response:
         """
         if self._at is None or not np.array_equal(self._at[0], m):
             space = self.matching.space
-            self._at = m.copy(), follow(self.matching.standard, space.properties(m)), None
+            self._at = m.copy(), follow(self.matching.standard, space.properties(m))
         return self._at[1]
-
-    def slopes(self, m: Array) -> Slopes:
-        """Return the derivatives of the modes by the unknowns."""
-        state = self.state(m)
-        assert self._at is not None
-        slopes = self._at[2]
-        if slopes is None:
-            slopes = state.slopes(self.matching.space.directions)
-            self._at = self._at[0], state, slopes
-        return slopes
 
     def residuals(self, m: Array) -> Array:
         """Return r, (R,)."""
@@ -172,26 +164,33 @@ class Response:
 
     def jacobian(self, m: Array) -> Array:
         """Return dr/dm, (R, N)."""
-        slopes = self.slopes(m)
-        return np.asarray(self._slopes(self._seen(self.state(m))).full() @ self._seen_slopes(slopes))
+        state = self.state(m)
+        return np.asarray(self._slopes(self._seen(state)).full() @ self._seen_slopes(state))
 
     def curvature(self, m: Array, y: Array) -> Array:
         """Return the second derivatives of y^T r, (N, N)."""
-        slopes, state = self.slopes(m), self.state(m)
+        state, space = self.state(m), self.matching.space
         seen, count = self._seen(state), self.matching.measured.count
         of_seen = self._slopes(seen).full().T @ y
-        own = self._seen_slopes(slopes)
         of_shapes = of_seen[count:].reshape(count, -1) @ self.matching.observer
-        curved = own.T @ self._curvature(seen, y).full() @ own
-        return np.asarray(curved + state.curvature(slopes, of_seen[:count], of_shapes))
+        curved = state.curvature(space.directions, of_seen[:count], of_shapes)
+        own = self._seen_slopes(state)
+        return np.asarray(curved + own.T @ self._curvature(seen, y).full() @ own)
 
     def _seen(self, state: ModalState) -> Array:
         """Eigenvalues, and displacements of the points mode by mode."""
         return np.concatenate([state.eigenvalues, (self.matching.observer @ state.shapes).T.ravel()])
 
-    def _seen_slopes(self, slopes: Slopes) -> Array:
-        several = slopes.directions.shape[1]
-        return np.concatenate([slopes.eigenvalues, (self.matching.observer @ slopes.shapes).reshape(-1, several)])
+    def _seen_slopes(self, state: ModalState) -> Array:
+        """Return the derivatives of what is seen by the unknowns, (m + m k, N)."""
+        observer, count = self.matching.observer, len(state.eigenvalues)
+        points = len(observer)
+        of_eigenvalues = np.eye(count, count + count * points)
+        of_shapes = np.zeros((count, state.model.size, count + count * points))
+        for k in range(count):
+            first = count + k * points
+            of_shapes[k, :, first : first + points] = observer.T
+        return np.asarray((self._along @ state.gradient(of_eigenvalues, of_shapes)).T)
 
 
 def _residual_functions(matching: Matching, worst: bool) -> tuple[cs.Function, cs.Function, cs.Function]:

@@ -138,6 +138,22 @@ def test_a_horizontal_beam_sags_under_its_own_weight(paper_beam):
     assert equilibrium.is_stable
 
 
+@pytest.mark.parametrize("elements", [1000, 3000])
+def test_fine_meshes_sag_alike(paper_beam, elements):
+    """Rounding of positions ended Newton's method from 3000 elements on."""
+    equilibrium = static_equilibrium(Model(paper_beam(elements, axis=(1.0, 0.0))))
+    np.testing.assert_allclose(equilibrium.tip, (0.4795670775, -0.1322053449), atol=1.5e-8)
+    assert equilibrium.tip_angle == pytest.approx(-0.3574651341, abs=1e-7)
+
+
+@pytest.mark.parametrize(("share", "stable"), [(0.99999, True), (1.00001, False)])
+def test_fine_meshes_buckle_at_eulers_load(paper_beam, bending_stiffness, share, stable):
+    """The error of the cubic is 1e-13 here; the assembled stiffness is rounded by 1e-4 of the lowest."""
+    beam = paper_beam(1500, axis=(1.0, 0.0), gravity=(0.0, 0.0))
+    load = share * np.pi**2 * bending_stiffness(beam) / (4 * 0.5**2)
+    assert static_equilibrium(Model(beam), tip_force=(-load, 0.0)).is_stable is stable
+
+
 def test_a_hanging_beam_stretches_by_its_weight_alone(hanging):
     """rho g L^2/2E."""
     equilibrium = static_equilibrium(hanging)

@@ -6,6 +6,7 @@ import pytest
 from ancf_casadi import Beam, InputError, Model
 from problems import Global, LeastChange, PerElement, Smooth, Smoothness
 from problems.design_space import DesignSpace
+from problems.matching_preference import PATCHES
 
 ELEMENTS = 6
 
@@ -73,17 +74,34 @@ class TestDesignSpace:
 
 
 class TestPreference:
-    def test_least_change_is_the_distance(self, space):
-        assert LeastChange(weight=4.0).matrix(space, 1e-8) == pytest.approx(4.0 * np.eye(space.size))
-        assert LeastChange().matrix(space, 1e-8) == pytest.approx(1e-8 * np.eye(space.size))
+    def test_least_change_is_the_mean_square_along_the_beam(self, space):
+        """c int (f - 1)^2 dx, with c = 1 for the modulus and the smooth width and 20 for elements."""
+        change = np.random.default_rng(3).standard_normal(space.size)
+        factors = space.factors(space.standard + change)[:-2].reshape(4, ELEMENTS) - 1
+        width, thickness, _, modulus = (factors**2).mean(axis=1)
+        for weight, matrix in (
+            (4.0, LeastChange(weight=4.0).matrix(space, 1e-8)),
+            (0.5, LeastChange().matrix(space, 0.5)),
+        ):
+            assert change @ matrix @ change == pytest.approx(weight * (width + PATCHES * thickness + modulus))
 
-    def test_smoothness_sees_differences_between_neighbours_only(self, space):
+    def test_lumped_properties_count_as_global_ones(self, beam):
+        heavy = DesignSpace(
+            beam.with_(tip_mass=1e-3), (Global("tip_mass"), Global("density"), Smooth("width", terms=1))
+        )
+        assert LeastChange(weight=2.0).matrix(heavy, 0.0) == pytest.approx(2.0 * np.eye(3))
+
+    def test_smoothness_sees_slopes_along_the_beam_only(self, space):
+        """A constant costs nothing, one element out of line n 2 d^2, and a linear taper its slope squared."""
         m = np.zeros(space.size)
         m[0], m[1:7], m[7] = 0.3, 0.2, 0.1  # all constant along the beam
         matrix = Smoothness(weight=2.0).matrix(space, 0.0)
         assert m @ matrix @ m == pytest.approx(0.0, abs=1e-15)
         m[3] += 0.5
-        assert m @ matrix @ m == pytest.approx(2.0 * 2 * 0.5**2)
+        assert m @ matrix @ m == pytest.approx(2.0 * ELEMENTS * 2 * 0.5**2)
+        taper = np.zeros(space.size)
+        taper[8] = 0.3  # from -0.3 to 0.3
+        assert taper @ matrix @ taper == pytest.approx(2.0 * 0.6**2 * (ELEMENTS - 1) / ELEMENTS)
 
 
 class TestUnusable:

@@ -254,7 +254,7 @@ def _run(fit: DecayFit | TransientFit, seed: np.random.SeedSequence, method: Met
 
     settings: dict[str, Any] = {"gauss_newton": True, "forward": True, "options": OPTIONS}
     if isinstance(fit, DecayFit):
-        settings = {"gauss_newton": LAWS[fit.law].dear}
+        settings = {"gauss_newton": LAWS[fit.law].integrated}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # a trial without a motion is stepped back from

@@ -41,6 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from ancf_casadi.autocorrelation import autocorrelation, effective_samples
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.inputs import number
 from ancf_casadi.report import Table
@@ -73,6 +74,8 @@ class Fit:
         Which unknowns are at a bound (n,).
     residuals : ndarray
         What the model leaves unexplained (m,).
+    series : tuple of int
+        Lengths of the series that the residuals are made of, one after the other, each in the order of time.
     jacobian : ndarray
         Derivatives of the residuals (m, n).
     condition : float
@@ -98,6 +101,7 @@ class Fit:
     covariance: NDArray[np.float64]
     at_bound: NDArray[np.bool_]
     residuals: NDArray[np.float64]
+    series: tuple[int, ...]
     jacobian: NDArray[np.float64]
     condition: float
     huber: float
@@ -127,10 +131,14 @@ class Fit:
 
     @property
     def autocorrelation(self) -> float:
-        """Correlation of successive residuals; nan if there are none."""
-        r = self.residuals
-        total = float(r @ r)
-        return float(r[1:] @ r[:-1]) / total if total > 0.0 else math.nan
+        """Correlation of successive residuals of a series; nan if there are none."""
+        rho = autocorrelation(self.residuals, self.series)
+        return float(rho[1]) if len(rho) > 1 else math.nan
+
+    @property
+    def effective_samples(self) -> float:
+        """Number of independent residuals that tell as much as these (``ancf_casadi.autocorrelation``)."""
+        return effective_samples(self.residuals, self.series)
 
     @property
     def standard_errors(self) -> NDArray[np.float64]:
@@ -244,7 +252,7 @@ class Fit:
         columns = ("unknown", "value", "unit", "standard_error", "lower_95", "upper_95", "")
         notes = [
             f"{len(self.residuals)} residuals, rms {self.residual_rms:.3g}, successive ones correlate at "
-            f"{self.autocorrelation:.2f}",
+            f"{self.autocorrelation:.2f}; worth {self.effective_samples:.0f} independent ones",
             f"rank {self.rank} of {len(self.names)}, condition {self.condition:.3g}",
             f"{self.status} after {self.iterations} iterations",
         ]
@@ -280,6 +288,7 @@ class Fit:
             "residuals": len(self.residuals),
             "residual_rms": self.residual_rms,
             "autocorrelation": _known(self.autocorrelation),
+            "effective_samples": self.effective_samples,
             "status": self.status,
             "iterations": self.iterations,
             "solve_seconds": self.solve_seconds,

@@ -142,6 +142,7 @@ def least_squares(
     huber: float = math.inf,
     gauss_newton: bool = False,
     forward: bool = False,
+    series: Sequence[int] = (),
     options: Mapping[str, Any] | None = None,
 ) -> Fit:
     """Estimate unknowns by least squares within their bounds, or by a loss that bears outliers.
@@ -158,6 +159,8 @@ def least_squares(
         Whether to take J' J for the Hessian, where second derivatives are dear, as through an integration.
     forward : bool
         Whether to make the gradient of J then too, where J is kept for the Hessian, as that of ``motion`` is.
+    series : sequence of int
+        Lengths of the series that the residuals are made of, each in the order of time; one if not given.
     options : mapping, optional
         Options of ``nlpsol`` and IPOPT (``"ipopt.max_iter"``); they override those set here.
 
@@ -211,6 +214,7 @@ def least_squares(
         covariance=covariance,
         at_bound=at_bound,
         residuals=remaining,
+        series=tuple(series) or (len(remaining),),
         jacobian=jacobian,
         condition=condition,
         huber=huber,

@@ -23,7 +23,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import get_args
+from typing import Any, get_args
 
 import casadi as cs
 import numpy as np
@@ -130,8 +130,7 @@ def fit_decays(
     FitError
         If the fit does not converge.
     """
-    if law not in get_args(Law):
-        raise InputError(f"must be one of {', '.join(get_args(Law))}, got {law!r}", "law")
+    check_law(law)
     lower, upper = vector(ratio_bounds, "ratio_bounds")
     if not -1.0 < lower < upper < 1.0:
         raise InputError(f"must be in order and between -1 and 1, got ({lower:g}, {upper:g})", "ratio_bounds")
@@ -214,13 +213,17 @@ def _match(
         )
 
     unknowns = [replace(u, guess=start.get(u.name, u.guess)) for u in unknowns]
-    fit = least_squares(residuals, unknowns, gauss_newton=LAWS[model.law].integrated)
+    settings: dict[str, Any] = {
+        "gauss_newton": LAWS[model.law].integrated,
+        "series": [len(t) for t, _ in data],
+    }
+    fit = least_squares(residuals, unknowns, **settings)
     for _ in range(ROBUST_ROUNDS * robust):
         noise = NORMAL * float(np.median(np.abs(fit.residuals)))
         if noise <= ROUNDING * largest.amplitude:
             break
         starts = [replace(u, guess=value) for u, value in zip(unknowns, fit.values.tolist(), strict=True)]
-        fit = least_squares(residuals, starts, huber=HUBER * noise, gauss_newton=LAWS[model.law].integrated)
+        fit = least_squares(residuals, starts, huber=HUBER * noise, **settings)
     return fit, columns
 
 
@@ -252,6 +255,18 @@ def _integrate(
         model, start = replace(model, longest_step=step), dict(zip(fit.names, fit.values.tolist(), strict=True))
         fit, columns = _match(model, records, guesses, ratio_bounds, robust, start)
     return model, fit, columns
+
+
+def check_law(law: Any) -> None:
+    """Check that there is a law of this name.
+
+    Raises
+    ------
+    InputError
+        If not.
+    """
+    if law not in get_args(Law):
+        raise InputError(f"must be one of {', '.join(get_args(Law))}, got {law!r}", "law")
 
 
 def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> Measurement:

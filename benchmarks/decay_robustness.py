@@ -5,8 +5,8 @@
 
 Record k is made from seed k alone: linear, quadratic and mixed damping in turn (with ``--law friction`` friction as
 well), 5 to 2500 periods, 5 to 50 samples per period and at most 40 000 in all, noise of 1e-5 to 0.1 of the amplitude, a
-decay to between 0.9 and exp(-12) of the amplitude.  An estimate that is off by more than five standard errors is
-listed: with normal noise and thousands of estimates there should be none.
+decay to between 0.9 and exp(-12) of the amplitude.  An estimate that is off by more than 2.5 times the half width of its
+interval is listed: that is five standard errors, and with normal noise there should be none.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ SHARES = {
 }
 MOST_SAMPLES = 40_000
 STRONG = 0.02  # damping ratio beyond which Eq. (27) is too far from Eq. (9) and (26) for its errors
-FAR = 5.0  # standard errors
+FAR = 2.5  # half widths of an interval
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +100,11 @@ def main() -> None:
             continue
         seconds.append(time.process_time() - began)
         iterations.append(fit.fit.iterations)
-        held.append([_holds(getattr(fit.intervals, name), value) for name, value in record.truth.items()])
-        off = {name: (getattr(fit, name) - value) / getattr(fit.standard_errors, name)
-               for name, value in record.truth.items()}  # fmt: skip
-        far = ", ".join(f"{name} by {errors:+.1f} standard errors" for name, errors in off.items() if abs(errors) > FAR)
+        off = {name: _distance(getattr(fit.intervals, name), value) for name, value in record.truth.items()}
+        held.append([distance <= 1.0 for distance in off.values()])
+        far = ", ".join(f"{name} by {distance:.1f}" for name, distance in off.items() if distance > FAR)
         if far:
-            print(f"{about}: off in {far}")
+            print(f"{about}: off in {far} half widths")
     print(f"{failed} of {arguments.runs} fits failed; processor time {np.median(seconds):.3f} s in the median, "
           f"{np.quantile(seconds, 0.99):.2f} s at 99 %, {max(seconds):.2f} s at most; iterations "
           f"{np.median(iterations):.0f}, at most {max(iterations)}")  # fmt: skip
@@ -113,8 +112,10 @@ def main() -> None:
     print("the intervals hold the truth:", ", ".join(f"{name} {share:.1%}" for name, share in shares))
 
 
-def _holds(interval: tuple[float, float], value: float) -> bool:
-    return interval[0] <= value <= interval[1]
+def _distance(interval: tuple[float, float], value: float) -> float:
+    """Return the distance of a value from the middle of an interval, in half widths."""
+    low, high = interval
+    return abs(value - (low + high) / 2) / ((high - low) / 2)
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ from problems.decay_laws import LAWS, DecayModel, Law
 from problems.decay_result import ROUNDING, DecayFit, decay_result
 
 RATIO_BOUNDS = (0.0, 0.999)
-INTEGRATION_ERROR = 0.1  # of a standard error: what the integration may shift an estimate by
+INTEGRATION_ERROR = 0.5  # of a standard error, were it the same in all samples; estimates shift by a tenth of that
 INTEGRATIONS = 3  # fits of an integrated law, in which its step settles
 REFINED = 0.7  # of the step before: a shorter one is worth another fit
 HUBER = 1.345  # standard deviations of the noise

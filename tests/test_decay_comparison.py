@@ -94,6 +94,15 @@ def test_the_criteria_count_independent_residuals():
     assert nothing.warnings[0] == "5000 residuals that are worth 4 independent ones are too few to judge the laws by"
 
 
+def test_a_long_linear_decay_is_a_linear_one():
+    """600 periods; the fit of the quadratic law used to fail, and the comparison with it."""
+    time, ω = np.arange(0.0, 12.0, 1e-3), 100 * math.pi
+    y = 1e-2 * np.exp(-3e-3 * ω * time) * np.cos(ω * time) + np.random.default_rng(4).normal(0.0, 1e-4, len(time))
+    comparison = compare_decay_laws(time, y)
+    assert comparison.best.law == "linear"
+    assert comparison.verdict.effective_samples == len(time)
+
+
 def test_the_release_is_detected_once(monkeypatch):
     found, first_guess = [], decay_comparison.first_guess
     monkeypatch.setattr(decay_comparison, "first_guess", lambda *a, **k: found.append(1) or first_guess(*a, **k))

@@ -5,8 +5,8 @@
 
 Record k is made from seed k alone: linear, quadratic and mixed damping in turn (with ``--law friction`` friction as
 well), 5 to 2500 periods, 5 to 50 samples per period and at most 40 000 in all, noise of 1e-5 to 0.1 of the amplitude, a
-decay to between 0.9 and exp(-12) of the amplitude.  An estimate that is off by more than 2.5 times the half width of its
-interval is listed: that is five standard errors, and with normal noise there should be none.
+decay to between 0.9 and exp(-12) of the amplitude.  An estimate that is off by more than 2.5 times the half width of
+its interval is listed: that is five standard errors, and with normal noise there should be none.
 """
 
 from __future__ import annotations

@@ -254,7 +254,7 @@ def test_intervals_allow_for_a_term_at_its_bound(seed, bounded):
     for name, value in truth.items():
         low, high = getattr(fit.intervals, name)
         assert fit.profile_interval(name) == pytest.approx((low, high), abs=0.25 * (high - low))
-        assert low - 0.1 * (high - low) <= value <= high + 0.1 * (high - low)
+        assert low - (high - low) / 2 <= value <= high + (high - low) / 2
     assert fit.intervals.eta1[0] == fit.intervals.eta2[0] == 0.0
 
 

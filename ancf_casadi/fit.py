@@ -8,10 +8,14 @@ order
     C = (phi/w) (J' J)^-1,    phi = sum psi_i^2 / ((m - n) w)             (least squares: w = 1, phi = s^2)
 
 and an interval x_k +- t (C_kk)^1/2 with the quantile t of Student's distribution with m - n degrees of freedom.  An
-interval ends at a bound.  An unknown at its bound is taken as known by the others.  Its own interval begins there and
-ends a distance h inwards, where, with the part p of its column of J that the free unknowns cannot make up for,
+interval ends at a bound.  Standard errors take an unknown at its bound as known, intervals do not.  Its own begins at
+the bound and ends a distance h inwards, where, with the part p = J_k - J c of its column J_k of the Jacobian that the
+free unknowns cannot make up for,
 
     2 (psi' p) h + w p' p h^2 = phi t^2.
+
+Meanwhile the free unknowns move by -c h.  To a quantity q this adds the step s = h (dq/dx_k - dq/dx c), and its
+interval reaches (t^2 C_qq + s^2)^1/2 to the side of s, which is the extent of an ellipse that holds the region below.
 
 The interval by profile likelihood asks less: it is the range of a quantity q(x) over the x within all bounds that have
 2 (L(x) - L_min) <= phi t^2.  Its ends are the solutions of two nonlinear programs, min and max q.  The same level is
@@ -37,6 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from ancf_casadi.autocorrelation import autocorrelation, effective_samples
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.inputs import number
 from ancf_casadi.report import Table
@@ -69,6 +74,8 @@ class Fit:
         Which unknowns are at a bound (n,).
     residuals : ndarray
         What the model leaves unexplained (m,).
+    series : tuple of int
+        Lengths of the series that the residuals are made of, one after the other, each in the order of time.
     jacobian : ndarray
         Derivatives of the residuals (m, n).
     condition : float
@@ -94,6 +101,7 @@ class Fit:
     covariance: NDArray[np.float64]
     at_bound: NDArray[np.bool_]
     residuals: NDArray[np.float64]
+    series: tuple[int, ...]
     jacobian: NDArray[np.float64]
     condition: float
     huber: float
@@ -123,10 +131,14 @@ class Fit:
 
     @property
     def autocorrelation(self) -> float:
-        """Correlation of successive residuals; nan if there are none."""
-        r = self.residuals
-        total = float(r @ r)
-        return float(r[1:] @ r[:-1]) / total if total > 0.0 else math.nan
+        """Correlation of successive residuals of a series; nan if there are none."""
+        rho = autocorrelation(self.residuals, self.series)
+        return float(rho[1]) if len(rho) > 1 else math.nan
+
+    @property
+    def effective_samples(self) -> float:
+        """Number of independent residuals that tell as much as these (``ancf_casadi.autocorrelation``)."""
+        return effective_samples(self.residuals, self.series)
 
     @property
     def standard_errors(self) -> NDArray[np.float64]:
@@ -156,10 +168,8 @@ class Fit:
         InputError
             If the level is not between 0 and 1.
         """
-        half = np.where(self.at_bound, 0.0, quantile(level, self.freedom) * self.standard_errors)
-        reach = self.reach(level)
-        ends = np.array([self.values - half + np.minimum(reach, 0.0), self.values + half + np.maximum(reach, 0.0)])
-        return np.asarray(np.clip(ends, self.lower, self.upper)).T
+        ends = self._ends(self.values, np.eye(len(self.names)), level)
+        return np.asarray(np.clip(ends, self.lower[:, None], self.upper[:, None]))
 
     def derived(self, quantities: Quantities) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return functions of the unknowns, and their standard errors to first order.
@@ -178,25 +188,14 @@ class Fit:
         return values, self._errors(slopes)
 
     def derived_intervals(self, quantities: Quantities, level: float = LEVEL) -> NDArray[np.float64]:
-        """Return the intervals (q, 2) of functions of the unknowns, to first order.
-
-        One that depends only on unknowns at a bound has their interval; otherwise these are taken as known.  Nan for
-        one that depends on no unknown.
+        """Return the intervals (q, 2) of functions of the unknowns, to first order; nan for one that depends on none.
 
         Raises
         ------
         InputError
             If the level is not between 0 and 1.
         """
-        values, slopes = self._linearised(quantities)
-        half = quantile(level, self.freedom) * self._errors(slopes)
-        ends = np.array([values - half, values + half]).T
-        steps = slopes * self.reach(level)
-        bounded = np.isnan(half) & slopes.any(axis=1)
-        one_sided = (
-            values[:, None] + np.array([np.minimum(steps, 0.0).sum(axis=1), np.maximum(steps, 0.0).sum(axis=1)]).T
-        )
-        return np.where(bounded[:, None], one_sided, ends)
+        return self._ends(*self._linearised(quantities), level)
 
     def vagueness(self, names: Sequence[str]) -> float:
         """Return the largest share that one of some unknowns may be off by, in what all of them do to the residuals.
@@ -226,11 +225,13 @@ class Fit:
             for i, j in pairs
         ]
         for k in np.flatnonzero(~self.at_bound).tolist():
-            for bound, end in zip((self.lower[k], self.upper[k]), self.intervals()[k], strict=True):
+            low, high = self.intervals()[k]
+            for bound, end in ((self.lower[k], low), (self.upper[k], high)):
                 if end == bound:
                     notes.append(
                         f"{self.names[k]} cannot be told from {f'its bound {bound:g}' if bound else 'zero'}: "
-                        f"{self.values[k]:.2g} +- {self.standard_errors[k]:.2g} {self.units[k]}".rstrip()
+                        f"{self.values[k]:.2g} {self.units[k]}".rstrip()
+                        + f", anywhere in [{low:.2g}, {high:.2g}]"
                     )
         return tuple(notes)
 
@@ -251,7 +252,7 @@ class Fit:
         columns = ("unknown", "value", "unit", "standard_error", "lower_95", "upper_95", "")
         notes = [
             f"{len(self.residuals)} residuals, rms {self.residual_rms:.3g}, successive ones correlate at "
-            f"{self.autocorrelation:.2f}",
+            f"{self.autocorrelation:.2f}; worth {self.effective_samples:.0f} independent ones",
             f"rank {self.rank} of {len(self.names)}, condition {self.condition:.3g}",
             f"{self.status} after {self.iterations} iterations",
         ]
@@ -287,6 +288,7 @@ class Fit:
             "residuals": len(self.residuals),
             "residual_rms": self.residual_rms,
             "autocorrelation": _known(self.autocorrelation),
+            "effective_samples": self.effective_samples,
             "status": self.status,
             "iterations": self.iterations,
             "solve_seconds": self.solve_seconds,
@@ -314,20 +316,34 @@ class Fit:
         errors = np.sqrt(np.sum((slopes[:, free] @ self.covariance[np.ix_(free, free)]) * slopes[:, free], axis=1))
         return np.where(slopes[:, free].any(axis=1), errors, math.nan)
 
-    def reach(self, level: float) -> NDArray[np.float64]:
-        """Return how far from its bound each unknown there may be, with the sign of the way inwards; 0 if not there."""
-        reach = np.zeros(len(self.names))
+    def _ends(self, values: NDArray[np.float64], slopes: NDArray[np.float64], level: float) -> NDArray[np.float64]:
+        """Return the intervals (q, 2) of quantities with these values (q,) and derivatives by the unknowns (q, n)."""
+        half = np.nan_to_num(quantile(level, self.freedom) * self._errors(slopes))
+        with np.errstate(invalid="ignore"):  # of what may go anywhere, at no slope
+            steps = slopes @ self.moves(level)
+        below, above = (np.hypot(half, np.linalg.norm(np.fmax(side * steps, 0.0), axis=1)) for side in (-1.0, 1.0))
+        ends = np.array([values - below, values + above]).T
+        ends[~slopes.any(axis=1) | (self.freedom == 0)] = math.nan
+        return ends
+
+    def moves(self, level: float) -> NDArray[np.float64]:
+        """Return the changes (n, b) of all unknowns as one of the b at a bound goes inwards as far as it may."""
+        moves = np.zeros((len(self.names), int(np.count_nonzero(self.at_bound))))
         slope, curvature = self._influence()
         room = self.dispersion * quantile(level, self.freedom) ** 2
-        free = self.jacobian[:, ~self.at_bound] * self.scale[~self.at_bound]
-        for k in np.flatnonzero(self.at_bound).tolist():
+        free, scale = ~self.at_bound, self.scale[~self.at_bound]
+        scaled = self.jacobian[:, free] * scale
+        for move, k in zip(moves.T, np.flatnonzero(self.at_bound).tolist(), strict=True):
             inwards = 1.0 if self.values[k] == self.lower[k] else -1.0
             column = inwards * self.jacobian[:, k]
-            column = column - free @ np.linalg.lstsq(free, column)[0]
+            made_up = np.linalg.lstsq(scaled, column)[0]
+            column = column - scaled @ made_up
             g, a = max(float(slope @ column), 0.0), curvature * float(column @ column)
             slowness = g + math.sqrt(g**2 + a * room)
-            reach[k] = inwards * (room / slowness if slowness > 0.0 else math.inf)
-        return reach
+            reach = room / slowness if slowness > 0.0 else math.inf
+            move[k] = inwards * reach
+            move[free] = -reach * scale * made_up if math.isfinite(reach) else 0.0
+        return moves
 
 
 def influence(residuals: NDArray[np.float64], huber: float) -> tuple[NDArray[np.float64], float]:

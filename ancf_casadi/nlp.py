@@ -49,6 +49,7 @@ TIGHT: Mapping[str, Any] = {
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.max_iter": 300,
 }
+LEAST_BARRIER, MOST_BARRIER = 1e-12, 0.1  # the tolerance, and the default of IPOPT
 AT_BOUND = 1e-6  # of the scale: what an interior point method leaves between an unknown and its bound
 ADVICE = {
     "Maximum_Iterations_Exceeded": "the iteration limit was reached; start closer, or raise 'ipopt.max_iter'",
@@ -141,6 +142,7 @@ def least_squares(
     huber: float = math.inf,
     gauss_newton: bool = False,
     forward: bool = False,
+    series: Sequence[int] = (),
     options: Mapping[str, Any] | None = None,
 ) -> Fit:
     """Estimate unknowns by least squares within their bounds, or by a loss that bears outliers.
@@ -157,6 +159,8 @@ def least_squares(
         Whether to take J' J for the Hessian, where second derivatives are dear, as through an integration.
     forward : bool
         Whether to make the gradient of J then too, where J is kept for the Hessian, as that of ``motion`` is.
+    series : sequence of int
+        Lengths of the series that the residuals are made of, each in the order of time; one if not given.
     options : mapping, optional
         Options of ``nlpsol`` and IPOPT (``"ipopt.max_iter"``); they override those set here.
 
@@ -179,7 +183,7 @@ def least_squares(
         raise InputError(f"{evaluate.size1_out(0)} values cannot determine {len(names)} unknowns", "residuals")
     z = cs.MX.sym("z", len(names))
     r = residuals(*cs.vertsplit(cs.DM(scale) * z))
-    _, jacobian = _numbers(evaluate, guess / scale)
+    remaining, jacobian = _numbers(evaluate, guess / scale)
     weight = float(np.max(np.sum(jacobian**2, axis=0)))
     if not (math.isfinite(weight) and weight > 0.0):
         raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
@@ -190,7 +194,7 @@ def least_squares(
         guess / scale,
         lower=lower / scale,
         upper=upper / scale,
-        options={**TIGHT, **(options or {})},
+        options={**TIGHT, "ipopt.mu_init": _barrier(remaining, weight), **(options or {})},
     )
 
     at_lower = solution.x - lower / scale < AT_BOUND
@@ -210,6 +214,7 @@ def least_squares(
         covariance=covariance,
         at_bound=at_bound,
         residuals=remaining,
+        series=tuple(series) or (len(remaining),),
         jacobian=jacobian,
         condition=condition,
         huber=huber,
@@ -218,6 +223,14 @@ def least_squares(
         solve_seconds=solution.solve_seconds,
         model=evaluate,
     )
+
+
+def _barrier(residuals: NDArray[np.float64], weight: float) -> float:
+    """Return the barrier parameter to start with: what one residual adds to the objective at the guess.
+
+    The default of IPOPT, 0.1, outweighs residuals that are small at a good guess, and drives the unknowns off it.
+    """
+    return float(np.clip(np.mean(residuals**2) / (2 * weight), LEAST_BARRIER, MOST_BARRIER))
 
 
 def residual_function(residuals: Callable[..., cs.MX], scale: NDArray[np.float64]) -> cs.Function:

@@ -13,11 +13,13 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from ancf_casadi.decay import first_guess
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import number
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.report import Table
 from problems.criteria import Candidate, Verdict, judge
-from problems.decay_fitting import fit_decay
+from problems.decay_fitting import as_record, check_law, fit_from
 from problems.decay_laws import LAWS, Law
 from problems.decay_result import DecayFit
 
@@ -37,7 +39,7 @@ class DecayComparison:
     @cached_property
     def verdict(self) -> Verdict:
         """What the criteria say."""
-        return judge([_candidate(fit) for fit in self.fits])
+        return judge([Candidate.of(fit.law, fit.fit, LAWS[fit.law].terms or ("zeta",)) for fit in self.fits])
 
     @property
     def aicc(self) -> tuple[float, ...]:
@@ -66,7 +68,7 @@ class DecayComparison:
                 fit.law,
                 fit.fit.rank + 1,
                 fit.residual_rms,
-                aicc - min(self.aicc),
+                aicc - min(self.aicc) if math.isfinite(aicc) else None,
                 bic - min(self.bic),
                 fit.fit.autocorrelation,
                 ", ".join(fit.at_bound),
@@ -89,11 +91,12 @@ class DecayComparison:
         return {
             "best": self.best.law,
             "settled": self.verdict.settled,
+            "effective_samples": self.verdict.effective_samples,
             "laws": [
                 {
                     "law": fit.law,
                     "estimated": fit.fit.rank + 1,
-                    "aicc": aicc,
+                    "aicc": aicc if math.isfinite(aicc) else None,
                     "bic": bic,
                     "residual_rms_m": fit.residual_rms,
                     "autocorrelation": fit.fit.autocorrelation if math.isfinite(fit.fit.autocorrelation) else None,
@@ -136,12 +139,10 @@ def compare_decay_laws(
     """
     if isinstance(laws, str) or not laws:
         raise InputError(f"must be a sequence of laws, got {laws!r}", "laws")
-    fits = tuple(
-        fit_decay(time, displacement, law=law, offset=offset, drift=drift, release_time=release_time) for law in laws
-    )
-    return DecayComparison(fits)
-
-
-def _candidate(fit: DecayFit) -> Candidate:
-    vagueness = fit.fit.vagueness(LAWS[fit.law].terms or ("zeta",))
-    return Candidate(fit.law, fit.samples, fit.residual_rms, fit.fit.rank, fit.fit.autocorrelation, vagueness)
+    for law in laws:
+        check_law(law)
+    record = as_record(time, displacement)
+    release = None if release_time is None else number(release_time, "release_time")
+    guess = first_guess(record, release_time=release, offset=offset, drift=drift)
+    fits = [fit_from([guess], [record], law=law, offset=offset, drift=drift)[0] for law in laws]
+    return DecayComparison(tuple(fits))

@@ -60,9 +60,9 @@ class DecayLaw:
     quantities: Callable[..., cs.MX]
 
     @property
-    def dear(self) -> bool:
-        """Whether second derivatives cost more than the iterations they save: of an integration, or with friction."""
-        return self.curve is None or "eta0" in self.terms
+    def integrated(self) -> bool:
+        """Whether the curve is integrated: second derivatives then cost more than the iterations they save."""
+        return self.curve is None
 
 
 def _linear_shared(guess: DecayGuess, ratio_bounds: tuple[float, float]) -> list[Unknown]:
@@ -150,13 +150,13 @@ class DecayModel:
     drift : bool
         Whether it may move, at a constant velocity.
     longest_step : float
-        Longest step, if the law has to be integrated, s.
+        Longest step, if the law is integrated, s.
     """
 
     law: Law
     offset: bool
     drift: bool
-    longest_step: float
+    longest_step: float = math.inf
 
     def shared(self, guess: DecayGuess, ratio_bounds: tuple[float, float]) -> list[Unknown]:
         """Return the unknowns of the mode."""

@@ -5,6 +5,7 @@ Each law is fitted to all records by the nonlinear beam (``transient_fitting``);
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -42,14 +43,7 @@ class LawComparison:
         """What the criteria say."""
         return judge(
             [
-                Candidate(
-                    name,
-                    len(one.fit.residuals),
-                    one.fit.residual_rms,
-                    one.fit.rank,
-                    one.fit.autocorrelation,
-                    one.fit.vagueness([own for own, _ in named_parameters(one.law)]),
-                )
+                Candidate.of(name, one.fit, [own for own, _ in named_parameters(one.law)])
                 for name, one in zip(self.names, self.fits, strict=True)
             ]
         )
@@ -67,7 +61,7 @@ class LawComparison:
                 name,
                 fit.fit.rank + 1,
                 fit.fit.residual_rms,
-                aicc - min(verdict.aicc),
+                aicc - min(verdict.aicc) if math.isfinite(aicc) else None,
                 bic - min(verdict.bic),
                 fit.fit.autocorrelation,
                 ", ".join(f"{own} {value:.4g}" for own, value in zip(fit.fit.names, fit.fit.values, strict=True)),
@@ -97,8 +91,9 @@ class LawComparison:
         return {
             "best": self.names[verdict.best],
             "settled": verdict.settled,
+            "effective_samples": verdict.effective_samples,
             "laws": [
-                {"law": name, "aicc": aicc, "bic": bic, **fit.to_dict()}
+                {"law": name, "aicc": aicc if math.isfinite(aicc) else None, "bic": bic, **fit.to_dict()}
                 for name, fit, aicc, bic in zip(self.names, self.fits, verdict.aicc, verdict.bic, strict=True)
             ],
             "warnings": list(verdict.warnings),

@@ -29,7 +29,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.inputs import number
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.nlp import Unknown, least_squares
-from problems.decay_fitting import RATIO_BOUNDS, STEP, as_record, fit_decay
+from problems.decay_fitting import RATIO_BOUNDS, as_record, fit_decay
 from problems.decay_laws import DecayModel
 from problems.decay_result import DecayFit, decay_result
 
@@ -77,7 +77,7 @@ def fit_modes(
     parts: list[tuple[DecayModel, tuple[int, ...]]] = []
     left, reason = record, ""
     for mode in range(1, count + 1):
-        model = DecayModel("linear", offset and mode == 1, False, STEP)
+        model = DecayModel("linear", offset and mode == 1, False)
         try:
             guess = first_guess(left, release_time=release, offset=model.offset)
             alone = fit_decay(left, offset=model.offset, release_time=release)

@@ -6,10 +6,13 @@ With the fitted curve r(x) and the residuals e of a record of m values,
     bootstrap     y* = r(x) + e*,       e* drawn from the residuals, centred and grown by (m/(m - n))^1/2
 
 are fitted as the record was, each from its estimates.  Where successive residuals correlate at rho, single ones make
-records that scatter too little: blocks of successive ones are drawn instead, around the end to the beginning, of the
-length that is best for an autoregressive process of order 1,
+records that scatter too little: blocks of successive ones are drawn instead, of the length that is best for an
+autoregressive process of order 1,
 
     l = (2 |rho|/(1 - rho^2))^(2/3) m^(1/3).
+
+The residuals of each series, one coordinate of one record, are drawn from that series alone: a block lies within it, or
+runs around its end to its beginning.
 
 Run k has the k-th child of the seed, so that the numbers do not depend on where and in which order the runs take place.
 
@@ -221,12 +224,18 @@ def monte_carlo(
 
 
 def block_length(fit: Fit) -> int:
-    """Return how many successive residuals belong together: 1 where they do not correlate."""
+    """Return the number of successive residuals to draw together: 1 where they do not correlate."""
     m, rho = len(fit.residuals), fit.autocorrelation
     if not abs(rho) > WHITE / math.sqrt(m):
         return 1
     best: float = (2 * abs(rho) / (1 - rho**2)) ** (2 / 3) * m ** (1 / 3)
-    return max(1, min(m // 2, round(best)))
+    return max(1, min(min(fit.series) // 2, round(best)))
+
+
+def drawn(size: int, block: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Return the positions (size,) of samples drawn from a series in blocks, the end followed by the beginning."""
+    starts = rng.integers(size, size=-(-size // block))
+    return np.asarray((starts[:, None] + np.arange(block)).ravel()[:size] % size)
 
 
 def _run(fit: DecayFit | TransientFit, seed: np.random.SeedSequence, method: Method, block: int) -> Array | str:
@@ -236,10 +245,8 @@ def _run(fit: DecayFit | TransientFit, seed: np.random.SeedSequence, method: Met
     if method == "parametric":
         noise = math.sqrt(one.residuals @ one.residuals / one.freedom) * rng.standard_normal(m)
     else:
-        centred = one.residuals - one.residuals.mean()
-        starts = rng.integers(m, size=-(-m // block))
-        drawn = (starts[:, None] + np.arange(block)).ravel()[:m] % m
-        noise = math.sqrt(m / one.freedom) * centred[drawn]
+        centred = [part - part.mean() for part in np.split(one.residuals, np.cumsum(one.series)[:-1])]
+        noise = math.sqrt(m / one.freedom) * np.concatenate([part[drawn(len(part), block, rng)] for part in centred])
     unknowns = [
         Unknown(name, guess, scale, lower, upper, unit)
         for name, guess, scale, lower, upper, unit in zip(
@@ -254,7 +261,7 @@ def _run(fit: DecayFit | TransientFit, seed: np.random.SeedSequence, method: Met
 
     settings: dict[str, Any] = {"gauss_newton": True, "forward": True, "options": OPTIONS}
     if isinstance(fit, DecayFit):
-        settings = {"gauss_newton": LAWS[fit.law].dear}
+        settings = {"gauss_newton": LAWS[fit.law].integrated}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # a trial without a motion is stepped back from

@@ -230,6 +230,7 @@ def fit_transient(
             huber=robust,
             gauss_newton=True,
             forward=True,
+            series=[record.columns.shape[1] for record in problem.records for _ in record.columns],
             options=OPTIONS,
         )
     found = dict(zip(names, fit.values.tolist(), strict=True))

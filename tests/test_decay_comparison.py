@@ -9,7 +9,8 @@ import pytest
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.friction import friction_decay
-from problems import compare_decay_laws
+from problems import compare_decay_laws, decay_comparison, decay_fitting, fit_decay
+from problems.criteria import Candidate, judge
 
 TIME = np.arange(0.0, 5.0, 1 / 500)
 TRUTHS = {"linear": (0.0, 0.25, 0.0), "quadratic": (0.0, 0.15, 0.5), "friction": (0.1, 0.15, 0.5)}
@@ -55,10 +56,65 @@ def test_coloured_residuals_are_named():
     coloured = np.convolve(np.random.default_rng(1).standard_normal(2501), [1.0, 0.6], "valid") * 2e-4
     comparison = compare_decay_laws(TIME, record("quadratic", noise=0.0) + coloured)
     (warning,) = [w for w in comparison.warnings if "correlate" in w]
-    rho = comparison.best.fit.autocorrelation
-    assert rho == pytest.approx(0.6 / 1.36, abs=0.06)
-    assert f"2500 samples count as {2500 * (1 - rho) / (1 + rho):.0f}" in warning
+    rho = 0.6 / 1.36
+    assert comparison.best.fit.autocorrelation == pytest.approx(rho, abs=0.06)
+    assert comparison.verdict.effective_samples == pytest.approx(2500 / (1 + 2 * rho), rel=0.1)
+    assert f"count 2500 samples as {comparison.verdict.effective_samples:.0f}" in warning
     assert not any("correlate" in w for w in compare_decay_laws(TIME, record("quadratic")).warnings)
+
+
+def test_a_misfit_that_none_of_the_laws_explains_settles_nothing():
+    """A second mode of 3 % is no noise: what it leaves repeats itself.  Counted one by one, the samples settled it."""
+    second = 2e-3 * np.cos(2 * math.pi * 3.1 * TIME) * np.exp(-TIME)
+    comparison = compare_decay_laws(TIME, record("linear", noise=5e-5) + second)
+    white = [
+        2500 * math.log(np.mean(fit.residuals**2)) + (fit.fit.rank + 1) * math.log(2500) for fit in comparison.fits
+    ]
+    assert sorted(white)[1] - sorted(white)[0] > 10
+    assert comparison.best.fit.autocorrelation > 0.95
+    assert comparison.verdict.effective_samples < 100
+    assert not comparison.verdict.settled
+    assert any(warning.endswith("no law tells all") for warning in comparison.warnings)
+
+
+def test_the_criteria_count_independent_residuals():
+    """The same misfits, worth fewer: what was clear is not."""
+    fitted = [("first", 1.00e-3, 3), ("second", 0.99e-3, 4)]
+    white, coloured = (
+        judge([Candidate(name, 5000, n, rms, rank, 0.0) for name, rms, rank in fitted]) for n in (5000.0, 250.0)
+    )
+    assert white.settled and white.best == 1
+    assert not coloured.settled and coloured.best == 0
+    for n, verdict in ((5000, white), (250, coloured)):
+        assert verdict.bic[1] - verdict.bic[0] == pytest.approx(2 * n * math.log(0.99) + math.log(n))
+        aicc = 2 * n * math.log(0.99) + 2 + 60 / (n - 6) - 40 / (n - 5)
+        assert verdict.aicc[1] - verdict.aicc[0] == pytest.approx(aicc)
+    nothing = judge([Candidate(name, 5000, 4.0, rms, rank, 0.9) for name, rms, rank in fitted])
+    assert not nothing.settled
+    assert nothing.warnings[0] == "5000 residuals that are worth 4 independent ones are too few to judge the laws by"
+
+
+def test_a_long_linear_decay_is_a_linear_one():
+    """600 periods; the fit of the quadratic law used to fail, and the comparison with it."""
+    time, ω = np.arange(0.0, 12.0, 1e-3), 100 * math.pi
+    y = 1e-2 * np.exp(-3e-3 * ω * time) * np.cos(ω * time) + np.random.default_rng(4).normal(0.0, 1e-4, len(time))
+    comparison = compare_decay_laws(time, y)
+    assert comparison.best.law == "linear"
+    assert comparison.verdict.effective_samples == len(time)
+
+
+def test_the_release_is_detected_once(monkeypatch):
+    found, first_guess = [], decay_comparison.first_guess
+    monkeypatch.setattr(decay_comparison, "first_guess", lambda *a, **k: found.append(1) or first_guess(*a, **k))
+    monkeypatch.setattr(decay_fitting, "first_guess", lambda *a, **k: found.append(1) or first_guess(*a, **k))
+    rest = np.arange(0.0, 5.5, 1 / 500)
+    y = np.concatenate([np.full(250, record("linear")[0]), record("linear")])
+    comparison = compare_decay_laws(rest, y)
+    assert found == [1]
+    assert {fit.release_reason for fit in comparison.fits} == {"the end of rest"}
+    alone = fit_decay(rest, y, law="quadratic")
+    assert comparison.fits[1].release_time == alone.release_time
+    np.testing.assert_array_equal(comparison.fits[1].fit.values, alone.fit.values)
 
 
 def test_a_record_that_is_too_short_and_noisy_cannot_tell():

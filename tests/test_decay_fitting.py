@@ -3,6 +3,7 @@
 import json
 import math
 import pickle
+from dataclasses import replace
 from pathlib import Path
 
 import casadi as cs
@@ -203,6 +204,78 @@ def test_a_noisy_quadratic_decay_says_how_little_it_tells_of_eta2(frequency, η1
     uncertain = 1.961 * fit.standard_errors.eta2 > fit.eta2
     assert any("eta2 cannot be told from zero" in warning for warning in fit.warnings) == uncertain
     assert (fit.intervals.eta2[0] == 0.0) == uncertain
+
+
+# Periods, samples per period, periods in which the amplitude falls to 1/e, share of drag, and the seeds of the noise.
+LONG = [
+    (600, 5, 600 / 11.3, 0.0, (17, 21, 25, 30, 35, 41)),
+    (600, 6, 60.0, 0.0, (3, 10, 16, 18, 19, 22, 31, 37)),
+    (800, 6, 800 / 14, 0.5, (6, 9, 15, 48, 49, 61)),
+]
+
+
+@pytest.mark.parametrize(
+    ("periods", "rate", "life", "share", "seed"), [(*about, seed) for *about, seeds in LONG for seed in seeds]
+)
+def test_a_long_decay_is_fitted_from_its_first_guess(periods, rate, life, share, seed):
+    """Where the barrier of IPOPT outweighed the residuals at the guess, the amplitude ran to zero."""
+    time, e0, ratio = np.arange(periods * rate) / rate, 0.01, 1 / (2 * math.pi * life)
+    η1, η2 = 4 * math.pi * ratio * (1 - share), ratio * share * 3 * math.pi / (4 * e0)
+    fit = fit_decay(time, drag(1.0, η1, η2, e0, time=time) + 1e-4 * noise(seed, len(time)), law="quadratic")
+    assert abs(fit.frequency - 1.0) < 4 * fit.standard_errors.frequency
+    assert abs(fit.offset) < 4 * fit.standard_errors.offset
+    for name, truth in (("damping_ratio", ratio), ("eta1", η1), ("eta2", η2), ("amplitude", e0)):
+        low, high = getattr(fit.intervals, name)
+        assert low - (high - low) / 2 <= truth <= high + (high - low) / 2
+    assert fit.residual_rms == pytest.approx(1e-4, rel=0.05)
+
+
+@pytest.mark.parametrize("law", ["linear", "quadratic", "friction", "one-mode"])
+def test_every_law_fits_600_periods_in_few_iterations(law):
+    time, ω = np.arange(0.0, 12.0, 1e-3), 100 * math.pi
+    y = 1e-2 * np.exp(-3e-3 * ω * time) * np.cos(ω * time) + np.random.default_rng(4).normal(0.0, 1e-4, len(time))
+    fit = fit_decay(time, y, law=law)
+    natural = 50.0 * math.hypot(1.0, 3e-3) if law == "linear" else 50.0
+    assert abs(fit.frequency - natural) < 4 * fit.standard_errors.frequency
+    assert fit.intervals.damping_ratio[0] < 3e-3 < fit.intervals.damping_ratio[1]
+    assert fit.residual_rms == pytest.approx(1e-4, rel=0.02)
+    assert fit.fit.iterations < 50
+
+
+@pytest.mark.parametrize(("seed", "bounded"), [(5, "eta2"), (49, "eta1")])
+def test_intervals_allow_for_a_term_at_its_bound(seed, bounded):
+    """Seven periods do not tell drag from viscous damping: either term may be all of it, or nothing."""
+    time = np.linspace(0.0, 7.0, 73)
+    η1, η2, e0 = 0.0, 0.43, 0.05374
+    fit = fit_decay(time, drag(1.0, η1, η2, e0, time=time) + 1e-3 * noise(seed, len(time)), law="quadratic")
+    assert fit.at_bound == (bounded,)
+    ratio = float(equivalent_damping_ratio(η1, η2, 2 * math.pi, e0))
+    truth = {"frequency": 1.0, "damping_ratio": ratio, "eta1": η1, "eta2": η2, "amplitude": e0}
+    for name, value in truth.items():
+        low, high = getattr(fit.intervals, name)
+        assert fit.profile_interval(name) == pytest.approx((low, high), abs=0.25 * (high - low))
+        assert low - (high - low) / 2 <= value <= high + (high - low) / 2
+    assert fit.intervals.eta1[0] == fit.intervals.eta2[0] == 0.0
+
+
+@pytest.mark.parametrize("quadratic", [True, False])
+def test_the_step_of_an_integrated_law_shifts_no_estimate_by_a_tenth_of_its_error(quadratic):
+    """Against a fit whose steps are a third as long, an error of integration of one in eighty."""
+    time = np.arange(0.0, 100.0, 1 / 8)
+    η1, η2 = (0.0, 0.03 * 3 * math.pi / 4 / 0.05) if quadratic else (0.06 * math.pi, 0.0)
+    y = drag(1.0, η1, η2, 0.05, time=time) + 5e-4 * noise(37, len(time))
+    fit = fit_decay(time, y, law="one-mode")
+    assert 0.3 < 2 * math.pi * fit.model.longest_step <= 0.4
+    model, unknowns = replace(fit.model, longest_step=fit.model.longest_step / 3), fit.fit.names
+    again = least_squares(
+        lambda *x: model.curve(time, *x) - cs.DM(y),
+        [Unknown(name, value, scale, lower) for name, value, scale, lower in
+         zip(unknowns, fit.fit.values.tolist(), fit.fit.scale.tolist(), fit.fit.lower.tolist(), strict=True)],
+        gauss_newton=True,
+    )  # fmt: skip
+    free = ~fit.fit.at_bound
+    shifts = np.abs(again.values - fit.fit.values)[free] / fit.fit.standard_errors[free]
+    assert shifts.max() < 0.1
 
 
 @pytest.mark.parametrize(("η1", "η2"), [(0.0, 0.33), (0.15, 0.0), (0.0, 0.0)])

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ancf_casadi.decay import linear_decay, quadratic_decay
-from ancf_casadi.one_mode import one_mode_decay
+from ancf_casadi.one_mode import longest_step, one_mode_decay
 from problems import compare_decay_laws, fit_decay
 
 ω = 2 * math.pi * 1.85
@@ -47,6 +47,37 @@ def test_errors_fall_with_the_third_power_of_the_step_at_least():
     exact = reference(0.5, 5.0)[::20]
     coarse, fine = (np.abs(decay(0.5, 5.0, time=time, angle=a) - exact).max() for a in (1.2, 0.15))
     assert coarse > 8**3 * fine
+
+
+@pytest.mark.parametrize(("η1", "η2"), [(0.0, 0.25), (0.0, 3.0), (0.25, 0.0)])
+@pytest.mark.parametrize("error", [1e-4, 1e-5])
+def test_the_longest_step_keeps_the_error_asked_for(η1, η2, error):
+    """Damping ratios of 1 to 12 % at the release, and steps of 0.14 to 0.35 rad."""
+    amplitude = math.hypot(0.076, 0.1 / ω)
+    ratio = η1 / (2 * ω) + 4 * η2 * amplitude / (3 * math.pi)
+    angle = ω * longest_step(ω, ratio, error)
+    assert 0.1 < angle < 0.4
+    time = TIME[::20]
+    assert np.abs(decay(η1, η2, time=time, angle=angle) - reference(η1, η2)[::20]).max() < error * amplitude
+
+
+def test_derivatives_are_those_of_differences():
+    time = np.random.default_rng(4).permutation(TIME)[:60]
+    x, values = cs.MX.sym("x", 5), np.array([ω, 0.15, 0.5, 0.076, -0.1])
+    y = one_mode_decay(time, *cs.vertsplit(x), longest_step=0.1 / ω)
+    slopes = cs.jtimes(y, x, cs.DM.eye(5))
+    bend = cs.hessian(cs.sumsqr(y), x)[0]
+    both = cs.Function("both", [x], [y, slopes, cs.gradient(cs.sumsqr(y), x), bend])
+    changes = 1e-5 * np.diag(np.abs(values))
+    found, jacobian, gradient, hessian = (np.asarray(item) for item in both(values))
+    for k, change in enumerate(changes):
+        ahead, _, slope_ahead, _ = (np.asarray(item).ravel() for item in both(values + change))
+        behind, _, slope_behind, _ = (np.asarray(item).ravel() for item in both(values - change))
+        width = 2 * change[k]
+        np.testing.assert_allclose(jacobian[:, k], (ahead - behind) / width, atol=1e-7 * np.abs(jacobian[:, k]).max())
+        curvature = (slope_ahead - slope_behind) / width
+        np.testing.assert_allclose(hessian[:, k], curvature, atol=1e-6 * np.abs(hessian[:, k]).max())
+    np.testing.assert_allclose(gradient, 2 * jacobian.T @ found, rtol=1e-9)
 
 
 def test_times_may_be_uneven_and_in_any_order():

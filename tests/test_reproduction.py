@@ -36,6 +36,7 @@ from problems.reproduction import (
 )
 
 SHORT = Effort(accuracy=4e-6, driving=0.1, window=0.4)  # as accurate as the full study, a tenth as long
+ETA2_UNCERTAINTY = (0.03, 0.22, 0.47, 0.73, 0.18)  # relative standard errors, from a Fisher information computed apart
 THIRD = 2  # the mode that is cheapest to simulate
 
 
@@ -84,6 +85,17 @@ def study() -> Study:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduction, "run_transient", closed_form)
         return reproduction.reproduce(effort=QUICK, progress=True)
+
+
+def predicted_ratios(study: Study) -> dict[str, list[float]]:
+    """Damping ratios that the laws give the modes, without the beam: as measured, Eq. (16), and Eq. (26) for mode 1."""
+    ω = [2 * math.pi * f for f in study.match.frequencies]
+    alpha, beta = 0.228181, 3.18013e-5  # Eq. (17)
+    return {
+        "generic": list(paper.DAMPING_RATIOS),
+        "proportional": [alpha / (2 * w) + beta * w / 2 for w in ω],
+        "quadratic": [paper.ETA1[0] / (2 * ω[0]) + 4 * paper.ETA2[0] * TIP_AMPLITUDES[0] / (3 * math.pi)],
+    }
 
 
 class TestDecays:
@@ -271,8 +283,10 @@ class TestResults:
         assert matching["elastic_modulus"] == pytest.approx(210e9, rel=0.1)
         assert results["proportional"] == pytest.approx({"alpha": 0.228181, "beta": 3.18013e-5}, rel=1e-5)
         assert results["damping_comparison"]["experiment"] == list(paper.DAMPING_RATIOS)
-        assert results["damping_comparison"]["generic"] == pytest.approx(paper.DAMPING_RATIOS, rel=1e-6)
-        assert [row["eta2_per_m"] for row in results["quadratic"]] == pytest.approx(paper.ETA2, rel=1.0)
+        for name, ratios in predicted_ratios(study).items():
+            assert results["damping_comparison"][name][: len(ratios)] == pytest.approx(ratios, rel=5e-3)
+        found = np.array([row["eta2_per_m"] for row in results["quadratic"]])
+        assert (np.abs(found / paper.ETA2 - 1) < 4 * np.array(ETA2_UNCERTAINTY)).all()
 
     def test_are_json_and_back(self, study):
         results = study_report.results(study)
@@ -281,12 +295,20 @@ class TestResults:
     def test_timing_has_every_step(self, study):
         steps = ["modal_identification", "proportional", "quadratic", "frequency_matching", "transients"]
         assert list(study.timing) == steps
-        assert all(seconds >= 0.0 for seconds in study.timing.values())
+        within = {
+            "modal_identification": [fit.fit.solve_seconds for fit in study.identification],
+            "quadratic": [fit.fit.solve_seconds for fit in study.quadratic],
+            "frequency_matching": [study.match.build_seconds, study.match.solve_seconds],
+        }
+        for step, seconds in within.items():
+            assert 0.0 < sum(seconds) < study.timing[step]
+        assert study.timing["proportional"] < study.timing["quadratic"]
 
     def test_laws_in_the_order_of_the_modes(self, study):
         for name in LAWS:
             assert [result.mode for result in study.of(name)] == [0, 1, 2, 3, 4]
-            assert study.ratios(name) == tuple(result.damping_ratio for result in study.of(name))
+        for name, ratios in predicted_ratios(study).items():
+            assert study.ratios(name)[: len(ratios)] == pytest.approx(ratios, rel=5e-3)
         assert [result.mode for result in study.undamped] == [0, 1, 2, 3, 4]
 
     def test_tables_stand_beside_the_papers_numbers(self, study):

@@ -147,10 +147,10 @@ def test_the_right_law_wins_where_the_record_can_tell(model):
 
 
 def test_laws_that_explain_a_record_alike_are_not_told_apart():
-    verdict = judge([Candidate("first", 200, 1.00e-3, 1, 0.0), Candidate("second", 200, 1.01e-3, 1, 0.0)])
+    verdict = judge([Candidate("first", 200, 200.0, 1.00e-3, 1, 0.0), Candidate("second", 200, 200.0, 1.01e-3, 1, 0.0)])
     assert verdict.best == 0 and not verdict.settled
     assert "the second law is not clearly worse" in verdict.warnings
-    clear = judge([Candidate("first", 200, 1.0e-3, 1, 0.0), Candidate("second", 200, 1.2e-3, 1, 0.0)])
+    clear = judge([Candidate("first", 200, 200.0, 1.0e-3, 1, 0.0), Candidate("second", 200, 200.0, 1.2e-3, 1, 0.0)])
     assert clear.settled and not clear.warnings
 
 

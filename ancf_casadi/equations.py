@@ -137,10 +137,17 @@ class Balance:
         """Return R B, which has turned with the clamp from the beam's axis."""
         return turned(self.projection, self.model.beam.axis, e[2:NODE])
 
+    def modal_rates(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
+        """Return B^T R^T e_t."""
+        return self.projection.T @ turned(e_t, e[2:NODE], self.model.beam.axis)
+
+    def modal_damping(self, e: cs.MX, modal_rates: cs.MX) -> cs.MX:
+        """Return R B diag(d) w, the part of low rank of the damping force, with the modal rates w."""
+        return turned(self.projection @ (self.rates * modal_rates), self.model.beam.axis, e[2:NODE])
+
     def damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the damping force."""
-        B = self.turned_projection(e)
-        return self.local_damping(e, e_t) + B @ (self.rates * (B.T @ e_t))
+        return self.local_damping(e, e_t) + self.modal_damping(e, self.modal_rates(e, e_t))
 
     def inertia(self, e_tt: cs.MX) -> cs.MX:
         """Return M e_tt."""

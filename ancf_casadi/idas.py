@@ -186,10 +186,9 @@ class SemiExplicit:
         e, e_t = self._coordinates(x, rate, clamp)
         a, w = scale * rate**2 * z[:free], model.beam.length * rate * z[free:]
         e_tt, velocity = cs.vertcat(clamp[2 * NODE :], a), clamp[NODE : 2 * NODE]
-        B = balance.turned_projection(e)
-        damping = balance.local_damping(e, e_t) + B @ (balance.rates * w)
+        damping = balance.local_damping(e, e_t) + balance.modal_damping(e, w)
         forces = balance.inertia(e_tt) + balance.conservative(e) + damping
-        excess = B.T @ e_t - w
+        excess = balance.modal_rates(e, e_t) - w
         return _Outputs(
             x_t=cs.vertcat(rate * x[free:], rate * z[:free]),
             forces=forces,

@@ -16,10 +16,14 @@ from __future__ import annotations
 
 import casadi as cs
 
+Direction = tuple[float, float] | cs.MX
 
-def turned(vectors: cs.MX, axis: tuple[float, float], slope: cs.MX) -> cs.MX:
-    """Return R times each pair (x, y) in the columns of ``vectors``, with the axis a and the clamped slope tau (2,)."""
-    (x, y), (slope_x, slope_y) = axis, cs.vertsplit(slope)
-    cosine, sine = x * slope_x + y * slope_y, x * slope_y - y * slope_x
+
+def turned(vectors: cs.MX, start: Direction, end: Direction) -> cs.MX:
+    """Return the pairs (x, y) in the columns of ``vectors``, turned by the angle from one unit vector to another.
+
+    From a to tau this is multiplication by R, from tau to a by R^T.
+    """
+    cosine, sine = start[0] * end[0] + start[1] * end[1], start[0] * end[1] - start[1] * end[0]
     rotation = cs.blockcat([[cosine, -sine], [sine, cosine]])
     return cs.reshape(rotation @ cs.reshape(vectors, 2, -1), *vectors.shape)

@@ -24,6 +24,7 @@ from tqdm import tqdm
 
 from ancf_casadi.compilation import compiled, interpreted
 from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.dissipation import warn_of_energy_gain
 from ancf_casadi.element import axial_strain
 from ancf_casadi.equations import Equations
 from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
@@ -110,6 +111,11 @@ def simulate(
     SimulationError
         If the integrator fails or takes too many steps; its ``partial`` holds the motion up to there.
 
+    Warns
+    -----
+    UserWarning
+        If damping by the tangent stiffness has added energy to the motion.
+
     Notes
     -----
     Ctrl-C does not raise during the integration: the run ends with the current stretch, a 25th of it at most, and
@@ -161,7 +167,9 @@ def simulate(
             now, state = end, paths[-1].end
             if end >= finish:
                 break
-    return _trajectory(model, instants, paths, began)
+    run = _trajectory(model, instants, paths, began)
+    warn_of_energy_gain(run, equations.law)
+    return run
 
 
 def _check_base(clamp: cs.Function, begin: float, end: float) -> None:

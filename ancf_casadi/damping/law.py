@@ -43,6 +43,11 @@ class DampingLaw(ABC):
     def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
         """Return the part of the force that couples neighbouring nodes only, (4 n + 4,), N and N m."""
 
+    @property
+    def dissipative(self) -> bool:
+        """Whether the force takes energy out of every motion, or none."""
+        return True
+
     def projection(self, model: Model) -> Array:
         """Return B (4 n + 4, m) of the part R B diag(d) B^T R^T e_t of the force; m is 0 where there is none."""
         return np.zeros((model.size, 0))
@@ -85,6 +90,11 @@ class SumOfLaws(DampingLaw):
     def parameters(self) -> tuple[tuple[str, float], ...]:
         """The parameters of all terms, in their order."""
         return tuple(parameter for law in self.laws for parameter in law.parameters)
+
+    @property
+    def dissipative(self) -> bool:
+        """Whether every term is."""
+        return all(law.dissipative for law in self.laws)
 
     def with_parameters(self, values: Sequence[float] | Array) -> SumOfLaws:
         """Return the sum with other values of the parameters of all terms."""

@@ -1,6 +1,6 @@
 """Check that a damping law has taken energy out of a motion.
 
-The power lost to damping is e_t . Q_damp.  Under every law but one it is at least 0 in every motion.  Damping by the
+The power lost to damping is e_t . Q_damp.  Under all laws of the toolkit but one it is never negative.  Damping by the
 tangent stiffness K loses
 
     beta e_t^T K e_t,

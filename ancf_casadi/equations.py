@@ -7,8 +7,8 @@ The free coordinates q, their rates v and accelerations a obey
 in which the clamped node carries the base motion: its position, velocity and acceleration enter e, e_t and e_tt.  The
 rows of the clamped node give the generalized force of the base on it.
 
-A damping force is a local part, as sparse as the mesh, and a part B diag(d) B^T e_t of low rank, which each integrator
-treats in its own way to keep its matrices sparse.
+A damping force is a local part, as sparse as the mesh, and a part R B diag(d) B^T R^T e_t of low rank, which turns with
+the clamp (``damping.turning``), and which each integrator treats in its own way to keep its matrices sparse.
 
 Gravity, the properties of the elements, the parameters of the law and B are inputs, so that one compiled program serves
 all beams of a mesh and all values of a law's parameters.
@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping.turning import turned
 from ancf_casadi.excitation import BaseMotion, Piece
 from ancf_casadi.model import NODE, Model
 
@@ -80,7 +81,7 @@ class Equations:
     def tangents(self) -> cs.Function:
         """(e, e_t, parameters) -> K = d(Q_damp + Q_e)/de, D = dQ_damp/de_t and M of the free coordinates, sparse.
 
-        K and D are without the part B diag(d) B^T e_t of the damping force.
+        K and D are without the part R B diag(d) B^T R^T e_t of the damping force.
         """
         e, e_t = cs.MX.sym("e", self.model.size), cs.MX.sym("e_t", self.model.size)
         parameters, free = cs.MX.sym("parameters", self.parameters.size), self.model.free
@@ -89,6 +90,13 @@ class Equations:
         k = self.model.tangent_stiffness(e, balance.properties)[free, free] + cs.jacobian(damping, e)[:, free]
         d, m = cs.jacobian(damping, e_t)[:, free], cs.jacobian(balance.inertia(e_t), e_t)[free, free]
         return cs.Function("tangents", [e, e_t, parameters], [k, d, m])
+
+    @cached_property
+    def turned_projection(self) -> cs.Function:
+        """(clamped node (12,)) -> R B of the free coordinates, (4 n, m)."""
+        node = cs.MX.sym("node", 3 * NODE)
+        B = turned(cs.MX(cs.DM(self.projection)), self.model.beam.axis, node[2:NODE])
+        return cs.Function("turned_projection", [node], [B[self.model.free, :]])
 
     def clamp(self, piece: Piece, base: BaseMotion) -> cs.Function:
         """(t) -> position, velocity and acceleration of the clamped node, (12,)."""
@@ -106,7 +114,7 @@ class Balance:
     model, law
         Beam and damping law.
     gravity, properties, own, projection : MX
-        Acceleration of gravity (2,), properties P (4, n), the law's parameters, and B (4 n + 4, m).
+        Acceleration of gravity (2,), properties P (4, n), the law's parameters, and B (4 n + 4, m) as modelled.
     """
 
     model: Model
@@ -118,16 +126,28 @@ class Balance:
 
     @property
     def rates(self) -> cs.MX:
-        """Rates d of the part B diag(d) B^T e_t of the damping force, 1/s."""
+        """Rates d of the part R B diag(d) B^T R^T e_t of the damping force, 1/s."""
         return self.law.rates(self.own)
 
     def local_damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the local part of the damping force."""
         return self.law.local_force(self.model, e, e_t, self.properties, self.own)
 
+    def turned_projection(self, e: cs.MX) -> cs.MX:
+        """Return R B, which has turned with the clamp from the beam's axis."""
+        return turned(self.projection, self.model.beam.axis, e[2:NODE])
+
+    def modal_rates(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
+        """Return B^T R^T e_t."""
+        return self.projection.T @ turned(e_t, e[2:NODE], self.model.beam.axis)
+
+    def modal_damping(self, e: cs.MX, modal_rates: cs.MX) -> cs.MX:
+        """Return R B diag(d) w, the part of low rank of the damping force, with the modal rates w."""
+        return turned(self.projection @ (self.rates * modal_rates), self.model.beam.axis, e[2:NODE])
+
     def damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the damping force."""
-        return self.local_damping(e, e_t) + self.projection @ (self.rates * (self.projection.T @ e_t))
+        return self.local_damping(e, e_t) + self.modal_damping(e, self.modal_rates(e, e_t))
 
     def inertia(self, e_tt: cs.MX) -> cs.MX:
         """Return M e_tt."""

@@ -1,7 +1,8 @@
 """Time integration by IDAS, the variable-step backward differentiation formulas of SUNDIALS, with exact Jacobians.
 
 Form.  With the accelerations as algebraic unknowns the Jacobian stays as sparse as the mesh; the part B diag(d) B^T e_t
-of a damping force is written B (d * w) with the further unknowns w = B^T e_t for the same reason.
+of a damping force, B turned with the clamp, is written B (d * w) with the further unknowns w = B^T e_t for the same
+reason.
 
 Scaling.  The unknowns are x = (displacement/S, v/(S W)) and z = (a/(S W^2), w/(L W)), with S the length L of the beam
 for positions and 1/2 for slopes, and W the bending frequency of a single element.  One tolerance, relative to L, then
@@ -137,8 +138,9 @@ class SemiExplicit:
         model, free, m = self.equations.model, self.equations.free, self.equations.projection.shape[1]
         rate, weights, rest = cs.vertsplit(parameters, [0, 1, 1 + free, parameters.numel()])
         balance, scale = self.equations.balance(rest), cs.MX(cs.DM(model.scale[model.free]))
-        k, d, mass = self.equations.tangents(*self._coordinates(x, rate, clamp), rest)
-        length, B, identity = model.beam.length, balance.projection[NODE:, :], cs.DM.eye(free)
+        e, e_t = self._coordinates(x, rate, clamp)
+        k, d, mass = self.equations.tangents(e, e_t, rest)
+        length, B, identity = model.beam.length, balance.turned_projection(e)[NODE:, :], cs.DM.eye(free)
         none = cs.DM(free, free)
         w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.rates * length * rate
         jacobians = [
@@ -184,9 +186,9 @@ class SemiExplicit:
         e, e_t = self._coordinates(x, rate, clamp)
         a, w = scale * rate**2 * z[:free], model.beam.length * rate * z[free:]
         e_tt, velocity = cs.vertcat(clamp[2 * NODE :], a), clamp[NODE : 2 * NODE]
-        damping = balance.local_damping(e, e_t) + balance.projection @ (balance.rates * w)
+        damping = balance.local_damping(e, e_t) + balance.modal_damping(e, w)
         forces = balance.inertia(e_tt) + balance.conservative(e) + damping
-        excess = balance.projection.T @ e_t - w
+        excess = balance.modal_rates(e, e_t) - w
         return _Outputs(
             x_t=cs.vertcat(rate * x[free:], rate * z[:free]),
             forces=forces,

@@ -121,7 +121,7 @@ class _Sample:
 
 @dataclass(frozen=True, eq=False)
 class Factors:
-    """A factorised matrix A + B C B^T with banded A.
+    """A factorised matrix A + U V^T with banded A.
 
     Parameters
     ----------
@@ -129,42 +129,42 @@ class Factors:
         The triangular factors of A, and their pivots.
     width : int
         Number of diagonals of A on either side.
-    projection : array (N, m)
-        B.
+    right : array (N, m)
+        V.
     correction : array (N, m)
-        X (1 + B^T X)^-1 with X = A^-1 B C.
+        X (1 + V^T X)^-1 with X = A^-1 U.
     """
 
     band: NDArray[Any]
     pivots: NDArray[Any]
     width: int
-    projection: Array
+    right: Array
     correction: NDArray[Any]
 
     @staticmethod
-    def of(band: NDArray[Any], width: int, projection: Array, middle: NDArray[Any]) -> Factors:
-        """Factorise; the band, one column of the matrix after the other, is overwritten, ``middle`` is C."""
+    def of(band: NDArray[Any], width: int, left: NDArray[Any], right: Array) -> Factors:
+        """Factorise; the band, one column of the matrix after the other, is overwritten; ``left`` is U, ``right`` V."""
         factorise, solve = _routines(band)
         factors, pivots, _ = factorise(band.reshape(-1, 3 * width + 1).T, width, width, overwrite_ab=1)
-        if not middle.size:
-            return Factors(factors, pivots, width, projection, projection)
-        x = solve(factors, width, width, projection @ middle, pivots)[0]
-        correction = x @ np.linalg.inv(np.eye(len(middle)) + projection.T @ x)
-        return Factors(factors, pivots, width, projection, correction)
+        if not right.size:
+            return Factors(factors, pivots, width, right, right)
+        x = solve(factors, width, width, left, pivots)[0]
+        correction = x @ np.linalg.inv(np.eye(right.shape[1]) + right.T @ x)
+        return Factors(factors, pivots, width, right, correction)
 
     def solve(self, right: NDArray[Any]) -> NDArray[Any]:
         """Solve for a right-hand side, which is overwritten."""
         solution: NDArray[Any] = _routines(self.band)[1](
             self.band, self.width, self.width, right, self.pivots, overwrite_b=1
         )[0]
-        if self.projection.size:
-            solution -= self.correction @ (self.projection.T @ solution)
+        if self.right.size:
+            solution -= self.correction @ (self.right.T @ solution)
         return solution
 
     def solve_transposed(self, right: NDArray[Any]) -> NDArray[Any]:
         """Solve with the transposed matrix for right-hand sides, which are kept."""
-        if self.projection.size:
-            right = right - self.projection @ (self.correction.T @ right)
+        if self.right.size:
+            right = right - self.right @ (self.correction.T @ right)
         solution: NDArray[Any] = _routines(self.band)[1](
             self.band, self.width, self.width, right, self.pivots, trans=1
         )[0]
@@ -236,7 +236,6 @@ class Stepper:
         self.steps = 0
         self.now, self._end, self._width, self._largest = begin, end, form.bandwidth, largest_step
         self._weights = 1 / (model.scale[model.free] * tolerance * math.sqrt(free))
-        self._projection = equations.projection[model.free]
         self._rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).rates).full().ravel()
 
         self._time, self._clamp, self._clamps = np.zeros(1), np.zeros(3 * NODE), np.zeros((STAGES, 3 * NODE))
@@ -252,6 +251,7 @@ class Stepper:
         inputs = [self._increments, self._real, self._pair, self._q, self._v, self._h, self._clamps, self._reference, p]
         ends = [*self._before, self._q, self._v, self._a]
         self._stages, self._finish = Buffered(make(form.stages), *inputs), Buffered(make(form.finish), *inputs, self._a)
+        self._projection = Buffered(equations.turned_projection, self._clamp)
         self._matrices = Buffered(make(form.matrices), self._reference, self._v, self._h, self._clamp, p)
         self._predict = Buffered(make(form.prediction), self._nodes, self._ratio, self._clamps, self._q)
         self._interpolate = Buffered(make(form.sample), self._place, self._h, *ends, self._clamp, self._reference, p)
@@ -369,10 +369,11 @@ class Stepper:
             self._reference[:] = self._q + self._increments[middle]
             self._clamp[:] = self._clamps[middle]
             real, pair = self._matrices()
-            rates = np.diag(self._rates / h)
+            B = self._projection()[0].reshape(self._rates.size, self._q.size).T.copy()
+            damping = B * (self._rates / h)
             self._factors = (
-                Factors.of(real, self._width, self._projection, RADAU.gamma * rates),
-                Factors.of(pair.view(complex), self._width, self._projection, RADAU.mu * rates),
+                Factors.of(real, self._width, RADAU.gamma * damping, B),
+                Factors.of(pair.view(complex), self._width, RADAU.mu * damping, B),
             )
         return fresh
 

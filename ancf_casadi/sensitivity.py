@@ -181,7 +181,7 @@ class Problem:
                 nodes = np.vstack([passage.slope(step.start + c * step.length) @ db for c in RADAU.nodes.tolist()])
                 given = np.vstack([dq, dv, nodes, dp])
                 right = np.column_stack([product(step, run.parameters, direction) for direction in given.T])
-                dz = -factors.solve(right[self._inverse_order])[self._tangent.order].reshape(STAGES, free, d)
+                dz = -factors.solve(right[self._tangent.inverse_order])[self._tangent.order].reshape(STAGES, free, d)
                 rates = np.einsum("ij,jkl->ikl", RADAU.inverse, dz) / step.length
                 accelerations = np.tensordot(RADAU.inverse[-1], rates - dv, 1) / step.length
                 ends = np.array([dq, dv, da, dq + dz[-1], rates[-1], accelerations])
@@ -213,7 +213,7 @@ class Problem:
                 rates[-1] += v
                 increments = np.einsum("ji,jkl->ikl", RADAU.inverse, rates) / step.length
                 increments[-1] += q
-                right = increments.reshape(-1, d)[self._inverse_order]
+                right = increments.reshape(-1, d)[self._tangent.inverse_order]
                 residual = -factors.solve_transposed(right)[self._tangent.order]
                 given = np.column_stack([product(step, run.parameters, direction) for direction in residual.T])
                 nodes = given[own : own + STAGES * 3 * NODE].reshape(STAGES, 3 * NODE, d)
@@ -243,10 +243,6 @@ class Problem:
     @cached_property
     def _tangent(self) -> Tangent:
         return Tangent(self._form)
-
-    @cached_property
-    def _inverse_order(self) -> NDArray[np.int64]:
-        return np.argsort(self._tangent.order)
 
     @cached_property
     def _make(self) -> Callable[[cs.Function], cs.Function]:
@@ -351,9 +347,9 @@ class Problem:
         rates = self._rates(run.parameters).full().ravel()
         tangent = self._tangent
         for step, samples in zip(passage.steps[::order], passage.samples[::order], strict=True):
-            middle = np.kron(RADAU.inverse / step.length, np.diag(rates))
             band = self._matrix(step, run.parameters)
-            yield step, samples, Factors.of(band, tangent.bandwidth, tangent.projection, middle)
+            low_rank = tangent.low_rank(step.clamps, step.length, rates)
+            yield step, samples, Factors.of(band, tangent.bandwidth, *low_rank)
 
     def _expand(self, seeds: Array) -> tuple[Array, Array]:
         """Return the directions of all parameters of the equation of motion, and of b, from those of the values."""

@@ -26,6 +26,7 @@ from tqdm import tqdm
 
 from ancf_casadi.compilation import compiled, interpreted
 from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.dissipation import warn_of_energy_gain
 from ancf_casadi.equations import Equations
 from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import InputError, SimulationError
@@ -112,7 +113,7 @@ def simulate(
     Warns
     -----
     UserWarning
-        If ``auto`` uses Radau.
+        If ``auto`` uses Radau, or damping by the tangent stiffness has added energy to the motion.
 
     Notes
     -----
@@ -168,6 +169,7 @@ def simulate(
     run = replace(_trajectory(model, instants, paths, uses, began), interrupted=interrupted)
     for warning in run.warnings:
         warnings.warn(warning, stacklevel=2)
+    warn_of_energy_gain(run, equations.law)
     return run
 
 

@@ -6,7 +6,9 @@ step in u = (q, v, clamped nodes, parameters),
     G = dR/dZ,    R_u du,    R_u^T dR
 
 are what derivatives of the motion are made of.  G is banded where the stages of a node stand side by side; its part of
-low rank, (A^-1/h) x (B diag(d) B^T), is left to Woodbury's identity.
+low rank is left to Woodbury's identity.  With B_i turned as the clamp is at stage i, and U = diag(B_i diag(d)), it is
+
+    (A^-1)_ij/h B_i diag(d) B_i^T = (U V^T)_ij,    V_ji = (A^-1)_ij/h B_i.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from functools import cached_property
 
 import casadi as cs
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from ancf_casadi.collocation import RADAU, STAGES, Collocation, stage_motion
@@ -45,18 +48,32 @@ class Tangent:
         node, component = np.divmod(coordinate, NODE)
         return np.asarray((node * STAGES + stage) * NODE + component)
 
+    @cached_property
+    def inverse_order(self) -> NDArray[np.int64]:
+        """The unknowns, one stage after the other, by their place in G, (3 N,)."""
+        return np.argsort(self.order)
+
     @property
     def bandwidth(self) -> int:
         """Number of diagonals of G on either side of the main one."""
         return min(2 * STAGES * NODE - 1, STAGES * self._free - 1)
 
-    @cached_property
-    def projection(self) -> Array:
-        """B of the three stages, in the order of G, (3 N, 3 m)."""
-        B = self.form.equations.projection[NODE:]
-        stages = np.zeros((STAGES * B.shape[0], STAGES * B.shape[1]))
-        stages[self.order] = np.kron(np.eye(STAGES), B)
-        return stages
+    def low_rank(self, clamps: Array, h: float, rates: Array) -> tuple[Array, Array]:
+        """Return U and V (3 N, 3 m), in the order of G, of its part U V^T.
+
+        Parameters
+        ----------
+        clamps : array (3, 12)
+            The clamped nodes at the stages.
+        h : float
+            Length of the step, s.
+        rates : array (m,)
+            d, 1/s.
+        """
+        B = [self.form.equations.turned_projection(clamp).full() for clamp in clamps]
+        U = scipy.linalg.block_diag(*(one * rates for one in B))
+        V = np.hstack([np.kron(row[:, None] / h, one) for row, one in zip(RADAU.inverse, B, strict=True)])
+        return U[self.inverse_order], V[self.inverse_order]
 
     @cached_property
     def matrix(self) -> cs.Function:

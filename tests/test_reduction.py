@@ -221,6 +221,13 @@ def test_the_frequency_of_large_motion_is_exact_and_converges_with_the_modes(wei
     assert errors[2] < 1e-7
 
 
+def test_the_frequency_rises_with_the_square_of_the_amplitude_by_the_exact_coefficient(weightless, docs):
+    """0.0193835 (A/L)^2 for an inextensible beam: spectral Galerkin with harmonic balance, no ANCF."""
+    reduced = reduce_model(weightless, modes=5)
+    small, large = ((docs.frequency(reduced, share * 0.5) - 1) / share**2 for share in (0.05, 0.1))
+    assert (4 * small - large) / 3 == pytest.approx(0.0193835, rel=2e-4)
+
+
 @pytest.fixture
 def docs(monkeypatch):
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "docs"))

@@ -5,11 +5,12 @@ are those of the laboratory frame, so that external damping is motion against th
 
     proportional    Q = alpha M e_t + beta (stiffness-proportional part),          Eq. (14)
     quadratic       Q = int S^T (gamma1 v + gamma2 |v| v) dp,                       Eq. (19), (23)
-    generic         Q = M Phi diag(2 zeta omega) Phi^T M e_t,                       Eq. (32)
+    generic         Q = R M Phi diag(2 zeta omega) Phi^T M R^T e_t,                 Eq. (32), R: ``turning``
 
-A force is the sum of a local part, written with the element Functions and sparse, and of a part B diag(d) B^T e_t of
-low rank, which an integrator can keep sparse by making B^T e_t its unknowns.  Both are symbolic in the properties of
-the beam and in the parameters of the law.  A coefficient of exactly 0 is no parameter: its term is absent.
+A force is the sum of a local part, written with the element Functions and sparse, and of a part R B diag(d) B^T R^T e_t
+of low rank, which an integrator can keep sparse by making B^T R^T e_t its unknowns; R turns with the clamp.  Both are
+symbolic in the properties of the beam and in the parameters of the law.  A coefficient of exactly 0 is no parameter:
+its term is absent.
 
 Each law tells the equivalent damping ratio it gives a mode that swings with a tip amplitude A: the viscous ratio with
 the same loss of energy in a period.

@@ -1,4 +1,4 @@
-"""Generic damping from measured modal parameters, Q = M Phi diag(2 zeta omega) Phi^T M e_t, Eq. (32)."""
+"""Generic damping from measured modal parameters, Q = R M Phi diag(2 zeta omega) Phi^T M R^T e_t, Eq. (32)."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping.law import Array, DampingLaw, named
+from ancf_casadi.damping.turning import turned
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.inputs import number
 from ancf_casadi.model import Model
@@ -22,7 +23,7 @@ from ancf_casadi.modes import Modes
 class ModalDamping(DampingLaw):
     """Generic damping from measured modal parameters, C = M Phi diag(2 zeta omega) Phi^T M, Eq. (32).
 
-    Modes beyond those given are undamped.
+    Modes beyond those given are undamped.  The matrix turns with the clamp (``turning``).
 
     Parameters
     ----------
@@ -74,6 +75,8 @@ class ModalDamping(DampingLaw):
     def projection(self, model: Model) -> Array:
         """Return B = M Phi, so that C = B diag(2 zeta omega) B^T.
 
+        If the modes are those of a beam along another axis, B is turned to the axis of the model.
+
         Raises
         ------
         InputError
@@ -82,7 +85,9 @@ class ModalDamping(DampingLaw):
         if self.modes.model.size != model.size:
             raise InputError("belong to a beam with another number of elements", "modes")
         mass = self.modes.model.mass(self.modes.model.properties).sparse()
-        return np.asarray(mass @ self.modes.shapes[:, : len(self.ratios)])
+        B = cs.MX(cs.DM(mass @ self.modes.shapes[:, : len(self.ratios)]))
+        axes = self.modes.model.beam.axis, cs.MX(cs.DM(model.beam.axis))
+        return np.asarray(cs.evalf(turned(B, *axes)).full())
 
     def rates(self, parameters: cs.MX) -> cs.MX:
         """Return 2 zeta omega."""

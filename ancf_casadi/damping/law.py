@@ -12,9 +12,10 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
+from ancf_casadi.damping.turning import turned
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.inputs import number
-from ancf_casadi.model import Model
+from ancf_casadi.model import NODE, Model
 from ancf_casadi.modes import Modes
 
 Array = NDArray[np.float64]
@@ -42,12 +43,17 @@ class DampingLaw(ABC):
     def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
         """Return the part of the force that couples neighbouring nodes only, (4 n + 4,), N and N m."""
 
+    @property
+    def dissipative(self) -> bool:
+        """Whether the force takes energy out of every motion, or none."""
+        return True
+
     def projection(self, model: Model) -> Array:
-        """Return B (4 n + 4, m) of the part B diag(d) B^T e_t of the force; m is 0 where there is none."""
+        """Return B (4 n + 4, m) of the part R B diag(d) B^T R^T e_t of the force; m is 0 where there is none."""
         return np.zeros((model.size, 0))
 
     def rates(self, parameters: cs.MX) -> cs.MX:
-        """Return d (m,) of the part B diag(d) B^T e_t of the force, 1/s."""
+        """Return d (m,) of the part R B diag(d) B^T R^T e_t of the force, 1/s."""
         return cs.MX(0, 1)
 
     @abstractmethod
@@ -58,7 +64,7 @@ class DampingLaw(ABC):
     def force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the whole generalized force Q_damp, (4 n + 4,), N and N m, with the parameters' values."""
         values, properties = cs.MX(cs.DM([value for _, value in self.parameters])), cs.MX(cs.DM(model.properties))
-        B = cs.DM(self.projection(model))
+        B = turned(cs.MX(cs.DM(self.projection(model))), model.beam.axis, e[2:NODE])
         return self.local_force(model, e, e_t, properties, values) + B @ (self.rates(values) * (B.T @ e_t))
 
     @final
@@ -84,6 +90,11 @@ class SumOfLaws(DampingLaw):
     def parameters(self) -> tuple[tuple[str, float], ...]:
         """The parameters of all terms, in their order."""
         return tuple(parameter for law in self.laws for parameter in law.parameters)
+
+    @property
+    def dissipative(self) -> bool:
+        """Whether every term is."""
+        return all(law.dissipative for law in self.laws)
 
     def with_parameters(self, values: Sequence[float] | Array) -> SumOfLaws:
         """Return the sum with other values of the parameters of all terms."""

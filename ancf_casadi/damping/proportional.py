@@ -33,7 +33,8 @@ class RayleighDamping(DampingLaw):
     stiffness : {"strain-rate", "tangent", "reference"}
         What K means in large motion.  ``strain-rate``: a Kelvin-Voigt force on the rates of axial strain and
         curvature, objective, with the elastic K of the straight beam as its linearisation.  ``tangent``: the tangent
-        stiffness where the beam is.  ``reference``: the constant K of the straight beam, the paper's letter; it is
+        stiffness where the beam is; where that is indefinite, as in a beam that buckles, the force adds energy, of
+        which ``simulate`` warns.  ``reference``: the constant K of the straight beam, the paper's letter; it is
         not objective, and in rotated elements its axial part resists the motion itself.
 
     Raises
@@ -60,6 +61,11 @@ class RayleighDamping(DampingLaw):
     def parameters(self) -> tuple[tuple[str, float], ...]:
         """Alpha (1/s) and beta (s)."""
         return nonzero(alpha=self.alpha, beta=self.beta)
+
+    @property
+    def dissipative(self) -> bool:
+        """False with the tangent stiffness, which may be indefinite."""
+        return self.stiffness != "tangent" or not self.beta
 
     def with_parameters(self, values: Sequence[float] | Array) -> RayleighDamping:
         """Return the law with other coefficients."""

@@ -123,7 +123,8 @@ def beam_functions(
     stiffness = model.tangent_stiffness(e, balance.properties)[free, free]
     dr_dq, dr_dv = stiffness + _jacobian(local, q), _jacobian(local, v)
     if B.numel():
-        dr_dv += B[free, :] @ cs.diag(balance.rates) @ B[free, :].T
+        turned = balance.turned_projection(e)[free, :]
+        dr_dv += turned @ cs.diag(balance.rates) @ turned.T
 
     def function(name: str, inputs: Sequence[str], **outputs: cs.MX) -> cs.Function:
         return cs.Function(name, [symbols[key] for key in inputs], [*outputs.values()], [*inputs], [*outputs])

@@ -17,7 +17,7 @@ with the tangent stiffness K of the straight beam, and W the displacements acros
 A damping law meets ``Projected`` in the place of the model, and its forces come out projected.  Of the strain rate
 there is that of bending, K_b q_t.  The ``tangent`` stiffness also has that of the tension, which is taken to balance
 gravity and the acceleration of the base but not that of the beam's own motion.  The drag is integrated at Gauss points
-of the whole beam, with weights that integrate the mass.
+of the whole beam, with weights that integrate the mass.  Generic damping turns by the rotation phi of the clamp.
 """
 
 from __future__ import annotations
@@ -198,10 +198,11 @@ class Projected:
         local = law.local_force(cast(Model, self), self.q, self.v, cs.MX(cs.DM(model.properties)), parameters)
         shape, B = self.projection.slopes.shape, law.projection(model)
         both = [cs.DM(shape.T @ B[component::2]) for component in (0, 1)]
-        moving = [cs.DM(B[component::4].sum(axis=0)) * self.base[3 + component] for component in (0, 1)]
-        rates = [part.T @ rate for part, rate in zip(both, self.slope_rate, strict=True)]
-        force = law.rates(parameters) * sum((*rates, *moving), cs.MX.zeros(B.shape[1]))
-        return local + self.on_modes(both[0] @ force, both[1] @ force)
+        whole = [cs.DM(B[component::4].sum(axis=0)) for component in (0, 1)]
+        back = _rotated(-self.base[2], *self.slope_rate), _rotated(-self.base[2], self.base[3], self.base[4])
+        rates = [part.T @ slope + total * speed for part, total, slope, speed in zip(both, whole, *back, strict=True)]
+        force = law.rates(parameters) * sum(rates, cs.MX.zeros(B.shape[1]))
+        return local + self.on_modes(*_rotated(self.base[2], both[0] @ force, both[1] @ force))
 
     def inertia_force(self, rates: cs.MX, properties: cs.MX) -> cs.MX:
         """Return the modal force of M e_t, of the motion itself."""
@@ -248,6 +249,12 @@ class Projected:
         x, y = self.slope
         rotations, factor = cs.DM(self.projection.slopes.rotations), _upper(self.projection)
         return factor @ (cs.repmat(-y, 1, self.size) * rotations), factor @ (cs.repmat(x, 1, self.size) * rotations)
+
+
+def _rotated(angle: cs.MX, x: cs.MX, y: cs.MX) -> tuple[cs.MX, cs.MX]:
+    """Return the components of vectors rotated by an angle."""
+    cosine, sine = cs.cos(angle), cs.sin(angle)
+    return cosine * x - sine * y, sine * x + cosine * y
 
 
 def _upper(projection: Projection) -> cs.DM:

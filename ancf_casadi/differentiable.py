@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from types import NoneType
 from typing import Any, TypeVar
 
 import casadi as cs
@@ -21,7 +22,7 @@ from ancf_casadi.equations import Equations
 from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.excitation import BaseMotion, FixedBase
-from ancf_casadi.inputs import positive
+from ancf_casadi.inputs import check_instance, flag, physical, positive
 from ancf_casadi.model import Model
 from ancf_casadi.sensitivity import Problem, Run
 from ancf_casadi.simulate import TOLERANCES, Start, sample_times
@@ -62,9 +63,14 @@ def motion(
     InputError
         If a number is not positive, or the load of a start is asked for that is no equilibrium.
     """
+    check_instance(model, "model", Model)
+    check_instance(damping, "damping", DampingLaw, NoneType)
+    check_instance(base, "base", BaseMotion, NoneType)
+    check_instance(start, "start", str, Equilibrium, State)
+    start_load = flag(start_load, "start_load")
     if start_load and not (isinstance(start, Equilibrium) or start == "equilibrium"):
         raise InputError("has no load; it must be 'equilibrium' or an Equilibrium", "start")
-    duration, sample_rate = positive(duration, "duration"), positive(sample_rate, "sample_rate")
+    duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
     problem = Problem(
         equations=Equations(model, RayleighDamping() if damping is None else damping),
         base=FixedBase() if base is None else base,

@@ -27,7 +27,7 @@ import scipy.sparse.linalg
 from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import EquilibriumError
-from ancf_casadi.inputs import number, vector
+from ancf_casadi.inputs import check_instance, number, vector
 from ancf_casadi.model import NODE, Model
 
 NEWTON_ITERATIONS = 12
@@ -115,6 +115,7 @@ def static_equilibrium(
     EquilibriumError
         If the path of equilibria cannot be followed to the full load.
     """
+    check_instance(model, "model", Model)
     force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
     balance, load = _balance(model), np.array([*force, moment])
     coordinates, factor, step = model.straight.copy(), 0.0, 1.0

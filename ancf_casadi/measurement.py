@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from tqdm import tqdm
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import check_path, physical
 
 MAXIMUM_BYTES = 2**30
 BLOCK = 100_000  # lines that NumPy reads at once
@@ -66,6 +67,7 @@ class Measurement:
             first = int(np.argmax(steps <= 0.0))
             before, after = self.time[first], self.time[first + 1]
             raise InputError(f"must increase, but sample {first + 2} ({after:g} s) follows {before:g} s", "time")
+        physical(self.time[-1] - self.time[0], "time")
 
     @classmethod
     def from_csv(cls, path: str | Path, column: str | None = None, *, progress: bool = False) -> Measurement:
@@ -86,6 +88,7 @@ class Measurement:
             If the file cannot be read or is not a table of numbers, naming the line; if there is no such column;
             or as ``Measurement``.
         """
+        check_path(path, "path")
         rows = _rows(Path(path))
         line, header = next(rows, (0, []))
         if not header:
@@ -109,7 +112,7 @@ class Measurement:
 def _series(values: ArrayLike, where: str) -> NDArray[np.float64]:
     try:
         series = np.array(values, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError("must be a vector of numbers", where) from None
     if series.ndim != 1:
         raise InputError(f"must be a vector, got an array of shape {series.shape}", where)

@@ -23,12 +23,13 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
+from types import NoneType
 from typing import TypeVar
 
 from tqdm import tqdm
 
 from ancf_casadi.exceptions import InputError, NumericsError
-from ancf_casadi.inputs import is_sequence, shown, whole
+from ancf_casadi.inputs import check_instance, flag, is_sequence, numbers, shown, whole
 
 Result = TypeVar("Result")
 
@@ -73,8 +74,10 @@ def run_all(
     """
     if not is_sequence(tasks) or not all(map(callable, tasks)):
         raise InputError(f"must be a sequence of functions without arguments, got {shown(tasks)}", "tasks")
+    check_instance(executor, "executor", Executor, NoneType)
+    progress = flag(progress, "progress")
     jobs = min(whole(jobs, "jobs", 1), max(1, len(tasks)))
-    costs = [1.0] * len(tasks) if sizes is None else list(sizes)
+    costs = [1.0] * len(tasks) if sizes is None else list(numbers(sizes, "sizes"))
     if len(costs) != len(tasks):
         raise InputError(f"has {len(costs)} values for {len(tasks)} tasks", "sizes")
     order = sorted(range(len(tasks)), key=lambda k: -costs[k])

@@ -15,6 +15,7 @@ import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import NoneType
 from typing import Any, Literal, get_args
 
 import casadi as cs
@@ -30,7 +31,7 @@ from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.excitation import BaseMotion, FixedBase
 from ancf_casadi.idas import integrate_by_idas
-from ancf_casadi.inputs import positive
+from ancf_casadi.inputs import check_instance, choice, flag, physical, positive, positive_or_infinite, shown
 from ancf_casadi.interrupts import noted_interrupts
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.radau import integrate_by_radau
@@ -116,15 +117,18 @@ def simulate(
     returns what is done, with ``interrupted`` set.
     """
     began = time.perf_counter()
-    duration, sample_rate = positive(duration, "duration"), positive(sample_rate, "sample_rate")
-    if method not in get_args(Method):
-        raise InputError(f"must be one of {', '.join(get_args(Method))}, got {method!r}", "method")
+    check_instance(model, "model", Model)
+    check_instance(damping, "damping", DampingLaw, NoneType)
+    check_instance(base, "base", BaseMotion, NoneType)
+    check_instance(start, "start", str, Equilibrium, State)
+    check_instance(options, "options", Mapping, NoneType)
+    choice(method, get_args(Method), "method")
+    duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
     if options and method != "idas":
         raise InputError("are those of IDAS; method='radau' has none", "options")
     most_steps = round(positive(most_steps, "most_steps"))
     local_error = positive(TOLERANCES[method] if tolerance is None else tolerance, "tolerance")
-    if largest_step != math.inf:
-        positive(largest_step, "largest_step")
+    largest_step, progress = positive_or_infinite(largest_step, "largest_step"), flag(progress, "progress")
     base = FixedBase() if base is None else base
     equations = Equations(model, RayleighDamping() if damping is None else damping)
     instants = sample_times(duration, sample_rate)
@@ -147,6 +151,8 @@ def simulate(
             if paths:
                 paths[-1] = _with_blow(model, paths[-1], clamp(now).full().ravel())
             stretches = list(cut(now, end, sample_rate, size))
+            if not stretches:  # a piece that ends as soon as it begins
+                continue
             found = integrate(clamp, stretches)
             for stretch in stretches:
                 try:
@@ -232,7 +238,7 @@ def initial_state(model: Model, clamp: cs.Function, start: Start | Equilibrium |
             coordinates = model.straight if start == "straight" else static_equilibrium(model).coordinates
         else:
             known = ", ".join(get_args(Start))
-            raise InputError(f"must be one of {known}, an Equilibrium or a State, got {start!r}", "start")
+            raise InputError(f"must be one of {known}, an Equilibrium or a State, got {shown(start)}", "start")
         moving = start == "moving"
         velocities = rigid_motion(model)(coordinates, rates).full().ravel() if moving else np.zeros(model.size)
     return State(coordinates, velocities)

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import number, positive
+from ancf_casadi.inputs import numbers, physical, positive
 from ancf_casadi.nlp import Unknown, least_squares
 
 
@@ -95,10 +95,10 @@ def fit_rayleigh(
     FitError
         If the fit does not converge.
     """
-    hertz = tuple(positive(frequency, "frequencies") for frequency in frequencies)
-    ω, ζ = 2 * math.pi * np.array(hertz), np.array([number(ratio, "ratios") for ratio in ratios])
+    hertz = tuple(physical(frequency, "frequencies") for frequency in numbers(frequencies, "frequencies"))
+    ω, ζ = 2 * math.pi * np.array(hertz), np.array(numbers(ratios, "ratios"))
     given = np.ones(len(ω)) if standard_deviations is None else standard_deviations
-    σ = np.array([positive(deviation, "standard_deviations") for deviation in given])
+    σ = np.array([positive(σ, "standard_deviations") for σ in numbers(given, "standard_deviations")])
     if len(ω) < 2:
         raise InputError(f"needs at least 2 modes, got {len(ω)}", "frequencies")
     for name, values in (("ratios", ζ), ("standard_deviations", σ)):

@@ -14,6 +14,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import is_sequence, shown
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.report import Table
 from problems.criteria import Candidate, Verdict, judge
@@ -134,8 +135,8 @@ def compare_decay_laws(
     FitError
         If a fit does not converge.
     """
-    if isinstance(laws, str) or not laws:
-        raise InputError(f"must be a sequence of laws, got {laws!r}", "laws")
+    if not is_sequence(laws) or not len(laws):
+        raise InputError(f"must be a sequence of laws, got {shown(laws)}", "laws")
     fits = tuple(
         fit_decay(time, displacement, law=law, offset=offset, drift=drift, release_time=release_time) for law in laws
     )

@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from types import NoneType
 
 import casadi as cs
 import numpy as np
@@ -24,7 +25,7 @@ from ancf_casadi.equations import Equations
 from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.excitation import BaseMotion, FixedBase, Piece
-from ancf_casadi.inputs import positive, whole
+from ancf_casadi.inputs import check_instance, physical, positive, whole
 from ancf_casadi.reduction.projection import BASE
 from ancf_casadi.reduction.reduced import STAGES, ReducedModel
 from ancf_casadi.simulate import COMPILED_FROM, Start, initial_state, sample_times
@@ -150,11 +151,15 @@ def simulate_reduced(
         If the motion does not stay finite: the steps are too long for it.
     """
     began = time.perf_counter()
-    instants = sample_times(positive(duration, "duration"), positive(sample_rate, "sample_rate"))
+    check_instance(reduced, "reduced", ReducedModel)
+    check_instance(base, "base", BaseMotion, NoneType)
+    check_instance(start, "start", str, Equilibrium, State)
+    instants = sample_times(physical(duration, "duration"), physical(sample_rate, "sample_rate"))
     finish, base = float(instants[-1]), FixedBase() if base is None else base
-    longest = 1 / (float(reduced.modes.frequencies[-1]) * positive(steps_a_period, "steps_a_period"))
-    if finish / longest > MOST_STEPS:
-        raise InputError(f"makes {finish / longest:.1e} steps, more than {MOST_STEPS:.0e}", "steps_a_period")
+    per_second = float(reduced.modes.frequencies[-1]) * positive(steps_a_period, "steps_a_period")
+    if finish * per_second > MOST_STEPS:
+        raise InputError(f"makes {finish * per_second:.1e} steps, more than {MOST_STEPS:.0e}", "steps_a_period")
+    longest = 1 / per_second
     pieces = base.pieces()
     state = initial_state(reduced.model, Equations(reduced.model, reduced.law).clamp(pieces[0], base), start)
     small = reduced.rhs.n_instructions() <= COMPILED_UP_TO

@@ -40,10 +40,21 @@ class Section:
         Extent out of the plane of motion, m.
     thickness : float
         Extent in the plane of motion, m.
+
+    Raises
+    ------
+    InputError
+        If one is not a positive number, or beyond 1e100 m.
     """
 
     width: float
     thickness: float
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        for name in ("width", "thickness"):
+            if positive(getattr(self, name), name) > LARGEST:
+                raise InputError(f"{getattr(self, name):g} m is beyond the range of numbers; check the unit", name)
 
     @property
     def area(self) -> float:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.exceptions import EquilibriumError, InputError
-from ancf_casadi.inputs import array, check_instance, shown
+from ancf_casadi.inputs import array, check_instance, shown, whole
 from ancf_casadi.model import Model
 
 
@@ -86,7 +86,15 @@ class Modes:
         -------
         array (...,)
             Tip displacement in the mode, m.
+
+        Raises
+        ------
+        InputError
+            If the coordinates do not fit the model, or there is no such mode.
         """
+        mode, coordinates = whole(mode, "mode", 0, self.count - 1), array(coordinates, "coordinates")
+        if coordinates.shape[-1:] != (self.model.size,):
+            raise InputError(f"must have {self.model.size} columns, got {coordinates.shape}", "coordinates")
         mass = self.model.mass(self.model.properties).sparse()
         projector = mass @ self.shapes[:, mode] * self.tip_amplitudes()[mode]
         return np.asarray((coordinates - self.equilibrium.coordinates) @ projector)

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import check_keys, number, positive, read_toml, vector
+from ancf_casadi.inputs import check_keys, is_sequence, number, positive, read_toml, shown, vector
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 LUMPED = ("tip_mass", "clamp_stiffness")
@@ -40,10 +40,21 @@ class Section:
         Extent out of the plane of motion, m.
     thickness : float
         Extent in the plane of motion, m.
+
+    Raises
+    ------
+    InputError
+        If one is not a positive number, or beyond 1e100 m.
     """
 
     width: float
     thickness: float
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        for name in ("width", "thickness"):
+            if positive(getattr(self, name), name) > LARGEST:
+                raise InputError(f"{getattr(self, name):g} m is beyond the range of numbers; check the unit", name)
 
     @property
     def area(self) -> float:
@@ -103,7 +114,7 @@ class Beam:
         """Validate, and normalise the axis."""
         object.__setattr__(self, "length", positive(self.length, "length"))
         for name in PROPERTIES:
-            if not hasattr(getattr(self, name), "__len__"):
+            if not is_sequence(getattr(self, name)):
                 raise InputError("must have one value an element; Beam.uniform spreads a number", name)
             object.__setattr__(self, name, tuple(positive(value, name) for value in getattr(self, name)))
             if len(getattr(self, name)) != len(self.width):
@@ -164,11 +175,11 @@ class Beam:
             As ``Beam``, and if a sequence does not have ``elements`` values.
         """
         if isinstance(elements, bool) or not isinstance(elements, Integral):
-            raise InputError(f"must be a whole number, got {elements!r}", "elements")
+            raise InputError(f"must be a whole number, got {shown(elements)}", "elements")
         _check_count(int(elements))
         given = {"width": width, "thickness": thickness, "density": density, "elastic_modulus": elastic_modulus}
-        spread = {name: _spread(value, elements, name) for name, value in given.items()}
-        lumped = {"tip_mass": tip_mass, "clamp_stiffness": clamp_stiffness}
+        spread: dict[str, Any] = {name: _spread(value, elements, name) for name, value in given.items()}
+        lumped: dict[str, Any] = {"tip_mass": tip_mass, "clamp_stiffness": clamp_stiffness}
         return cls(length=length, axis=axis, gravity=gravity, **lumped, **spread)
 
     @classmethod
@@ -239,6 +250,8 @@ class Beam:
     def _check_range(self) -> None:
         """Refuse what no arithmetic can hold: mostly a value in the wrong unit."""
         l = self.element_length
+        if l == 0.0:
+            raise InputError(f"{self.length:g} m is beyond the range of numbers; check the units", "length")
         values = zip(*(getattr(self, name) for name in PROPERTIES), strict=True)
         for k, (b, h, rho, modulus) in enumerate(values):
             terms = {
@@ -255,13 +268,13 @@ class Beam:
 
 def _check_count(elements: int) -> None:
     if elements < MINIMUM_ELEMENTS:
-        raise InputError(f"needs at least {MINIMUM_ELEMENTS} elements, got {elements}", "elements")
+        raise InputError(f"needs at least {MINIMUM_ELEMENTS} elements, got {shown(elements)}", "elements")
     if elements > MAXIMUM_ELEMENTS:
-        raise InputError(f"takes at most {MAXIMUM_ELEMENTS} elements, got {elements:.3g}", "elements")
+        raise InputError(f"takes at most {MAXIMUM_ELEMENTS} elements, got {min(elements, 10**99):.3g}", "elements")
 
 
 def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:
-    if hasattr(value, "__len__") and not isinstance(value, str | bytes):
+    if is_sequence(value):
         if len(value) != elements:
             raise InputError(f"has {len(value)} values for {elements} elements", name)
         return tuple(value)

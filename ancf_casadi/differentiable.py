@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from types import NoneType
 from typing import Any, TypeVar
 
 import casadi as cs
@@ -22,7 +23,7 @@ from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.excitation import BaseMotion
 from ancf_casadi.initial_state import Start, base_of, check_start, initial_state
-from ancf_casadi.inputs import positive
+from ancf_casadi.inputs import check_instance, flag, physical, positive
 from ancf_casadi.model import Model
 from ancf_casadi.sensitivity import Problem, Run
 from ancf_casadi.simulate import clamped_nodes, sample_times, smooth_pieces
@@ -64,9 +65,14 @@ def motion(
     InputError
         If a number is not positive, or the load of a start is asked for that is no equilibrium.
     """
+    check_instance(model, "model", Model)
+    check_instance(damping, "damping", DampingLaw, NoneType)
+    check_instance(base, "base", BaseMotion, NoneType)
+    check_instance(start, "start", str, Equilibrium, State)
+    start_load = flag(start_load, "start_load")
     if start_load and not (isinstance(start, Equilibrium) or start == "equilibrium"):
         raise InputError("has no load; it must be 'equilibrium' or an Equilibrium", "start")
-    duration, sample_rate = positive(duration, "duration"), positive(sample_rate, "sample_rate")
+    duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
     check_start(model, start)
     base, equations = base_of(model, base, start), Equations(model, RayleighDamping() if damping is None else damping)
     times = sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)

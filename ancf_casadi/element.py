@@ -37,8 +37,7 @@ from typing import Any, Literal, get_args
 
 import casadi as cs
 
-from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import shown
+from ancf_casadi.inputs import choice, whole
 from ancf_casadi.shape import gauss, hermite, hermite_curvature, hermite_slope
 
 AxialStrain = Literal["engineering", "green"]
@@ -78,11 +77,9 @@ class StrainMeasures:
     def __post_init__(self) -> None:
         """Validate."""
         for name, kind in (("axial", AxialStrain), ("curvature", Curvature)):
-            if getattr(self, name) not in get_args(kind):
-                raise InputError(f"must be one of {', '.join(get_args(kind))}, got {shown(getattr(self, name))}", name)
+            choice(getattr(self, name), get_args(kind), name)
         for name in ("axial_points", "bending_points"):
-            if getattr(self, name) not in range(1, 10):
-                raise InputError(f"must be 1 to 9, got {shown(getattr(self, name))}", name)
+            whole(getattr(self, name), name, 1, 9)
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from ancf_casadi.assembly import Position, Structure, factorised, refined, sparse
 from ancf_casadi.eigenpairs import lowest_modes
 from ancf_casadi.exceptions import EquilibriumError
-from ancf_casadi.inputs import number, vector
+from ancf_casadi.inputs import check_instance, number, vector
 from ancf_casadi.model import NODE, Model
 
 NEWTON_ITERATIONS = 12
@@ -127,6 +127,7 @@ def static_equilibrium(
     EquilibriumError
         If the path of equilibria cannot be followed to the full load.
     """
+    check_instance(model, "model", Model)
     force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
     rest = Position.of(model.straight)
     weight = -Structure.of(model).balance(rest)[0]

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import array, number, positive, vector
+from ancf_casadi.inputs import array, choice, number, physical, positive, positive_or_infinite, vector
 
 StopAt = Literal["rest", "once"]
 
@@ -124,10 +124,10 @@ class HarmonicBase(BaseMotion):
     def __post_init__(self) -> None:
         """Validate, and normalise the direction."""
         positive(self.amplitude, "amplitude")
-        positive(self.frequency, "frequency")
-        _check_stop(self.stop)
-        if self.stop_at not in get_args(StopAt):
-            raise InputError(f"must be one of {', '.join(get_args(StopAt))}, got {self.stop_at!r}", "stop_at")
+        physical(self.frequency, "frequency")
+        if positive_or_infinite(self.stop, "stop") != math.inf:
+            physical(self.stop, "stop")
+        choice(self.stop_at, get_args(StopAt), "stop_at")
         object.__setattr__(self, "direction", _unit(self.direction))
 
     @property
@@ -180,8 +180,8 @@ class SweepBase(BaseMotion):
         """Validate, and normalise the direction."""
         positive(self.amplitude, "amplitude")
         for frequency in vector(self.frequencies, "frequencies"):
-            positive(frequency, "frequencies")
-        positive(self.stop, "stop")
+            physical(frequency, "frequencies")
+        physical(self.stop, "stop")
         object.__setattr__(self, "direction", _unit(self.direction))
 
     @property
@@ -231,6 +231,7 @@ class SampledBase(BaseMotion):
             raise InputError(f"needs at least {SPLINE_DEGREE + 1} instants", "time")
         if (np.diff(time) <= 0.0).any():
             raise InputError("must increase", "time")
+        physical(time[-1] - time[0], "time")
         displacement = array(self.displacement, "displacement")
         rotation = np.zeros(time.size) if self.rotation is None else array(self.rotation, "rotation")
         if displacement.shape != (time.size, 2):
@@ -260,11 +261,6 @@ def _until(stop: float, motion: Callable[[cs.MX, cs.MX], cs.MX]) -> tuple[Piece,
 
 def _along(direction: tuple[float, float], size: Callable[[cs.MX, cs.MX], cs.MX]) -> Callable[[cs.MX, cs.MX], cs.MX]:
     return lambda t, parameters: size(t, parameters) * cs.DM([*direction, 0.0])
-
-
-def _check_stop(stop: float) -> None:
-    if stop != math.inf:
-        positive(stop, "stop")
 
 
 def _unit(direction: tuple[float, float]) -> tuple[float, float]:

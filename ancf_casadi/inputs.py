@@ -6,11 +6,13 @@ Each check returns the value in the form the toolkit works with, or raises ``Inp
 from __future__ import annotations
 
 import math
+import os
 import reprlib
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Integral
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -18,7 +20,29 @@ from numpy.typing import ArrayLike, NDArray
 
 from ancf_casadi.exceptions import InputError
 
+SMALLEST, LARGEST = 1e-30, 1e30  # s or Hz
 MOST_BYTES = 64 * 2**20  # of a file that is read as a whole
+INSTEAD: Mapping[tuple[str, str], str] = {
+    ("Beam", "Model"): "Model(beam)",
+    ("Model", "Beam"): "model.beam",
+    ("Equilibrium", "Model"): "equilibrium.model",
+    ("Modes", "Model"): "modes.model",
+    ("ReducedModel", "Model"): "reduced.model",
+    ("Trajectory", "Model"): "run.model",
+    ("Model", "ReducedModel"): "reduce_model(model)",
+    ("Beam", "ReducedModel"): "reduce_model(Model(beam))",
+    ("Model", "Modes"): "natural_modes(model)",
+    ("Beam", "Modes"): "natural_modes(Model(beam))",
+    ("Modes", "Equilibrium"): "modes.equilibrium",
+    ("Model", "Equilibrium"): "static_equilibrium(model)",
+    ("Trajectory", "State"): "run.state(-1)",
+    ("ReducedTrajectory", "State"): "run.state(-1)",
+    ("ndarray", "State"): "State(coordinates, velocities)",
+    ("list", "DampingLaw"): "the sum of the laws",
+    ("tuple", "DampingLaw"): "the sum of the laws",
+    ("ndarray", "Measurement"): "Measurement(time, displacement)",
+}  # what to give instead of one class where another is needed
+IN_WORDS = {"str": "a text", "PathLike": "a path", "Mapping": "a mapping", "ndarray": "an array"}
 
 
 def number(value: Any, where: str) -> float:
@@ -38,9 +62,99 @@ def number(value: Any, where: str) -> float:
     return result
 
 
+def check_instance(value: Any, where: str, *kinds: type) -> None:
+    """Check that a value is an instance of one of the given classes.
+
+    Raises
+    ------
+    InputError
+        If it is anything else, with what to give instead where that is known.
+    """
+    if not isinstance(value, kinds):
+        raise InputError(_mistaken(value, kinds), where)
+
+
+def instances(values: Any, where: str, kind: type) -> tuple[Any, ...]:
+    """Return a sequence of at least one instance of a class as a tuple.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    if not is_sequence(values):
+        advice = "; put it in a list" if isinstance(values, kind) else ""
+        raise InputError(f"must be a sequence of {kind.__name__}, got {_given(values)}{advice}", where)
+    if not len(values):
+        raise InputError("there are none", where)
+    for value in values:
+        check_instance(value, where, kind)
+    return tuple(values)
+
+
+def choices(values: Any, known: Sequence[str], where: str) -> tuple[str, ...]:
+    """Return a sequence of names, each one of several.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    if not is_sequence(values):
+        raise InputError(f"must be a sequence of names, got {shown(values)}", where)
+    return tuple(choice(value, known, where) for value in values)
+
+
+def check_path(path: Any, where: str) -> None:
+    """Check that something is the name of a file; ``open`` takes a number for a file that is open already.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    check_instance(path, where, str, os.PathLike)
+
+
+def choice(value: Any, known: Sequence[str], where: str) -> str:
+    """Return one of several names.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    if not isinstance(value, str) or value not in known:
+        raise InputError(f"must be one of {', '.join(known)}, got {shown(value)}", where)
+    return value
+
+
+def _mistaken(value: Any, kinds: tuple[type, ...]) -> str:
+    """Return what was expected and what was given, with what to give instead."""
+    *most, last = [_with_article(kind) for kind in kinds if kind is not NoneType]
+    expected = f"{', '.join(most)} or {last}" if most else last
+    pairs = [(type(value).__name__, kind.__name__) for kind in kinds]
+    instead = [f"; use {INSTEAD[pair]}" for pair in pairs if pair in INSTEAD]
+    return f"must be {expected}, got {_given(value)}{''.join(instead[:1])}"
+
+
+def _given(value: Any) -> str:
+    """Return a value as one reads it in a message about its class."""
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if value is None or isinstance(value, str | bytes | int | float | complex):
+        return shown(value)
+    return _with_article(type(value))
+
+
+def _with_article(kind: type) -> str:
+    name = kind.__name__
+    return IN_WORDS.get(name) or f"{'an' if name[0] in 'AEIOaeio' else 'a'} {name}"
+
+
 def shown(value: Any) -> str:
-    """Return a value as one reads it in a message, cut short where it is long."""
-    return reprlib.repr(value)
+    """Return a value as one reads it in a message, on one line and cut short where it is long."""
+    return " ".join(reprlib.repr(value).split())
 
 
 def positive(value: Any, where: str) -> float:
@@ -55,6 +169,44 @@ def positive(value: Any, where: str) -> float:
     if result <= 0.0:
         raise InputError(f"must be positive, got {result:g}", where)
     return result
+
+
+def physical(value: Any, where: str) -> float:
+    """Return a time or a frequency as a float: a number from 1e-30 to 1e30, whose powers are finite too.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is anything else.
+    """
+    result = positive(value, where)
+    if not SMALLEST <= result <= LARGEST:
+        raise InputError(f"{result:g} is not within {SMALLEST:g} to {LARGEST:g}; check the unit", where)
+    return result
+
+
+def positive_or_infinite(value: Any, where: str) -> float:
+    """Return a number above zero, or infinity, as a float.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is neither.
+    """
+    return math.inf if isinstance(value, float) and value == math.inf else positive(value, where)
+
+
+def flag(value: Any, where: str) -> bool:
+    """Return a truth value.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is neither True nor False.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(f"must be True or False, got {shown(value)}", where)
+    return bool(value)
 
 
 def numbers(values: Any, where: str) -> tuple[float, ...]:
@@ -100,7 +252,7 @@ def vector(value: Any, where: str) -> tuple[float, float]:
     InputError
         If ``value`` is not a pair of finite numbers.
     """
-    if isinstance(value, str | bytes | dict | set) or not hasattr(value, "__len__") or len(value) != 2:
+    if not is_sequence(value) or len(value) != 2:
         raise InputError(f"must be a pair of numbers (x, y), got {shown(value)}", where)
     return number(value[0], where), number(value[1], where)
 
@@ -115,7 +267,7 @@ def array(values: ArrayLike, where: str) -> NDArray[np.float64]:
     """
     try:
         result = np.array(values, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError("must be numbers", where) from None
     if not np.isfinite(result).all():
         raise InputError("must be finite", where)
@@ -160,6 +312,7 @@ def read_bytes(path: str | Path) -> bytes:
     InputError
         If it cannot be read, or is larger than 64 MiB.
     """
+    check_path(path, "path")
     try:
         with open(path, "rb") as file:
             content = file.read(MOST_BYTES + 1)

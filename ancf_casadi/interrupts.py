@@ -1,4 +1,4 @@
-"""Ctrl-C while a solver library is at work.
+"""Ctrl-C, and requests to end, while a solver library is at work.
 
 A signal that raises inside a CasADi call surfaces as a failure of the solver, or not at all.  It is therefore noted
 while the call runs, and acted upon after it.
@@ -10,18 +10,28 @@ import contextlib
 import signal
 import threading
 from collections.abc import Iterator
+from typing import Any
+
+ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
 
 @contextlib.contextmanager
 def noted_interrupts() -> Iterator[list[int]]:
-    """Note each Ctrl-C instead of raising; outside the main thread, or where it is ignored, there is none to note."""
+    """Note each Ctrl-C instead of raising; outside the main thread, or where it is ignored, there is none to note.
+
+    SIGTERM and SIGHUP are noted as well, if the program handles them, and delivered to it at the end.
+    """
     noted: list[int] = []
-    before = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or before in (signal.SIG_IGN, None):
-        yield noted
-        return
-    signal.signal(signal.SIGINT, lambda number, frame: noted.append(number))
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        before = {number: signal.getsignal(number) for number in ENDING if callable(signal.getsignal(number))}
+    for number in before:
+        signal.signal(number, lambda number, frame: noted.append(number))
     try:
         yield noted
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for number in noted:
+            if number != signal.SIGINT:
+                signal.raise_signal(number)

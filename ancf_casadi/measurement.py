@@ -2,22 +2,31 @@
 
 A CSV file has one column of times, the first, and one or more of displacements.  The first line may name them; a name
 that ends in ``_ms`` or ``_mm`` says so of its unit, any other is taken to be in s or m.
+
+A file of plain numbers is read in blocks of lines by NumPy.  Any other file, with quoted cells, a column of text or a
+fault, is read row by row, which finds and names the line of what is wrong.
 """
 
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from tqdm import tqdm
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import check_path, physical
 
 MAXIMUM_BYTES = 2**30
+BLOCK = 100_000  # lines that NumPy reads at once
+PLAIN = b"0123456789+-.eE, \t\r\n"
 PER_UNIT = {"ms": 1e-3, "mm": 1e-3}
 
 
@@ -58,9 +67,10 @@ class Measurement:
             first = int(np.argmax(steps <= 0.0))
             before, after = self.time[first], self.time[first + 1]
             raise InputError(f"must increase, but sample {first + 2} ({after:g} s) follows {before:g} s", "time")
+        physical(self.time[-1] - self.time[0], "time")
 
     @classmethod
-    def from_csv(cls, path: str | Path, column: str | None = None) -> Measurement:
+    def from_csv(cls, path: str | Path, column: str | None = None, *, progress: bool = False) -> Measurement:
         """Read a CSV file.
 
         Parameters
@@ -69,6 +79,8 @@ class Measurement:
             The file.
         column : str, optional
             Name of the column of displacements; without it the file must have two columns.
+        progress : bool
+            Whether to show a progress bar on a terminal where reading takes more than a second.
 
         Raises
         ------
@@ -76,6 +88,7 @@ class Measurement:
             If the file cannot be read or is not a table of numbers, naming the line; if there is no such column;
             or as ``Measurement``.
         """
+        check_path(path, "path")
         rows = _rows(Path(path))
         line, header = next(rows, (0, []))
         if not header:
@@ -83,11 +96,13 @@ class Measurement:
         named = not any(_is_number(cell) for cell in header)
         names = [cell.strip() for cell in header] if named else [f"column {i + 1}" for i in range(len(header))]
         chosen = _choose(names, column, str(path))
-        table = [] if named else [_pair(header, chosen, len(names), f"{path}, line {line}")]
-        table += [_pair(row, chosen, len(names), f"{path}, line {line}") for line, row in rows]
-        if not table:
+        above = [] if named else [_pair(header, chosen, len(names), f"{path}, line {line}")]
+        below = _plain_numbers(Path(path), chosen, len(names), progress)
+        if below is None:
+            below = np.array([_pair(row, chosen, len(names), f"{path}, line {line}") for line, row in rows])
+        time, displacement = np.concatenate([np.reshape(part, (-1, 2)) for part in (above, below)]).T
+        if not len(time):
             raise InputError("has no rows below its header", str(path))
-        time, displacement = np.array(table).T
         try:
             return cls(time * _unit(names[0]), displacement * _unit(names[chosen]), Path(path).name)
         except InputError as error:
@@ -97,7 +112,7 @@ class Measurement:
 def _series(values: ArrayLike, where: str) -> NDArray[np.float64]:
     try:
         series = np.array(values, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError("must be a vector of numbers", where) from None
     if series.ndim != 1:
         raise InputError(f"must be a vector, got an array of shape {series.shape}", where)
@@ -124,6 +139,34 @@ def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
         raise InputError(f"cannot be read ({error.strerror or error})", str(path)) from None
     except (UnicodeDecodeError, csv.Error):
         raise InputError("is not a CSV file (text, with commas between the columns)", str(path)) from None
+
+
+def _plain_numbers(path: Path, chosen: int, width: int, progress: bool) -> NDArray[np.float64] | None:
+    """Return times and displacements (n, 2) below the first row; None if not all cells are numbers, and all finite."""
+    blocks = [np.empty((0, 2))]
+    try:
+        with (
+            open(path, "rb") as file,
+            io.TextIOWrapper(file, encoding="utf-8-sig", newline="") as text,
+            tqdm(
+                total=path.stat().st_size, disable=None if progress else True, delay=1.0, leave=False,
+                unit="B", unit_scale=True, desc=path.name,
+            ) as bar,
+        ):  # fmt: skip
+            next(row for row in csv.reader(text) if any(cell.strip() for cell in row))
+            while lines := list(islice(text, BLOCK)):
+                filled = [line for line in lines if line.strip()]
+                if "".join(filled).encode().translate(None, PLAIN):
+                    return None
+                block = np.loadtxt(filled, delimiter=",", ndmin=2) if filled else np.empty((0, width))
+                if block.shape[1] != width:
+                    return None
+                blocks.append(block[:, [0, chosen]])
+                bar.update(file.tell() - bar.n)
+    except (ValueError, OSError):
+        return None
+    table = np.concatenate(blocks)
+    return table if np.isfinite(table).all() else None
 
 
 def _choose(names: list[str], column: str | None, where: str) -> int:

@@ -29,7 +29,7 @@ from ancf_casadi.beam import PROPERTIES, Beam
 from ancf_casadi.clamp import elastic_clamp
 from ancf_casadi.element import Element, StrainMeasures, element
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import number
+from ancf_casadi.inputs import check_instance, number
 from ancf_casadi.shape import gauss, hermite, hermite_curvature, hermite_slope
 
 NODE = 4  # coordinates of a node: position and slope
@@ -48,10 +48,20 @@ class Model:
         What is modelled.
     measures : StrainMeasures
         The strain measures of Eq. (8).
+
+    Raises
+    ------
+    InputError
+        If one is of another class.
     """
 
     beam: Beam
     measures: StrainMeasures = field(default_factory=StrainMeasures)
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        check_instance(self.beam, "beam", Beam)
+        check_instance(self.measures, "measures", StrainMeasures)
 
     def __reduce__(self) -> tuple[type[Model], tuple[Beam, StrainMeasures]]:
         """Travel between processes without the Functions, which are derived again there."""

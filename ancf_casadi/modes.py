@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from numbers import Integral
+from types import NoneType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from ancf_casadi.eigenpairs import lowest_modes
 from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.exceptions import EquilibriumError, InputError
+from ancf_casadi.inputs import array, check_instance, shown, whole
 from ancf_casadi.model import Model
 
 
@@ -82,7 +84,15 @@ class Modes:
         -------
         array (...,)
             Tip displacement in the mode, m.
+
+        Raises
+        ------
+        InputError
+            If the coordinates do not fit the model, or there is no such mode.
         """
+        mode, coordinates = whole(mode, "mode", 0, self.count - 1), array(coordinates, "coordinates")
+        if coordinates.shape[-1:] != (self.model.size,):
+            raise InputError(f"must have {self.model.size} columns, got {coordinates.shape}", "coordinates")
         mass = self.model.mass(self.model.properties).sparse()
         projector = mass @ self.shapes[:, mode] * self.tip_amplitudes()[mode]
         return np.asarray((coordinates - self.equilibrium.coordinates) @ projector)
@@ -107,9 +117,11 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
     EquilibriumError
         If the equilibrium is unstable, or none is found.
     """
+    check_instance(model, "model", Model)
+    check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
     available = model.size - model.free.start
     if isinstance(count, bool) or not isinstance(count, Integral) or not 1 <= count <= available:
-        raise InputError(f"must be 1 to {available} for {model.beam.elements} elements, got {count!r}", "count")
+        raise InputError(f"must be 1 to {available} for {model.beam.elements} elements, got {shown(count)}", "count")
     if equilibrium is None:
         equilibrium = static_equilibrium(model)
     if equilibrium.model != model:
@@ -141,6 +153,14 @@ def modal_assurance(first: NDArray[np.float64], second: NDArray[np.float64]) -> 
     -------
     array (m1, m2)
         Values from 0 (orthogonal) to 1 (the same shape).
+
+    Raises
+    ------
+    InputError
+        If the shapes are not finite numbers in columns of one length.
     """
+    first, second = array(first, "first"), array(second, "second")
+    if first.ndim != 2 or second.ndim != 2 or len(first) != len(second):
+        raise InputError(f"must be columns as long as the first, got {second.shape} for {first.shape}", "second")
     cross = (first.T @ second) ** 2
     return np.asarray(cross / np.outer((first**2).sum(axis=0), (second**2).sum(axis=0)))

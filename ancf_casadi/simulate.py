@@ -18,6 +18,7 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import NoneType
 from typing import Any, get_args
 
 import numpy as np
@@ -32,7 +33,7 @@ from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.excitation import BaseMotion
 from ancf_casadi.initial_state import Start, base_of, initial_state
-from ancf_casadi.inputs import positive
+from ancf_casadi.inputs import check_instance, choice, flag, physical, positive, positive_or_infinite
 from ancf_casadi.integration import Integration, Method, SmoothPiece
 from ancf_casadi.interrupts import noted_interrupts
 from ancf_casadi.model import NODE, Model
@@ -121,14 +122,17 @@ def simulate(
     returns what is done, with ``interrupted`` set.
     """
     began = time.perf_counter()
-    duration, sample_rate = positive(duration, "duration"), positive(sample_rate, "sample_rate")
-    if method not in get_args(Method):
-        raise InputError(f"must be one of {', '.join(get_args(Method))}, got {method!r}", "method")
+    check_instance(model, "model", Model)
+    check_instance(damping, "damping", DampingLaw, NoneType)
+    check_instance(base, "base", BaseMotion, NoneType)
+    check_instance(start, "start", str, Equilibrium, State)
+    check_instance(options, "options", Mapping, NoneType)
+    choice(method, get_args(Method), "method")
+    duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
     if options and method == "radau":
         raise InputError("are those of IDAS; method='radau' has none", "options")
     most_steps = round(positive(most_steps, "most_steps"))
-    if largest_step != math.inf:
-        positive(largest_step, "largest_step")
+    largest_step, progress = positive_or_infinite(largest_step, "largest_step"), flag(progress, "progress")
     base = base_of(model, base, start)
     equations = Equations(model, RayleighDamping() if damping is None else damping)
     instants = sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)

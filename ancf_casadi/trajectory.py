@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Integral
 
 import casadi as cs
 import numpy as np
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 
 from ancf_casadi.element import axial_strain, curvature
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import array, number, shown
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.shape import gauss
 
@@ -47,6 +49,12 @@ class State:
     coordinates: Array
     velocities: Array
     time: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Validate, and keep arrays."""
+        for name in ("coordinates", "velocities"):
+            object.__setattr__(self, name, array(getattr(self, name), name))
+        object.__setattr__(self, "time", number(self.time, "time"))
 
 
 @dataclass(frozen=True)
@@ -146,8 +154,8 @@ class Trajectory:
         InputError
             If there is no such sample.
         """
-        if not -len(self.time) <= index < len(self.time):
-            raise InputError(f"there are {len(self.time)} samples, got {index}", "index")
+        if not isinstance(index, Integral) or not -len(self.time) <= index < len(self.time):
+            raise InputError(f"there are {len(self.time)} samples, got {shown(index)}", "index")
         return State(self.coordinates[index], self.velocities[index], float(self.time[index]))
 
     def position(self, s: float) -> Array:

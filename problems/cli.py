@@ -1,7 +1,8 @@
 """The command ``ancf-casadi``: one sub-command for each thing the toolkit does.
 
-Exit code 0; 2 where the input is unusable, with one line that says what and where; 1 where the numerics failed, with
-what to try.  Results go to standard output, as text or with ``--json`` as data; progress goes to standard error.
+Exit code 0; 2 where the input is unusable, or a result cannot be written, with one line that says what and where; 1
+where the numerics failed, with what to try; 128 and the number of the signal that ended it.  Results go to standard
+output, as text or with ``--json`` as data, also where a file cannot be written; progress goes to standard error.
 """
 
 from __future__ import annotations
@@ -11,8 +12,11 @@ import contextlib
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -21,6 +25,7 @@ import numpy as np
 from ancf_casadi.envelope import damping_curve
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.export import Document, Identification, write_document
+from ancf_casadi.interrupts import ENDING
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.model import Model
 from ancf_casadi.modes import natural_modes
@@ -34,8 +39,26 @@ from problems.exporting import FORMATS, export, read_identifications
 from problems.frequency_matching import match_frequencies
 from problems.study_file import TABLE_KEYS, read_match, read_model, read_simulation, read_source
 
-INTERRUPTED = 130
-STOPPED = "stopped; nothing was written"
+SIGNALLED = 128  # and the number of the signal: the exit code of what a signal ends, as shells give it
+
+
+@dataclass(frozen=True)
+class Output:
+    """Result of a command.
+
+    Parameters
+    ----------
+    text : str
+        What to print, also where a file cannot be written.
+    files : sequence of callable
+        What writes the files.
+    closing : str
+        What to print below the text once all files are written.
+    """
+
+    text: str
+    files: Sequence[Callable[[], object]] = ()
+    closing: str = ""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -46,44 +69,83 @@ def main(arguments: Sequence[str] | None = None) -> int:
         finally:
             sys.stdout.flush()
     except BrokenPipeError:  # the reader of our output has left
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         return 0
+    except OSError as error:
+        _discard_output()
+        return _failed(f"the result cannot be printed ({error.strerror or error})", 2)
+
+
+def _discard_output() -> None:
+    """Let what cannot be printed go, or Python tries again at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _run(options: argparse.Namespace) -> int:
-    with _interrupts() as options.interrupts:
+    written = "nothing was written"
+    with _noted_endings() as noted:
         try:
-            print(options.run(options))
+            output = options.run(options)
+            if output.files:
+                written = "not all files were written"
+            failure = _write(output.files)
         except KeyboardInterrupt:
-            return _failed(STOPPED, INTERRUPTED)
+            return _stopped(noted, written)
         except Exception as error:
-            if options.interrupts:
-                return _failed(STOPPED, INTERRUPTED)
-            if isinstance(error, AncfError):
-                return _failed(error, 2 if isinstance(error, InputError) else 1)
-            if isinstance(error, MemoryError):
-                return _failed("out of memory; fewer samples, or fewer elements, take less", 1)
-            raise
-    return 0
+            return _stopped(noted, written) if noted else _reported(error)
+    print(output.text if failure else output.text + output.closing, flush=True)
+    return _reported(failure) if failure else 0
+
+
+def _write(files: Sequence[Callable[[], object]]) -> Exception | None:
+    """Write files up to the first that cannot be written, and return the reason."""
+    try:
+        for write in files:
+            write()
+    except (AncfError, OSError, MemoryError) as error:
+        return error
+    return None
+
+
+def _reported(error: Exception) -> int:
+    """Report a failure in one line, and return the exit code."""
+    if isinstance(error, AncfError):
+        return _failed(error, 2 if isinstance(error, InputError) else 1)
+    if isinstance(error, MemoryError):
+        return _failed("out of memory; fewer samples, or fewer elements, take less", 1)
+    if isinstance(error, OSError):
+        place = f"{error.filename}: " if error.filename else ""
+        return _failed(f"{place}cannot be used ({error.strerror or error})", 2)
+    raise error
+
+
+def _stopped(noted: Sequence[int], written: str) -> int:
+    return _failed(f"stopped; {written}", SIGNALLED + (noted[0] if noted else signal.SIGINT))
 
 
 @contextlib.contextmanager
-def _interrupts() -> Iterator[list[int]]:
-    """Note each Ctrl-C, which may reach us as any error of the CasADi call it hit, or as a run that ended early."""
+def _noted_endings() -> Iterator[list[int]]:
+    """Note Ctrl-C, SIGTERM and SIGHUP, and raise ``KeyboardInterrupt`` to end with nothing left behind.
+
+    It may reach us as any error of the CasADi call that it hit, or as a run that ended early.
+    """
     noted: list[int] = []
 
-    def interrupt(number: int, _: object) -> None:
+    def end(number: int, _: object) -> None:
         noted.append(number)
         raise KeyboardInterrupt
 
-    before = signal.getsignal(signal.SIGINT)
-    if before is signal.default_int_handler:
-        signal.signal(signal.SIGINT, interrupt)
+    before: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():
+        usual = (signal.default_int_handler, signal.SIG_DFL)
+        before = {number: signal.getsignal(number) for number in ENDING if signal.getsignal(number) in usual}
+    for number in before:
+        signal.signal(number, end)
     try:
         yield noted
     finally:
-        if before is signal.default_int_handler:
-            signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -111,7 +173,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
-    def command(name: str, run: Callable[[argparse.Namespace], str], about: str) -> argparse.ArgumentParser:
+    def command(name: str, run: Callable[[argparse.Namespace], Output], about: str) -> argparse.ArgumentParser:
         added = commands.add_parser(
             name,
             help=about,
@@ -187,26 +249,26 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def _reproduce(options: argparse.Namespace) -> str:
+def _reproduce(options: argparse.Namespace) -> Output:
     from problems import reproduction, study_report  # loaded for this command alone, and by its processes
 
     folder = check_folder(options.out)
     effort = reproduction.QUICK if options.quick else reproduction.FULL
     study = reproduction.reproduce(effort=effort, jobs=options.jobs, progress=True)
-    written = study_report.write_study(study, folder)
+    files = [partial(study_report.write_study, study, folder)]
     if options.json:
-        return to_json(study_report.results(study)).rstrip()
+        return Output(_json(study_report.results(study)), files)
     texts = [table.text() for table in study_report.tables(study)]
     if options.quick:
         texts.append(
             "Quick look: excitations are a tenth as long and tolerances looser; Table 11 is a few percent off."
         )
-    return "\n\n".join([*texts, f"{len(written)} files in {folder}"])
+    return Output("\n\n".join(texts), files, f"\n\nfiles written to {folder}")
 
 
-def _fit_decay(options: argparse.Namespace) -> str:
-    record = Measurement.from_csv(options.file, column=options.column)
+def _fit_decay(options: argparse.Namespace) -> Output:
     plot, curve = _new_files([options.file], options.plot, options.curve)
+    record = Measurement.from_csv(options.file, column=options.column, progress=True)
     comparison = None
     with _located(options.file):
         if options.law == "auto":
@@ -216,55 +278,60 @@ def _fit_decay(options: argparse.Namespace) -> str:
             fit = comparison.best
         else:
             fit = fit_decay(record, law=options.law, drift=options.drift, robust=options.robust)
-        damping = None if curve is None else damping_curve(record).table().csv()
+        damping = None if curve is None else damping_curve(record).table()
+    files = []
     if curve is not None and damping is not None:
-        write_file(curve, damping)
+        files.append(_file(curve, damping.csv))
     if plot is not None:
         from ancf_casadi.plot import decay_figure, png  # matplotlib is slow to import
 
-        write_file(plot, png(decay_figure(record, fit.displacement, fit.release_time)))
+        files.append(_file(plot, lambda: png(decay_figure(record, fit.displacement, fit.release_time))))
     if options.json:
-        return to_json(fit.to_dict() | ({"comparison": comparison.to_dict()} if comparison else {})).rstrip()
-    return comparison.report() if comparison else fit.report()
+        return Output(_json(fit.to_dict() | ({"comparison": comparison.to_dict()} if comparison else {})), files)
+    return Output(comparison.report() if comparison else fit.report(), files)
 
 
-def _modes(options: argparse.Namespace) -> str:
+def _modes(options: argparse.Namespace) -> Output:
     modes = natural_modes(read_model(options.file), count=options.count)
     if options.json:
         tip = modes.equilibrium.tip.tolist()
-        return to_json({"frequencies_hz": modes.frequencies.tolist(), "equilibrium_tip_m": tip}).rstrip()
+        return Output(_json({"frequencies_hz": modes.frequencies.tolist(), "equilibrium_tip_m": tip}))
     rows = list(enumerate(modes.frequencies.tolist(), start=1))
     x, y = modes.equilibrium.tip
-    return Table("modes", "Natural modes", ("mode", "f_Hz"), rows, (f"about the tip at ({x:.6g}, {y:.6g}) m",)).text()
+    about = f"about the tip at ({x:.6g}, {y:.6g}) m"
+    return Output(Table("modes", "Natural modes", ("mode", "f_Hz"), rows, (about,)).text())
 
 
-def _match(options: argparse.Namespace) -> str:
+def _match(options: argparse.Namespace) -> Output:
     beam, request = read_match(options.file)
     out, plot = _new_files([options.file], options.out, options.plot)
     with _located(f"{options.file}: [match]"):
         match = match_frequencies(beam, **request)
+    files: list[Callable[[], None]] = []
     if out is not None:
-        write_document(out, Document(Model(match.beam), identifications=[Identification.of(match)]))
+        document = Document(Model(match.beam), identifications=[Identification.of(match)])
+        files.append(partial(write_document, out, document))
     if plot is not None:
         from ancf_casadi.plot import png  # matplotlib is slow to import
 
-        write_file(plot, png(match.figure()))
-    return to_json(match.to_dict()).rstrip() if options.json else match.report()
+        files.append(_file(plot, lambda: png(match.figure())))
+    return Output(_json(match.to_dict()) if options.json else match.report(), files)
 
 
-def _simulate(options: argparse.Namespace) -> str:
+def _simulate(options: argparse.Namespace) -> Output:
     study = read_simulation(options.file)
     out, plot = _new_files([options.file], options.out, options.plot)
     with _located(f"{options.file}: [simulation]"):
         run = simulate(study.model, damping=study.damping, base=study.base, progress=True, **study.settings)
     if run.interrupted:
         raise KeyboardInterrupt
+    files = []
     if out is not None:
-        write_file(out, _motion(run).csv())
+        files.append(_file(out, lambda: _motion(run).csv()))
     if plot is not None:
         from ancf_casadi.plot import motion_figure, png  # matplotlib is slow to import
 
-        write_file(plot, png(motion_figure(run)))
+        files.append(_file(plot, lambda: png(motion_figure(run))))
     relative = run.tip - run.base
     summary = {
         "samples": len(run.time),
@@ -275,8 +342,17 @@ def _simulate(options: argparse.Namespace) -> str:
         "seconds": run.wall_seconds,
     }
     if options.json:
-        return to_json(summary).rstrip()
-    return "\n".join(f"{name:<14}{_plain(value)}" for name, value in summary.items())
+        return Output(_json(summary), files)
+    return Output("\n".join(f"{name:<14}{_plain(value)}" for name, value in summary.items()), files)
+
+
+def _file(path: Path, content: Callable[[], str | bytes]) -> Callable[[], None]:
+    """Return what makes a content and writes it."""
+    return lambda: write_file(path, content())
+
+
+def _json(value: Any) -> str:
+    return to_json(value).rstrip()
 
 
 def _motion(run: Trajectory) -> Table:
@@ -285,7 +361,7 @@ def _motion(run: Trajectory) -> Table:
     return Table("motion", "Motion of the tip", columns, rows)
 
 
-def _export(options: argparse.Namespace) -> str:
+def _export(options: argparse.Namespace) -> Output:
     began = time.perf_counter()
     source = read_source(options.file)
     if options.format == "c":
@@ -301,8 +377,8 @@ def _export(options: argparse.Namespace) -> str:
     )
     files = [{"path": str(path), "bytes": path.stat().st_size} for path in written]
     if options.json:
-        return to_json({"format": options.format, "files": files, "seconds": time.perf_counter() - began}).rstrip()
-    return "\n".join(f"{file['path']}  {file['bytes']} bytes" for file in files)
+        return Output(_json({"format": options.format, "files": files, "seconds": time.perf_counter() - began}))
+    return Output("\n".join(f"{file['path']}  {file['bytes']} bytes" for file in files))
 
 
 def _plain(value: Any) -> str:

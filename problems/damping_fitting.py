@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import is_sequence, number, positive
+from ancf_casadi.inputs import is_sequence, numbers, physical, positive
 from ancf_casadi.nlp import Unknown, least_squares
 from ancf_casadi.report import Table
 
@@ -148,8 +148,8 @@ def fit_rayleigh(
     FitError
         If the fit does not converge.
     """
-    hertz = tuple(positive(frequency, "frequencies") for frequency in frequencies)
-    ω, ζ = 2 * math.pi * np.array(hertz), np.array([number(ratio, "ratios") for ratio in ratios])
+    hertz = tuple(physical(frequency, "frequencies") for frequency in numbers(frequencies, "frequencies"))
+    ω, ζ = 2 * math.pi * np.array(hertz), np.array(numbers(ratios, "ratios"))
     if len(ω) < 2:
         raise InputError(f"needs at least 2 modes, got {len(ω)}", "frequencies")
     given: Any = ratio_std if ratio_std is None or is_sequence(ratio_std) else [ratio_std] * len(ω)

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.decay import first_guess
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import number
+from ancf_casadi.inputs import flag, is_sequence, number, shown
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.report import Table
 from problems.criteria import Candidate, Verdict, judge
@@ -137,10 +137,11 @@ def compare_decay_laws(
     FitError
         If a fit does not converge.
     """
-    if isinstance(laws, str) or not laws:
-        raise InputError(f"must be a sequence of laws, got {laws!r}", "laws")
+    if not is_sequence(laws) or not len(laws):
+        raise InputError(f"must be a sequence of laws, got {shown(laws)}", "laws")
     for law in laws:
         check_law(law)
+    offset, drift = flag(offset, "offset"), flag(drift, "drift")
     record = as_record(time, displacement)
     release = None if release_time is None else number(release_time, "release_time")
     guess = first_guess(record, release_time=release, offset=offset, drift=drift)

@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.decay import DecayGuess, first_guess
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.fit import Fit
-from ancf_casadi.inputs import number, vector
+from ancf_casadi.inputs import choice, flag, instances, number, numbers, vector
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.nlp import least_squares
 from ancf_casadi.one_mode import longest_step
@@ -131,12 +131,12 @@ def fit_decays(
         If the fit does not converge.
     """
     check_law(law)
+    offset, drift, robust = flag(offset, "offset"), flag(drift, "drift"), flag(robust, "robust")
     lower, upper = vector(ratio_bounds, "ratio_bounds")
     if not -1.0 < lower < upper < 1.0:
         raise InputError(f"must be in order and between -1 and 1, got ({lower:g}, {upper:g})", "ratio_bounds")
-    if isinstance(records, Measurement) or not records or not all(isinstance(r, Measurement) for r in records):
-        raise InputError("must be a sequence of one Measurement or more", "records")
-    releases = [None] * len(records) if release_times is None else [number(t, "release_times") for t in release_times]
+    records = instances(records, "records", Measurement)
+    releases = [None] * len(records) if release_times is None else numbers(release_times, "release_times")
     if len(releases) != len(records):
         raise InputError(f"has {len(releases)} values for {len(records)} records", "release_times")
     guesses = [
@@ -265,8 +265,7 @@ def check_law(law: Any) -> None:
     InputError
         If not.
     """
-    if law not in get_args(Law):
-        raise InputError(f"must be one of {', '.join(get_args(Law))}, got {law!r}", "law")
+    choice(law, get_args(Law), "law")
 
 
 def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> Measurement:

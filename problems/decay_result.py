@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.fit import LEVEL, Fit
+from ancf_casadi.inputs import array
 from ancf_casadi.likelihood import profile_interval
 from problems.criteria import COLOURED
 from problems.decay_laws import LAWS, DecayModel, Law
@@ -165,7 +166,7 @@ class DecayFit:
 
     def displacement(self, time: ArrayLike) -> NDArray[np.float64]:
         """Return the fitted displacement (m) at times (s) of the record, from the release on."""
-        t = np.asarray(time, dtype=float).ravel() - self.release_time
+        t = array(time, "time").ravel() - self.release_time
         curve = self.model.curve(t, *(cs.MX(self.fit.values[i]) for i in self.indices))
         return np.asarray(cs.evalf(curve)).ravel()
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ancf_casadi.beam import LUMPED, PROPERTIES, Beam
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import number
+from ancf_casadi.inputs import check_instance, is_sequence, numbers, shown
 from ancf_casadi.model import Model
 from ancf_casadi.parts import structure_properties
 from problems.matching_unknowns import PAPER, Global, PerElement, PropertyUnknown, Smooth, check_bounds
@@ -51,12 +51,13 @@ class DesignSpace:
     def __post_init__(self) -> None:
         """Validate."""
         object.__setattr__(self, "bounds", check_bounds(self.bounds, "bounds"))
-        if not isinstance(self.unknowns, Sequence) or isinstance(self.unknowns, str):
-            raise InputError("must be a sequence of Global, PerElement and Smooth", "unknowns")
+        if not is_sequence(self.unknowns):
+            raise InputError(
+                f"must be a sequence of Global, PerElement and Smooth, got {shown(self.unknowns)}", "unknowns"
+            )
         object.__setattr__(self, "unknowns", tuple(self.unknowns))
         for unknown in self.unknowns:
-            if not isinstance(unknown, Global | PerElement | Smooth):
-                raise InputError(f"must be Global, PerElement or Smooth, got {unknown!r}", "unknowns")
+            check_instance(unknown, "unknowns", Global, PerElement, Smooth)
         given = [unknown.name for unknown in self.unknowns]
         if not given:
             raise InputError("nothing may change; give at least one property", "unknowns")
@@ -191,9 +192,7 @@ class DesignSpace:
         """
         if start is None:
             return self.standard.copy()
-        if isinstance(start, str) or not hasattr(start, "__len__"):
-            raise InputError(f"must be a sequence of numbers, got {start!r}", "start")
-        m = np.array([number(value, "start") for value in start])
+        m = np.array(numbers(start, "start"))
         if m.size != self.size:
             raise InputError(f"needs {self.size} factors, got {m.size}", "start")
         inside = (m >= self.lower) & (m <= self.upper)

@@ -20,14 +20,15 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from functools import partial
+from types import NoneType
 from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ancf_casadi.beam import Beam
-from ancf_casadi.exceptions import FitError, InputError, NumericsError
-from ancf_casadi.inputs import whole
+from ancf_casadi.exceptions import FitError, NumericsError
+from ancf_casadi.inputs import check_instance, choice, whole
 from ancf_casadi.model import Model
 from ancf_casadi.modes import natural_modes
 from ancf_casadi.parallel import run_all
@@ -42,6 +43,7 @@ from problems.measured_modes import MeasuredModes
 
 Array = NDArray[np.float64]
 
+MOST_STARTS = 10_000
 SAME = 1e-9  # relative difference between the frequencies of the program and those computed afresh
 SAME_VALUE = 1e-3  # relative difference between the objectives of one optimum reached twice
 
@@ -102,14 +104,13 @@ def match_frequencies(
     FitError
         If IPOPT converges from no start, or the modes found are not those of the beam computed afresh.
     """
+    check_instance(beam, "beam", Beam)
     measured = MeasuredModes.of(targets)
     measured.check_beam(beam)
     space = DesignSpace(beam, unknowns, bounds)  # type: ignore[arg-type]
-    if objective not in get_args(Objective):
-        raise InputError(f"must be one of {', '.join(get_args(Objective))}, got {objective!r}", "objective")
-    if preference is not None and not isinstance(preference, LeastChange | Smoothness):
-        raise InputError(f"must be LeastChange or Smoothness, got {preference!r}", "preference")
-    starts, jobs, seed = whole(starts, "starts", 1), whole(jobs, "jobs", 1), whole(seed, "seed", 0)
+    choice(objective, get_args(Objective), "objective")
+    check_instance(preference, "preference", LeastChange, Smoothness, NoneType)
+    starts, jobs, seed = whole(starts, "starts", 1, MOST_STARTS), whole(jobs, "jobs", 1), whole(seed, "seed", 0)
     first = space.check_start(start)
     began = time.perf_counter()
     matching = Matching(space, measured, preference or LeastChange(), objective)

@@ -13,7 +13,7 @@ from functools import cached_property, partial
 from typing import Any
 
 from ancf_casadi.damping import DampingLaw, SumOfLaws
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import instances
 from ancf_casadi.model import Model
 from ancf_casadi.parallel import run_all
 from ancf_casadi.report import Table
@@ -130,8 +130,7 @@ def compare_laws(
     FitError
         If a fit does not converge.
     """
-    if not laws:
-        raise InputError("there are none", "laws")
+    laws = instances(laws, "laws", DampingLaw)
     tasks = [partial(fit_transient, model, records, law, **settings) for law in laws]
     fits = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="laws")
     return LawComparison(tuple(_name(law) for law in laws), tuple(fits))

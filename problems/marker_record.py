@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import NoneType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,7 @@ from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.excitation import BaseMotion, FixedBase
 from ancf_casadi.initial_state import Start
-from ancf_casadi.inputs import array
+from ancf_casadi.inputs import array, check_instance, numbers, physical
 from ancf_casadi.trajectory import State
 
 EVEN = 1e-6  # of a sampling interval: how far a sample may be off
@@ -50,12 +51,17 @@ class MarkerRecord:
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays."""
+        if self.points is not None:
+            object.__setattr__(self, "points", numbers(self.points, "points"))
+        check_instance(self.base, "base", BaseMotion, NoneType)
+        check_instance(self.start, "start", str, Equilibrium, State)
         time, positions = (array(getattr(self, name), name) for name in ("time", "positions"))
         if time.ndim != 1 or time.size < 10:
             raise InputError("needs at least 10 instants", "time")
         step = (time[-1] - time[0]) / (time.size - 1)
         if not step > 0.0 or time[0] != 0.0 or np.abs(time - step * np.arange(time.size)).max() > EVEN * step:
             raise InputError("must begin with 0 and go on at equal intervals; resample the record", "time")
+        physical(time[-1], "time")
         if positions.ndim == 2:
             positions = positions[:, None, :]
         count = 1 if self.points is None else len(self.points)

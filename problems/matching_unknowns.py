@@ -17,15 +17,14 @@ Factors keep within 1 - bounds and 1 + bounds.  For a smooth property these are 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from numbers import Integral
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
-from ancf_casadi.beam import LUMPED, PROPERTIES
+from ancf_casadi.beam import LUMPED, MAXIMUM_ELEMENTS, PROPERTIES
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import positive
+from ancf_casadi.inputs import choice, positive, whole
 
 Array = NDArray[np.float64]
 
@@ -45,8 +44,7 @@ def check_bounds(bounds: float, where: str) -> float:
 
 
 def _check(name: str, bounds: float | None, known: tuple[str, ...] = PROPERTIES) -> None:
-    if name not in known:
-        raise InputError(f"must be one of {', '.join(known)}, got {name!r}", "unknowns")
+    choice(name, known, "unknowns")
     if bounds is not None:
         check_bounds(bounds, f"unknowns: {name}: bounds")
 
@@ -120,8 +118,7 @@ class Smooth:
     def __post_init__(self) -> None:
         """Validate."""
         _check(self.name, self.bounds)
-        if isinstance(self.terms, bool) or not isinstance(self.terms, Integral) or self.terms < 1:
-            raise InputError(f"terms must be a whole number above 0, got {self.terms!r}", f"unknowns: {self.name}")
+        whole(self.terms, f"unknowns: {self.name}: terms", 1, MAXIMUM_ELEMENTS)
 
     def shape(self, elements: int) -> Array:
         """Return the factors less 1 by the unknowns, (n, terms)."""

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ancf_casadi.beam import Beam
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import is_sequence, numbers, positive, shown
+from ancf_casadi.inputs import is_sequence, numbers, physical, positive, shown
 from ancf_casadi.model import Model
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ class MeasuredModes:
         given: Any = self.frequencies
         if not is_sequence(given):
             raise InputError(f"must be a sequence of frequencies, got {shown(given)}", "targets")
-        frequencies = tuple(positive(frequency, "targets") for frequency in given)
+        frequencies = tuple(physical(frequency, "targets") for frequency in given)
         if not frequencies:
             raise InputError("needs at least one frequency", "targets")
         object.__setattr__(self, "frequencies", frequencies)

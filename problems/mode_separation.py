@@ -26,12 +26,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ancf_casadi.decay import first_guess
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import number
+from ancf_casadi.inputs import flag, number, whole
 from ancf_casadi.measurement import Measurement
 from ancf_casadi.nlp import Unknown, least_squares
 from problems.decay_fitting import RATIO_BOUNDS, as_record, fit_decay
 from problems.decay_laws import DecayModel
 from problems.decay_result import DecayFit, decay_result
+
+SAMPLES = 5  # per mode at least: its four unknowns, and one to tell
 
 
 def fit_modes(
@@ -69,9 +71,8 @@ def fit_modes(
     FitError
         If a fit does not converge.
     """
-    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-        raise InputError(f"must be a whole number above 0, got {count!r}", "count")
     record = as_record(time, displacement)
+    count, offset = whole(count, "count", 1, max(1, len(record.time) // SAMPLES)), flag(offset, "offset")
     release = None if release_time is None else number(release_time, "release_time")
     unknowns: list[Unknown] = []
     parts: list[tuple[DecayModel, tuple[int, ...]]] = []

@@ -41,7 +41,7 @@ from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.fit import LEVEL, Fit
-from ancf_casadi.inputs import number, whole
+from ancf_casadi.inputs import check_instance, choice, number, whole
 from ancf_casadi.nlp import Unknown, least_squares
 from ancf_casadi.parallel import run_all
 from ancf_casadi.report import Table
@@ -54,6 +54,7 @@ Method = Literal["parametric", "bootstrap"]
 
 WHITE = 3.0  # standard deviations 1/m^1/2 within which the correlation of successive residuals is none
 MINIMUM_RUNS = 2
+MOST_RUNS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,11 +206,9 @@ def monte_carlo(
     FitError
         If fewer than two runs converge.
     """
-    runs, seed = whole(runs, "runs", MINIMUM_RUNS), whole(seed, "seed", 0)
-    if method not in get_args(Method):
-        raise InputError(f"must be one of {', '.join(get_args(Method))}, got {method!r}", "method")
-    if not isinstance(fit, DecayFit | TransientFit):
-        raise InputError(f"must be a DecayFit or a TransientFit, got {type(fit).__name__}", "fit")
+    runs, seed = whole(runs, "runs", MINIMUM_RUNS, MOST_RUNS), whole(seed, "seed", 0)
+    choice(method, get_args(Method), "method")
+    check_instance(fit, "fit", DecayFit, TransientFit)
     if not (fit.fit.freedom > 0 and fit.fit.residual_rms > 0.0):
         raise InputError("leaves no residuals to make records from", "fit")
     block = block_length(fit.fit) if method == "bootstrap" else 1

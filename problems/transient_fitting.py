@@ -28,6 +28,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import NoneType
 from typing import Any
 
 import casadi as cs
@@ -39,9 +40,10 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.differentiable import Motion, motion
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.fit import Fit
+from ancf_casadi.inputs import check_instance, choices, flag, instances, positive_or_infinite
 from ancf_casadi.model import Model
 from ancf_casadi.nlp import least_squares, residual_function
-from ancf_casadi.starts import held_start, start_slopes
+from ancf_casadi.starts import START, held_start, start_slopes
 from ancf_casadi.trajectory import State
 from problems.marker_record import MarkerRecord
 from problems.transient_unknowns import amplitude_name, load_name, loads, named_parameters, transient_unknowns
@@ -216,9 +218,14 @@ def fit_transient(
     FitError
         If the fit does not converge, or the records do not determine the unknowns.
     """
-    records = (records,) if isinstance(records, MarkerRecord) else tuple(records)
-    if not records:
-        raise InputError("there are none", "records")
+    check_instance(model, "model", Model)
+    records = instances([records] if isinstance(records, MarkerRecord) else records, "records", MarkerRecord)
+    check_instance(damping, "damping", DampingLaw)
+    check_instance(bounds, "bounds", Mapping, NoneType)
+    start = choices(start, START, "start")
+    base_amplitude, robust = flag(base_amplitude, "base_amplitude"), positive_or_infinite(robust, "robust")
+    if model.beam.length < robust < math.inf:
+        raise InputError(f"{robust:g} m is longer than the beam; leave it out for least squares", "robust")
     unknowns = transient_unknowns(model, records, damping, properties, base_amplitude, start, fixed, bounds or {})
     problem = TransientProblem(model, records, damping, tuple(start), tolerance)
     names = [unknown.name for unknown in unknowns]

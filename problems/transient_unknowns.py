@@ -21,6 +21,7 @@ from ancf_casadi.beam import PROPERTIES
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import choices
 from ancf_casadi.model import Model
 from ancf_casadi.nlp import Unknown
 from ancf_casadi.starts import LOAD, START
@@ -117,9 +118,7 @@ def loads(record: MarkerRecord) -> list[tuple[str, float]]:
 
 
 def _check(names: Sequence[str], known: Sequence[str], where: str) -> None:
-    for name in names:
-        if name not in known:
-            raise InputError(f"{name!r} is none of {', '.join(known)}", where)
+    choices(names, known, where)
 
 
 def _load_scales(model: Model) -> dict[str, float]:

@@ -1,5 +1,6 @@
 """The command: what it prints, what it writes, and how it refuses."""
 
+import errno
 import hashlib
 import json
 import os
@@ -21,6 +22,7 @@ from ancf_casadi import (
     Beam,
     FitError,
     HarmonicBase,
+    InputError,
     Measurement,
     Model,
     QuadraticDamping,
@@ -29,8 +31,10 @@ from ancf_casadi import (
     StrainMeasures,
 )
 from ancf_casadi.export import Document, fmu, load_functions, read_document, write_document
+from ancf_casadi.interrupts import ENDING
+from ancf_casadi.report import Table
 from ancf_casadi.version import __version__
-from problems import cli, reproduction
+from problems import cli, reproduction, study_report
 from problems.cli import main
 from problems.study_file import MATCH, MODES, SIMULATION, read_simulation
 
@@ -672,8 +676,95 @@ class TestFailure:
         assert "out of memory" in one_line(capsys)
 
 
+@pytest.fixture
+def full_disk(monkeypatch):
+    """A disk that takes no further byte."""
+
+    def fails(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "replace", fails)
+
+
+class TestFullDisk:
+    """A result that took long is printed, also where it cannot be written."""
+
+    COMMANDS = (
+        ["simulate", "study.toml", "--out", "motion.csv"],
+        ["simulate", "study.toml", "--plot", "motion.png"],
+        ["match", "beam.toml", "--out", "matched.json"],
+        ["match", "beam.toml", "--plot", "matched.png"],
+        ["fit-decay", "decay.csv", "--curve", "curve.csv"],
+        ["fit-decay", "decay.csv", "--plot", "decay.png"],
+    )
+
+    @pytest.mark.parametrize("form", [[], ["--json"]])
+    @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: "".join(command[::2]))
+    def test_the_result_is_printed_first(self, files, capsys, full_disk, command, form):
+        assert main([*command[:2], *form]) == 0
+        expected = capsys.readouterr().out
+        before = sorted(files.iterdir())
+        assert main([*command, *form]) == 2
+        captured = capsys.readouterr()
+        assert without_times(captured.out) == without_times(expected)
+        (line,) = [line for line in captured.err.splitlines() if line.startswith("ancf-casadi: ")]
+        assert line == f"ancf-casadi: {command[-1]}: cannot be written (No space left on device)"
+        assert sorted(files.iterdir()) == before
+
+    @pytest.mark.parametrize("form", [[], ["--json"]])
+    def test_study(self, files, capsys, monkeypatch, form):
+        def fails(study, folder):
+            raise InputError("cannot be written (No space left on device)", str(folder))
+
+        monkeypatch.setattr(reproduction, "reproduce", lambda **_: None)
+        monkeypatch.setattr(study_report, "tables", lambda study: [Table("t", "Table 2", ("f_Hz",), [(1.85,)])])
+        monkeypatch.setattr(study_report, "results", lambda study: {"f_hz": 1.85})
+        monkeypatch.setattr(study_report, "write_study", fails)
+        assert main(["reproduce", "--out", "study", *form]) == 2
+        captured = capsys.readouterr()
+        assert captured.out == ('{\n  "f_hz": 1.85\n}\n' if form else "Table 2\n----\nf_Hz\n----\n1.85\n")
+        assert captured.err == "ancf-casadi: study: cannot be written (No space left on device)\n"
+        monkeypatch.setattr(study_report, "write_study", lambda study, folder: [])
+        assert main(["reproduce", "--out", "study", *form]) == 0
+        assert capsys.readouterr().out == captured.out + ("" if form else "\nfiles written to study\n")
+
+    def test_export_leaves_nothing(self, files, capsys, full_disk):
+        before = sorted(files.iterdir())
+        assert main(["export", "beam.toml", "--format", "c", "--out", "c"]) == 2
+        assert one_line(capsys) == "ancf-casadi: c/beam.c: cannot be written (No space left on device)"
+        assert [path for path in files.rglob("*") if path.is_file() and path not in before] == []
+
+    def test_a_limit_of_the_system(self, files):
+        """The real thing: the system lets no file grow beyond a few bytes."""
+        resource = pytest.importorskip("resource")
+        command = [sys.executable, "-m", "problems.cli", "simulate", "study.toml", "--out", "motion.csv", "--json"]
+
+        def limit():
+            resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, preexec_fn=limit)
+        assert done.returncode == 2
+        assert json.loads(done.stdout)["samples"] == 201
+        assert done.stderr.splitlines()[-1] == "ancf-casadi: motion.csv: cannot be written (File too large)"
+        assert "Traceback" not in done.stderr
+        assert not [path for path in files.iterdir() if "motion" in path.name]
+
+    @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
+    def test_standard_output_to_a_full_disk(self, files):
+        with open("/dev/full", "w") as full:
+            command = [sys.executable, "-m", "problems.cli", "modes", "beam.toml"]
+            done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+        assert done.returncode == 2
+        assert done.stderr == "ancf-casadi: the result cannot be printed (No space left on device)\n"
+
+
+def without_times(text: str) -> str:
+    """Return a report without the time that it took."""
+    return re.sub(r"(seconds\"?:?\s+)[\d.e-]+|[\d.]+ s(?=[,.;)]|$)", r"\1", text)
+
+
 class TestInterrupted:
-    """Exit code 130, one line, nothing written."""
+    """Exit code 128 and the number of the signal, one line, nothing written."""
 
     @pytest.mark.parametrize("command", ["modes", "match", "simulate", "fit-decay"])
     def test_anywhere(self, files, capsys, monkeypatch, command):
@@ -722,14 +813,23 @@ class TestInterrupted:
         assert main(["match", "beam.toml"]) == 130
         assert one_line(capsys) == "ancf-casadi: stopped; nothing was written"
 
-    def test_handler_is_put_back(self, files, capsys):
-        before = signal.getsignal(signal.SIGINT)
+    @pytest.mark.parametrize("ending", ENDING)
+    def test_handler_is_put_back(self, files, capsys, ending):
+        before = signal.getsignal(ending)
         assert main(["modes", "beam.toml"]) == 0
-        assert signal.getsignal(signal.SIGINT) is before
+        assert signal.getsignal(ending) is before
 
-    @pytest.mark.parametrize("delay", [0.0, 0.3])
-    def test_in_the_midst_of_a_simulation(self, files, delay):
-        """A real Ctrl-C once the integrator is at work, which notices it in one of several ways."""
+    @pytest.mark.parametrize("ending", ENDING)
+    def test_while_writing(self, files, capsys, monkeypatch, ending):
+        monkeypatch.setattr(os, "replace", lambda *_: signal.raise_signal(ending))
+        before = sorted(files.iterdir())
+        assert main(["fit-decay", "decay.csv", "--plot", "decay.png"]) == 128 + ending
+        assert one_line(capsys) == "ancf-casadi: stopped; not all files were written"
+        assert sorted(files.iterdir()) == before
+
+    @pytest.mark.parametrize(("delay", "ending"), [(0.0, signal.SIGINT), (0.3, signal.SIGINT), (0.1, signal.SIGTERM)])
+    def test_in_the_midst_of_a_simulation(self, files, delay, ending):
+        """A real signal once the integrator is at work, which notices it in one of several ways."""
         (files / "study.toml").write_text(edited(STUDY, ("duration = 8.0 ", "duration = 200.0 ")))
         command = [sys.executable, "-m", "problems.cli", "simulate", "study.toml", "--out", "motion.csv"]
         with subprocess.Popen(
@@ -744,9 +844,9 @@ class TestInterrupted:
             try:
                 process.wait(timeout=delay or 1e-3)
             except subprocess.TimeoutExpired:
-                process.send_signal(signal.SIGINT)
+                process.send_signal(ending)
             output, errors = process.communicate(timeout=60)
-        assert process.returncode == 130
+        assert process.returncode == 128 + ending
         assert output == b""
         assert errors.splitlines()[-1] == b"ancf-casadi: stopped; nothing was written"
         assert b"Traceback" not in errors
@@ -773,8 +873,9 @@ def test_a_reader_that_has_left_is_no_error(files, arguments):
     assert done.returncode == 0
 
 
-def test_a_study_that_is_interrupted_leaves_no_processes(files):
-    """Ctrl-C in a terminal reaches the whole group; one process answers, none hangs."""
+@pytest.mark.parametrize(("ending", "send"), [(signal.SIGINT, os.killpg), (signal.SIGTERM, os.kill)])
+def test_a_study_that_is_interrupted_leaves_no_processes(files, ending, send):
+    """Ctrl-C in a terminal reaches the whole group, SIGTERM the command alone; it answers, and no process is left."""
     command = [sys.executable, "-m", "problems.cli", "reproduce", "--quick", "--jobs", "2", "--out", "study"]
     with subprocess.Popen(
         command,
@@ -789,13 +890,13 @@ def test_a_study_that_is_interrupted_leaves_no_processes(files):
         try:
             process.wait(timeout=3.0)  # the other processes are at work by then
         except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGINT)
+            send(process.pid, ending)
         try:
             output, errors = process.communicate(timeout=30)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             raise
-    assert process.returncode == 130
+    assert process.returncode == 128 + ending
     assert output == b""
     assert errors.splitlines()[-1] == b"ancf-casadi: stopped; nothing was written"
     assert b"Traceback" not in errors

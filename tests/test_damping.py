@@ -303,7 +303,7 @@ def test_the_reference_stiffness_warns_that_it_is_not_objective():
         (lambda m: QuadraticDamping(eta2="0.1"), "eta2: must be a finite number, got '0.1'"),
         (lambda m: ModalDamping(m, [0.01] * 6), "ratios: has 6 values for 5 modes"),
         (lambda m: ModalDamping(m, []), "ratios: has 0 values for 5 modes"),
-        (lambda m: ModalDamping(m, 0.01), "ratios: must have one value a mode, got 0.01"),
+        (lambda m: ModalDamping(m, 0.01), "ratios: must have one value per mode, got 0.01"),
         (lambda m: ModalDamping(m, [0.01, -0.01]), "ratios: a damping ratio must be at least 0 and below 1, got -0.01"),
         (lambda m: ModalDamping(m, [1.0]), "ratios: a damping ratio must be at least 0 and below 1, got 1"),
         (lambda m: ModalDamping(m, [None]), "ratios: must be a finite number, got None"),

@@ -211,9 +211,9 @@ def test_drag_vanishes_smoothly_at_rest(functions):
     [
         ({"axial": "natural"}, "^axial: must be one of engineering, green, got 'natural'$"),
         ({"curvature": "large"}, "^curvature: must be one of material, geometric, small, got 'large'$"),
-        ({"axial_points": 0}, "^axial_points: must be 1 to 9, got 0$"),
-        ({"bending_points": 10}, "^bending_points: must be 1 to 9, got 10$"),
-        ({"bending_points": 2.5}, "^bending_points: must be 1 to 9, got 2.5$"),
+        ({"axial_points": 0}, "^axial_points: must be a whole number, 1 to 9, got 0$"),
+        ({"bending_points": 10}, "^bending_points: must be a whole number, 1 to 9, got 10$"),
+        ({"bending_points": 2.5}, "^bending_points: must be a whole number, 1 to 9, got 2.5$"),
     ],
 )
 def test_unknown_strain_measures_are_refused_with_the_known_ones(arguments, message):

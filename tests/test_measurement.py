@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ancf_casadi import measurement
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.measurement import Measurement
 
@@ -126,3 +127,48 @@ def test_a_file_too_large_is_refused_before_it_is_read(tmp_path):
         file.truncate(2**31)  # sparse: takes no space
     with pytest.raises(InputError, match=r"huge.csv: is larger than 1024 MB"):
         Measurement.from_csv(path)
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time_ms,x_mm\n0,1.5\n 1 ,-2e-3\n2,.5\n",
+        "\ufefft,x\n\n0,1\n   \n1,2\n\n",
+        "0,1\n1,2",
+        't,"x\n(m)"\n0,1\n1,2\n',
+        't,x\n"0",1\n1,2\n',
+        "t,x\n0,1\n , \n1,2\n",
+        "t,x\n0,1_0\n1,2\n",
+        "t,x\n0,1\n1,2,3\n",
+        "t,x\n0,1,2\n1,2,3\n",
+        "t,x\n0,1\n1,nan\n",
+        "t,x\n0,1\n1,1e999\n",
+        "t,x\n0,1\n1\n",
+        "t,x\n0,1\n1,\x1c2\n",
+        "t,x\n0,1\n1,a\n",
+        "0,inf\n0,1\n1,a\n",
+        "t,x\n\n",
+    ],
+)
+def test_blocks_and_rows_give_the_same_record_or_message(csv, monkeypatch, text, end):
+    def read():
+        try:
+            record = Measurement.from_csv(path)
+        except InputError as error:
+            return str(error)
+        return record.time.tolist(), record.displacement.tolist()
+
+    path = csv(text.replace("\n", end))
+    found = read()
+    monkeypatch.setattr(measurement, "_plain_numbers", lambda *_: None)
+    assert read() == found
+
+
+def test_plain_numbers_are_read_in_blocks(csv, monkeypatch, capsys):
+    """A row by itself takes about ten times as long."""
+    monkeypatch.setattr(measurement, "_pair", None)
+    monkeypatch.setattr(measurement, "BLOCK", 10)
+    record = Measurement.from_csv(csv("t,x,y\n" + "".join(f"{k},{k / 7!r},1\n" for k in range(95))), "x", progress=True)
+    assert record.displacement.tolist() == [k / 7 for k in range(95)]
+    assert capsys.readouterr().err == ""

@@ -63,7 +63,7 @@ def test_one_mode_is_the_ordinary_fit():
 
 @pytest.mark.parametrize("count", [0, 1.5, True, "two"])
 def test_an_unusable_count_is_refused(count):
-    with pytest.raises(InputError, match="count: must be a whole number above 0"):
+    with pytest.raises(InputError, match="count: must be a whole number, 1 to 500"):
         fit_modes(TIME, swing(*MODES[0]), count=count)
 
 

@@ -1,12 +1,34 @@
-"""Many runs at once give the numbers of one after the other."""
+"""Many runs at once give the numbers of one after the other, and their processes never outlive their parent."""
 
+import os
+import signal
+import subprocess
+import sys
+import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 
 import pytest
 
-from ancf_casadi import Beam, InputError, Model, RayleighDamping, SimulationError, run_all, simulate
+from ancf_casadi import (
+    Beam,
+    InputError,
+    Model,
+    NumericsError,
+    RayleighDamping,
+    SimulationError,
+    run_all,
+    simulate,
+)
+
+SCRIPT = """
+import time
+from functools import partial
+from ancf_casadi import run_all
+{guard}:
+    run_all([partial(time.sleep, {seconds})] * 2, jobs=2, progress=True)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -37,10 +59,86 @@ def test_an_error_of_a_task_is_that_of_all(tasks, jobs):
     with pytest.raises(InputError, match="tolerance: must be positive"):
         run_all([partial(tasks[0], tolerance=-1.0), *tasks], jobs=jobs)
     with pytest.raises(SimulationError) as caught:
-        run_all([partial(tasks[0], options={"max_num_steps": 1})], jobs=jobs)
+        run_all([partial(tasks[0], options={"max_num_steps": 1})] * 2, jobs=jobs)
     assert len(caught.value.partial.time) == 0
 
 
 def test_progress_is_shown_on_the_error_stream(tasks, capsys):
     run_all(tasks[:2], progress=True)
     assert "runs: 100%" in capsys.readouterr().err
+
+
+def script(tmp_path, guard, seconds):
+    path = tmp_path / "script.py"
+    path.write_text(SCRIPT.format(guard=guard, seconds=seconds))
+    return path
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGKILL", "SIGHUP"])
+def test_processes_end_with_their_parent(tmp_path, name):
+    """However it ends; the pipe that all of them write to is closed when the last is gone."""
+    path = script(tmp_path, 'if __name__ == "__main__"', 600)
+    with subprocess.Popen([sys.executable, path], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stderr is not None
+        while b"runs:" not in process.stderr.read1():
+            assert process.poll() is None
+        started = time.monotonic()
+        while len(children(process.pid)) < 3 and time.monotonic() < started + 20.0:  # resource tracker, two workers
+            time.sleep(0.1)
+        left = children(process.pid)
+        process.send_signal(getattr(signal, name))
+        try:
+            process.communicate(timeout=20)
+        finally:
+            for number in left:
+                if os.path.exists(f"/proc/{number}"):
+                    os.kill(number, signal.SIGKILL)
+    assert len(left) == 3
+    assert process.returncode == -getattr(signal, name)
+
+
+def children(number):
+    listed = subprocess.run(["ps", "-o", "pid=", "--ppid", str(number)], capture_output=True, text=True, check=False)
+    return [int(line) for line in listed.stdout.split()]
+
+
+@pytest.mark.parametrize("guard", ["if True", "try: pass\nfinally"])
+def test_a_script_without_a_guard_is_refused_once(tmp_path, guard):
+    done = subprocess.run(
+        [sys.executable, script(tmp_path, guard, 0.0)], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.count("Traceback") == 1
+    assert done.stderr.splitlines()[-1].startswith("ancf_casadi.exceptions.InputError: jobs: ")
+    assert 'under if __name__ == "__main__":' in done.stderr.splitlines()[-1]
+
+
+def test_a_script_without_a_file_is_refused(tmp_path):
+    text = script(tmp_path, "if True", 0.0).read_text()
+    done = subprocess.run(
+        [sys.executable, "-"], input=text, capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path
+    )
+    assert done.stderr.count("Traceback") == 1
+    assert "InputError: jobs: processes import the script, and <stdin> is no file" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"tasks": [lambda: 1, int]}, "tasks: number 1 cannot travel to another process"),
+        ({"tasks": [int, 3]}, "tasks: must be a sequence of functions"),
+        ({"tasks": int}, "tasks: must be a sequence of functions"),
+        ({"tasks": [int], "jobs": 1.5}, "jobs: must be a whole number, 1 or more, got 1.5"),
+        ({"tasks": [int], "jobs": 0}, "jobs: must be a whole number, 1 or more, got 0"),
+        ({"tasks": [int, int], "sizes": [1.0]}, "sizes: has 1 values for 2 tasks"),
+    ],
+)
+def test_unusable_tasks_are_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        run_all(**{"jobs": 2, **arguments})
+
+
+def test_a_process_that_dies_is_a_numerical_failure():
+    with pytest.raises(NumericsError, match="a process ended before its task was done"):
+        run_all([partial(os._exit, 3)] * 2, jobs=2)

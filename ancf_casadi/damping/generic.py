@@ -13,7 +13,7 @@ import numpy as np
 from ancf_casadi.damping.law import Array, DampingLaw, named
 from ancf_casadi.damping.turning import turned
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import number
+from ancf_casadi.inputs import check_instance, is_sequence, number, physical, shown
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes
 
@@ -46,17 +46,18 @@ class ModalDamping(DampingLaw):
 
     def __post_init__(self) -> None:
         """Validate, and keep the numbers as tuples."""
-        if not hasattr(self.ratios, "__len__"):
-            raise InputError(f"must have one value a mode, got {self.ratios!r}", "ratios")
+        check_instance(self.modes, "modes", Modes)
+        for name in ("ratios", "frequencies"):
+            given = getattr(self, name)
+            if not is_sequence(given) and (name, given) != ("frequencies", None):
+                raise InputError(f"must have one value per mode, got {shown(given)}", name)
         object.__setattr__(self, "ratios", tuple(_damping_ratio(zeta, "ratios") for zeta in self.ratios))
         if not 1 <= len(self.ratios) <= self.modes.count:
             raise InputError(f"has {len(self.ratios)} values for {self.modes.count} modes", "ratios")
         given = self.modes.frequencies[: len(self.ratios)] if self.frequencies is None else self.frequencies
         if len(given) != len(self.ratios):
             raise InputError(f"has {len(given)} values for {len(self.ratios)} ratios", "frequencies")
-        frequencies = tuple(number(frequency, "frequencies") for frequency in given)
-        if min(frequencies) <= 0.0:
-            raise InputError("must be positive", "frequencies")
+        frequencies = tuple(physical(frequency, "frequencies") for frequency in given)
         object.__setattr__(self, "frequencies", frequencies)
 
     @property
@@ -95,6 +96,7 @@ class ModalDamping(DampingLaw):
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return phi^T C phi / (2 omega) for each mode, at any amplitude: the given ratios for the given modes."""
+        check_instance(modes, "modes", Modes)
         rates = 4 * math.pi * np.array(self.ratios) * np.array(self.frequencies)
         return np.asarray(rates @ (self.projection(modes.model).T @ modes.shapes) ** 2 / (2 * modes.angular))
 

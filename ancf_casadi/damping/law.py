@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ancf_casadi.damping.turning import turned
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import number
+from ancf_casadi.inputs import check_instance, number
+from ancf_casadi.inputs import numbers as finite_numbers
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.modes import Modes
 
@@ -70,6 +71,7 @@ class DampingLaw(ABC):
     @final
     def __add__(self, other: DampingLaw) -> DampingLaw:
         """Return the law whose force is the sum of both."""
+        check_instance(other, "damping", DampingLaw)
         return SumOfLaws((*_terms(self), *_terms(other)))
 
 
@@ -131,9 +133,10 @@ def nonzero(**coefficients: float) -> tuple[tuple[str, float], ...]:
 
 def numbers(law: DampingLaw, values: Sequence[float] | Array) -> list[float]:
     """Return one value a parameter of the law."""
-    if len(values) != len(law.parameters):
-        raise InputError(f"has {len(values)} for {len(law.parameters)} parameters", "values")
-    return [float(value) for value in values]
+    found = finite_numbers(values, "values")
+    if len(found) != len(law.parameters):
+        raise InputError(f"has {len(found)} for {len(law.parameters)} parameters", "values")
+    return [*found]
 
 
 def named(law: DampingLaw, values: Sequence[float] | Array) -> dict[str, Any]:

@@ -11,8 +11,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping.law import Array, DampingLaw, coefficients, named, nonzero
-from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import shown
+from ancf_casadi.inputs import check_instance, choice
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes
 
@@ -50,9 +49,7 @@ class RayleighDamping(DampingLaw):
     def __post_init__(self) -> None:
         """Validate."""
         coefficients(self, "alpha", "beta")
-        if self.stiffness not in get_args(ProportionalStiffness):
-            known = ", ".join(get_args(ProportionalStiffness))
-            raise InputError(f"must be one of {known}, got {shown(self.stiffness)}", "stiffness")
+        choice(self.stiffness, get_args(ProportionalStiffness), "stiffness")
         if self.stiffness == "reference" and self.beta > 0.0:
             message = "damping proportional to the reference stiffness is not objective: it resists large rotations"
             warnings.warn(message, stacklevel=3)
@@ -90,6 +87,7 @@ class RayleighDamping(DampingLaw):
         With the ``tangent`` stiffness phi^T K phi is omega^2, and this Eq. (16).  The other two lack the stiffness that
         gravity adds or takes: 4 % of the beta part in mode 2 of the paper's beam.
         """
+        check_instance(modes, "modes", Modes)
         stiffness = modes.angular**2
         if self.stiffness != "tangent":
             model, p, rest = modes.model, modes.model.properties, modes.equilibrium.coordinates

@@ -12,6 +12,7 @@ import numpy as np
 
 from ancf_casadi.damping.law import Array, DampingLaw, coefficients, named, nonzero
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.inputs import check_instance, numbers
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes
 
@@ -75,6 +76,8 @@ class QuadraticDamping(DampingLaw):
         InputError
             If there is not one amplitude a mode.
         """
+        check_instance(modes, "modes", Modes)
+        amplitudes = numbers(amplitudes, "amplitudes")
         model = modes.model
         shapes = modes.shapes / modes.tip_amplitudes()
         mass = model.mass(model.properties).sparse()

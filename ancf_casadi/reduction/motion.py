@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from types import NoneType
 
 import casadi as cs
 import numpy as np
@@ -25,7 +26,7 @@ from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.excitation import BaseMotion, Piece
 from ancf_casadi.initial_state import Start, base_of, initial_state
-from ancf_casadi.inputs import positive, whole
+from ancf_casadi.inputs import check_instance, physical, positive, whole
 from ancf_casadi.reduction.projection import BASE
 from ancf_casadi.reduction.reduced import STAGES, ReducedModel
 from ancf_casadi.simulate import COMPILED_FROM, sample_times
@@ -151,12 +152,18 @@ def simulate_reduced(
         If the motion does not stay finite: the steps are too long for it.
     """
     began = time.perf_counter()
+    check_instance(reduced, "reduced", ReducedModel)
+    check_instance(base, "base", BaseMotion, NoneType)
+    check_instance(start, "start", str, Equilibrium, State)
     origin = start.time if isinstance(start, State) else 0.0
-    instants = sample_times(positive(duration, "duration"), positive(sample_rate, "sample_rate"), origin)
+    instants = sample_times(physical(duration, "duration"), physical(sample_rate, "sample_rate"), origin)
     finish, base = float(instants[-1]), base_of(reduced.model, base, start)
-    longest = 1 / (float(reduced.modes.frequencies[-1]) * positive(steps_a_period, "steps_a_period"))
-    if (finish - origin) / longest > MOST_STEPS:
-        raise InputError(f"makes {(finish - origin) / longest:.1e} steps, more than {MOST_STEPS:.0e}", "steps_a_period")
+    per_second = float(reduced.modes.frequencies[-1]) * positive(steps_a_period, "steps_a_period")
+    if (finish - origin) * per_second > MOST_STEPS:
+        raise InputError(
+            f"makes {(finish - origin) * per_second:.1e} steps, more than {MOST_STEPS:.0e}", "steps_a_period"
+        )
+    longest = 1 / per_second
     pieces = [piece for piece in base.pieces() if piece.end > origin]
     state = initial_state(reduced.model, Equations(reduced.model, reduced.law).clamp(pieces[0], base), start)
     small = reduced.rhs.n_instructions() <= COMPILED_UP_TO

@@ -28,6 +28,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import NoneType
 from typing import Any
 
 import casadi as cs
@@ -37,7 +38,7 @@ from numpy.typing import NDArray
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.equations import Equations
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import numbers, whole
+from ancf_casadi.inputs import check_instance, numbers, whole
 from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes, natural_modes
 from ancf_casadi.reduction.projection import BASE, Projected, projection_of
@@ -149,6 +150,8 @@ def reduce_model(
     EquilibriumError
         If there is no stable equilibrium under gravity.
     """
+    check_instance(model, "model", Model)
+    check_instance(damping, "damping", DampingLaw, NoneType)
     modes = modes if isinstance(modes, Modes) else natural_modes(model, count=modes)
     if modes.model != model:
         raise InputError("belong to another model", "modes")

@@ -240,7 +240,8 @@ class Stepper:
 
         self._time, self._clamp, self._clamps = np.zeros(1), np.zeros(3 * NODE), np.zeros((STAGES, 3 * NODE))
         self._q, self._v = start.coordinates[model.free].copy(), start.velocities[model.free].copy()
-        self._h, self._ratio, self._reference = np.zeros(1), np.zeros(1), self._q.copy()
+        self._h, self._ratio, self._reference = np.zeros(1), np.zeros(1), start.coordinates.copy()
+        self._turns = np.zeros(form.stages.numel_out(3))
         self._node, self._nodes_ahead = Buffered(clamp, self._time), Buffered(_ahead(clamp), self._time, self._h)
         self._a = form.accelerations(self._q, self._v, self._node_at(begin), p)
         self._increments, self._real, self._pair = np.zeros((STAGES, free)), np.zeros(free), np.zeros(free, complex)
@@ -248,13 +249,15 @@ class Stepper:
         self._nodes = np.zeros((STAGES + 1, model.size))  # coordinates at the start and the stages of the last step
         self._seen, self._off = np.zeros((3, model.size)), np.zeros(free)
 
-        inputs = [self._increments, self._real, self._pair, self._q, self._v, self._h, self._clamps, self._reference, p]
+        inputs = [self._increments, self._real, self._pair, self._q, self._v, self._h, self._clamps, self._turns]
+        inputs += [self._reference, p]
         ends = [*self._before, self._q, self._v, self._a]
         self._stages, self._finish = Buffered(make(form.stages), *inputs), Buffered(make(form.finish), *inputs, self._a)
-        self._matrices = Buffered(make(form.matrices), self._reference, self._v, self._h, self._clamp, p)
+        self._matrices = Buffered(make(form.matrices), self._reference[model.free], self._v, self._h, self._clamp, p)
         self._predict = Buffered(make(form.prediction), self._nodes, self._ratio, self._clamps, self._q)
         self._interpolate = Buffered(make(form.sample), self._place, self._h, *ends, self._clamp, self._reference, p)
-        self._observe = Buffered(make(form.observation), *self._seen, self._off, self._reference, p)
+        self._turns_seen = np.zeros(form.observation.numel_in(4))
+        self._observe = Buffered(make(form.observation), *self._seen, self._off, self._turns_seen, p)
 
         self._nodes[0] = self._all_at(begin, self._q, 0)
         self._factors: tuple[Factors, Factors] | None = None
@@ -293,8 +296,8 @@ class Stepper:
         """Return the motion at an instant of the last step."""
         self._place[0] = self._place_of(instant)
         self._clamp[:] = self._node_at(instant)
-        *motion, residual = self._interpolate()
-        self._seen[:] = motion
+        *motion, residual, turns = self._interpolate()
+        self._seen[:], self._turns_seen[:] = motion, turns
         self._off[:] = self._solve(0, residual)
         coordinates, force = self._observe()
         return _Sample(coordinates.copy(), self._seen[1].copy(), force.copy(), self.energies_at(instant))
@@ -365,7 +368,8 @@ class Stepper:
             self._increments[:] = times * self._v + times**2 / 2 * self._a
         if fresh:
             middle = STAGES // 2
-            self._reference[:] = self._q + self._increments[middle]
+            self._reference[NODE:] = self._q + self._increments[middle]
+            self._reference[:NODE] = self._clamps[middle, :NODE]
             self._clamp[:] = self._clamps[middle]
             real, pair = self._matrices()
             rates = np.diag(self._rates / h)
@@ -379,8 +383,8 @@ class Stepper:
         """Solve the equations of the stages, and return the number of iterations; 0 where they do not converge."""
         size = math.inf
         for iteration in range(1, NEWTON_ITERATIONS + 1):
-            real, pair, increments = self._stages()
-            self._increments.ravel()[:] = increments
+            real, pair, increments, turns = self._stages()
+            self._increments.ravel()[:], self._turns[:] = increments, turns
             self._real[:] = self._solve(0, real)
             self._pair[:] = self._solve(1, pair.view(complex))
             before, size = size, self._size()

@@ -14,7 +14,7 @@ stages, and s = gamma/h or mu/h, it takes a real and a complex system in N unkno
 
 instead of one in 3 N.  K changes as the beam turns, by its axial stiffness, thousands of times the bending stiffness;
 but it nearly turns along.  Residuals are therefore turned back to where the matrices are taken, and corrections forth
-(``turning``).
+(``corotation``).
 
 Prediction.  The collocation polynomial of the step before is continued, not in coordinates, whose errors would stretch
 the beam, but in the logarithms of its slopes.
@@ -41,9 +41,9 @@ import scipy.sparse
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
+from ancf_casadi.corotation import Corotation
 from ancf_casadi.equations import Equations
 from ancf_casadi.model import NODE
-from ancf_casadi.turning import Turning
 
 Array = NDArray[np.float64]
 
@@ -118,15 +118,15 @@ QUINTIC = quintic()
 class Collocation:
     """The Functions of a step.
 
-    Free coordinates, rates and accelerations are q, v and a (N,); Z (N, 3) are the increments at the stages, W = T^-1 Z
-    in a part that is real (N,) and one that is complex (2, N), real above imaginary parts.  ``clamps`` (12, 3) are the
-    clamped nodes at the stages, ``turns`` those of the beam to the stages from a reference, all coordinates (4 n + 4,) where
-the matrices were taken.
+        Free coordinates, rates and accelerations are q, v and a (N,); Z (N, 3) are the increments at the stages, W = T^-1 Z
+        (3 N,) first the part that is real, then one that is complex, (2, N), real above imaginary parts.  ``clamps`` (12, 3)
+        are the clamped nodes at the stages, ``turns`` those of the beam to the stages from a reference, all coordinates (4 n + 4,) where
+    the matrices were taken.
 
     Parameters
     ----------
-    equations : Equations
-        The equation of motion.
+        equations : Equations
+            The equation of motion.
     """
 
     equations: Equations
@@ -138,7 +138,7 @@ the matrices were taken.
 
     @cached_property
     def stages(self) -> cs.Function:
-        """(Z, dW real, dW complex, q, v, h, clamps, turns, reference, parameters) -> T^-1 R real and complex, Z, turns.
+        """(Z, dW, q, v, h, clamps, turns, reference, parameters) -> T^-1 R, Z, turns.
 
         The new increments, and their turns.
         """
@@ -146,13 +146,13 @@ the matrices were taken.
         increments = self._corrected(s)
         motion = s.motion(increments)
         residuals, _ = self.balance.map(STAGES)(*motion, s.repeated(s.parameters))
-        turns = self._turning.turns(s.reference, motion[0])
-        r = self._turning.back(residuals[NODE:, :], turns) @ cs.DM(np.linalg.inv(RADAU.transform)).T
-        return _function("stages", s.of_stages, [r[:, 0], r[:, 1:].T, increments, turns])
+        turns = self._corotation.turns(s.reference, motion[0])
+        r = self._corotation.back(residuals[NODE:, :], turns) @ cs.DM(np.linalg.inv(RADAU.transform)).T
+        return _function("stages", s.of_stages, [cs.vertcat(r[:, 0], cs.vec(r[:, 1:].T)), increments, turns])
 
     @cached_property
     def finish(self) -> cs.Function:
-        """(as of ``stages``, and a) -> q, v, a at the end, error, Z, powers.
+        """(as of ``stages``, and a) -> all coordinates (4 n + 4, 3) at the stages, v and a at the end, error, powers.
 
         ``error`` is the right-hand side of the error estimate, turned back; ``powers`` (2, 3) are those lost to damping
         and put in by the base at the stages.
@@ -167,9 +167,9 @@ the matrices were taken.
         rates_off = cs.vertcat(still, a / rate + (e_t[NODE:, :] - s.repeated(s.v)) @ embedded)
         damped = self._damping_tangent(e[:, -1], e_t[:, -1], off, s.parameters)
         error = rate * (balance.inertia(rates_off + rate * off) + damped)
-        last = cs.vertcat(*(part[-2:, :] for part in cs.vertsplit(s.turns, 2 * STAGES)))
-        turned = Turning(self.equations.model, 1).back(error[NODE:], last)
-        outputs = [e[NODE:, -1], e_t[NODE:, -1], e_tt[NODE:, -1], turned, increments, powers]
+        last = s.turns[-NODE:, :]
+        turned = Corotation(self.equations.model, 1).back(error[NODE:], last)
+        outputs = [e, e_t[NODE:, -1], e_tt[NODE:, -1], turned, powers]
         return _function("finish", [*s.of_stages, a], outputs)
 
     @cached_property
@@ -198,7 +198,7 @@ the matrices were taken.
         nodes = cs.MX.sym("nodes", self.equations.model.size, STAGES + 1)
         known = np.concatenate([[0.0], RADAU.nodes])
         shares = [cs.vertcat(*_lagrange(known, 1 + c * ratio)[1:]) for c in RADAU.nodes.tolist()]
-        q = self._turning.continued(cs.horzcat(*shares), nodes, s.clamps[:NODE, :])
+        q = self._corotation.continued(cs.horzcat(*shares), nodes, s.clamps[:NODE, :])
         return _function("prediction", [nodes, ratio, s.clamps, s.q], [q - s.repeated(s.q)])
 
     @cached_property
@@ -209,7 +209,7 @@ the matrices were taken.
         from the reference.
         """
         s, x, clamp = self._symbols, cs.MX.sym("x"), cs.MX.sym("clamp", 3 * NODE)
-        turning = Turning(self.equations.model, 1)
+        frames = Corotation(self.equations.model, 1)
         a, q1, v1, a1 = (cs.MX.sym(name, self.equations.free) for name in ("a", "q1", "v1", "a1"))
         data = cs.horzcat(s.q, s.h * s.v, s.h**2 * a, q1, s.h * v1, s.h**2 * a1)
         powers = cs.vertcat(*(x**k for k in range(6)))
@@ -219,9 +219,9 @@ the matrices were taken.
             motion.append(cs.vertcat(clamp[NODE * order : NODE * (order + 1)], data @ shares / s.h**order))
             powers = cs.jacobian(powers, x)
         residual, _ = self.balance(*motion, s.parameters)
-        turns = turning.turns(s.reference, motion[0])
+        turns = frames.turns(s.reference, motion[0])
         inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, clamp, s.reference, s.parameters]
-        return _function("sample", inputs, [*motion, turning.back(residual[NODE:], turns), turns])
+        return _function("sample", inputs, [*motion, frames.back(residual[NODE:], turns), turns])
 
     @cached_property
     def observation(self) -> cs.Function:
@@ -231,8 +231,8 @@ the matrices were taken.
         """
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
         s, correction = self._symbols, cs.MX.sym("correction", self.equations.free)
-        turning, turns = Turning(self.equations.model, 1), cs.MX.sym("turns", NODE, s.turns.shape[1])
-        right = cs.vertcat(e[:NODE], e[NODE:] - turning.forth(correction, turns))
+        frames, turns = Corotation(self.equations.model, 1), cs.MX.sym("turns", NODE, s.turns.shape[1])
+        right = cs.vertcat(e[:NODE], e[NODE:] - frames.forth(correction, turns))
         forces, _ = self.balance(right, e_t, e_tt, s.parameters)
         return _function("observation", [e, e_t, e_tt, correction, turns, s.parameters], [right, forces[:NODE]])
 
@@ -251,26 +251,26 @@ the matrices were taken.
         return scipy.sparse.csc_array(model.mass(properties).sparse()[model.free, model.free])
 
     @cached_property
-    def _turning(self) -> Turning:
-        return Turning(self.equations.model, STAGES)
+    def _corotation(self) -> Corotation:
+        return Corotation(self.equations.model, STAGES)
 
     def _corrected(self, s: _Symbols) -> cs.MX:
         """Return the increments with T dW taken off, turned forth."""
-        corrections = cs.horzcat(s.real, s.pair.T) @ cs.DM(RADAU.transform).T
-        return s.increments - self._turning.forth(corrections, s.turns)
+        real, pair = cs.vertsplit(s.corrections, [0, self.equations.free, STAGES * self.equations.free])
+        corrections = cs.horzcat(real, cs.reshape(pair, 2, -1).T) @ cs.DM(RADAU.transform).T
+        return s.increments - self._corotation.forth(corrections, s.turns)
 
     @cached_property
     def _symbols(self) -> _Symbols:
         free, model = self.equations.free, self.equations.model
         return _Symbols(
             increments=cs.MX.sym("Z", free, STAGES),
-            real=cs.MX.sym("real", free),
-            pair=cs.MX.sym("pair", 2, free),
+            corrections=cs.MX.sym("dW", STAGES * free),
             q=cs.MX.sym("q", free),
             v=cs.MX.sym("v", free),
             h=cs.MX.sym("h"),
             clamps=cs.MX.sym("clamps", 3 * NODE, STAGES),
-            turns=cs.MX.sym("turns", NODE * STAGES, model.beam.elements + model.root),
+            turns=cs.MX.sym("turns", NODE * STAGES, model.size // NODE - 1),
             reference=cs.MX.sym("reference", model.size),
             parameters=cs.MX.sym("parameters", self.equations.parameters.size),
         )
@@ -308,8 +308,7 @@ class _Symbols:
     """The inputs that the Functions of a step share."""
 
     increments: cs.MX
-    real: cs.MX
-    pair: cs.MX
+    corrections: cs.MX
     q: cs.MX
     v: cs.MX
     h: cs.MX

@@ -343,7 +343,8 @@ class Problem:
         for step, samples in zip(passage.steps[::order], passage.samples[::order], strict=True):
             middle = np.kron(RADAU.inverse / step.length, np.diag(rates))
             band = self._matrix(step, run.parameters)
-            yield step, samples, Factors.of(band, tangent.bandwidth, tangent.projection, middle)
+            B = tangent.projection
+            yield step, samples, Factors.of(band, tangent.bandwidth, B @ middle, B)
 
     def _expand(self, seeds: Array) -> tuple[Array, Array]:
         """Return the directions of all parameters of the equation of motion, and of b, from those of the values."""

@@ -118,15 +118,15 @@ QUINTIC = quintic()
 class Collocation:
     """The Functions of a step.
 
-        Free coordinates, rates and accelerations are q, v and a (N,); Z (N, 3) are the increments at the stages, W = T^-1 Z
-        (3 N,) first the part that is real, then one that is complex, (2, N), real above imaginary parts.  ``clamps`` (12, 3)
-        are the clamped nodes at the stages, ``turns`` those of the beam to the stages from a reference, all coordinates (4 n + 4,) where
-    the matrices were taken.
+    Free coordinates, rates and accelerations are q, v and a (N,); Z (N, 3) are the increments at the stages.
+    W = T^-1 Z (3 N,) is first its real part, then the complex one, (2, N), real above imaginary parts.  ``clamps``
+    (12, 3) are the clamped nodes at the stages; ``turns`` are those of ``corotation`` to the stages from a reference,
+    all coordinates (4 n + 4,) where the matrices were taken.
 
     Parameters
     ----------
-        equations : Equations
-            The equation of motion.
+    equations : Equations
+        The equation of motion.
     """
 
     equations: Equations
@@ -138,10 +138,7 @@ class Collocation:
 
     @cached_property
     def stages(self) -> cs.Function:
-        """(Z, dW, q, v, h, clamps, turns, reference, parameters) -> T^-1 R, Z, turns.
-
-        The new increments, and their turns.
-        """
+        """(Z, dW, q, v, h, clamps, turns, reference, parameters) -> T^-1 R, Z corrected by dW, and the turns there."""
         s = self._symbols
         increments = self._corrected(s)
         motion = s.motion(increments)

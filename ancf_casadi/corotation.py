@@ -11,8 +11,8 @@ Corrections.  With G from the free coordinates to these slopes, and R turning ea
 configurations, X = G^-1 R G takes corrections from one to the other.  The axial stiffness X^T K X is then the same in
 both, inertia and bending nearly so.  Residuals go the other way, by X^T.
 
-Prediction.  Motions are continued in the logarithms, length and angle, of the slopes, so that errors of the angles do not
-stretch the beam.
+Prediction.  Motions are continued in the logarithms, length and angle, of the slopes, so that errors of the angles do
+not stretch the beam.
 
 An elastic clamp is a link between two nodes as an element is, with position and slope of the second node as its pair.
 """
@@ -26,9 +26,12 @@ from typing import NamedTuple
 
 import casadi as cs
 import numpy as np
+from numpy.typing import NDArray
 
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.shape import gauss, hermite_slope
+
+Array = NDArray[np.float64]
 
 
 class Link(NamedTuple):
@@ -39,7 +42,7 @@ class Link(NamedTuple):
     turns : Function
         (coordinates in the reference (8,), coordinates (8 c,)) -> cosines and sines of the angles of its pair (4 c,).
     forth : Function
-        (corrections in the reference (8 c,), turns) -> steps of the corrections from the first node to the second (4 c,).
+        (corrections in the reference (8 c,), turns) -> steps of the corrections from the first node to the second.
     back : Function
         (residuals behind the link (4 c,), turns) -> its share of the residuals in the reference (8 c,).
     continued : Function
@@ -86,9 +89,9 @@ class Corotation:
         shares = self._mapped("back", _running_sum(behind, back=True), turns)
         places = np.arange(2 * NODE * c * links).reshape(links, c, 2, NODE)
         right, left = places[:, :, 1], places[1:, :, 0]
-        none = cs.MX(NODE * c, 1)
+        none = cs.MX(cs.DM.zeros(NODE * c))
         values = cs.vec(shares)
-        sums = values.nz[right.ravel().tolist()] + cs.vertcat(values.nz[left.ravel().tolist()], cs.densify(none))
+        sums = values.nz[right.ravel().tolist()] + cs.vertcat(values.nz[left.ravel().tolist()], none)
         return self._nodes(cs.reshape(sums, NODE * c, links))
 
     def continued(self, shares: cs.MX, motion: cs.MX, clamped: cs.MX) -> cs.MX:
@@ -127,7 +130,7 @@ class Corotation:
     def _mapped(self, name: str, *columns: cs.MX) -> cs.MX:
         """Evaluate a Function of the links for all of them."""
         root, elements = self.model.root, self.model.beam.elements
-        result = getattr(self._element, name).map(elements)(*(part[:, root:] for part in columns))
+        result: cs.MX = getattr(self._element, name).map(elements)(*(part[:, root:] for part in columns))
         if root:
             result = cs.horzcat(getattr(self._clamp, name)(*(part[:, 0] for part in columns)), result)
         return result
@@ -147,9 +150,7 @@ class Corotation:
         return cs.reshape(cs.vec(columns).nz[order.ravel().tolist()], NODE * links, c)
 
 
-def _link(
-    to_pair: np.ndarray, to_angles: np.ndarray, to_step: np.ndarray, count: int, continued: np.ndarray | None = None
-) -> Link:
+def _link(to_pair: Array, to_angles: Array, to_step: Array, count: int, continued: Array | None = None) -> Link:
     """Derive the Functions of a link.
 
     Parameters
@@ -207,9 +208,8 @@ def _continued(angles: cs.DM, step: cs.DM, count: int) -> cs.Function:
     for k in (0, 2):
         x, y = vectors[k, 0], vectors[k + 1, 0]
         square = x**2 + y**2
-        cosine, sine = (x * vectors[k, 1:] + y * vectors[k + 1, 1:]) / square, (
-            x * vectors[k + 1, 1:] - y * vectors[k, 1:]
-        ) / square
+        u, v = vectors[k, 1:], vectors[k + 1, 1:]
+        cosine, sine = (x * u + y * v) / square, (x * v - y * u) / square
         size, angle = cs.exp(cs.log(cosine**2 + sine**2) / 2 @ shares), cs.atan2(sine, cosine) @ shares
         for i in range(count):
             c, s = size[i] * cs.cos(angle[i]), size[i] * cs.sin(angle[i])

@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 ORDER = 4  # of the error estimate in the step
 NEWTON_ITERATIONS = 10
 NEWTON_TOLERANCE = 0.001  # of the tolerance; more of it and the noise of the steps adds up
-STEADY = 1e-3  # rate of convergence below which the matrices may be kept
+STEADY = 3e-4  # rate of convergence below which the matrices may be kept
 KEEP = (0.9, 1.2)  # change of the step that is not made where the matrices may be kept
 SAFETY = 0.9
 GROWTH = (0.2, 5.0)  # of a step
@@ -93,14 +93,13 @@ def integrate_by_radau(
     stepper = Stepper(form, p, make, clamp, start, *span, tolerance, largest_step)
     size, steps, energies = equations.model.size, 0, np.zeros(2)
     for stretch in stretches:
-        found = [np.empty((0, width)) for width in (size, size, NODE, 2)]
-        instants, done = stretch.instants[stretch.kept].tolist() if stretch.samples else [], 0
-        samples = [found]
-        while done < len(instants):
-            stepper.reach(instants[done])
-            passed = bisect_right(instants, stepper.now + CLOSE * stepper.step, done, min(done + AT_ONCE, len(instants)))
-            samples.append(stepper.sample(np.array(instants[done:passed])))
-            done = passed
+        samples: list[tuple[Array, ...]] = [tuple(np.empty((0, width)) for width in (size, size, NODE, 2))]
+        ahead = stretch.instants[stretch.kept].tolist() if stretch.samples else []
+        while ahead:
+            stepper.reach(ahead[0])
+            count = min(max(bisect_right(ahead, stepper.now), 1), AT_ONCE)
+            samples.append(stepper.sample(np.array(ahead[:count])))
+            ahead = ahead[count:]
         stepper.reach(stretch.end)
         end, end_energies = stepper.state, stepper.energies_at(np.array([stretch.end]))[0]
         coordinates, velocities, forces, work = (np.vstack(parts) for parts in zip(*samples, strict=True))
@@ -286,11 +285,6 @@ class Stepper:
                 raise SimulationError(_advice("took too many steps", self.now, self._h[0]), self.now)
 
     @property
-    def step(self) -> float:
-        """Length of the last step, s."""
-        return float(self._h[0])
-
-    @property
     def last(self) -> Step:
         """The last step."""
         h, (q, v, a) = float(self._h[0]), self._before.copy()
@@ -303,12 +297,11 @@ class Stepper:
         These are coordinates and rates, (k, 4 n + 4), forces of the base, (k, 4), and the energies since the piece
         began, (k, 2).
         """
-        assert self._factors is not None
         samples = self._samples(len(instants))
-        return *samples(instants, self._places_of(instants), self._factors[0]), self.energies_at(instants)
+        return *samples(instants, self._places_of(instants), self._solve), self.energies_at(instants)
 
     def energies_at(self, instants: Array) -> Array:
-        """Return the energies lost to damping and put in by the base, (k, 2), J, up to instants (k,) of the last step."""
+        """Return the energies lost to damping and put in by the base, (k, 2), J, up to instants of the last step."""
         x, (first, second, third) = self._places_of(instants)[:, None], self._work
         return np.asarray(self._energies + x * (first + x * (second + x * third)))
 
@@ -330,7 +323,7 @@ class Stepper:
             iterations = self._iterate()
             if iterations:
                 coordinates, *rates, residual, powers = self._finish()
-                off = self._factors[0].solve(residual) * self._weights
+                off = self._solve(residual) * self._weights
                 error = max(math.sqrt(off.dot(off)), LEAST_ERROR)
                 effort = (2 * NEWTON_ITERATIONS + 1) / (2 * NEWTON_ITERATIONS + iterations)
                 change = min(max(SAFETY * effort * error ** (-1 / ORDER), GROWTH[0]), GROWTH[1])
@@ -407,7 +400,12 @@ class Stepper:
 
     def _places_of(self, instants: Array) -> Array:
         """Return where in the last step some instants lie, 0 to 1."""
-        return 1.0 - (self.now - instants) / self._h[0]
+        return np.asarray(1.0 - (self.now - instants) / self._h[0])
+
+    def _solve(self, right: Array) -> Array:
+        """Solve with the real matrix for right-hand sides, which are overwritten."""
+        assert self._factors is not None
+        return self._factors[0].solve(right)
 
 
 class _Samples:
@@ -439,15 +437,16 @@ class _Samples:
             observe.map("observations", "serial", count, [5], []), *motion, self._residual, turns, parameters
         )
 
-    def __call__(self, instants: Array, places: Array, factors: Factors) -> tuple[Array, Array, Array]:
+    def __call__(self, instants: Array, places: Array, solve: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
         """Return coordinates and rates (k, 4 n + 4) and forces of the base (k, 4)."""
         self._instants[:], self._places[:] = instants, places
         self._clamps.ravel()[:] = self._clamp()[0]
         _, velocities, _, residual, _ = self._interpolate()
         right = residual.reshape(self._count, -1).T
-        right[:] = factors.solve(right)
+        right[:] = solve(right)
         coordinates, forces = self._observe()
-        return tuple(part.reshape(self._count, -1).copy() for part in (coordinates, velocities, forces))
+        one, two, three = (part.reshape(self._count, -1).copy() for part in (coordinates, velocities, forces))
+        return one, two, three
 
 
 def _ahead(clamp: cs.Function) -> cs.Function:

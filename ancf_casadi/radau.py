@@ -199,7 +199,8 @@ class Stepper:
     """Goes through a smooth piece of the motion.
 
     Its arrays are the inputs of its Functions: q, v and a where it has come to, what the next step is made from, and
-    what a sample of the last one is made from.
+    what a sample of the last one is made from.  It counts its steps, and the iterations of Newton's method and
+    factorisations that they and the steps that were repeated took.
 
     Parameters
     ----------
@@ -227,7 +228,7 @@ class Stepper:
     ) -> None:
         equations, p = form.equations, parameters
         model, free = equations.model, equations.free
-        self.steps = 0
+        self.steps = self.iterations = self.factorisations = 0
         self.now, self._end, self._width, self._largest = begin, end, form.bandwidth, largest_step
         weights = 1 / (model.scale[model.free] * tolerance * math.sqrt(free))
         self._weights, self._all_weights = weights, np.concatenate([weights, np.repeat(weights, 2)]) / math.sqrt(STAGES)
@@ -363,6 +364,7 @@ class Stepper:
             times, (_, v, a) = h * RADAU.nodes[:, None], self._motion
             self._increments[:] = times * v + times**2 / 2 * a
         if fresh:
+            self.factorisations += 1
             middle = STAGES // 2
             self._clamp[:] = self._clamps[middle]
             self._reference[:NODE] = self._clamp[:NODE]
@@ -382,6 +384,7 @@ class Stepper:
         real, pair = self._factors
         free, increments, size = self._motion.shape[1], self._increments.ravel(), math.inf
         for iteration in range(1, NEWTON_ITERATIONS + 1):
+            self.iterations += 1
             residuals, increments[:], self._turns[:] = self._stages()
             self._corrections[:free] = real.solve(residuals[:free])
             self._corrections[free:] = pair.solve(residuals[free:].view(complex)).view(float)

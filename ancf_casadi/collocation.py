@@ -13,11 +13,11 @@ stages, and s = gamma/h or mu/h, it takes a real and a complex system in N unkno
     (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e)/de,
 
 instead of one in 3 N.  K changes as the beam turns, by its axial stiffness, thousands of times the bending stiffness;
-but it nearly turns along.  Residuals are therefore turned back at each node, by the angle of its slope from where the
-matrices are taken, and corrections forth.
+but it nearly turns along.  Residuals are therefore turned back to where the matrices are taken, and corrections forth
+(``corotation``).
 
 Prediction.  The collocation polynomial of the step before is continued, not in coordinates, whose errors would stretch
-the beam, but in the logarithms (length and angle) of the slopes and of the chords between the nodes.
+the beam, but in the logarithms of its slopes.
 
 Error.  The embedded formula of order 3 of Hairer and Wanner, filtered by the real system.
 
@@ -41,6 +41,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
+from ancf_casadi.corotation import Corotation
 from ancf_casadi.equations import Equations
 from ancf_casadi.model import NODE
 
@@ -117,9 +118,10 @@ QUINTIC = quintic()
 class Collocation:
     """The Functions of a step.
 
-    Free coordinates, rates and accelerations are q, v and a (N,); Z (N, 3) are the increments at the stages, W = T^-1 Z
-    in a part that is real (N,) and one that is complex (2, N), real above imaginary parts.  ``clamps`` (12, 3) are the
-    clamped nodes at the stages, ``reference`` (N,) is q where the matrices were taken.
+    Free coordinates, rates and accelerations are q, v and a (N,); Z (N, 3) are the increments at the stages.
+    W = T^-1 Z (3 N,) is first its real part, then the complex one, (2, N), real above imaginary parts.  ``clamps``
+    (12, 3) are the clamped nodes at the stages; ``turns`` are those of ``corotation`` to the stages from a reference,
+    all coordinates (4 n + 4,) where the matrices were taken.
 
     Parameters
     ----------
@@ -136,25 +138,25 @@ class Collocation:
 
     @cached_property
     def stages(self) -> cs.Function:
-        """(Z, dW real, dW complex, q, v, h, clamps, reference, parameters) -> T^-1 R real and complex, new Z."""
+        """(Z, dW, q, v, h, clamps, turns, reference, parameters) -> T^-1 R, Z corrected by dW, and the turns there."""
         s = self._symbols
-        increments = s.corrected()
-        residuals, _ = self.balance.map(STAGES)(*s.motion(increments), s.repeated(s.parameters))
-        q = s.repeated(s.q) + increments
-        turned = [_turned(residuals[NODE:, i], s.reference, q[:, i], back=True) for i in range(STAGES)]
-        r = cs.horzcat(*turned) @ cs.DM(np.linalg.inv(RADAU.transform)).T
-        return _function("stages", s.of_stages, [r[:, 0], r[:, 1:].T, increments])
+        increments = self._corrected(s)
+        motion = s.motion(increments)
+        residuals, _ = self.balance.map(STAGES)(*motion, s.repeated(s.parameters))
+        turns = self._corotation.turns(s.reference, motion[0])
+        r = self._corotation.back(residuals[NODE:, :], turns) @ cs.DM(np.linalg.inv(RADAU.transform)).T
+        return _function("stages", s.of_stages, [cs.vertcat(r[:, 0], cs.vec(r[:, 1:].T)), increments, turns])
 
     @cached_property
     def finish(self) -> cs.Function:
-        """(Z, dW real, dW complex, q, v, h, clamps, reference, parameters, a) -> q, v, a at the end, error, Z, powers.
+        """(as of ``stages``, and a) -> all coordinates (4 n + 4, 3) at the stages, v and a at the end, error, powers.
 
         ``error`` is the right-hand side of the error estimate, turned back; ``powers`` (2, 3) are those lost to damping
         and put in by the base at the stages.
         """
         s = self._symbols
         a, still = cs.MX.sym("a", self.equations.free), cs.MX(NODE, 1)
-        increments = s.corrected()
+        increments = self._corrected(s)
         e, e_t, e_tt = s.motion(increments)
         _, powers = self.balance.map(STAGES)(e, e_t, e_tt, s.repeated(s.parameters))
         balance, rate, embedded = self.equations.balance(s.parameters), RADAU.gamma / s.h, cs.DM(RADAU.embedded)
@@ -162,8 +164,9 @@ class Collocation:
         rates_off = cs.vertcat(still, a / rate + (e_t[NODE:, :] - s.repeated(s.v)) @ embedded)
         damped = self._damping_tangent(e[:, -1], e_t[:, -1], off, s.parameters)
         error = rate * (balance.inertia(rates_off + rate * off) + damped)
-        turned = _turned(error[NODE:], s.reference, e[NODE:, -1], back=True)
-        outputs = [e[NODE:, -1], e_t[NODE:, -1], e_tt[NODE:, -1], turned, increments, powers]
+        last = s.turns[-NODE:, :]
+        turned = Corotation(self.equations.model, 1).back(error[NODE:], last)
+        outputs = [e, e_t[NODE:, -1], e_tt[NODE:, -1], turned, powers]
         return _function("finish", [*s.of_stages, a], outputs)
 
     @cached_property
@@ -190,26 +193,20 @@ class Collocation:
         """
         s, ratio = self._symbols, cs.MX.sym("ratio")
         nodes = cs.MX.sym("nodes", self.equations.model.size, STAGES + 1)
-        root = self.equations.model.root
-        vectors = [_chords_and_slopes(nodes[:, k], root) for k in range(STAGES + 1)]
-        logarithms = [_logarithm(vectors[0], vector) for vector in vectors[1:]]
-        columns = []
-        for i, c in enumerate(RADAU.nodes):
-            shares = _lagrange(np.concatenate([[0.0], RADAU.nodes]), 1 + float(c) * ratio)[1:]
-            exponent = sum((share * part for share, part in zip(shares, logarithms, strict=True)), cs.MX(0))
-            predicted, base = _exponential(vectors[0], exponent), s.clamps[:2, i]
-            chords, slopes = cs.horzsplit(predicted, [0, s.q.numel() // NODE - root, predicted.shape[1]])
-            places = cs.repmat(base, 1, root + chords.shape[1]) + cs.horzcat(cs.MX(2, root), cs.cumsum(chords, 1))
-            columns.append(cs.vec(cs.vertcat(places, slopes)) - s.q)
-        return _function("prediction", [nodes, ratio, s.clamps, s.q], [cs.horzcat(*columns)])
+        known = np.concatenate([[0.0], RADAU.nodes])
+        shares = [cs.vertcat(*_lagrange(known, 1 + c * ratio)[1:]) for c in RADAU.nodes.tolist()]
+        q = self._corotation.continued(cs.horzcat(*shares), nodes, s.clamps[:NODE, :])
+        return _function("prediction", [nodes, ratio, s.clamps, s.q], [q - s.repeated(s.q)])
 
     @cached_property
     def sample(self) -> cs.Function:
-        """(x, h, q, v, a, q_1, v_1, a_1, clamp, reference, parameters) -> e, e_t, e_tt, R.
+        """(x, h, q, v, a, q_1, v_1, a_1, clamp, reference, parameters) -> e, e_t, e_tt, R, turns.
 
-        The quintic polynomial at the time x h into a step, and the residual of the free rows, turned back.
+        The quintic polynomial at the time x h into a step, the residual of the free rows, turned back, and the turns
+        from the reference.
         """
         s, x, clamp = self._symbols, cs.MX.sym("x"), cs.MX.sym("clamp", 3 * NODE)
+        frames = Corotation(self.equations.model, 1)
         a, q1, v1, a1 = (cs.MX.sym(name, self.equations.free) for name in ("a", "q1", "v1", "a1"))
         data = cs.horzcat(s.q, s.h * s.v, s.h**2 * a, q1, s.h * v1, s.h**2 * a1)
         powers = cs.vertcat(*(x**k for k in range(6)))
@@ -219,22 +216,22 @@ class Collocation:
             motion.append(cs.vertcat(clamp[NODE * order : NODE * (order + 1)], data @ shares / s.h**order))
             powers = cs.jacobian(powers, x)
         residual, _ = self.balance(*motion, s.parameters)
-        turned = _turned(residual[NODE:], s.reference, motion[0][NODE:], back=True)
+        turns = frames.turns(s.reference, motion[0])
         inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, clamp, s.reference, s.parameters]
-        return _function("sample", inputs, [*motion, turned])
+        return _function("sample", inputs, [*motion, frames.back(residual[NODE:], turns), turns])
 
     @cached_property
     def observation(self) -> cs.Function:
-        """(e, e_t, e_tt, correction, reference, parameters) -> corrected e, and the force of the base (4,).
+        """(e, e_t, e_tt, correction, turns, parameters) -> corrected e, and the force of the base (4,).
 
         ``correction`` (N,) is turned forth before it is taken off.
         """
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
         s, correction = self._symbols, cs.MX.sym("correction", self.equations.free)
-        q = e[NODE:] - _turned(correction, s.reference, e[NODE:], back=False)
-        right = cs.vertcat(e[:NODE], q)
+        frames, turns = Corotation(self.equations.model, 1), cs.MX.sym("turns", NODE, s.turns.shape[1])
+        right = cs.vertcat(e[:NODE], e[NODE:] - frames.forth(correction, turns))
         forces, _ = self.balance(right, e_t, e_tt, s.parameters)
-        return _function("observation", [e, e_t, e_tt, correction, s.reference, s.parameters], [right, forces[:NODE]])
+        return _function("observation", [e, e_t, e_tt, correction, turns, s.parameters], [right, forces[:NODE]])
 
     def accelerations(self, q: Array, v: Array, clamp: Array, parameters: Array) -> Array:
         """Return the accelerations a of a state (numbers) with a clamped node (12,)."""
@@ -251,17 +248,27 @@ class Collocation:
         return scipy.sparse.csc_array(model.mass(properties).sparse()[model.free, model.free])
 
     @cached_property
+    def _corotation(self) -> Corotation:
+        return Corotation(self.equations.model, STAGES)
+
+    def _corrected(self, s: _Symbols) -> cs.MX:
+        """Return the increments with T dW taken off, turned forth."""
+        real, pair = cs.vertsplit(s.corrections, [0, self.equations.free, STAGES * self.equations.free])
+        corrections = cs.horzcat(real, cs.reshape(pair, 2, -1).T) @ cs.DM(RADAU.transform).T
+        return s.increments - self._corotation.forth(corrections, s.turns)
+
+    @cached_property
     def _symbols(self) -> _Symbols:
-        free = self.equations.free
+        free, model = self.equations.free, self.equations.model
         return _Symbols(
             increments=cs.MX.sym("Z", free, STAGES),
-            real=cs.MX.sym("real", free),
-            pair=cs.MX.sym("pair", 2, free),
+            corrections=cs.MX.sym("dW", STAGES * free),
             q=cs.MX.sym("q", free),
             v=cs.MX.sym("v", free),
             h=cs.MX.sym("h"),
             clamps=cs.MX.sym("clamps", 3 * NODE, STAGES),
-            reference=cs.MX.sym("reference", free),
+            turns=cs.MX.sym("turns", NODE * STAGES, model.size // NODE - 1),
+            reference=cs.MX.sym("reference", model.size),
             parameters=cs.MX.sym("parameters", self.equations.parameters.size),
         )
 
@@ -298,12 +305,12 @@ class _Symbols:
     """The inputs that the Functions of a step share."""
 
     increments: cs.MX
-    real: cs.MX
-    pair: cs.MX
+    corrections: cs.MX
     q: cs.MX
     v: cs.MX
     h: cs.MX
     clamps: cs.MX
+    turns: cs.MX
     reference: cs.MX
     parameters: cs.MX
 
@@ -315,13 +322,6 @@ class _Symbols:
     def repeated(self, vector: cs.MX) -> cs.MX:
         """Return a vector once a stage."""
         return cs.repmat(vector, 1, STAGES)
-
-    def corrected(self) -> cs.MX:
-        """Return the increments with T dW taken off, turned forth."""
-        corrections = cs.horzcat(self.real, self.pair.T) @ cs.DM(RADAU.transform).T
-        q = self.repeated(self.q) + self.increments
-        turned = [_turned(corrections[:, i], self.reference, q[:, i], back=False) for i in range(STAGES)]
-        return self.increments - cs.horzcat(*turned)
 
     def motion(self, increments: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
         """Return e, e_t and e_tt at the stages, (4 n + 4, 3)."""
@@ -336,39 +336,6 @@ def stage_motion(z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, clamps: cs.MX) -> tuple
     nodes = cs.vertsplit(clamps, NODE)
     coordinates = cs.repmat(q, 1, STAGES) + z
     return cs.vertcat(nodes[0], coordinates), cs.vertcat(nodes[1], rates), cs.vertcat(nodes[2], accelerations)
-
-
-def _turned(vector: cs.MX, reference: cs.MX, q: cs.MX, *, back: bool) -> cs.MX:
-    """Turn a vector at each node by the angle of its slope in q from that in the reference, or back."""
-    first, second = (cs.reshape(x, NODE, -1)[2:, :] for x in (reference, q))
-    cosine, sine = cs.sum1(first * second), first[0, :] * second[1, :] - first[1, :] * second[0, :]
-    size = cs.sqrt(cosine**2 + sine**2)
-    cosine, sine = cosine / size, (-sine if back else sine) / size
-    x, y, slope_x, slope_y = cs.vertsplit(cs.reshape(vector, NODE, -1))
-    rows = [cosine * x - sine * y, sine * x + cosine * y]
-    rows += [cosine * slope_x - sine * slope_y, sine * slope_x + cosine * slope_y]
-    return cs.vec(cs.vertcat(*rows))
-
-
-def _chords_and_slopes(e: cs.MX, root: int) -> cs.MX:
-    """Return the vectors from each node of the beam to the next, then the slopes of all nodes but the clamped one."""
-    nodes = cs.reshape(e, NODE, -1)
-    return cs.horzcat(nodes[:2, root + 1 :] - nodes[:2, root:-1], nodes[2:, 1:])
-
-
-def _logarithm(first: cs.MX, second: cs.MX) -> cs.MX:
-    """Return the logarithm of the ratio of lengths, and the angle, from one set of vectors to another, (2, k)."""
-    dot, cross = cs.sum1(first * second), first[0, :] * second[1, :] - first[1, :] * second[0, :]
-    square = cs.sum1(first**2)
-    return cs.vertcat(cs.log((dot**2 + cross**2) / square**2) / 2, cs.atan2(cross, dot))
-
-
-def _exponential(first: cs.MX, exponent: cs.MX) -> cs.MX:
-    """Return the vectors with a given logarithm from a set of vectors, (2, k)."""
-    size = cs.exp(exponent[0, :])
-    cosine, sine = size * cs.cos(exponent[1, :]), size * cs.sin(exponent[1, :])
-    x, y = cs.vertsplit(first)
-    return cs.vertcat(cosine * x - sine * y, sine * x + cosine * y)
 
 
 def _lagrange(nodes: Array, x: cs.MX) -> list[cs.MX]:

@@ -17,8 +17,10 @@ E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import casadi as cs
@@ -39,7 +41,7 @@ Array = NDArray[np.float64]
 ORDER = 4  # of the error estimate in the step
 NEWTON_ITERATIONS = 10
 NEWTON_TOLERANCE = 0.001  # of the tolerance; more of it and the noise of the steps adds up
-STEADY = 1e-3  # rate of convergence below which the matrices may be kept
+STEADY = 3e-4  # rate of convergence below which the matrices may be kept
 KEEP = (0.9, 1.2)  # change of the step that is not made where the matrices may be kept
 SAFETY = 0.9
 GROWTH = (0.2, 5.0)  # of a step
@@ -49,6 +51,7 @@ FIRST_STEP = 1e-5  # s
 SMALLEST_STEP = 1e-11  # s
 MOST_STEPS = 200_000  # between two samples
 LARGEST_CONTRACTION = 2.0  # rate of an iteration that is given up
+AT_ONCE = 8  # samples of a step
 LEAST_ERROR, LEAST_TREND = 1e-10, 1e-2  # of a step, and as that of the step before
 
 
@@ -90,33 +93,27 @@ def integrate_by_radau(
     stepper = Stepper(form, p, make, clamp, start, *span, tolerance, largest_step)
     size, steps, energies = equations.model.size, 0, np.zeros(2)
     for stretch in stretches:
-        samples = []
-        for instant in stretch.instants[stretch.kept].tolist() if stretch.samples else []:
-            stepper.reach(instant)
-            samples.append(stepper.sample(instant))
+        samples: list[tuple[Array, ...]] = [tuple(np.empty((0, width)) for width in (size, size, NODE, 2))]
+        ahead = stretch.instants[stretch.kept].tolist() if stretch.samples else []
+        while ahead:
+            stepper.reach(ahead[0])
+            count = min(max(bisect_right(ahead, stepper.now), 1), AT_ONCE)
+            samples.append(stepper.sample(np.array(ahead[:count])))
+            ahead = ahead[count:]
         stepper.reach(stretch.end)
-        end, end_energies = stepper.state, stepper.energies_at(stretch.end)
+        end, end_energies = stepper.state, stepper.energies_at(np.array([stretch.end]))[0]
+        coordinates, velocities, forces, work = (np.vstack(parts) for parts in zip(*samples, strict=True))
         yield Path(
-            coordinates=np.array([sample.coordinates for sample in samples]).reshape(-1, size),
-            velocities=np.array([sample.velocities for sample in samples]).reshape(-1, size),
-            forces=np.array([sample.force for sample in samples]).reshape(-1, NODE),
-            energies=np.array([sample.energies for sample in samples]).reshape(-1, 2) - energies,
+            coordinates=coordinates,
+            velocities=velocities,
+            forces=forces,
+            energies=work - energies,
             end=end,
             end_energies=end_energies - energies,
             stretch=stretch,
             steps=stepper.steps - steps,
         )
         steps, energies = stepper.steps, end_energies
-
-
-@dataclass(frozen=True, eq=False)
-class _Sample:
-    """Coordinates, rates, force of the base, and energies since the piece began, at an instant."""
-
-    coordinates: Array
-    velocities: Array
-    force: Array
-    energies: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +126,8 @@ class Factors:
         The triangular factors of A, and their pivots.
     width : int
         Number of diagonals of A on either side.
-    right : array (N, m)
-        V.
+    rows : array (m, N)
+        V^T.
     correction : array (N, m)
         X (1 + V^T X)^-1 with X = A^-1 U.
     """
@@ -138,42 +135,40 @@ class Factors:
     band: NDArray[Any]
     pivots: NDArray[Any]
     width: int
-    right: Array
+    rows: NDArray[Any]
     correction: NDArray[Any]
 
     @staticmethod
-    def of(band: NDArray[Any], width: int, left: NDArray[Any], right: Array) -> Factors:
+    def of(band: NDArray[Any], width: int, left: NDArray[Any], right: NDArray[Any]) -> Factors:
         """Factorise; the band, one column of the matrix after the other, is overwritten; ``left`` is U, ``right`` V."""
-        factorise, solve = _routines(band)
+        factorise, substitute = ROUTINES[band.dtype.char]
         factors, pivots, _ = factorise(band.reshape(-1, 3 * width + 1).T, width, width, overwrite_ab=1)
         if not right.size:
-            return Factors(factors, pivots, width, right, right)
-        x = solve(factors, width, width, left, pivots)[0]
-        correction = x @ np.linalg.inv(np.eye(right.shape[1]) + right.T @ x)
-        return Factors(factors, pivots, width, right, correction)
+            return Factors(factors, pivots, width, right.T, right)
+        x, rows = substitute(factors, width, width, left, pivots)[0], right.T.astype(band.dtype)
+        correction = x @ np.linalg.inv(np.eye(len(rows)) + rows @ x)
+        return Factors(factors, pivots, width, rows, correction)
 
     def solve(self, right: NDArray[Any]) -> NDArray[Any]:
-        """Solve for a right-hand side, which is overwritten."""
-        solution: NDArray[Any] = _routines(self.band)[1](
+        """Solve for right-hand sides, which are overwritten."""
+        solution: NDArray[Any] = ROUTINES[self.band.dtype.char][1](
             self.band, self.width, self.width, right, self.pivots, overwrite_b=1
         )[0]
-        if self.right.size:
-            solution -= self.correction @ (self.right.T @ solution)
+        if self.rows.size:
+            solution -= self.correction.dot(self.rows.dot(solution))
         return solution
 
     def solve_transposed(self, right: NDArray[Any]) -> NDArray[Any]:
         """Solve with the transposed matrix for right-hand sides, which are kept."""
-        if self.right.size:
-            right = right - self.right @ (self.correction.T @ right)
-        solution: NDArray[Any] = _routines(self.band)[1](
+        if self.rows.size:
+            right = right - self.rows.T @ (self.correction.T @ right)
+        solution: NDArray[Any] = ROUTINES[self.band.dtype.char][1](
             self.band, self.width, self.width, right, self.pivots, trans=1
         )[0]
         return solution
 
 
-def _routines(band: NDArray[Any]) -> tuple[Callable[..., Any], Callable[..., Any]]:
-    """Return LAPACK's routines that factorise a band and solve with its factors."""
-    return (lapack.zgbtrf, lapack.zgbtrs) if band.dtype == complex else (lapack.dgbtrf, lapack.dgbtrs)
+ROUTINES = {"d": (lapack.dgbtrf, lapack.dgbtrs), "D": (lapack.zgbtrf, lapack.zgbtrs)}  # factorise a band, and solve
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +200,8 @@ class Stepper:
     """Goes through a smooth piece of the motion.
 
     Its arrays are the inputs of its Functions: q, v and a where it has come to, what the next step is made from, and
-    what a sample of the last one is made from.
+    what a sample of the last one is made from.  It counts its steps, and the iterations of Newton's method and
+    factorisations that they and the steps that were repeated took.
 
     Parameters
     ----------
@@ -233,41 +229,49 @@ class Stepper:
     ) -> None:
         equations, p = form.equations, parameters
         model, free = equations.model, equations.free
-        self.steps = 0
+        self.steps = self.iterations = self.factorisations = 0
         self.now, self._end, self._width, self._largest = begin, end, form.bandwidth, largest_step
-        self._weights = 1 / (model.scale[model.free] * tolerance * math.sqrt(free))
+        weights = 1 / (model.scale[model.free] * tolerance * math.sqrt(free))
+        self._weights, self._all_weights = weights, np.concatenate([weights, np.repeat(weights, 2)]) / math.sqrt(STAGES)
         self._rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).rates).full().ravel()
 
-        self._time, self._clamp, self._clamps = np.zeros(1), np.zeros(3 * NODE), np.zeros((STAGES, 3 * NODE))
-        self._q, self._v = start.coordinates[model.free].copy(), start.velocities[model.free].copy()
-        self._h, self._ratio, self._reference = np.zeros(1), np.zeros(1), self._q.copy()
-        self._node, self._nodes_ahead = Buffered(clamp, self._time), Buffered(_ahead(clamp), self._time, self._h)
-        self._a = form.accelerations(self._q, self._v, self._node_at(begin), p)
-        self._increments, self._real, self._pair = np.zeros((STAGES, free)), np.zeros(free), np.zeros(free, complex)
-        self._before, self._place = np.zeros((3, free)), np.zeros(1)  # q, v and a at the start of the last step
-        self._nodes = np.zeros((STAGES + 1, model.size))  # coordinates at the start and the stages of the last step
-        self._seen, self._off = np.zeros((3, model.size)), np.zeros(free)
+        self._motion = np.zeros((3, free))  # q, v and a at the end of the last step
+        self._before = np.zeros((3, free))  # at its start
+        self._nodes = np.zeros((STAGES + 1, model.size))  # coordinates at its start and its stages
+        self._h, self._time, self._ratio = np.zeros(1), np.array([begin]), np.zeros(1)
+        self._clamps, self._reference = np.zeros((STAGES, 3 * NODE)), start.coordinates.copy()
+        self._increments, self._corrections = np.zeros((STAGES, free)), np.zeros(STAGES * free)
+        self._turns, self._clamp = np.zeros(form.stages.numel_out(2)), np.zeros(3 * NODE)
+        q, v, a = self._motion
 
-        inputs = [self._increments, self._real, self._pair, self._q, self._v, self._h, self._clamps, self._reference, p]
-        ends = [*self._before, self._q, self._v, self._a]
-        self._stages, self._finish = Buffered(make(form.stages), *inputs), Buffered(make(form.finish), *inputs, self._a)
+        inputs = [self._increments, self._corrections, q, v, self._h, self._clamps, self._turns, self._reference, p]
+        self._stages, self._finish = Buffered(make(form.stages), *inputs), Buffered(make(form.finish), *inputs, a)
         self._projection = Buffered(equations.turned_projection, self._clamp)
-        self._matrices = Buffered(make(form.matrices), self._reference, self._v, self._h, self._clamp, p)
-        self._predict = Buffered(make(form.prediction), self._nodes, self._ratio, self._clamps, self._q)
-        self._interpolate = Buffered(make(form.sample), self._place, self._h, *ends, self._clamp, self._reference, p)
-        self._observe = Buffered(make(form.observation), *self._seen, self._off, self._reference, p)
+        self._matrices = Buffered(make(form.matrices), self._reference[NODE:], v, self._h, self._clamp, p)
+        self._predict = Buffered(make(form.prediction), self._nodes, self._ratio, self._clamps, q)
+        self._ahead = Buffered(_ahead(clamp), self._time, self._h)
+        interpolate, observe, motion = make(form.sample), make(form.observation), [*self._before, *self._motion]
 
-        self._nodes[0] = self._all_at(begin, self._q, 0)
+        def samples(count: int) -> _Samples:
+            """Return what evaluates some samples of a step."""
+            return _Samples(count, clamp, interpolate, observe, [self._h, *motion, self._reference, p])
+
+        self._samples = lru_cache(samples)
+        self._clamps[:] = clamp(begin).full().ravel()
+        self._nodes[:, :NODE], self._nodes[:, NODE:] = self._clamps[0, :NODE], start.coordinates[model.free]
+        q[:], v[:] = start.coordinates[model.free], start.velocities[model.free]
+        a[:] = form.accelerations(q, v, self._clamps[0], p)
         self._factors: tuple[Factors, Factors] | None = None
         self._steady, self._contraction = False, 1.0
         self._proposal, self._most, self._error = FIRST_STEP, GROWTH[1], 1.0
-        self._energies = np.zeros(2)  # up to here
-        self._work = np.zeros((STAGES, 2))  # coefficients of the share of the last step
+        self._energies = np.zeros(2)  # up to the start of the last step
+        self._work = np.zeros((STAGES, 2))  # coefficients of its share
 
     @property
     def state(self) -> State:
         """Where the beam is after the last step."""
-        return State(self._all_at(self.now, self._q, 0), self._all_at(self.now, self._v, 1), self.now)
+        velocities = np.concatenate([self._clamps[-1, NODE : 2 * NODE], self._motion[1]])
+        return State(self._nodes[-1].copy(), velocities, self.now)
 
     def reach(self, instant: float) -> None:
         """Take steps until an instant is behind.
@@ -290,20 +294,19 @@ class Stepper:
         increments = self._nodes[1:, NODE:] - q
         return Step(self.now - h, h, q, v, a, increments, self._clamps.copy())
 
-    def sample(self, instant: float) -> _Sample:
-        """Return the motion at an instant of the last step."""
-        self._place[0] = self._place_of(instant)
-        self._clamp[:] = self._node_at(instant)
-        *motion, residual = self._interpolate()
-        self._seen[:] = motion
-        self._off[:] = self._solve(0, residual)
-        coordinates, force = self._observe()
-        return _Sample(coordinates.copy(), self._seen[1].copy(), force.copy(), self.energies_at(instant))
+    def sample(self, instants: Array) -> tuple[Array, Array, Array, Array]:
+        """Return the motion at some instants (k,) of the last step.
 
-    def energies_at(self, instant: float) -> Array:
-        """Return the energies lost to damping and put in by the base, (2,), J, up to an instant of the last step."""
-        x = self._place_of(instant)
-        return np.asarray(self._energies - (1.0 - np.array((x, x**2, x**3))) @ self._work)
+        These are coordinates and rates, (k, 4 n + 4), forces of the base, (k, 4), and the energies since the piece
+        began, (k, 2).
+        """
+        samples = self._samples(len(instants))
+        return *samples(instants, self._places_of(instants), self._solve), self.energies_at(instants)
+
+    def energies_at(self, instants: Array) -> Array:
+        """Return the energies lost to damping and put in by the base, (k, 2), J, up to instants of the last step."""
+        x, (first, second, third) = self._places_of(instants)[:, None], self._work
+        return np.asarray(self._energies + x * (first + x * (second + x * third)))
 
     def advance(self) -> None:
         """Take a step, as long as the tolerance and Newton's method let it be.
@@ -313,7 +316,7 @@ class Stepper:
         SimulationError
             If no step is small enough.
         """
-        last, h = self._h[0], min(self._proposal, self._largest)
+        last, h = float(self._h[0]), min(self._proposal, self._largest)
         while True:
             left = self._end - self.now
             h = left if h > (1 - CLOSE) * left else min(h, left / 2)
@@ -322,9 +325,9 @@ class Stepper:
             fresh = self._prepare(h, last)
             iterations = self._iterate()
             if iterations:
-                *end, residual, increments, powers = self._finish()
-                off = self._solve(0, residual) * self._weights
-                error = max(math.sqrt(off @ off), LEAST_ERROR)
+                coordinates, *rates, residual, powers = self._finish()
+                off = self._solve(residual) * self._weights
+                error = max(math.sqrt(off.dot(off)), LEAST_ERROR)
                 effort = (2 * NEWTON_ITERATIONS + 1) / (2 * NEWTON_ITERATIONS + iterations)
                 change = min(max(SAFETY * effort * error ** (-1 / ORDER), GROWTH[0]), GROWTH[1])
                 if error <= 1.0:
@@ -341,51 +344,54 @@ class Stepper:
         self._steady = self._contraction <= STEADY and KEEP[0] <= change < KEEP[1]
         self._proposal = h if self._steady else h * change
         self._most, self._error = min(self._most * RECOVERY, GROWTH[1]), max(error, LEAST_TREND)
-        self._nodes[0] = self._all_at(self.now, self._q, 0)
-        self._nodes[1:, :NODE] = self._clamps[:, :NODE]
-        self._nodes[1:, NODE:] = self._q + increments.reshape(STAGES, -1)
-        self._before[:] = self._q, self._v, self._a
-        self._q[:], self._v[:], self._a[:] = end
-        self._work = h * RADAU.integral @ powers.reshape(STAGES, 2)
+        self._nodes[0] = self._nodes[-1]
+        self._nodes[1:] = coordinates.reshape(STAGES, -1)
+        self._before[:] = self._motion
+        self._motion[0], self._motion[1], self._motion[2] = self._nodes[-1, NODE:], *rates
         self._energies = self._energies + self._work.sum(axis=0)
+        self._work = h * RADAU.integral @ powers.reshape(STAGES, 2)
         self.now += h
         self.steps += 1
 
     def _prepare(self, h: float, last: float) -> bool:
         """Predict the increments, provide the matrices, and tell whether these are fresh."""
         fresh = not (self._steady and h == self._h[0])
-        self._h[0] = h
-        self._time[0] = self.now
-        self._clamps.ravel()[:] = self._nodes_ahead()[0]
-        self._real[:], self._pair[:] = 0.0, 0.0
+        self._h[0], self._time[0] = h, self.now
+        self._clamps.ravel()[:] = self._ahead()[0]
+        self._corrections[:] = 0.0
         if self.steps:
             self._ratio[0] = h / last
             self._increments.ravel()[:] = self._predict()[0]
         else:
-            times = h * RADAU.nodes[:, None]
-            self._increments[:] = times * self._v + times**2 / 2 * self._a
+            times, (_, v, a) = h * RADAU.nodes[:, None], self._motion
+            self._increments[:] = times * v + times**2 / 2 * a
         if fresh:
+            self.factorisations += 1
             middle = STAGES // 2
-            self._reference[:] = self._q + self._increments[middle]
             self._clamp[:] = self._clamps[middle]
+            self._reference[:NODE] = self._clamp[:NODE]
+            self._reference[NODE:] = self._motion[0] + self._increments[middle]
             real, pair = self._matrices()
-            B = self._projection()[0].reshape(self._rates.size, self._q.size).T.copy()
-            damping = B * (self._rates / h)
+            right = self._projection()[0].reshape(self._rates.size, self._motion.shape[1]).T
+            left = right * (self._rates / h)
             self._factors = (
-                Factors.of(real, self._width, RADAU.gamma * damping, B),
-                Factors.of(pair.view(complex), self._width, RADAU.mu * damping, B),
+                Factors.of(real, self._width, RADAU.gamma * left, right),
+                Factors.of(pair.view(complex), self._width, RADAU.mu * left, right),
             )
         return fresh
 
     def _iterate(self) -> int:
         """Solve the equations of the stages, and return the number of iterations; 0 where they do not converge."""
-        size = math.inf
+        assert self._factors is not None
+        real, pair = self._factors
+        free, increments, size = self._motion.shape[1], self._increments.ravel(), math.inf
         for iteration in range(1, NEWTON_ITERATIONS + 1):
-            real, pair, increments = self._stages()
-            self._increments.ravel()[:] = increments
-            self._real[:] = self._solve(0, real)
-            self._pair[:] = self._solve(1, pair.view(complex))
-            before, size = size, self._size()
+            self.iterations += 1
+            residuals, increments[:], self._turns[:] = self._stages()
+            self._corrections[:free] = real.solve(residuals[:free])
+            self._corrections[free:] = pair.solve(residuals[free:].view(complex)).view(float)
+            off = self._corrections * self._all_weights
+            before, size = size, math.sqrt(off.dot(off))
             if iteration == 1:
                 rate = 0.0 if size < NEWTON_TOLERANCE else 1.0
             else:
@@ -397,28 +403,55 @@ class Stepper:
                 return iteration
         return 0
 
-    def _size(self) -> float:
-        """Return the size of a correction relative to the tolerance."""
-        real, pair = self._real * self._weights, self._pair * self._weights
-        return math.sqrt((real @ real + np.vdot(pair, pair).real) / STAGES)
+    def _places_of(self, instants: Array) -> Array:
+        """Return where in the last step some instants lie, 0 to 1."""
+        return np.asarray(1.0 - (self.now - instants) / self._h[0])
 
-    def _solve(self, which: int, right: NDArray[Any]) -> NDArray[Any]:
-        """Solve with the real or the complex matrix."""
+    def _solve(self, right: Array) -> Array:
+        """Solve with the real matrix for right-hand sides, which are overwritten."""
         assert self._factors is not None
-        return self._factors[which].solve(right)
+        return self._factors[0].solve(right)
 
-    def _node_at(self, instant: float) -> Array:
-        """Return position, velocity and acceleration of the clamped node, an array that the next call overwrites."""
-        self._time[0] = instant
-        return self._node()[0]
 
-    def _all_at(self, instant: float, free: Array, order: int) -> Array:
-        """Return coordinates or their rates (order 1) of all nodes from those of the free ones."""
-        return np.concatenate([self._node_at(instant)[NODE * order : NODE * (order + 1)], free])
+class _Samples:
+    """Evaluates some samples of a step at once.
 
-    def _place_of(self, instant: float) -> float:
-        """Return where in the last step an instant lies, 0 to 1."""
-        return float(1.0 - (self.now - instant) / self._h[0])
+    Parameters
+    ----------
+    count : int
+        Their number k.
+    clamp, interpolate, observe : Function
+        The motion of the clamped node, ``Collocation.sample`` and ``Collocation.observation``.
+    step : list of array
+        The inputs of ``interpolate`` that are the same for all samples of a step: h, q, v and a at both ends, where the
+        matrices were taken, and the parameters.
+    """
+
+    def __init__(
+        self, count: int, clamp: cs.Function, interpolate: cs.Function, observe: cs.Function, step: list[Array]
+    ) -> None:
+        self._count, self._instants = count, np.zeros(count)
+        self._places, self._clamps = np.zeros(count), np.zeros((count, 3 * NODE))
+        *ends, reference, parameters = step
+        inputs = [self._places, *ends, self._clamps, reference, parameters]
+        shared = [k for k, array in enumerate(inputs) if array is not self._places and array is not self._clamps]
+        self._clamp = Buffered(clamp.map(count), self._instants)
+        self._interpolate = Buffered(interpolate.map("samples", "serial", count, shared, []), *inputs)
+        *motion, self._residual, turns = self._interpolate.outputs
+        self._observe = Buffered(
+            observe.map("observations", "serial", count, [5], []), *motion, self._residual, turns, parameters
+        )
+
+    def __call__(self, instants: Array, places: Array, solve: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
+        """Return coordinates and rates (k, 4 n + 4) and forces of the base (k, 4)."""
+        self._instants[:], self._places[:] = instants, places
+        self._clamps.ravel()[:] = self._clamp()[0]
+        _, velocities, _, residual, _ = self._interpolate()
+        right = residual.reshape(self._count, -1).T
+        right[:] = solve(right)
+        coordinates, forces = self._observe()
+        one, two, three = (part.reshape(self._count, -1).copy() for part in (coordinates, velocities, forces))
+        return one, two, three
 
 
 def _ahead(clamp: cs.Function) -> cs.Function:

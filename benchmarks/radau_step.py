@@ -1,0 +1,136 @@
+"""The cost of a Radau step and of its parts.
+
+    python benchmarks/radau_step.py
+
+prints, for some motions of 20 elements sampled 1000 times per second, the steps, the iterations of Newton's method and
+the factorisations that they took, and processor time in ms per step: all of it, and without samples.  Then follow the
+parts, in microseconds per step: calls of the compiled Functions, factorisations, triangular solutions; what is left is
+Python.  Clocks around the parts take some time themselves; the first two numbers are taken without.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+from unittest.mock import patch
+
+from ancf_casadi import (
+    Beam,
+    HarmonicBase,
+    ModalDamping,
+    Model,
+    RayleighDamping,
+    natural_modes,
+    radau,
+    simulate,
+    static_equilibrium,
+)
+
+BEAM: dict[str, Any] = {
+    "length": 0.5,
+    "width": 5e-3,
+    "thickness": 0.5e-3,
+    "density": 8000.0,
+    "elastic_modulus": 210e9,
+    "elements": 20,
+}
+STIFFNESS = 210e9 * 5e-3 * 0.5e-3**3 / 12
+RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
+SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)
+
+
+def motions() -> Iterator[tuple[str, Model, dict[str, Any]]]:
+    """Yield the motions: what they are, the model, and the settings of ``simulate``."""
+    hanging = Model(Beam.uniform(**BEAM))
+    swing = {"base": SWING, "start": "moving", "duration": 10.0}
+    law = ModalDamping(natural_modes(hanging, count=len(RATIOS)), RATIOS)
+    yield "10 s of mode 1, modal law", hanging, {**swing, "damping": law}
+    yield "10 s of mode 1, mass-proportional", hanging, {**swing, "damping": RayleighDamping(alpha=0.2325)}
+    weightless = Model(Beam.uniform(**BEAM, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
+    start = static_equilibrium(weightless, tip_force=(0.0, 9.1 * STIFFNESS / BEAM["length"] ** 2))
+    yield (
+        "1 s of an undamped release from 0.8 L, tolerance 1e-6",
+        weightless,
+        {
+            "start": start,
+            "duration": 1.0,
+            "tolerance": 1e-6,
+        },
+    )
+    blow = HarmonicBase(amplitude=0.1e-3, frequency=94.3388)
+    yield "1 s of mode 5 after a blow, tolerance 5e-5", hanging, {"base": blow, "duration": 1.0, "tolerance": 5e-5}
+
+
+@contextmanager
+def clocks(parts: dict[str, float]) -> Iterator[None]:
+    """Add up the seconds spent in the Functions and in LAPACK."""
+
+    def clocked(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*arguments: Any, **options: Any) -> Any:
+            began = time.process_time()
+            result = function(*arguments, **options)
+            parts[name] += time.process_time() - began
+            return result
+
+        return call
+
+    class Clocked(radau.Buffered):
+        def __init__(self, function: Any, *inputs: Any) -> None:
+            super().__init__(function, *inputs)
+            self._evaluate = clocked(function.name(), self._evaluate)
+
+    of, solve = radau.Factors.of, clocked("solve", radau.Factors.solve)
+    with (
+        patch.object(radau, "Buffered", Clocked),
+        patch.object(radau.Factors, "of", staticmethod(clocked("factorise", of))),
+        patch.object(radau.Factors, "solve", lambda *arguments: solve(*arguments)),
+    ):
+        yield
+
+
+def steppers(found: list[radau.Stepper]) -> Any:
+    """Keep the steppers that a run makes."""
+    init = radau.Stepper.__init__
+
+    def noting(stepper: radau.Stepper, *arguments: Any, **options: Any) -> None:
+        init(stepper, *arguments, **options)
+        found.append(stepper)
+
+    return patch.object(radau.Stepper, "__init__", noting)
+
+
+def seconds(model: Model, repeats: int = 3, **settings: Any) -> float:
+    """Return the least processor time of some runs."""
+    least = float("inf")
+    for _ in range(repeats):
+        began = time.process_time()
+        simulate(model, method="radau", **settings)
+        least = min(least, time.process_time() - began)
+    return least
+
+
+def main() -> None:
+    """Print the cost of each motion."""
+    for name, model, settings in motions():
+        simulate(model, method="radau", **{**settings, "duration": 0.3})  # compiles
+        found: list[radau.Stepper] = []
+        with steppers(found):
+            simulate(model, method="radau", **settings)
+        counts = {what: sum(getattr(one, what) for one in found) for what in ("steps", "iterations", "factorisations")}
+        everything = seconds(model, **settings)
+        bare = seconds(model, **{**settings, "sample_rate": 2.0 / settings["duration"]})
+        steps = counts["steps"]
+        parts: dict[str, float] = defaultdict(float)
+        with clocks(parts):
+            seconds(model, 1, **settings)
+        print(f"\n{name}: " + ", ".join(f"{count} {what}" for what, count in counts.items()))
+        print(f"  {1e3 * everything / steps:.3f} ms per step, {1e3 * bare / steps:.3f} ms without samples")
+        for part, spent in sorted(parts.items(), key=lambda item: -item[1]):
+            print(f"  {part:>16} {1e6 * spent / steps:6.1f} us per step")
+
+
+if __name__ == "__main__":
+    main()

@@ -42,75 +42,12 @@ import scipy.sparse.linalg
 from numpy.typing import NDArray
 
 from ancf_casadi.equations import Equations
+from ancf_casadi.kernels import mapped
 from ancf_casadi.model import NODE
+from ancf_casadi.nodes import Nodes
+from ancf_casadi.tableau import QUINTIC, RADAU, STAGES
 
 Array = NDArray[np.float64]
-
-STAGES = 3
-
-
-@dataclass(frozen=True, eq=False)
-class Tableau:
-    """The coefficients of the method.
-
-    Parameters
-    ----------
-    nodes : array (3,)
-        c.
-    weights, inverse : array (3, 3)
-        A and A^-1.
-    transform : array (3, 3)
-        T, with T^-1 A^-1 T = [[gamma, 0, 0], [0, mu', -mu''], [0, mu'', mu']].
-    gamma, mu : float, complex
-        The eigenvalues of A^-1.
-    embedded : array (3,)
-        Weights of the increments in the error estimate, in which h f(t) has the weight 1/gamma.
-    integral : array (3, 3)
-        For what is known at the nodes, the coefficients of x, x^2 and x^3 in its integral from 0 to x.
-    """
-
-    nodes: Array
-    weights: Array
-    inverse: Array
-    transform: Array
-    gamma: float
-    mu: complex
-    embedded: Array
-    integral: Array
-
-
-def tableau() -> Tableau:
-    """Derive the coefficients from the nodes."""
-    nodes = np.array(cs.collocation_points(STAGES, "radau"))
-    powers = np.arange(1, STAGES + 1)
-    integral = np.linalg.inv(np.vander(nodes, increasing=True)) / powers[:, None]
-    weights: Array = np.asarray(nodes[:, None] ** powers @ integral, dtype=float)
-    inverse = np.asarray(np.linalg.inv(weights), dtype=float)
-    values, vectors = np.linalg.eig(inverse)
-    real, pair = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
-    transform = np.column_stack([vectors[:, real].real, vectors[:, pair].real, -vectors[:, pair].imag])
-    block = np.linalg.solve(transform, inverse @ transform)
-    gamma, mu = float(block[0, 0]), complex(block[1, 1], block[2, 1])
-    moments = 1 / powers - np.array([1 / gamma, 0.0, 0.0])
-    quadrature = np.linalg.solve(nodes ** (powers - 1)[:, None], moments)
-    embedded = (quadrature - weights[-1]) @ inverse
-    return Tableau(nodes, weights, inverse, transform, gamma, mu, embedded, integral)
-
-
-def quintic() -> Array:
-    """Return the coefficients (6, 6) of the six polynomials of degree 5 with one condition 1 and the others 0.
-
-    The conditions are value, first and second derivative at 0, and the same at 1.
-    """
-    conditions = np.zeros((6, 6))
-    for k in range(6):
-        conditions[:3, k] = [k == 0, k == 1, 2 * (k == 2)]
-        conditions[3:, k] = [1, k, k * (k - 1)]
-    return np.asarray(np.linalg.inv(conditions).T)
-
-
-RADAU = tableau()
-QUINTIC = quintic()
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,15 +72,20 @@ class Collocation:
         return min(2 * NODE - 1, self.equations.free - 1)
 
     @cached_property
+    def nodes(self) -> Nodes:
+        """The Functions of a node."""
+        return Nodes(self.equations.make)
+
+    @cached_property
     def stages(self) -> cs.Function:
         """(Z, dW real, dW complex, q, v, h, clamps, reference, parameters) -> T^-1 R real and complex, new Z."""
         s = self._symbols
-        increments = s.corrected()
-        residuals, _ = self.balance.map(STAGES)(*s.motion(increments), s.repeated(s.parameters))
-        q = s.repeated(s.q) + increments
-        turned = [_turned(residuals[NODE:, i], s.reference, q[:, i], back=True) for i in range(STAGES)]
-        r = cs.horzcat(*turned) @ cs.DM(np.linalg.inv(RADAU.transform)).T
-        return _function("stages", s.of_stages, [r[:, 0], r[:, 1:].T, increments])
+        increments, *motion = self._corrected()
+        e, e_t, e_tt = map(self._with_clamps, motion, cs.vertsplit(s.clamps, NODE))
+        residuals, _ = self.forces(e, e_t, e_tt, s.parameters)
+        given = self._by_nodes(residuals[NODE:, :]), motion[0], _columns(s.reference)
+        real, pair = mapped(self.nodes.returned, *given)
+        return _function("stages", s.of_stages, [cs.vec(real), cs.reshape(pair, 2, -1), self._by_stages(increments)])
 
     @cached_property
     def finish(self) -> cs.Function:
@@ -154,15 +96,18 @@ class Collocation:
         """
         s = self._symbols
         a, still = cs.MX.sym("a", self.equations.free), cs.MX(NODE, 1)
-        increments = s.corrected()
-        e, e_t, e_tt = s.motion(increments)
-        _, powers = self.balance.map(STAGES)(e, e_t, e_tt, s.repeated(s.parameters))
+        found = self._corrected()
+        increments = self._by_stages(found[0])
+        e, e_t, e_tt = map(self._with_clamps, found[1:], cs.vertsplit(s.clamps, NODE))
+        _, powers = self.forces(e, e_t, e_tt, s.parameters)
         balance, rate, embedded = self.equations.balance(s.parameters), RADAU.gamma / s.h, cs.DM(RADAU.embedded)
-        off = cs.vertcat(still, s.v / rate + increments @ embedded)
-        rates_off = cs.vertcat(still, a / rate + (e_t[NODE:, :] - s.repeated(s.v)) @ embedded)
-        damped = self._damping_tangent(e[:, -1], e_t[:, -1], off, s.parameters)
-        error = rate * (balance.inertia(rates_off + rate * off) + damped)
-        turned = _turned(error[NODE:], s.reference, e[NODE:, -1], back=True)
+        off = s.v / rate + increments @ embedded
+        rates_off = rate * off + a / rate + (e_t[NODE:, :] - s.repeated(s.v)) @ embedded
+        off, rates_off = (cs.densify(cs.vertcat(still, part)) for part in (off, rates_off))
+        error = balance.resistance(e[:, -1], e_t[:, -1], off, rates_off)
+        if balance.projection.numel():
+            error += balance.of_low_rank(off)
+        turned = self._turned(rate * error[NODE:], e[NODE:, -1], s.reference)
         outputs = [e[NODE:, -1], e_t[NODE:, -1], e_tt[NODE:, -1], turned, increments, powers]
         return _function("finish", [*s.of_stages, a], outputs)
 
@@ -174,12 +119,11 @@ class Collocation:
         """
         s, clamp = self._symbols, cs.MX.sym("clamp", 3 * NODE)
         e, e_t = cs.vertcat(clamp[:NODE], s.q), cs.vertcat(clamp[NODE : 2 * NODE], s.v)
-        k, d, m = map(self._band, self.equations.tangents(e, e_t, s.parameters))
         real, a, b = RADAU.gamma / s.h, RADAU.mu.real / s.h, RADAU.mu.imag / s.h
-        pair = cs.horzcat((a**2 - b**2) * m + a * d + k, 2 * a * b * m + b * d)
-        return _function(
-            "matrices", [s.q, s.v, s.h, clamp, s.parameters], [real**2 * m + real * d + k, cs.densify(pair.T)]
-        )
+        k, d, m = (self._sums @ part for part in self.equations.balance(s.parameters).tangents(e, e_t))
+        pair = cs.vertcat(k + a * d + (a**2 - b**2) * m, b * d + 2 * a * b * m)
+        outputs = [self._band(k + real * d + real**2 * m, 1), cs.reshape(self._band(pair, 2), 2, -1)]
+        return _function("matrices", [s.q, s.v, s.h, clamp, s.parameters], outputs)
 
     @cached_property
     def prediction(self) -> cs.Function:
@@ -189,19 +133,25 @@ class Collocation:
         the new step to it.
         """
         s, ratio = self._symbols, cs.MX.sym("ratio")
-        nodes = cs.MX.sym("nodes", self.equations.model.size, STAGES + 1)
-        root = self.equations.model.root
-        vectors = [_chords_and_slopes(nodes[:, k], root) for k in range(STAGES + 1)]
-        logarithms = [_logarithm(vectors[0], vector) for vector in vectors[1:]]
-        columns = []
-        for i, c in enumerate(RADAU.nodes):
-            shares = _lagrange(np.concatenate([[0.0], RADAU.nodes]), 1 + float(c) * ratio)[1:]
-            exponent = sum((share * part for share, part in zip(shares, logarithms, strict=True)), cs.MX(0))
-            predicted, base = _exponential(vectors[0], exponent), s.clamps[:2, i]
-            chords, slopes = cs.horzsplit(predicted, [0, s.q.numel() // NODE - root, predicted.shape[1]])
-            places = cs.repmat(base, 1, root + chords.shape[1]) + cs.horzcat(cs.MX(2, root), cs.cumsum(chords, 1))
-            columns.append(cs.vec(cs.vertcat(places, slopes)) - s.q)
-        return _function("prediction", [nodes, ratio, s.clamps, s.q], [cs.horzcat(*columns)])
+        model, free = self.equations.model, self.equations.free
+        nodes = cs.MX.sym("nodes", model.size, STAGES + 1)
+        states, pair = model.size * np.arange(STAGES + 1)[:, None], np.arange(2)
+        starts = NODE * np.arange(model.root, model.size // NODE - 1)[:, None, None]
+        slopes = NODE * np.arange(1, model.size // NODE)[:, None, None] + 2
+        seen = [(part + states + pair).ravel().tolist() for part in (starts, starts + NODE, slopes)]
+        here, there, along = (cs.reshape(nodes.nz[places], 2 * (STAGES + 1), -1) for places in seen)
+        vectors = cs.horzcat(there - here, along)
+        shares = cs.repmat(self.nodes.shares(ratio), 1, vectors.size2())
+        found = mapped(self.nodes.extrapolated, vectors, shares)[0]
+        places = cs.horzcat(cs.MX.zeros(2 * STAGES, model.root), cs.cumsum(found[:, : len(starts)], 1))
+        where = cs.vec(places + cs.repmat(cs.vec(s.clamps[:2, :]), 1, places.size2()))
+        stage, coordinate = np.divmod(np.arange(STAGES * free), free)
+        node, component = np.divmod(coordinate, NODE)
+        order = 2 * STAGES * node + 2 * stage + component % 2 + where.numel() * (component // 2)
+        predicted = cs.vertcat(where, cs.vec(found[:, len(starts) :])).nz[order.tolist()]
+        return _function(
+            "prediction", [nodes, ratio, s.clamps, s.q], [cs.reshape(predicted, free, STAGES) - s.repeated(s.q)]
+        )
 
     @cached_property
     def sample(self) -> cs.Function:
@@ -212,14 +162,12 @@ class Collocation:
         s, x, clamp = self._symbols, cs.MX.sym("x"), cs.MX.sym("clamp", 3 * NODE)
         a, q1, v1, a1 = (cs.MX.sym(name, self.equations.free) for name in ("a", "q1", "v1", "a1"))
         data = cs.horzcat(s.q, s.h * s.v, s.h**2 * a, q1, s.h * v1, s.h**2 * a1)
-        powers = cs.vertcat(*(x**k for k in range(6)))
-        motion = []
-        for order in range(3):
-            shares = cs.DM(QUINTIC) @ powers
-            motion.append(cs.vertcat(clamp[NODE * order : NODE * (order + 1)], data @ shares / s.h**order))
-            powers = cs.jacobian(powers, x)
-        residual, _ = self.balance(*motion, s.parameters)
-        turned = _turned(residual[NODE:], s.reference, motion[0][NODE:], back=True)
+        powers = [cs.vertcat(*(math.perm(k, order) * x ** max(k - order, 0) for k in range(6))) for order in range(3)]
+        shares = cs.DM(QUINTIC) @ cs.horzcat(*(part / s.h**order for order, part in enumerate(powers)))
+        motion = cs.horzsplit(cs.vertcat(cs.reshape(clamp, NODE, 3), data @ shares))
+        e, e_t, e_tt = motion
+        residual, _ = self.forces(e, e_t, e_tt, s.parameters)
+        turned = self._turned(residual[NODE:], motion[0][NODE:], s.reference)
         inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, clamp, s.reference, s.parameters]
         return _function("sample", inputs, [*motion, turned])
 
@@ -231,9 +179,9 @@ class Collocation:
         """
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
         s, correction = self._symbols, cs.MX.sym("correction", self.equations.free)
-        q = e[NODE:] - _turned(correction, s.reference, e[NODE:], back=False)
+        q = e[NODE:] - self._turned(correction, s.reference, e[NODE:])
         right = cs.vertcat(e[:NODE], q)
-        forces, _ = self.balance(right, e_t, e_tt, s.parameters)
+        forces, _ = self.forces(right, e_t, e_tt, s.parameters)
         return _function("observation", [e, e_t, e_tt, correction, s.reference, s.parameters], [right, forces[:NODE]])
 
     def accelerations(self, q: Array, v: Array, clamp: Array, parameters: Array) -> Array:
@@ -270,27 +218,74 @@ class Collocation:
         """(e, e_t, e_tt, parameters) -> forces at all nodes, and powers lost to damping and put in by the base."""
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
         parameters = self._symbols.parameters
+        return cs.Function("balance", [e, e_t, e_tt, parameters], [*self.forces(e, e_t, e_tt, parameters)])
+
+    def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, parameters: cs.MX) -> tuple[cs.MX, cs.MX]:
+        """Return the forces at all nodes (4 n + 4, s), and the powers lost to damping and put in by the base (2, s)."""
         balance = self.equations.balance(parameters)
-        damping = balance.damping(e, e_t)
-        forces = balance.inertia(e_tt) + damping + balance.conservative(e)
-        powers = cs.vertcat(cs.dot(e_t, damping), cs.dot(e_t[:NODE], forces[:NODE]))
-        return cs.Function("balance", [e, e_t, e_tt, parameters], [forces, powers])
+        local, lost = balance.local(e, e_t, e_tt)
+        if balance.projection.numel():
+            further = balance.of_low_rank(e_t)
+            local, lost = local + further, lost + cs.sum1(e_t * further)
+        return local, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * local[:NODE, :]))
+
+    def _corrected(self) -> list[cs.MX]:
+        """Return the increments with T dW taken off, turned forth, and e, e_t and e_tt at the stages, node by node."""
+        s = self._symbols
+        given = [self._by_nodes(s.increments), _columns(s.real), cs.reshape(s.pair, 2 * NODE, -1)]
+        count = given[0].size2()
+        return mapped(
+            self.nodes.corrected, *given, _columns(s.q), _columns(s.v), cs.repmat(s.h, 1, count), _columns(s.reference)
+        )
+
+    def _by_nodes(self, stages: cs.MX) -> cs.MX:
+        """Return what belongs to the stages, (N, 3), node by node, (12, N/4)."""
+        return cs.reshape(cs.vec(stages).nz[self._order.tolist()], NODE * STAGES, -1)
+
+    def _by_stages(self, nodes: cs.MX) -> cs.MX:
+        """Return what belongs to the nodes, (12, N/4), stage by stage, (N, 3)."""
+        return cs.reshape(cs.vec(nodes).nz[np.argsort(self._order).tolist()], -1, STAGES)
+
+    def _with_clamps(self, nodes: cs.MX, clamps: cs.MX) -> cs.MX:
+        """Return what belongs to the free nodes, (12, N/4), and to the clamped one, (4, 3), by stages, (4 n + 4, 3)."""
+        free, size = self.equations.free, self.equations.model.size
+        stage, coordinate = np.divmod(np.arange(STAGES * size), size)
+        inner = STAGES * NODE + np.argsort(self._order)[np.clip(free * stage + coordinate - NODE, 0, None)]
+        order = np.where(coordinate < NODE, NODE * stage + coordinate, inner)
+        return cs.reshape(cs.vertcat(cs.vec(clamps), cs.vec(nodes)).nz[order.tolist()], size, STAGES)
+
+    def _turned(self, vector: cs.MX, first: cs.MX, second: cs.MX) -> cs.MX:
+        """Turn a vector (N,) at each node by the angle from its slope in one configuration to that in another."""
+        return cs.vec(mapped(self.nodes.turned, *map(_columns, (vector, first, second)))[0])
 
     @cached_property
-    def _damping_tangent(self) -> cs.Function:
-        """(e, e_t, u, parameters) -> dQ_damp/de_t u."""
-        e, e_t, u = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "u"))
-        parameters = self._symbols.parameters
-        force = cs.jtimes(self.equations.balance(parameters).damping(e, e_t), e_t, u)
-        return cs.Function("damping_tangent", [e, e_t, u, parameters], [force])
+    def _order(self) -> NDArray[np.int64]:
+        """Places of what belongs to the nodes, one after the other, in what belongs to the stages."""
+        free = self.equations.free
+        return np.arange(STAGES * free).reshape(STAGES, -1, NODE).transpose(1, 0, 2).ravel()
 
-    def _band(self, matrix: cs.MX) -> cs.MX:
-        """Return a matrix in band storage, a vector."""
-        size, width = self.equations.free, self.bandwidth
-        rows, columns = (np.array(part) for part in matrix.sparsity().get_triplet())
-        places = (2 * width + rows - columns + (3 * width + 1) * columns).tolist()
-        pattern = cs.Sparsity.triplet((3 * width + 1) * size, 1, places, [0] * len(places))
-        return cs.densify(cs.MX(pattern, matrix.nz[:]))
+    @cached_property
+    def _entries(self) -> tuple[NDArray[np.int64], cs.DM]:
+        """Places of the matrices' entries in band storage, and the sums of element matrices that give them."""
+        width = self.bandwidth
+        rows, columns = (index - NODE for index in self.equations.model.entries)
+        kept = np.flatnonzero((rows >= 0) & (columns >= 0))
+        all_places = 2 * width + rows[kept] - columns[kept] + (3 * width + 1) * columns[kept]
+        places, target = np.unique(all_places, return_inverse=True)
+        pattern = cs.Sparsity.triplet(places.size, rows.size, target.ravel().tolist(), kept.tolist())
+        return places, cs.DM(pattern, 1.0)
+
+    @property
+    def _sums(self) -> cs.DM:
+        return self._entries[1]
+
+    def _band(self, values: cs.MX, parts: int) -> cs.MX:
+        """Return entries in band storage, a vector; those of a complex matrix have two parts, one after the other."""
+        places = parts * self._entries[0] + np.arange(parts)[:, None]
+        size = parts * (3 * self.bandwidth + 1) * self.equations.free
+        order = np.full(size, values.numel())
+        order[places.ravel()] = np.arange(values.numel())
+        return cs.vertcat(values, 0.0).nz[order.tolist()]
 
 
 @dataclass(frozen=True)
@@ -316,17 +311,6 @@ class _Symbols:
         """Return a vector once a stage."""
         return cs.repmat(vector, 1, STAGES)
 
-    def corrected(self) -> cs.MX:
-        """Return the increments with T dW taken off, turned forth."""
-        corrections = cs.horzcat(self.real, self.pair.T) @ cs.DM(RADAU.transform).T
-        q = self.repeated(self.q) + self.increments
-        turned = [_turned(corrections[:, i], self.reference, q[:, i], back=False) for i in range(STAGES)]
-        return self.increments - cs.horzcat(*turned)
-
-    def motion(self, increments: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """Return e, e_t and e_tt at the stages, (4 n + 4, 3)."""
-        return stage_motion(increments, self.q, self.v, self.h, self.clamps)
-
 
 def stage_motion(z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, clamps: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
     """Return e, e_t and e_tt at the stages, (4 n + 4, 3), from the increments Z and what is given for the step."""
@@ -338,43 +322,9 @@ def stage_motion(z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, clamps: cs.MX) -> tuple
     return cs.vertcat(nodes[0], coordinates), cs.vertcat(nodes[1], rates), cs.vertcat(nodes[2], accelerations)
 
 
-def _turned(vector: cs.MX, reference: cs.MX, q: cs.MX, *, back: bool) -> cs.MX:
-    """Turn a vector at each node by the angle of its slope in q from that in the reference, or back."""
-    first, second = (cs.reshape(x, NODE, -1)[2:, :] for x in (reference, q))
-    cosine, sine = cs.sum1(first * second), first[0, :] * second[1, :] - first[1, :] * second[0, :]
-    size = cs.sqrt(cosine**2 + sine**2)
-    cosine, sine = cosine / size, (-sine if back else sine) / size
-    x, y, slope_x, slope_y = cs.vertsplit(cs.reshape(vector, NODE, -1))
-    rows = [cosine * x - sine * y, sine * x + cosine * y]
-    rows += [cosine * slope_x - sine * slope_y, sine * slope_x + cosine * slope_y]
-    return cs.vec(cs.vertcat(*rows))
-
-
-def _chords_and_slopes(e: cs.MX, root: int) -> cs.MX:
-    """Return the vectors from each node of the beam to the next, then the slopes of all nodes but the clamped one."""
-    nodes = cs.reshape(e, NODE, -1)
-    return cs.horzcat(nodes[:2, root + 1 :] - nodes[:2, root:-1], nodes[2:, 1:])
-
-
-def _logarithm(first: cs.MX, second: cs.MX) -> cs.MX:
-    """Return the logarithm of the ratio of lengths, and the angle, from one set of vectors to another, (2, k)."""
-    dot, cross = cs.sum1(first * second), first[0, :] * second[1, :] - first[1, :] * second[0, :]
-    square = cs.sum1(first**2)
-    return cs.vertcat(cs.log((dot**2 + cross**2) / square**2) / 2, cs.atan2(cross, dot))
-
-
-def _exponential(first: cs.MX, exponent: cs.MX) -> cs.MX:
-    """Return the vectors with a given logarithm from a set of vectors, (2, k)."""
-    size = cs.exp(exponent[0, :])
-    cosine, sine = size * cs.cos(exponent[1, :]), size * cs.sin(exponent[1, :])
-    x, y = cs.vertsplit(first)
-    return cs.vertcat(cosine * x - sine * y, sine * x + cosine * y)
-
-
-def _lagrange(nodes: Array, x: cs.MX) -> list[cs.MX]:
-    """Return Lagrange's polynomials of some nodes at x."""
-    factors = [[(x - other) / (node - other) for other in nodes if other != node] for node in nodes]
-    return [cs.MX(math.prod(one, start=cs.MX(1))) for one in factors]
+def _columns(vector: cs.MX) -> cs.MX:
+    """Return a vector as one column for each node."""
+    return cs.reshape(vector, NODE, -1)
 
 
 def _function(name: str, inputs: list[cs.MX], outputs: list[cs.MX]) -> cs.Function:

@@ -30,7 +30,7 @@ import functools
 import io
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -137,7 +137,8 @@ class SemiExplicit:
         model, free, m = self.equations.model, self.equations.free, self.equations.projection.shape[1]
         rate, weights, rest = cs.vertsplit(parameters, [0, 1, 1 + free, parameters.numel()])
         balance, scale = self.equations.balance(rest), cs.MX(cs.DM(model.scale[model.free]))
-        k, d, mass = self.equations.tangents(*self._coordinates(x, rate, clamp), rest)
+        entries = balance.tangents(*self._coordinates(x, rate, clamp))
+        k, d, mass = (model.matrix(values, NODE) for values in entries)
         length, B, identity = model.beam.length, balance.projection[NODE:, :], cs.DM.eye(free)
         none = cs.DM(free, free)
         w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.rates * length * rate
@@ -184,14 +185,16 @@ class SemiExplicit:
         e, e_t = self._coordinates(x, rate, clamp)
         a, w = scale * rate**2 * z[:free], model.beam.length * rate * z[free:]
         e_tt, velocity = cs.vertcat(clamp[2 * NODE :], a), clamp[NODE : 2 * NODE]
-        damping = balance.local_damping(e, e_t) + balance.projection @ (balance.rates * w)
-        forces = balance.inertia(e_tt) + balance.conservative(e) + damping
+        forces, lost = balance.local(e, e_t, e_tt)
+        if w.numel():
+            further = balance.projection @ (balance.rates * w)
+            forces, lost = forces + further, lost + cs.dot(e_t, further)
         excess = balance.projection.T @ e_t - w
         return _Outputs(
             x_t=cs.vertcat(rate * x[free:], rate * z[:free]),
             forces=forces,
             remainder=cs.vertcat(forces[model.free] / weights, excess / (model.beam.length * rate)),
-            powers=cs.vertcat(cs.dot(e_t, damping), cs.dot(velocity, forces[:NODE])),
+            powers=cs.vertcat(lost, cs.dot(velocity, forces[:NODE])),
         )
 
 
@@ -214,7 +217,6 @@ def _scaled(matrix: cs.MX, left: cs.MX, right: cs.MX) -> cs.MX:
 
 def integrate_by_idas(
     equations: Equations,
-    make: Callable[[cs.Function], cs.Function],
     clamp: cs.Function,
     start: State,
     stretches: Sequence[Stretch],
@@ -228,8 +230,6 @@ def integrate_by_idas(
     ----------
     equations : Equations
         The equation of motion.
-    make : callable
-        What compiles a Function, or does not.
     clamp : Function
         (t) -> position, velocity and acceleration of the clamped node, (12,).
     start : State
@@ -251,7 +251,7 @@ def integrate_by_idas(
         If IDAS fails.
     """
     form = SemiExplicit(equations)
-    residual, energetics = make(form.residual), make(form.energetics)
+    residual, energetics = form.residual, form.energetics
     settings = {**DEFAULTS, "abstol": tolerance, **options}
     s, time_span = cs.MX.sym("s"), cs.MX.sym("time", 2)
     x, z = cs.MX.sym("x", residual.size1_in(0)), cs.MX.sym("z", residual.size1_in(1))

@@ -26,12 +26,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from ancf_casadi.collocation import RADAU, STAGES, Collocation
+from ancf_casadi.collocation import Collocation
 from ancf_casadi.compilation import Buffered
 from ancf_casadi.equations import Equations
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.model import NODE
 from ancf_casadi.stretches import CLOSE, Path, Stretch
+from ancf_casadi.tableau import RADAU, STAGES
 from ancf_casadi.trajectory import State
 
 Array = NDArray[np.float64]
@@ -54,7 +55,6 @@ LEAST_ERROR, LEAST_TREND = 1e-10, 1e-2  # of a step, and as that of the step bef
 
 def integrate_by_radau(
     equations: Equations,
-    make: Callable[[cs.Function], cs.Function],
     clamp: cs.Function,
     start: State,
     stretches: Sequence[Stretch],
@@ -67,8 +67,6 @@ def integrate_by_radau(
     ----------
     equations : Equations
         The equation of motion.
-    make : callable
-        What compiles a Function, or does not.
     clamp : Function
         (t) -> position, velocity and acceleration of the clamped node, (12,).
     start : State
@@ -87,7 +85,7 @@ def integrate_by_radau(
     """
     form, p = Collocation(equations), equations.parameters
     span = stretches[0].start, stretches[-1].end
-    stepper = Stepper(form, p, make, clamp, start, *span, tolerance, largest_step)
+    stepper = Stepper(form, p, clamp, start, *span, tolerance, largest_step)
     size, steps, energies = equations.model.size, 0, np.zeros(2)
     for stretch in stretches:
         samples = []
@@ -212,7 +210,7 @@ class Stepper:
         The Functions of a step.
     parameters : array
         The parameters of the equation of motion.
-    make, clamp, start, tolerance, largest_step
+    clamp, start, tolerance, largest_step
         As of ``integrate_by_radau``.
     begin, end : float
         First and last instant, s.
@@ -222,7 +220,6 @@ class Stepper:
         self,
         form: Collocation,
         parameters: Array,
-        make: Callable[[cs.Function], cs.Function],
         clamp: cs.Function,
         start: State,
         begin: float,
@@ -250,11 +247,11 @@ class Stepper:
 
         inputs = [self._increments, self._real, self._pair, self._q, self._v, self._h, self._clamps, self._reference, p]
         ends = [*self._before, self._q, self._v, self._a]
-        self._stages, self._finish = Buffered(make(form.stages), *inputs), Buffered(make(form.finish), *inputs, self._a)
-        self._matrices = Buffered(make(form.matrices), self._reference, self._v, self._h, self._clamp, p)
-        self._predict = Buffered(make(form.prediction), self._nodes, self._ratio, self._clamps, self._q)
-        self._interpolate = Buffered(make(form.sample), self._place, self._h, *ends, self._clamp, self._reference, p)
-        self._observe = Buffered(make(form.observation), *self._seen, self._off, self._reference, p)
+        self._stages, self._finish = Buffered(form.stages, *inputs), Buffered(form.finish, *inputs, self._a)
+        self._matrices = Buffered(form.matrices, self._reference, self._v, self._h, self._clamp, p)
+        self._predict = Buffered(form.prediction, self._nodes, self._ratio, self._clamps, self._q)
+        self._interpolate = Buffered(form.sample, self._place, self._h, *ends, self._clamp, self._reference, p)
+        self._observe = Buffered(form.observation, *self._seen, self._off, self._reference, p)
 
         self._nodes[0] = self._all_at(begin, self._q, 0)
         self._factors: tuple[Factors, Factors] | None = None

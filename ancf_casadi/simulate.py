@@ -5,8 +5,7 @@ A run goes through the smooth pieces of the base motion one after the other; the
     idas     backward differentiation formulas of variable step; the default
     radau    implicit Runge-Kutta collocation of order 5, with longer steps
 
-Compilation.  Where the simulated time is ``COMPILED_FROM`` or more and there is a C compiler, the equations are
-compiled.  The choice depends on nothing else, so that a run gives the same numbers each time.
+Compilation.  The forces of an element are compiled if there is a C compiler, which changes no digit.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from ancf_casadi.compilation import compiled, interpreted
+from ancf_casadi.compilation import compiled
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.element import axial_strain
 from ancf_casadi.equations import Equations
@@ -42,7 +41,6 @@ Start = Literal["equilibrium", "straight", "moving"]
 Method = Literal["idas", "radau"]
 
 TOLERANCES: Mapping[Method, float] = {"idas": 1e-8, "radau": 1e-7}
-COMPILED_FROM = 0.25  # s of simulated time
 MOST_SAMPLES = 1e7  # 13 GB at 20 elements
 MOST_STEPS = 5_000_000  # a minute or two
 CHECKED = 1001  # instants of a piece of the base motion
@@ -126,16 +124,15 @@ def simulate(
     if largest_step != math.inf:
         positive(largest_step, "largest_step")
     base = FixedBase() if base is None else base
-    equations = Equations(model, RayleighDamping() if damping is None else damping)
+    equations = Equations(model, RayleighDamping() if damping is None else damping, compiled)
     instants = sample_times(duration, sample_rate)
     finish, now = float(instants[-1]), 0.0
-    make = compiled if finish >= COMPILED_FROM else interpreted
     pieces = base.pieces()
     state = initial_state(model, equations.clamp(pieces[0], base), start)
     paths: list[Path] = []
 
     def integrate(clamp: cs.Function, stretches: Sequence[Stretch]) -> Iterator[Path]:
-        given = equations, make, clamp, state, stretches, local_error, largest_step
+        given = equations, clamp, state, stretches, local_error, largest_step
         return integrate_by_radau(*given) if method == "radau" else integrate_by_idas(*given, options or {})
 
     with noted_interrupts() as interrupts, tqdm(total=finish, disable=not progress, bar_format=BAR) as bar:

@@ -27,7 +27,7 @@ from ancf_casadi.excitation import BaseMotion, FixedBase, Piece
 from ancf_casadi.inputs import positive, whole
 from ancf_casadi.reduction.projection import BASE
 from ancf_casadi.reduction.reduced import STAGES, ReducedModel
-from ancf_casadi.simulate import COMPILED_FROM, Start, initial_state, sample_times
+from ancf_casadi.simulate import Start, initial_state, sample_times
 from ancf_casadi.stretches import CLOSE
 from ancf_casadi.trajectory import State
 
@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 
 STEPS_A_PERIOD = 20
 CHUNK = 1000  # steps in one call
+COMPILED_FROM = 0.25  # s of simulated time
 COMPILED_UP_TO = 20_000  # operations in the right-hand side; more take a compiler minutes
 MOST_STEPS = 100_000_000
 ITERATIONS = 30  # of the projection of a shape

@@ -176,7 +176,7 @@ def _built(function: cs.Function, derivatives: bool, compiler: tuple[str, ...], 
         _remove_drafts(folder)
         with tempfile.TemporaryDirectory(dir=folder) as place:
             source, draft = Path(place) / "source.c", Path(place) / "library.so"
-            source.write_text(generator.dump())
+            source.write_text(generator.dump() + _jacobian_patterns(function))
             call = [*compiler, *FLAGS, str(source), "-o", str(draft), "-lm"]
             drafts = os.environ | {"TMPDIR": place}  # which a compiler that is stopped leaves behind
             subprocess.run(call, check=True, capture_output=True, timeout=SECONDS, env=drafts, text=True)
@@ -191,6 +191,17 @@ def _built(function: cs.Function, derivatives: bool, compiler: tuple[str, ...], 
         _give_up(compiler, f"{shlex.join(compiler)} fails: {error}")
         return None
     return library
+
+
+def _jacobian_patterns(function: cs.Function) -> str:
+    """Return C that tells CasADi where the Jacobian has entries; without, every output depends on all inputs."""
+    patterns = [function.jac_sparsity(k, i).compress() for k in range(function.n_out()) for i in range(function.n_in())]
+    tables = [f"{{{', '.join(map(str, pattern))}}}" for pattern in patterns]
+    size = max(map(len, patterns))
+    return (
+        f"static const casadi_int patterns[{len(tables)}][{size}] = {{{', '.join(tables)}}};\n"
+        f"const casadi_int* jac_{function.name()}_sparsity_out(casadi_int i) {{ return patterns[i]; }}\n"
+    )
 
 
 def _remove_drafts(folder: Path) -> None:

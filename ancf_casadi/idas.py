@@ -97,6 +97,7 @@ class SemiExplicit:
         outputs = self._write(*inputs)
         names = ["x", "z", "clamp", "parameters"], ["x_t", "alg"]
         options: Any = {"is_diff_in": [True, True, False, False], "custom_jacobian": self._jacobian}
+        options |= {"enable_forward": False, "enable_reverse": False}  # every derivative is made of the Jacobian
         return cs.Function("residual", list(inputs), [outputs.x_t, outputs.remainder], *names, options)
 
     @cached_property

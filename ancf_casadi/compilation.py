@@ -1,6 +1,6 @@
 """Functions compiled to machine code, if there is a C compiler.
 
-CasADi's virtual machine evaluates a Function several times slower than compiled C.  What is compiled here are the
+CasADi's virtual machine evaluates a Function two to four times slower than compiled C.  What is compiled here are the
 Functions of one element (``kernels``), which know neither the mesh nor the numbers of a beam: a compiled file is kept,
 and found again by a hash of the Function.  Machine code and virtual machine do the same operations in the same order,
 without contraction to fused ones, and give the same digits.
@@ -215,7 +215,7 @@ def _give_up(compiler: tuple[str, ...], why: str) -> None:
     """Say once that the virtual machine serves, and try a compiler no more."""
     _failed.add(compiler)
     warnings.warn(
-        f"{why}; the equations run uncompiled, several times slower. Install gcc or clang, set CC to a C compiler, or "
+        f"{why}; the equations run uncompiled, two to four times slower. Install gcc or clang, set CC to a C compiler, or "
         "pip install 'ancf-casadi[compiler]'; ANCF_CASADI_COMPILE=0 turns compilation off",
         stacklevel=4,
     )

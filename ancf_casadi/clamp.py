@@ -15,27 +15,33 @@ along itself.  The clamp is thus one more element, with strains (d, sigma, theta
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import casadi as cs
 
-from ancf_casadi.element import Element, element_of
+from ancf_casadi.element import ELEMENT_PROPERTIES, Element, element_of
 
 
-def elastic_clamp(stiffness: float, l: float) -> Element:
-    """Derive the Functions of a clamp of torsional stiffness k (N m) before an element of length ``l`` (m).
+@lru_cache(maxsize=1)
+def elastic_clamp() -> Element:
+    """Derive the Functions of a clamp.
 
-    Inputs are e = (r_b, tau_b, r_0, tau_0), its rate, and the properties of the first element.
+    Its coordinates are e = (r_b, tau_b, r_0, tau_0), its properties those of the first element and the torsional
+    stiffness k, N m.
     """
-    e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", 4)
-    width, thickness, _, elastic_modulus = cs.vertsplit(p)
+    e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", ELEMENT_PROPERTIES + 1)
+    width, thickness, _, elastic_modulus, l, *axis, stiffness = cs.vertsplit(p)
     place, direction, first, slope = cs.vertsplit(e, 2)
     theta = cs.atan2(direction[0] * slope[1] - direction[1] * slope[0], cs.dot(direction, slope))
     sigma = cs.norm_2(slope) - cs.norm_2(direction)
     axial = elastic_modulus * width * thickness
     return element_of(
         inputs=(e, e_t, p),
+        straight=cs.vertcat(0, 0, *axis, 0, 0, *axis),
         strains=cs.vertcat(first - place, sigma, theta),
         weights=cs.vertcat(axial / l, axial / l, axial * l, stiffness),
+        mass=cs.SX.zeros(8, 8),
         line_mass=cs.SX.zeros(8, 8),
-        line_weight=cs.SX.zeros(8, 2),
+        weight=cs.SX.zeros(8, 2),
         drag_force=cs.SX.zeros(8),
     )

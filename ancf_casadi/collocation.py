@@ -44,74 +44,9 @@ from numpy.typing import NDArray
 from ancf_casadi.corotation import Corotation
 from ancf_casadi.equations import Equations
 from ancf_casadi.model import NODE
+from ancf_casadi.tableau import QUINTIC, RADAU, STAGES
 
 Array = NDArray[np.float64]
-
-STAGES = 3
-
-
-@dataclass(frozen=True, eq=False)
-class Tableau:
-    """The coefficients of the method.
-
-    Parameters
-    ----------
-    nodes : array (3,)
-        c.
-    weights, inverse : array (3, 3)
-        A and A^-1.
-    transform : array (3, 3)
-        T, with T^-1 A^-1 T = [[gamma, 0, 0], [0, mu', -mu''], [0, mu'', mu']].
-    gamma, mu : float, complex
-        The eigenvalues of A^-1.
-    embedded : array (3,)
-        Weights of the increments in the error estimate, in which h f(t) has the weight 1/gamma.
-    integral : array (3, 3)
-        For what is known at the nodes, the coefficients of x, x^2 and x^3 in its integral from 0 to x.
-    """
-
-    nodes: Array
-    weights: Array
-    inverse: Array
-    transform: Array
-    gamma: float
-    mu: complex
-    embedded: Array
-    integral: Array
-
-
-def tableau() -> Tableau:
-    """Derive the coefficients from the nodes."""
-    nodes = np.array(cs.collocation_points(STAGES, "radau"))
-    powers = np.arange(1, STAGES + 1)
-    integral = np.linalg.inv(np.vander(nodes, increasing=True)) / powers[:, None]
-    weights: Array = np.asarray(nodes[:, None] ** powers @ integral, dtype=float)
-    inverse = np.asarray(np.linalg.inv(weights), dtype=float)
-    values, vectors = np.linalg.eig(inverse)
-    real, pair = int(np.argmin(np.abs(values.imag))), int(np.argmax(values.imag))
-    transform = np.column_stack([vectors[:, real].real, vectors[:, pair].real, -vectors[:, pair].imag])
-    block = np.linalg.solve(transform, inverse @ transform)
-    gamma, mu = float(block[0, 0]), complex(block[1, 1], block[2, 1])
-    moments = 1 / powers - np.array([1 / gamma, 0.0, 0.0])
-    quadrature = np.linalg.solve(nodes ** (powers - 1)[:, None], moments)
-    embedded = (quadrature - weights[-1]) @ inverse
-    return Tableau(nodes, weights, inverse, transform, gamma, mu, embedded, integral)
-
-
-def quintic() -> Array:
-    """Return the coefficients (6, 6) of the six polynomials of degree 5 with one condition 1 and the others 0.
-
-    The conditions are value, first and second derivative at 0, and the same at 1.
-    """
-    conditions = np.zeros((6, 6))
-    for k in range(6):
-        conditions[:3, k] = [k == 0, k == 1, 2 * (k == 2)]
-        conditions[3:, k] = [1, k, k * (k - 1)]
-    return np.asarray(np.linalg.inv(conditions).T)
-
-
-RADAU = tableau()
-QUINTIC = quintic()
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +77,7 @@ class Collocation:
         s = self._symbols
         increments = self._corrected(s)
         motion = s.motion(increments)
-        residuals, _ = self.balance.map(STAGES)(*motion, s.repeated(s.parameters))
+        residuals, _ = self.forces(*motion, s.parameters)
         turns = self._corotation.turns(s.reference, motion[0])
         r = self._corotation.back(residuals[NODE:, :], turns) @ cs.DM(np.linalg.inv(RADAU.transform)).T
         return _function("stages", s.of_stages, [cs.vertcat(r[:, 0], cs.vec(r[:, 1:].T)), increments, turns])
@@ -158,16 +93,16 @@ class Collocation:
         a, still = cs.MX.sym("a", self.equations.free), cs.MX(NODE, 1)
         increments = self._corrected(s)
         e, e_t, e_tt = s.motion(increments)
-        _, powers = self.balance.map(STAGES)(e, e_t, e_tt, s.repeated(s.parameters))
+        _, powers = self.forces(e, e_t, e_tt, s.parameters)
         balance, rate, embedded = self.equations.balance(s.parameters), RADAU.gamma / s.h, cs.DM(RADAU.embedded)
-        off = cs.vertcat(still, s.v / rate + increments @ embedded)
-        rates_off = cs.vertcat(still, a / rate + (e_t[NODE:, :] - s.repeated(s.v)) @ embedded)
-        damped = self._damping_tangent(e[:, -1], e_t[:, -1], off, s.parameters)
-        error = rate * (balance.inertia(rates_off + rate * off) + damped)
-        last = s.turns[-NODE:, :]
-        turned = Corotation(self.equations.model, 1).back(error[NODE:], last)
-        outputs = [e, e_t[NODE:, -1], e_tt[NODE:, -1], turned, powers]
-        return _function("finish", [*s.of_stages, a], outputs)
+        off = s.v / rate + increments @ embedded
+        rates_off = rate * off + a / rate + (e_t[NODE:, :] - s.repeated(s.v)) @ embedded
+        off, rates_off = (cs.densify(cs.vertcat(still, part)) for part in (off, rates_off))
+        error = balance.resistance(e[:, -1], e_t[:, -1], off, rates_off)
+        if balance.projection.numel():
+            error += balance.of_low_rank(e[:, -1], off)
+        turned = self._frames(1).back(rate * error[NODE:], s.turns[-NODE:, :])
+        return _function("finish", [*s.of_stages, a], [e, e_t[NODE:, -1], e_tt[NODE:, -1], turned, powers])
 
     @cached_property
     def matrices(self) -> cs.Function:
@@ -177,12 +112,11 @@ class Collocation:
         """
         s, clamp = self._symbols, cs.MX.sym("clamp", 3 * NODE)
         e, e_t = cs.vertcat(clamp[:NODE], s.q), cs.vertcat(clamp[NODE : 2 * NODE], s.v)
-        k, d, m = map(self._band, self.equations.tangents(e, e_t, s.parameters))
         real, a, b = RADAU.gamma / s.h, RADAU.mu.real / s.h, RADAU.mu.imag / s.h
-        pair = cs.horzcat((a**2 - b**2) * m + a * d + k, 2 * a * b * m + b * d)
-        return _function(
-            "matrices", [s.q, s.v, s.h, clamp, s.parameters], [real**2 * m + real * d + k, cs.densify(pair.T)]
-        )
+        k, d, m = (self._sums @ part for part in self.equations.balance(s.parameters).tangents(e, e_t))
+        pair = cs.vertcat(k + a * d + (a**2 - b**2) * m, b * d + 2 * a * b * m)
+        outputs = [self._band(k + real * d + real**2 * m, 1), cs.reshape(self._band(pair, 2), 2, -1)]
+        return _function("matrices", [s.q, s.v, s.h, clamp, s.parameters], outputs)
 
     @cached_property
     def prediction(self) -> cs.Function:
@@ -206,17 +140,15 @@ class Collocation:
         from the reference.
         """
         s, x, clamp = self._symbols, cs.MX.sym("x"), cs.MX.sym("clamp", 3 * NODE)
-        frames = Corotation(self.equations.model, 1)
         a, q1, v1, a1 = (cs.MX.sym(name, self.equations.free) for name in ("a", "q1", "v1", "a1"))
         data = cs.horzcat(s.q, s.h * s.v, s.h**2 * a, q1, s.h * v1, s.h**2 * a1)
-        powers = cs.vertcat(*(x**k for k in range(6)))
-        motion = []
-        for order in range(3):
-            shares = cs.DM(QUINTIC) @ powers
-            motion.append(cs.vertcat(clamp[NODE * order : NODE * (order + 1)], data @ shares / s.h**order))
-            powers = cs.jacobian(powers, x)
-        residual, _ = self.balance(*motion, s.parameters)
-        turns = frames.turns(s.reference, motion[0])
+        powers = [cs.vertcat(*(math.perm(k, order) * x ** max(k - order, 0) for k in range(6))) for order in range(3)]
+        shares = cs.DM(QUINTIC) @ cs.horzcat(*(part / s.h**order for order, part in enumerate(powers)))
+        motion = cs.horzsplit(cs.vertcat(cs.reshape(clamp, NODE, 3), data @ shares))
+        e, e_t, e_tt = motion
+        residual, _ = self.forces(e, e_t, e_tt, s.parameters)
+        frames = self._frames(1)
+        turns = frames.turns(s.reference, e)
         inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, clamp, s.reference, s.parameters]
         return _function("sample", inputs, [*motion, frames.back(residual[NODE:], turns), turns])
 
@@ -228,9 +160,9 @@ class Collocation:
         """
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
         s, correction = self._symbols, cs.MX.sym("correction", self.equations.free)
-        frames, turns = Corotation(self.equations.model, 1), cs.MX.sym("turns", NODE, s.turns.shape[1])
+        frames, turns = self._frames(1), cs.MX.sym("turns", NODE, s.turns.shape[1])
         right = cs.vertcat(e[:NODE], e[NODE:] - frames.forth(correction, turns))
-        forces, _ = self.balance(right, e_t, e_tt, s.parameters)
+        forces, _ = self.forces(right, e_t, e_tt, s.parameters)
         return _function("observation", [e, e_t, e_tt, correction, turns, s.parameters], [right, forces[:NODE]])
 
     def accelerations(self, q: Array, v: Array, clamp: Array, parameters: Array) -> Array:
@@ -247,9 +179,12 @@ class Collocation:
         properties = parameters[2 : 2 + model.properties.size].reshape(model.properties.shape, order="F")
         return scipy.sparse.csc_array(model.mass(properties).sparse()[model.free, model.free])
 
+    def _frames(self, configurations: int) -> Corotation:
+        return Corotation(self.equations.model, configurations, self.equations.make)
+
     @cached_property
     def _corotation(self) -> Corotation:
-        return Corotation(self.equations.model, STAGES)
+        return self._frames(STAGES)
 
     def _corrected(self, s: _Symbols) -> cs.MX:
         """Return the increments with T dW taken off, turned forth."""
@@ -277,27 +212,39 @@ class Collocation:
         """(e, e_t, e_tt, parameters) -> forces at all nodes, and powers lost to damping and put in by the base."""
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
         parameters = self._symbols.parameters
+        return cs.Function("balance", [e, e_t, e_tt, parameters], [*self.forces(e, e_t, e_tt, parameters)])
+
+    def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, parameters: cs.MX) -> tuple[cs.MX, cs.MX]:
+        """Return the forces at all nodes (4 n + 4, s), and the powers lost to damping and put in by the base (2, s)."""
         balance = self.equations.balance(parameters)
-        damping = balance.damping(e, e_t)
-        forces = balance.inertia(e_tt) + damping + balance.conservative(e)
-        powers = cs.vertcat(cs.dot(e_t, damping), cs.dot(e_t[:NODE], forces[:NODE]))
-        return cs.Function("balance", [e, e_t, e_tt, parameters], [forces, powers])
+        local, lost = balance.local(e, e_t, e_tt)
+        if balance.projection.numel():
+            further = balance.of_low_rank(e, e_t)
+            local, lost = local + further, lost + cs.sum1(e_t * further)
+        return local, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * local[:NODE, :]))
 
     @cached_property
-    def _damping_tangent(self) -> cs.Function:
-        """(e, e_t, u, parameters) -> dQ_damp/de_t u."""
-        e, e_t, u = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "u"))
-        parameters = self._symbols.parameters
-        force = cs.jtimes(self.equations.balance(parameters).damping(e, e_t), e_t, u)
-        return cs.Function("damping_tangent", [e, e_t, u, parameters], [force])
+    def _entries(self) -> tuple[NDArray[np.int64], cs.DM]:
+        """Places of the matrices' entries in band storage, and the sums of element matrices that give them."""
+        width = self.bandwidth
+        rows, columns = (index - NODE for index in self.equations.model.entries)
+        kept = np.flatnonzero((rows >= 0) & (columns >= 0))
+        all_places = 2 * width + rows[kept] - columns[kept] + (3 * width + 1) * columns[kept]
+        places, target = np.unique(all_places, return_inverse=True)
+        pattern = cs.Sparsity.triplet(places.size, rows.size, target.ravel().tolist(), kept.tolist())
+        return places, cs.DM(pattern, 1.0)
 
-    def _band(self, matrix: cs.MX) -> cs.MX:
-        """Return a matrix in band storage, a vector."""
-        size, width = self.equations.free, self.bandwidth
-        rows, columns = (np.array(part) for part in matrix.sparsity().get_triplet())
-        places = (2 * width + rows - columns + (3 * width + 1) * columns).tolist()
-        pattern = cs.Sparsity.triplet((3 * width + 1) * size, 1, places, [0] * len(places))
-        return cs.densify(cs.MX(pattern, matrix.nz[:]))
+    @property
+    def _sums(self) -> cs.DM:
+        return self._entries[1]
+
+    def _band(self, values: cs.MX, parts: int) -> cs.MX:
+        """Return entries in band storage, a vector; those of a complex matrix have two parts, one after the other."""
+        places = parts * self._entries[0] + np.arange(parts)[:, None]
+        size = parts * (3 * self.bandwidth + 1) * self.equations.free
+        order = np.full(size, values.numel())
+        order[places.ravel()] = np.arange(values.numel())
+        return cs.vertcat(values, 0.0).nz[order.tolist()]
 
 
 @dataclass(frozen=True)

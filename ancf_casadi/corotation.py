@@ -14,12 +14,14 @@ both, inertia and bending nearly so.  Residuals go the other way, by X^T.
 Prediction.  Motions are continued in the logarithms, length and angle, of the slopes, so that errors of the angles do
 not stretch the beam.
 
+The Functions of a link take positions in units of l, so that their machine code serves all meshes.
+
 An elastic clamp is a link between two nodes as an element is, with position and slope of the second node as its pair.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -28,6 +30,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
+from ancf_casadi.kernels import mapped, side_by_side
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.shape import gauss, hermite_slope
 
@@ -67,10 +70,13 @@ class Corotation:
         The beam.
     configurations : int
         Their number c.
+    make : callable
+        Compiles a Function, or leaves it to the virtual machine.
     """
 
     model: Model
     configurations: int
+    make: Callable[[cs.Function], cs.Function]
 
     def turns(self, reference: cs.MX, e: cs.MX) -> cs.MX:
         """Return the turns from a reference (4 n + 4,) to the coordinates e of the configurations (4 n + 4, c)."""
@@ -79,14 +85,14 @@ class Corotation:
     def forth(self, corrections: cs.MX, turns: cs.MX) -> cs.MX:
         """Return X dW for corrections of the free coordinates (N, c)."""
         steps = self._mapped("forth", self._gathered(corrections), turns)
-        return self._nodes(_running_sum(steps))
+        return self._nodes(_running_sum(self._scaled(steps, 1)))
 
     def back(self, residuals: cs.MX, turns: cs.MX) -> cs.MX:
         """Return X^T R for residuals of the free coordinates (N, c)."""
         c, links = self.configurations, self._links
         order = np.arange(NODE * links * c).reshape(c, links, NODE).transpose(1, 0, 2)
         behind = cs.reshape(cs.vec(residuals).nz[order.ravel().tolist()], NODE * c, links)
-        shares = self._mapped("back", _running_sum(behind, back=True), turns)
+        shares = self._scaled(self._mapped("back", self._scaled(_running_sum(behind, back=True), 1), turns), -1)
         places = np.arange(2 * NODE * c * links).reshape(links, c, 2, NODE)
         right, left = places[:, :, 1], places[1:, :, 0]
         none = cs.MX(cs.DM.zeros(NODE * c))
@@ -101,7 +107,8 @@ class Corotation:
         the logarithms from the first of them to the others is in configuration i, of which ``clamped`` (4, c) is the
         clamped node.
         """
-        steps = self._mapped("continued", self._gathered(motion), cs.repmat(cs.vec(shares), 1, self._links))
+        found = self._mapped("continued", self._gathered(motion), cs.repmat(cs.vec(shares), 1, self._links))
+        steps = self._scaled(found, 1)
         first = steps[:, 0] + cs.vec(clamped)
         if self.model.root:  # whose step is the slope itself
             still = cs.vertcat(*(cs.vertcat(cs.MX(2, 1), clamped[2:, i]) for i in range(self.configurations)))
@@ -114,12 +121,13 @@ class Corotation:
 
     @cached_property
     def _element(self) -> Link:
-        l, points = self.model.beam.element_length, gauss(2)[0].tolist()
-        values = np.array([hermite_slope(xi, l) for xi in points])
+        points = gauss(2)[0].tolist()
+        values = np.array([hermite_slope(xi, 1.0) for xi in points])
         plane, span = np.eye(2), points[1] - points[0]
         to_pair = np.kron(values, plane)
-        to_step = np.kron(np.array([[l / 2, l / 2], [-1 / span, 1 / span]]), plane)
-        return _link(to_pair, to_pair, to_step, self.configurations)
+        to_step = np.kron(np.array([[0.5, 0.5], [-1 / span, 1 / span]]), plane)
+        link = _link(to_pair, to_pair, to_step, self.configurations)
+        return Link(*(self.make(side_by_side(function)) for function in link))
 
     @cached_property
     def _clamp(self) -> Link:
@@ -129,19 +137,29 @@ class Corotation:
 
     def _mapped(self, name: str, *columns: cs.MX) -> cs.MX:
         """Evaluate a Function of the links for all of them."""
-        root, elements = self.model.root, self.model.beam.elements
-        result: cs.MX = getattr(self._element, name).map(elements)(*(part[:, root:] for part in columns))
+        root = self.model.root
+        result = mapped(getattr(self._element, name), *(part[:, root:] for part in columns))[0]
         if root:
             result = cs.horzcat(getattr(self._clamp, name)(*(part[:, 0] for part in columns)), result)
         return result
 
     def _gathered(self, vectors: cs.MX) -> cs.MX:
-        """Return the coordinates of each link as columns, (8 c, links); those of the clamped node are 0 if missing."""
+        """Return the coordinates of each link as columns, (8 c, links), positions in units of l.
+
+        Those of the clamped node are 0 if missing.
+        """
         size, columns = vectors.shape
         missing = self.model.size - size
         coordinates = NODE * np.arange(self._links)[:, None, None] + np.arange(2 * NODE) - missing
         places = np.where(coordinates < 0, 0, 1 + coordinates + size * np.arange(columns)[:, None])
-        return cs.reshape(cs.vertcat(0.0, cs.vec(vectors)).nz[places.ravel().tolist()], 2 * NODE * columns, -1)
+        gathered = cs.reshape(cs.vertcat(0.0, cs.vec(vectors)).nz[places.ravel().tolist()], 2 * NODE * columns, -1)
+        return self._scaled(gathered, -1)
+
+    def _scaled(self, columns: cs.MX, power: int) -> cs.MX:
+        """Multiply positions, or what is conjugate to slopes divided by positions, by a power of l."""
+        l = self.model.beam.element_length**power
+        factors = np.tile([l, l, 1.0, 1.0], columns.shape[0] // NODE)
+        return columns * cs.repmat(cs.MX(cs.DM(factors)), 1, columns.shape[1])
 
     def _nodes(self, columns: cs.MX) -> cs.MX:
         """Return the free coordinates (N, c) from those of each node as columns (4 c, links)."""

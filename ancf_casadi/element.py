@@ -1,5 +1,7 @@
 """One Euler-Bernoulli element in absolute nodal coordinates: its energies, and the forces that follow from them.
 
+Length and axis of the element are properties like its width, so that one set of Functions serves every mesh.
+
 The coordinates e = (r_0, tau_0, r_l, tau_l), Eq. (1), are positions and slopes in the laboratory frame, eight numbers.
 With r = S e, Eq. (2), and line density mu, the energies are
 
@@ -47,6 +49,7 @@ AXIAL_POINTS = 2
 BENDING_POINTS = 2
 MASS_POINTS = 4  # exact: the integrand has degree 6
 DRAG_POINTS = 4
+ELEMENT_PROPERTIES = 7  # width, thickness, density, elastic modulus, length, x and y of the axis
 STILL = 1e-9  # m/s; speeds below are smoothed in |v|, whose derivative has no value at rest
 
 
@@ -84,83 +87,95 @@ class StrainMeasures:
 
 @dataclass(frozen=True)
 class Element:
-    """The CasADi Functions of one element.
+    """The CasADi Functions of one element: of the beam, of its clamp, or the mass at its tip.
 
-    Inputs are e (8), its rate e_t (8) and the properties p = (width, thickness, density, elastic modulus) of the
-    element, SI.
+    Inputs are e (d), its rate e_t (d) and the properties p of the element, SI.  A beam element has d = 8 and
+    p = (width, thickness, density, elastic modulus, length, x and y of the axis); the others: ``clamp`` and ``tip``.
 
     Parameters
     ----------
     strain_energy : Function
         (e, p) -> U, J.
     elastic_force : Function
-        (e, p) -> Q_e (8), Eq. (6).
+        (e, p) -> Q_e (d), Eq. (6).
     tangent_stiffness : Function
-        (e, p) -> K (8, 8).
+        (e, p) -> K (d, d).
     tangent_force : Function
-        (e, e_t, p) -> K e_t (8), to be multiplied by a time in s.
+        (e, e_t, p) -> K e_t (d), to be multiplied by a time in s.
+    reference_force : Function
+        (e_t, p) -> K e_t (d) with K of the undeformed element, to be multiplied by a time in s.
     strain_rate_force : Function
-        (e, e_t, p) -> Q_v (8), to be multiplied by a time in s.
+        (e, e_t, p) -> Q_v (d), to be multiplied by a time in s.
     mass : Function
-        p -> M (8, 8), Eq. (7).
+        p -> M (d, d), Eq. (7).
     inertia_force : Function
-        (e_tt, p) -> M e_tt (8), or any other rate.
+        (e_tt, p) -> M e_tt (d), or any other rate.
+    line_inertia_force : Function
+        (e_tt, p) -> int S^T mu r_tt dp (d), the share of a mass along the beam in M e_tt.
     gravity_force : Function
-        (p, g) -> Q_g (8), Eq. (7).
+        (p, g) -> Q_g (d), Eq. (7).
     drag_force : Function
-        (e_t, p) -> int S^T mu |v| v dp (8), to be multiplied by a coefficient in 1/m; the integral in Eq. (23).
+        (e_t, p) -> int S^T mu |v| v dp (d), to be multiplied by a coefficient in 1/m; the integral in Eq. (23).
     """
 
     strain_energy: cs.Function
     elastic_force: cs.Function
     tangent_stiffness: cs.Function
     tangent_force: cs.Function
+    reference_force: cs.Function
     strain_rate_force: cs.Function
     mass: cs.Function
     inertia_force: cs.Function
+    line_inertia_force: cs.Function
     gravity_force: cs.Function
     drag_force: cs.Function
 
 
 @lru_cache(maxsize=8)
-def element(l: float, measures: StrainMeasures) -> Element:
-    """Derive the Functions of an element of length ``l`` (m) from its energies, once for each length."""
-    e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", 4)
-    width, thickness, density, elastic_modulus = cs.vertsplit(p)
-    area = width * thickness
+def element(measures: StrainMeasures) -> Element:
+    """Derive the Functions of a beam element from its energies, once for each choice of strain measures."""
+    e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", ELEMENT_PROPERTIES)
+    width, thickness, density, elastic_modulus, l, *axis = cs.vertsplit(p)
+    area, units = width * thickness, _units(l)
+    mu = density * area
 
-    eps, eps_weights = _axial_strains(e, l, measures)
-    kappa, kappa_weights = _curvatures(e, l, measures)
+    eps, eps_weights = _axial_strains(units * e, l, measures)
+    kappa, kappa_weights = _curvatures(units * e, l, measures)
     d = cs.vertcat(
-        *(elastic_modulus * area * w for w in eps_weights),
-        *(elastic_modulus * area * thickness**2 / 12 * w for w in kappa_weights),
+        *(elastic_modulus * area * l * w for w in eps_weights),
+        *(elastic_modulus * area * thickness**2 / 12 * l * w for w in kappa_weights),
     )
-    line_mass, line_weight = cs.SX.zeros(8, 8), cs.SX.zeros(8, 2)
+    line_mass, line_weight = cs.DM.zeros(8, 8), cs.DM.zeros(8, 2)
     for xi, w in _rule(MASS_POINTS):
-        shape = _shape(xi, l, hermite)
-        line_mass += w * l * shape.T @ shape
-        line_weight += w * l * shape.T
+        shape = _shape(xi, hermite)
+        line_mass += w * shape.T @ shape
+        line_weight += w * shape.T
     drag_force = cs.SX.zeros(8)
     for xi, w in _rule(DRAG_POINTS):
-        shape = _shape(xi, l, hermite)
-        v = shape @ e_t
-        drag_force += w * l * density * area * cs.sqrt(cs.sumsqr(v) + STILL**2) * (shape.T @ v)
+        shape = _shape(xi, hermite)
+        v = shape @ (units * e_t)
+        drag_force += units * (w * mu * l * cs.sqrt(cs.sumsqr(v) + STILL**2) * (shape.T @ v))
+    mass = mu * l * (units @ units.T) * line_mass
     return element_of(
         inputs=(e, e_t, p),
+        straight=cs.vertcat(0, 0, *axis, *(l * part for part in axis), *axis),
         strains=cs.vertcat(*eps, *kappa),
         weights=d,
-        line_mass=line_mass,
-        line_weight=line_weight,
+        mass=mass,
+        line_mass=mass,
+        weight=mu * l * cs.repmat(units, 1, 2) * line_weight,
         drag_force=drag_force,
     )
 
 
 def element_of(
     inputs: tuple[cs.SX, cs.SX, cs.SX],
+    straight: cs.SX,
     strains: cs.SX,
     weights: cs.SX,
+    mass: cs.SX,
     line_mass: cs.SX,
-    line_weight: cs.SX,
+    weight: cs.SX,
     drag_force: cs.SX,
 ) -> Element:
     """Derive the Functions of what stores U = 1/2 sum_i d_i s_i^2 and has a mass.
@@ -168,34 +183,51 @@ def element_of(
     Parameters
     ----------
     inputs : (SX, SX, SX)
-        Symbols of e (8), e_t (8) and p (4).
+        Symbols of e (d), e_t (d) and the properties p.
+    straight : SX (d,)
+        e of the undeformed element.
     strains, weights : SX
         The strains s(e) and their weights d(p).
-    line_mass, line_weight : SX (8, 8), (8, 2)
-        int S^T S dp and int S^T dp, to be multiplied by the line density mu.
-    drag_force : SX (8,)
+    mass, line_mass : SX (d, d)
+        M, and the share of a mass along the beam in it.
+    weight : SX (d, 2)
+        The generalized force of gravity per unit acceleration.
+    drag_force : SX (d,)
         int S^T mu |v| v dp.
     """
     e, e_t, p = inputs
-    s, d, mu = strains, weights, p[2] * p[0] * p[1]
+    s, d = strains, weights
     elastic_force = cs.jtimes(s, e, d * s, True)
     strain_rate_force = cs.jtimes(s, e, d * cs.jtimes(s, e, e_t), True)
+    tangent_force = cs.jtimes(elastic_force, e, e_t)
     g = cs.SX.sym("g", 2)
 
     def function(name: str, inputs: list[cs.SX], output: Any) -> cs.Function:
-        return cs.Function(name, inputs, [cs.cse(output)])
+        return cs.Function(name, inputs, [cs.cse(cs.densify(output))])
 
     return Element(
         strain_energy=function("strain_energy", [e, p], cs.dot(d, s**2) / 2),
         elastic_force=function("elastic_force", [e, p], elastic_force),
-        tangent_stiffness=function("tangent_stiffness", [e, p], cs.densify(cs.jacobian(elastic_force, e))),
-        tangent_force=function("tangent_force", [e, e_t, p], cs.jtimes(elastic_force, e, e_t)),
+        tangent_stiffness=function("tangent_stiffness", [e, p], _symmetric(cs.jacobian(elastic_force, e))),
+        tangent_force=function("tangent_force", [e, e_t, p], tangent_force),
+        reference_force=function("reference_force", [e_t, p], cs.substitute(tangent_force, e, straight)),
         strain_rate_force=function("strain_rate_force", [e, e_t, p], strain_rate_force),
-        mass=function("mass", [p], cs.densify(mu * line_mass)),
-        inertia_force=function("inertia_force", [e_t, p], mu * (line_mass @ e_t)),
-        gravity_force=function("gravity_force", [p, g], mu * (line_weight @ g)),
+        mass=function("mass", [p], mass),
+        inertia_force=function("inertia_force", [e_t, p], mass @ e_t),
+        line_inertia_force=function("line_inertia_force", [e_t, p], line_mass @ e_t),
+        gravity_force=function("gravity_force", [p, g], weight @ g),
         drag_force=function("drag_force", [e_t, p], drag_force),
     )
+
+
+def _symmetric(matrix: cs.SX) -> cs.SX:
+    """Return a symmetric matrix with its lower half taken from the upper one, which halves the work."""
+    return cs.triu2symm(cs.triu(cs.densify(matrix)))
+
+
+def _units(l: cs.SX) -> cs.SX:
+    """Factors by which e becomes the coordinates of an element of length 1."""
+    return cs.vertcat(1, 1, l, l, 1, 1, l, l)
 
 
 def _rule(points: int) -> list[tuple[float, float]]:
@@ -203,9 +235,9 @@ def _rule(points: int) -> list[tuple[float, float]]:
     return list(zip(nodes.tolist(), weights.tolist(), strict=True))
 
 
-def _shape(xi: float, l: float, functions: Callable[[Any, float], tuple[Any, ...]]) -> cs.SX:
-    """S of Eq. (2), 2 x 8, or its derivative."""
-    return cs.kron(cs.SX(cs.DM(functions(xi, l)).T), cs.SX(cs.DM.eye(2)))
+def _shape(xi: float, functions: Callable[[Any, float], tuple[Any, ...]]) -> cs.DM:
+    """S of Eq. (2), 2 x 8, or a derivative, for an element of length 1."""
+    return cs.kron(cs.DM(functions(xi, 1.0)).T, cs.DM.eye(2))
 
 
 def axial_strain(slope: Any, measure: AxialStrain) -> Any:
@@ -221,21 +253,23 @@ def curvature(slope: Any, second: Any, measure: Curvature) -> Any:
     return cross / (slope[0] ** 2 + slope[1] ** 2) ** power
 
 
-def _axial_strains(e: cs.SX, l: float, measures: StrainMeasures) -> tuple[list[cs.SX], list[float]]:
-    slopes = [cs.vertsplit(_shape(xi, l, hermite_slope) @ e) for xi, _ in _rule(measures.axial_points)]
+def _axial_strains(e: cs.SX, l: cs.SX, measures: StrainMeasures) -> tuple[list[cs.SX], list[float]]:
+    """Return the axial strains at the Gauss points and the weights of these; e is scaled to length 1."""
+    slopes = [cs.vertsplit(_shape(xi, hermite_slope) @ e / l) for xi, _ in _rule(measures.axial_points)]
     strains = [axial_strain(slope, measures.axial) for slope in slopes]
-    return strains, [w * l for _, w in _rule(measures.axial_points)]
+    return strains, [w for _, w in _rule(measures.axial_points)]
 
 
-def _curvatures(e: cs.SX, l: float, measures: StrainMeasures) -> tuple[list[cs.SX], list[float]]:
+def _curvatures(e: cs.SX, l: cs.SX, measures: StrainMeasures) -> tuple[list[cs.SX], list[float]]:
+    """Return the curvatures at the Gauss points and the weights of these; e is scaled to length 1."""
     strains: list[cs.SX] = []
     weights: list[float] = []
     for xi, w in _rule(measures.bending_points):
-        slope = cs.vertsplit(_shape(xi, l, hermite_slope) @ e)
-        second = cs.vertsplit(_shape(xi, l, hermite_curvature) @ e)
+        slope = cs.vertsplit(_shape(xi, hermite_slope) @ e / l)
+        second = cs.vertsplit(_shape(xi, hermite_curvature) @ e / l**2)
         components = [curvature(slope, second, measures.curvature)]
         if measures.curvature == "small":
             components.append((slope[0] * second[0] + slope[1] * second[1]) / (slope[0] ** 2 + slope[1] ** 2) ** 0.5)
         strains += components
-        weights += [w * l] * len(components)
+        weights += [w] * len(components)
     return strains, weights

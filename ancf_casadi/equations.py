@@ -10,12 +10,14 @@ rows of the clamped node give the generalized force of the base on it.
 A damping force is a local part, as sparse as the mesh, and a part R B diag(d) B^T R^T e_t of low rank, which turns with
 the clamp (``damping.turning``), and which each integrator treats in its own way to keep its matrices sparse.
 
-Gravity, the properties of the elements, the parameters of the law and B are inputs, so that one compiled program serves
-all beams of a mesh and all values of a law's parameters.
+Gravity, the properties of the elements, the parameters of the law and B are inputs.  The forces of one element and
+their derivatives (``kernels``) are all that is compiled: mapped over the elements, they serve all beams, all meshes and
+all values of a law's parameters.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,9 +28,15 @@ from numpy.typing import NDArray
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.turning import turned
 from ancf_casadi.excitation import BaseMotion, Piece
+from ancf_casadi.kernels import Kernels, mapped
 from ancf_casadi.model import NODE, Model
 
 Array = NDArray[np.float64]
+
+
+def as_it_is(function: cs.Function) -> cs.Function:
+    """Return a Function for CasADi's virtual machine, or for code that it generates."""
+    return function
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +49,13 @@ class Equations:
         The beam.
     law : DampingLaw
         The damping law.
+    make : callable
+        Compiles the Functions of an element, or leaves them to the virtual machine.
     """
 
     model: Model
     law: DampingLaw
+    make: Callable[[cs.Function], cs.Function] = as_it_is
 
     @property
     def free(self) -> int:
@@ -69,8 +80,7 @@ class Equations:
         sizes = [2, model.properties.size, len(law.parameters), self.projection.size]
         gravity, properties, own, projection = cs.vertsplit(parameters, np.cumsum([0, *sizes]).tolist())
         return Balance(
-            model=model,
-            law=law,
+            equations=self,
             gravity=gravity,
             properties=cs.reshape(properties, *model.properties.shape),
             own=own,
@@ -78,18 +88,37 @@ class Equations:
         )
 
     @cached_property
-    def tangents(self) -> cs.Function:
-        """(e, e_t, parameters) -> K = d(Q_damp + Q_e)/de, D = dQ_damp/de_t and M of the free coordinates, sparse.
+    def kernels(self) -> tuple[Kernels, ...]:
+        """The Functions of an element of each group of the model; for a single element the virtual machine serves."""
+        return tuple(
+            Kernels(group.element, self.law, self.make if group.count > 1 else as_it_is) for group in self.model.groups
+        )
 
-        K and D are without the part R B diag(d) B^T R^T e_t of the damping force.
+    def mapped(self, name: str, balance: Balance, *vectors: cs.MX) -> list[list[cs.MX]]:
+        """Evaluate one of the kernels for all elements.
+
+        Parameters
+        ----------
+        name : str
+            Which.
+        balance : Balance
+            The terms of the equation of motion, with their parameters.
+        vectors : MX (4 n + 4, s)
+            Coordinates, rates and so on at all nodes, in s columns, one for each state.
+
+        Returns
+        -------
+        list of list of MX
+            For each output of the kernel, the values for the elements of each group, side by side, state by state.
         """
-        e, e_t = cs.MX.sym("e", self.model.size), cs.MX.sym("e_t", self.model.size)
-        parameters, free = cs.MX.sym("parameters", self.parameters.size), self.model.free
-        balance = self.balance(parameters)
-        damping = balance.local_damping(e, e_t)[free]
-        k = self.model.tangent_stiffness(e, balance.properties)[free, free] + cs.jacobian(damping, e)[:, free]
-        d, m = cs.jacobian(damping, e_t)[:, free], cs.jacobian(balance.inertia(e_t), e_t)[free, free]
-        return cs.Function("tangents", [e, e_t, parameters], [k, d, m])
+        states, c = vectors[0].size2(), cs.vertcat(balance.gravity, balance.own)
+        results = []
+        for group, kernels in zip(self.model.groups, self.kernels, strict=True):
+            kernel: cs.Function = getattr(kernels, name)
+            count = states * group.count
+            p = cs.repmat(group.properties(balance.properties), 1, states)
+            results.append(mapped(kernel, *map(group.gather, vectors), p, cs.repmat(c, 1, count)))
+        return [list(outputs) for outputs in zip(*results, strict=True)]
 
     @cached_property
     def turned_projection(self) -> cs.Function:
@@ -111,14 +140,13 @@ class Balance:
 
     Parameters
     ----------
-    model, law
+    equations : Equations
         Beam and damping law.
     gravity, properties, own, projection : MX
         Acceleration of gravity (2,), properties P (4, n), the law's parameters, and B (4 n + 4, m) as modelled.
     """
 
-    model: Model
-    law: DampingLaw
+    equations: Equations
     gravity: cs.MX
     properties: cs.MX
     own: cs.MX
@@ -127,35 +155,64 @@ class Balance:
     @property
     def rates(self) -> cs.MX:
         """Rates d of the part R B diag(d) B^T R^T e_t of the damping force, 1/s."""
-        return self.law.rates(self.own)
+        return self.equations.law.rates(self.own)
 
     def local_damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the local part of the damping force."""
-        return self.law.local_force(self.model, e, e_t, self.properties, self.own)
+        return self.equations.law.local_force(self.equations.model, e, e_t, self.properties, self.own)
 
     def turned_projection(self, e: cs.MX) -> cs.MX:
         """Return R B, which has turned with the clamp from the beam's axis."""
-        return turned(self.projection, self.model.beam.axis, e[2:NODE])
+        return turned(self.projection, self.equations.model.beam.axis, e[2:NODE])
 
     def modal_rates(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return B^T R^T e_t."""
-        return self.projection.T @ turned(e_t, e[2:NODE], self.model.beam.axis)
+        return self.projection.T @ turned(e_t, e[2:NODE], self.equations.model.beam.axis)
 
     def modal_damping(self, e: cs.MX, modal_rates: cs.MX) -> cs.MX:
         """Return R B diag(d) w, the part of low rank of the damping force, with the modal rates w."""
-        return turned(self.projection @ (self.rates * modal_rates), self.model.beam.axis, e[2:NODE])
+        return turned(self.projection @ (self.rates * modal_rates), self.equations.model.beam.axis, e[2:NODE])
 
     def damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the damping force."""
-        return self.local_damping(e, e_t) + self.modal_damping(e, self.modal_rates(e, e_t))
+        return self.local_damping(e, e_t) + self.of_low_rank(e, e_t)
 
     def inertia(self, e_tt: cs.MX) -> cs.MX:
         """Return M e_tt."""
-        return self.model.inertia_force(e_tt, self.properties)
+        return self.equations.model.inertia_force(e_tt, self.properties)
 
     def conservative(self, e: cs.MX) -> cs.MX:
         """Return Q_e - Q_g."""
-        return self.model.elastic_force(e, self.properties) - self.model.gravity_force(self.properties, self.gravity)
+        model = self.equations.model
+        return model.elastic_force(e, self.properties) - model.gravity_force(self.properties, self.gravity)
+
+    def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX) -> tuple[cs.MX, cs.MX]:
+        """Return all forces but that of low rank, (4 n + 4, s), and the powers they lose to damping, (1, s).
+
+        Coordinates, rates and accelerations have s columns.
+        """
+        equations = self.equations
+        forces, powers = equations.mapped("balance", self, e, e_t, e_tt)
+        lost = [cs.sum1(cs.reshape(power, -1, e.size2())) for power in powers]
+        return equations.model.sum_at_nodes(forces), sum(lost[1:], lost[0])
+
+    def of_low_rank(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
+        """Return the part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s)."""
+        states = zip(cs.horzsplit(e), cs.horzsplit(e_t), strict=True)
+        return cs.horzcat(*(self.modal_damping(one, self.modal_rates(one, rates)) for one, rates in states))
+
+    def tangents(self, e: cs.MX, e_t: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
+        """Return the entries of K = d(Q_damp + Q_e)/de, D = dQ_damp/de_t and M of all elements, (entries, s).
+
+        They are in the order of ``Model.entries``, and without the part of low rank of the damping force.
+        """
+        k, d, m = self.equations.mapped("tangents", self, e, e_t)
+        columns = [cs.vertcat(*(cs.reshape(block, -1, e.size2()) for block in blocks)) for blocks in (k, d, m)]
+        return columns[0], columns[1], columns[2]
+
+    def resistance(self, e: cs.MX, e_t: cs.MX, u: cs.MX, w: cs.MX) -> cs.MX:
+        """Return D u + M w, without the part of low rank of the damping force."""
+        return self.equations.model.sum_at_nodes(self.equations.mapped("resistance", self, e, e_t, u, w)[0])
 
 
 def clamped_node(model: Model, piece: Piece, t: cs.MX, parameters: cs.MX) -> cs.MX:

@@ -31,7 +31,7 @@ import functools
 import io
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -98,6 +98,7 @@ class SemiExplicit:
         outputs = self._write(*inputs)
         names = ["x", "z", "clamp", "parameters"], ["x_t", "alg"]
         options: Any = {"is_diff_in": [True, True, False, False], "custom_jacobian": self._jacobian}
+        options |= {"enable_forward": False, "enable_reverse": False}  # every derivative is made of the Jacobian
         return cs.Function("residual", list(inputs), [outputs.x_t, outputs.remainder], *names, options)
 
     @cached_property
@@ -139,7 +140,7 @@ class SemiExplicit:
         rate, weights, rest = cs.vertsplit(parameters, [0, 1, 1 + free, parameters.numel()])
         balance, scale = self.equations.balance(rest), cs.MX(cs.DM(model.scale[model.free]))
         e, e_t = self._coordinates(x, rate, clamp)
-        k, d, mass = self.equations.tangents(e, e_t, rest)
+        k, d, mass = (model.matrix(values, NODE) for values in balance.tangents(e, e_t))
         length, B, identity = model.beam.length, balance.turned_projection(e)[NODE:, :], cs.DM.eye(free)
         none = cs.DM(free, free)
         w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.rates * length * rate
@@ -186,14 +187,16 @@ class SemiExplicit:
         e, e_t = self._coordinates(x, rate, clamp)
         a, w = scale * rate**2 * z[:free], model.beam.length * rate * z[free:]
         e_tt, velocity = cs.vertcat(clamp[2 * NODE :], a), clamp[NODE : 2 * NODE]
-        damping = balance.local_damping(e, e_t) + balance.modal_damping(e, w)
-        forces = balance.inertia(e_tt) + balance.conservative(e) + damping
+        forces, lost = balance.local(e, e_t, e_tt)
+        if w.numel():
+            further = balance.modal_damping(e, w)
+            forces, lost = forces + further, lost + cs.dot(e_t, further)
         excess = balance.modal_rates(e, e_t) - w
         return _Outputs(
             x_t=cs.vertcat(rate * x[free:], rate * z[:free]),
             forces=forces,
             remainder=cs.vertcat(forces[model.free] / weights, excess / (model.beam.length * rate)),
-            powers=cs.vertcat(cs.dot(e_t, damping), cs.dot(velocity, forces[:NODE])),
+            powers=cs.vertcat(lost, cs.dot(velocity, forces[:NODE])),
         )
 
 
@@ -216,7 +219,6 @@ def _scaled(matrix: cs.MX, left: cs.MX, right: cs.MX) -> cs.MX:
 
 def integrate_by_idas(
     equations: Equations,
-    make: Callable[[cs.Function], cs.Function],
     clamp: cs.Function,
     start: State,
     stretches: Sequence[Stretch],
@@ -230,8 +232,6 @@ def integrate_by_idas(
     ----------
     equations : Equations
         The equation of motion.
-    make : callable
-        What compiles a Function, or does not.
     clamp : Function
         (t) -> position, velocity and acceleration of the clamped node, (12,).
     start : State
@@ -253,7 +253,7 @@ def integrate_by_idas(
         If IDAS fails.
     """
     form = SemiExplicit(equations)
-    residual, energetics = make(form.residual), make(form.energetics)
+    residual, energetics = form.residual, form.energetics
     settings = {**DEFAULTS, "abstol": tolerance, **options}
     s, time_span = cs.MX.sym("s"), cs.MX.sym("time", 2)
     x, z = cs.MX.sym("x", residual.size1_in(0)), cs.MX.sym("z", residual.size1_in(1))

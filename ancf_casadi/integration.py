@@ -14,7 +14,7 @@ run gives the same numbers each time.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -68,8 +68,6 @@ class Integration:
     ----------
     equations : Equations
         The equation of motion.
-    make : callable
-        Compiles a Function, or does not.
     pieces : sequence of SmoothPiece
         The motion of the clamp.
     start : State
@@ -89,7 +87,6 @@ class Integration:
     """
 
     equations: Equations
-    make: Callable[[cs.Function], cs.Function]
     pieces: Sequence[SmoothPiece]
     start: State
     sample_rate: float
@@ -159,7 +156,7 @@ class Integration:
         self, use: IntegratorUse, piece: SmoothPiece, state: State, stretches: Sequence[Stretch]
     ) -> Iterator[Path]:
         """Integrate over the time segments, a copy of those given."""
-        given = self.equations, self.make, piece.clamp, state, list(stretches), use.tolerance, self.largest_step
+        given = self.equations, piece.clamp, state, list(stretches), use.tolerance, self.largest_step
         if use.method == "radau":
             return integrate_by_radau(*given)
         bound = {"max_num_steps": self._most_between_samples} if self.method == "auto" else {}

@@ -7,8 +7,8 @@ shared by neighbouring elements.  Forces and matrices add up over the elements,
 
 and node 0, position and slope, is clamped: the ``free`` coordinates are those of the other nodes.  The element
 Functions are mapped over the elements, never expanded here, so graphs stay small and all derivatives sparse.
-A tip mass m adds m r_tt and its weight at the last node.  Where the clamp is elastic, the base is a further node ahead
-of the beam's own, 4 (n + 2) numbers in all, and the clamp one more element between the two.
+A tip mass is one more element, at the last node.  Where the clamp is elastic, the base is a further node ahead of the
+beam's own, 4 (n + 2) numbers in all, and the clamp one more element between the two.
 
 The properties P are a matrix with one column (width, thickness, density, elastic modulus) an element, so that
 every Function here is symbolic in them too; ``Model.properties`` holds the beam's own.
@@ -17,6 +17,7 @@ every Function here is symbolic in them too; ``Model.properties`` holds the beam
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -31,8 +32,53 @@ from ancf_casadi.element import Element, StrainMeasures, element
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.inputs import check_instance, number
 from ancf_casadi.shape import gauss, hermite, hermite_curvature, hermite_slope
+from ancf_casadi.tip import tip_mass
 
 NODE = 4  # coordinates of a node: position and slope
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Elements of one kind, side by side.
+
+    Parameters
+    ----------
+    element : Element
+        The Functions of one of them.
+    coordinates : array (d, k)
+        Which nodal coordinates each of the k elements sees.
+    columns : int
+        How many columns of the properties P are theirs, from the first: k, or 0.
+    given : tuple of float
+        The properties that are not in P.
+    """
+
+    element: Element
+    coordinates: NDArray[np.int64]
+    columns: int
+    given: tuple[float, ...]
+
+    @property
+    def count(self) -> int:
+        """Number k of elements."""
+        return int(self.coordinates.shape[1])
+
+    def properties(self, P: Any) -> Any:
+        """Return the properties of each element as columns, from those of the beam."""
+        given = cs.DM(self.given)
+        return cs.vertcat(P[:, : self.columns], cs.repmat(given, 1, self.columns)) if self.columns else given
+
+    def gather(self, e: cs.MX) -> cs.MX:
+        """Return the coordinates of each element as columns, (d, k s), from those of all nodes, s columns."""
+        columns = np.arange(e.size2())[:, None] * e.size1()
+        places = (self.coordinates.T.ravel() + columns).ravel()
+        return cs.reshape(e.nz[places.tolist()], len(self.coordinates), -1)
+
+    def scatter(self, forces: cs.MX, size: int) -> cs.MX:
+        """Return the sum at all nodes of element forces, (size, s) from columns (d, k s)."""
+        rows = self.coordinates.T.ravel()
+        pattern = cs.Sparsity.triplet(size, rows.size, rows.tolist(), list(range(rows.size)))
+        return cs.DM(pattern, 1.0) @ cs.reshape(forces, rows.size, -1)
 
 
 @dataclass(frozen=True)
@@ -102,22 +148,30 @@ class Model:
 
     @cached_property
     def element(self) -> Element:
-        """The Functions of one element."""
-        return element(self.beam.element_length, self.measures)
+        """The Functions of one beam element."""
+        return element(self.measures)
 
     @cached_property
-    def clamp(self) -> Element | None:
-        """The Functions of the elastic clamp; None where it is rigid."""
-        return elastic_clamp(self.beam.clamp_stiffness, self.beam.element_length) if self.root else None
+    def groups(self) -> tuple[Group, ...]:
+        """The elements of the beam; the clamp, if it is elastic; the tip mass, if there is one."""
+        beam, n, pair = self.beam, self.beam.elements, np.arange(2 * NODE)[:, None]
+        given = (beam.element_length, *beam.axis)
+        groups = [Group(self.element, pair + NODE * (np.arange(n) + self.root), n, given)]
+        if self.root:
+            groups.append(Group(elastic_clamp(), pair, 1, (*given, beam.clamp_stiffness)))
+        if beam.tip_mass:
+            groups.append(Group(tip_mass(), self.size - NODE + pair[:NODE], 0, (beam.tip_mass,)))
+        return tuple(groups)
 
     @cached_property
     def strain_energy(self) -> cs.Function:
         """(e, P) -> U, J, Eq. (8)."""
         e, p = self._symbols()
-        energy = cs.sum2(self.element.strain_energy.map(self.beam.elements)(self.gather(e), p))
-        if self.clamp is not None:
-            energy += self.clamp.strain_energy(e[: 2 * NODE], p[:, 0])
-        return cs.Function("strain_energy", [e, p], [energy], ["e", "P"], ["U"])
+        energies = [
+            cs.sum2(group.element.strain_energy.map(group.count)(group.gather(e), group.properties(p)))
+            for group in self.groups
+        ]
+        return cs.Function("strain_energy", [e, p], [sum(energies, cs.MX(0))], ["e", "P"], ["U"])
 
     @cached_property
     def elastic_force(self) -> cs.Function:
@@ -128,10 +182,11 @@ class Model:
     def tangent_stiffness(self) -> cs.Function:
         """(e, P) -> K = dQ_e/de, sparse."""
         e, p = self._symbols()
-        blocks = self.element.tangent_stiffness.map(self.beam.elements)(self.gather(e), p)
-        if self.clamp is not None:
-            blocks = cs.horzcat(self.clamp.tangent_stiffness(e[: 2 * NODE], p[:, 0]), blocks)
-        return cs.Function("tangent_stiffness", [e, p], [self._scatter_matrix(blocks)], ["e", "P"], ["K"])
+        blocks = [
+            group.element.tangent_stiffness.map(group.count)(group.gather(e), group.properties(p))
+            for group in self.groups
+        ]
+        return cs.Function("tangent_stiffness", [e, p], [self._matrix(blocks)], ["e", "P"], ["K"])
 
     @cached_property
     def tangent_force(self) -> cs.Function:
@@ -139,8 +194,13 @@ class Model:
         return self._force("tangent_force", "e", "e_t")
 
     @cached_property
+    def reference_force(self) -> cs.Function:
+        """(e_t, P) -> K e_t with K of the straight beam."""
+        return self._force("reference_force", "e_t")
+
+    @cached_property
     def strain_rate_force(self) -> cs.Function:
-        """(e, e_t, P) -> Q_v, the objective Kelvin-Voigt force a unit of time constant."""
+        """(e, e_t, P) -> Q_v, the objective Kelvin-Voigt force per unit time constant."""
         return self._force("strain_rate_force", "e", "e_t")
 
     @cached_property
@@ -152,47 +212,51 @@ class Model:
     def mass(self) -> cs.Function:
         """P -> M, Eq. (7), sparse."""
         _, p = self._symbols()
-        blocks = self.element.mass.map(self.beam.elements)(p)
-        if self.clamp is not None:
-            blocks = cs.horzcat(self.clamp.mass(p[:, 0]), blocks)
-        mass = self._scatter_matrix(blocks)
-        if self.beam.tip_mass:
-            tip = cs.DM(self.interpolation(self.beam.length))
-            mass += self.beam.tip_mass * (cs.sparsify(tip).T @ cs.sparsify(tip))
-        return cs.Function("mass", [p], [mass], ["P"], ["M"])
+        blocks = [group.element.mass.map(group.count)(group.properties(p)) for group in self.groups]
+        return cs.Function("mass", [p], [self._matrix(blocks)], ["P"], ["M"])
 
     @cached_property
     def line_inertia_force(self) -> cs.Function:
         """(e_tt, P) -> int S^T mu r_tt dp, or any other rate: the beam's own share of M e_tt."""
-        return self._force("line_inertia_force", "e_tt", of="inertia_force")
+        return self._force("line_inertia_force", "e_tt")
 
     @cached_property
     def inertia_force(self) -> cs.Function:
         """(e_tt, P) -> M e_tt, or any other rate."""
-        _, p = self._symbols()
-        e_tt = cs.MX.sym("e_tt", self.size)
-        force = self.line_inertia_force(e_tt, p) + self._at_tip(self.beam.tip_mass * e_tt[-NODE:-2])
-        return cs.Function("inertia_force", [e_tt, p], [force], ["e_tt", "P"], ["Q"])
+        return self._force("inertia_force", "e_tt")
 
     @cached_property
     def gravity_force(self) -> cs.Function:
         """(P, g) -> Q_g, Eq. (7); g is the acceleration of gravity (2), m/s^2."""
         _, p = self._symbols()
         g = cs.MX.sym("g", 2)
-        forces = self.element.gravity_force.map(self.beam.elements)(p, cs.repmat(g, 1, self.beam.elements))
-        force = self.scatter(forces) + self._at_tip(self.beam.tip_mass * g)
-        return cs.Function("gravity_force", [p, g], [force], ["P", "g"], ["Q_g"])
+        forces = [
+            group.element.gravity_force.map(group.count)(group.properties(p), cs.repmat(g, 1, group.count))
+            for group in self.groups
+        ]
+        return cs.Function("gravity_force", [p, g], [self.sum_at_nodes(forces)], ["P", "g"], ["Q_g"])
 
-    def gather(self, e: cs.MX) -> cs.MX:
-        """Return the coordinates of each element as columns, (8, n)."""
-        nodes = cs.reshape(e, NODE, -1)[:, self.root :]
-        return cs.vertcat(nodes[:, :-1], nodes[:, 1:])
+    def sum_at_nodes(self, forces: Sequence[cs.MX]) -> cs.MX:
+        """Return the sum at all nodes, (4 n + 4, s), of the element forces of each group, (d, k s)."""
+        sums = [group.scatter(columns, self.size) for group, columns in zip(self.groups, forces, strict=True)]
+        return sum(sums[1:], sums[0])
 
-    def scatter(self, columns: cs.MX) -> cs.MX:
-        """Return the sum at the nodes of element forces (8, n), (4 n + 4,)."""
-        none = cs.MX(NODE, 1)
-        forces = cs.vec(cs.horzcat(columns[:NODE, :], none) + cs.horzcat(none, columns[NODE:, :]))
-        return cs.vertcat(cs.MX(NODE * self.root, 1), forces)
+    @cached_property
+    def entries(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Rows and columns of the entries of all element matrices, group by group, matrices by columns."""
+        rows = [np.tile(group.coordinates, (len(group.coordinates), 1)).T.ravel() for group in self.groups]
+        columns = [np.repeat(group.coordinates, len(group.coordinates), 0).T.ravel() for group in self.groups]
+        return np.concatenate(rows), np.concatenate(columns)
+
+    def matrix(self, values: cs.MX, first: int = 0) -> cs.MX:
+        """Return the sparse sum of all element matrices without the ``first`` coordinates; values as ``entries``."""
+        rows, columns = (index - first for index in self.entries)
+        kept = np.flatnonzero((rows >= 0) & (columns >= 0))
+        pairs, target = np.unique(np.column_stack([columns[kept], rows[kept]]), axis=0, return_inverse=True)
+        size = self.size - first
+        pattern = cs.Sparsity.triplet(size, size, pairs[:, 1].tolist(), pairs[:, 0].tolist())
+        sums = cs.Sparsity.triplet(len(pairs), rows.size, target.ravel().tolist(), kept.tolist())
+        return cs.MX(pattern, cs.DM(sums, 1.0) @ values)
 
     def interpolation(self, s: float) -> NDArray[np.float64]:
         """Return S with r(s) = S e for the material point at arc length ``s`` (m) from the clamp, (2, 4 n + 4).
@@ -253,29 +317,16 @@ class Model:
         """Nodal coordinates and properties."""
         return cs.MX.sym("e", self.size), cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
 
-    def _force(self, name: str, *inputs: str, of: str = "", output: str = "Q") -> cs.Function:
+    def _force(self, name: str, *inputs: str, output: str = "Q") -> cs.Function:
         """Sum up at the nodes a force of the elements, a function of nodal coordinates or rates and the properties."""
         vectors = [cs.MX.sym(symbol, self.size) for symbol in inputs]
         _, p = self._symbols()
-        element: cs.Function = getattr(self.element, of or name)
-        force = self.scatter(element.map(self.beam.elements)(*map(self.gather, vectors), p))
-        if self.clamp is not None:
-            own = getattr(self.clamp, of or name)(*(vector[: 2 * NODE] for vector in vectors), p[:, 0])
-            force += cs.vertcat(own, cs.MX(self.size - 2 * NODE, 1))
-        return cs.Function(name, [*vectors, p], [force], [*inputs, "P"], [output])
+        forces = []
+        for group in self.groups:
+            one: cs.Function = getattr(group.element, name)
+            forces.append(one.map(group.count)(*map(group.gather, vectors), group.properties(p)))
+        return cs.Function(name, [*vectors, p], [self.sum_at_nodes(forces)], [*inputs, "P"], [output])
 
-    def _at_tip(self, vector: cs.MX) -> cs.MX:
-        """Return the generalized force of a force (2,) at the tip."""
-        return cs.vertcat(cs.MX(self.size - NODE, 1), vector, cs.MX(2, 1))
-
-    def _scatter_matrix(self, blocks: cs.MX) -> cs.MX:
-        """Sum of the matrices (8, 8) of the clamp, where it is elastic, and of the elements as one sparse matrix."""
-        size, count = 2 * NODE, blocks.size2() // (2 * NODE)
-        local = np.arange(size)
-        row, column = np.tile(local, size), np.repeat(local, size)
-        offset = NODE * np.repeat(np.arange(count), size * size)
-        rows, columns = offset + np.tile(row, count), offset + np.tile(column, count)
-        pairs, target = np.unique(np.column_stack([columns, rows]), axis=0, return_inverse=True)
-        pattern = cs.Sparsity.triplet(self.size, self.size, pairs[:, 1].tolist(), pairs[:, 0].tolist())
-        sums = cs.Sparsity.triplet(len(pairs), target.size, target.ravel().tolist(), list(range(target.size)))
-        return cs.MX(pattern, cs.mtimes(cs.MX(cs.DM(sums, 1.0)), cs.vec(blocks)))
+    def _matrix(self, blocks: Sequence[cs.MX]) -> cs.MX:
+        """Return the sum of the element matrices of each group as one sparse matrix."""
+        return self.matrix(cs.vertcat(*map(cs.vec, blocks)))

@@ -22,6 +22,8 @@ from ancf_casadi.model import NODE, Model
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+AXIS = cs.DM([1.0, 0.0])  # no balance and no mass depends on it
+
 
 @dataclass(frozen=True, eq=False)
 class Piece:
@@ -163,20 +165,21 @@ def _tip_piece(gravity: tuple[float, float]) -> Piece:
 
 @lru_cache(maxsize=8)
 def _clamp_piece(length: float) -> Piece:
-    """Return a clamp, whose forces are linear in its stiffness, the last of the properties."""
+    """Return a clamp, whose last property is its stiffness."""
     e, p, k = cs.SX.sym("e", 2 * NODE), cs.SX.sym("p", len(PROPERTIES)), cs.SX.sym("k")
-    none, one = (elastic_clamp(stiffness, length).elastic_force(e, p) for stiffness in (0.0, 1.0))
     given = cs.vertcat(p, k)
+    force = elastic_clamp().elastic_force(e, cs.vertcat(p, length, AXIS, k))
     mass = cs.Function("mass", [given], [cs.DM.zeros(2 * NODE, 2 * NODE)])
-    return Piece(cs.Function("force", [e, given], [none + k * (one - none)]), mass)
+    return Piece(cs.Function("force", [e, given], [force]), mass)
 
 
 @lru_cache(maxsize=8)
 def _element_piece(length: float, measures: StrainMeasures, gravity: tuple[float, float]) -> Piece:
-    functions = element(length, measures)
+    functions = element(measures)
     e, p = cs.SX.sym("e", 2 * NODE), cs.SX.sym("p", len(PROPERTIES))
-    balance = functions.elastic_force(e, p) - functions.gravity_force(p, gravity)
-    return Piece(cs.Function("force", [e, p], [balance]), functions.mass)
+    whole = cs.vertcat(p, length, AXIS)
+    balance = functions.elastic_force(e, whole) - functions.gravity_force(whole, gravity)
+    return Piece(cs.Function("force", [e, p], [balance]), cs.Function("mass", [p], [functions.mass(whole)]))
 
 
 def blocks(function: cs.Function, *inputs: Array) -> list[Array]:

@@ -28,12 +28,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from ancf_casadi.collocation import RADAU, STAGES, Collocation
+from ancf_casadi.collocation import Collocation
 from ancf_casadi.compilation import Buffered
 from ancf_casadi.equations import Equations
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.model import NODE
 from ancf_casadi.stretches import CLOSE, Path, Stretch
+from ancf_casadi.tableau import RADAU, STAGES
 from ancf_casadi.trajectory import State
 
 Array = NDArray[np.float64]
@@ -57,7 +58,6 @@ LEAST_ERROR, LEAST_TREND = 1e-10, 1e-2  # of a step, and as that of the step bef
 
 def integrate_by_radau(
     equations: Equations,
-    make: Callable[[cs.Function], cs.Function],
     clamp: cs.Function,
     start: State,
     stretches: Sequence[Stretch],
@@ -70,8 +70,6 @@ def integrate_by_radau(
     ----------
     equations : Equations
         The equation of motion.
-    make : callable
-        What compiles a Function, or does not.
     clamp : Function
         (t) -> position, velocity and acceleration of the clamped node, (12,).
     start : State
@@ -90,7 +88,7 @@ def integrate_by_radau(
     """
     form, p = Collocation(equations), equations.parameters
     span = stretches[0].start, stretches[-1].end
-    stepper = Stepper(form, p, make, clamp, start, *span, tolerance, largest_step)
+    stepper = Stepper(form, p, clamp, start, *span, tolerance, largest_step)
     size, steps, energies = equations.model.size, 0, np.zeros(2)
     for stretch in stretches:
         samples: list[tuple[Array, ...]] = [tuple(np.empty((0, width)) for width in (size, size, NODE, 2))]
@@ -209,7 +207,7 @@ class Stepper:
         The Functions of a step.
     parameters : array
         The parameters of the equation of motion.
-    make, clamp, start, tolerance, largest_step
+    clamp, start, tolerance, largest_step
         As of ``integrate_by_radau``.
     begin, end : float
         First and last instant, s.
@@ -219,7 +217,6 @@ class Stepper:
         self,
         form: Collocation,
         parameters: Array,
-        make: Callable[[cs.Function], cs.Function],
         clamp: cs.Function,
         start: State,
         begin: float,
@@ -245,16 +242,16 @@ class Stepper:
         q, v, a = self._motion
 
         inputs = [self._increments, self._corrections, q, v, self._h, self._clamps, self._turns, self._reference, p]
-        self._stages, self._finish = Buffered(make(form.stages), *inputs), Buffered(make(form.finish), *inputs, a)
+        self._stages, self._finish = Buffered(form.stages, *inputs), Buffered(form.finish, *inputs, a)
         self._projection = Buffered(equations.turned_projection, self._clamp)
-        self._matrices = Buffered(make(form.matrices), self._reference[NODE:], v, self._h, self._clamp, p)
-        self._predict = Buffered(make(form.prediction), self._nodes, self._ratio, self._clamps, q)
+        self._matrices = Buffered(form.matrices, self._reference[NODE:], v, self._h, self._clamp, p)
+        self._predict = Buffered(form.prediction, self._nodes, self._ratio, self._clamps, q)
         self._ahead = Buffered(_ahead(clamp), self._time, self._h)
-        interpolate, observe, motion = make(form.sample), make(form.observation), [*self._before, *self._motion]
+        motion = [*self._before, *self._motion]
 
         def samples(count: int) -> _Samples:
             """Return what evaluates some samples of a step."""
-            return _Samples(count, clamp, interpolate, observe, [self._h, *motion, self._reference, p])
+            return _Samples(count, clamp, form.sample, form.observation, [self._h, *motion, self._reference, p])
 
         self._samples = lru_cache(samples)
         self._clamps[:] = clamp(begin).full().ravel()

@@ -20,8 +20,8 @@ E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import casadi as cs
 import numpy as np
@@ -29,17 +29,17 @@ import scipy.sparse.linalg
 from numpy.typing import NDArray
 
 from ancf_casadi.beam import PROPERTIES
-from ancf_casadi.collocation import QUINTIC, RADAU, STAGES, Collocation
-from ancf_casadi.compilation import Buffered, compiled, interpreted
+from ancf_casadi.collocation import Collocation
+from ancf_casadi.compilation import Buffered, compiled
 from ancf_casadi.equations import Equations, clamped_node
 from ancf_casadi.equilibrium import Equilibrium
 from ancf_casadi.excitation import BaseMotion, Piece
 from ancf_casadi.initial_state import Start, initial_state, rigid_motion
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.radau import Factors, Step, Stepper
-from ancf_casadi.simulate import COMPILED_FROM
 from ancf_casadi.starts import START, held_start, start_slopes
 from ancf_casadi.stretches import CLOSE
+from ancf_casadi.tableau import QUINTIC, RADAU, STAGES
 from ancf_casadi.tangent import Tangent
 from ancf_casadi.trajectory import State
 
@@ -238,33 +238,20 @@ class Problem:
 
     @cached_property
     def _form(self) -> Collocation:
-        return Collocation(self.equations)
+        return Collocation(replace(self.equations, make=partial(compiled, derivatives=True)))
 
     @cached_property
     def _tangent(self) -> Tangent:
         return Tangent(self._form)
 
     @cached_property
-    def _make(self) -> Callable[[cs.Function], cs.Function]:
-        """What compiles a Function, or does not, once."""
-        made: dict[str, cs.Function] = {}
-        worth = self.times[-1] >= COMPILED_FROM
-
-        def make(function: cs.Function) -> cs.Function:
-            if function.name() not in made:
-                made[function.name()] = compiled(function) if worth else interpreted(function)
-            return made[function.name()]
-
-        return make
-
-    @cached_property
     def _products(self) -> tuple[_Product, _Product]:
         """The products with R_u and its transpose."""
-        return _Product(self._make(self._tangent.forward)), _Product(self._make(self._tangent.reverse))
+        return _Product(self._tangent.forward), _Product(self._tangent.reverse)
 
     @cached_property
     def _matrix(self) -> _Product:
-        return _Product(self._make(self._tangent.matrix))
+        return _Product(self._tangent.matrix)
 
     @cached_property
     def _rates(self) -> cs.Function:
@@ -278,7 +265,7 @@ class Problem:
         q, v, a = (cs.MX.sym(name, free) for name in "qva")
         node, p = cs.MX.sym("node", 3 * NODE), cs.MX.sym("p", self.equations.parameters.size)
         motion = [cs.vertcat(part, x) for part, x in zip(cs.vertsplit(node, NODE), (q, v, a), strict=True)]
-        forces, _ = self._form.balance(*motion, p)
+        forces, _ = Collocation(self.equations).balance(*motion, p)
         jacobians = [cs.jacobian(forces[NODE:], x) for x in (q, v, node, p)]
         return cs.Function("slopes", [q, v, a, node, p], jacobians)
 
@@ -324,7 +311,7 @@ class Problem:
     ) -> tuple[Passage, State]:
         """Compute a smooth piece of the motion, and the state at its end."""
         node, slope, clamp = self._clamp(piece, b)
-        stepper = Stepper(self._form, parameters, self._make, clamp, state, begin, end, self.tolerance)
+        stepper = Stepper(self._form, parameters, clamp, state, begin, end, self.tolerance)
         steps: list[Step] = []
         while not steps or stepper.now < end - CLOSE * steps[-1].length:
             stepper.advance()

@@ -7,8 +7,7 @@ through the motion with
     radau    implicit Runge-Kutta collocation of order 5, with longer steps
     auto     IDAS, and Radau from the time on at which IDAS crawls; the default
 
-Compilation.  Where the simulated time is ``COMPILED_FROM`` or more and there is a C compiler, the equations are
-compiled.  The choice depends on nothing else, so that a run gives the same numbers each time.
+Compilation.  The forces of an element are compiled if there is a C compiler, which changes no digit.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from ancf_casadi.compilation import compiled, interpreted
+from ancf_casadi.compilation import compiled
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dissipation import warn_of_energy_gain
 from ancf_casadi.equations import Equations
@@ -43,7 +42,6 @@ from ancf_casadi.trajectory import IntegratorUse, State, Trajectory
 
 Array = NDArray[np.float64]
 
-COMPILED_FROM = 0.25  # s of simulated time
 MOST_SAMPLES = 1e7  # 13 GB at 20 elements
 MOST_STEPS = 5_000_000  # a minute or two
 CHECKED = 1001  # instants of a piece of the base motion
@@ -134,7 +132,7 @@ def simulate(
     most_steps = round(positive(most_steps, "most_steps"))
     largest_step, progress = positive_or_infinite(largest_step, "largest_step"), flag(progress, "progress")
     base = base_of(model, base, start)
-    equations = Equations(model, RayleighDamping() if damping is None else damping)
+    equations = Equations(model, RayleighDamping() if damping is None else damping, compiled)
     instants = sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
     tolerance = None if tolerance is None else positive(tolerance, "tolerance")
     length = float(instants[-1] - instants[0])
@@ -147,7 +145,6 @@ def simulate(
         state = initial_state(model, pieces[0].clamp, start)
         integration = Integration(
             equations=equations,
-            make=compiled if length >= COMPILED_FROM else interpreted,
             pieces=pieces,
             start=state,
             sample_rate=sample_rate,

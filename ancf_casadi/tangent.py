@@ -19,10 +19,12 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 import scipy.linalg
+import scipy.sparse
 from numpy.typing import NDArray
 
-from ancf_casadi.collocation import RADAU, STAGES, Collocation, stage_motion
+from ancf_casadi.collocation import Collocation, stage_motion
 from ancf_casadi.model import NODE
+from ancf_casadi.tableau import RADAU, STAGES
 
 Array = NDArray[np.float64]
 
@@ -78,30 +80,13 @@ class Tangent:
     @cached_property
     def matrix(self) -> cs.Function:
         """(Z, h, u) -> G without its part of low rank, in the band storage of LAPACK."""
-        tangents = self.form.equations.tangents
-        one = [cs.MX.sym(name, tangents.size1_in(i)) for i, name in enumerate(("e", "e_t", "parameters"))]
-        blocks = tangents(*one)
-        pattern = blocks[0].sparsity() + blocks[1].sparsity() + blocks[2].sparsity()
-        entries = cs.Function("entries", one, [cs.project(block, pattern).nz[:] for block in blocks])
-
         z, h, u = self._symbols
         all_e, all_e_t, _, parameters = self._motion(z, h, u)
-        k, d, m = entries.map(STAGES)(all_e, all_e_t, cs.repmat(parameters, 1, STAGES))
+        k, d, m = self.form.equations.balance(parameters).tangents(all_e, all_e_t)
         first, second = RADAU.inverse, RADAU.inverse @ RADAU.inverse
-        rows, columns = (np.array(part) for part in pattern.get_triplet())
-        values, places, width = [], [], self.bandwidth
-        for i in range(STAGES):
-            for j in range(STAGES):
-                inertia_and_damping = second[i, j] / h**2 * m[:, i] + first[i, j] / h * d[:, i]
-                values.append(inertia_and_damping + k[:, i] if i == j else inertia_and_damping)
-                row, column = self.order[rows + i * self._free], self.order[columns + j * self._free]
-                places.append(2 * width + row - column + (3 * width + 1) * column)
-        place = np.concatenate(places)
-        sorting = np.argsort(place)
-        size = (3 * width + 1) * STAGES * self._free
-        pattern = cs.Sparsity.triplet(size, 1, place[sorting].tolist(), [0] * place.size)
-        band = cs.densify(cs.MX(pattern, cs.vertcat(*values)[sorting.tolist()]))
-        return cs.Function("tangent_matrix", [z, h, u], [band], {"is_diff_in": [False] * 3})
+        band = self._band(np.eye(STAGES)) @ cs.vec(k)
+        band += (self._band(first) @ cs.vec(d)) / h + (self._band(second) @ cs.vec(m)) / h**2
+        return cs.Function("tangent_matrix", [z, h, u], [cs.densify(band)], {"is_diff_in": [False] * 3})
 
     @cached_property
     def forward(self) -> cs.Function:
@@ -118,6 +103,26 @@ class Tangent:
         seed = cs.MX.sym("dR", STAGES * self._free)
         product = cs.jtimes(self._residual(z, h, u), u, seed, True)
         return cs.Function("tangent_reverse", [z, h, u, seed], [cs.densify(product)], {"is_diff_in": [False] * 4})
+
+    def _band(self, weights: Array) -> cs.DM:
+        """Return the sums that put weights x (element matrices of the stages) in band storage.
+
+        Weight (i, j) is for the derivative of the residual at stage i by the increments of stage j.
+        """
+        rows, columns = (index - NODE for index in self.form.equations.model.entries)
+        kept = np.flatnonzero((rows >= 0) & (columns >= 0))
+        width, shape = self.bandwidth, (STAGES * self._free, rows.size * STAGES)
+        places, entries, values = [], [], []
+        for i, j in np.argwhere(weights):
+            row, column = self.order[rows[kept] + i * self._free], self.order[columns[kept] + j * self._free]
+            places.append(2 * width + row - column + (3 * width + 1) * column)
+            entries.append(kept + i * rows.size)
+            values.append(np.full(kept.size, weights[i, j]))
+        whole = scipy.sparse.csc_array(
+            (np.concatenate(values), (np.concatenate(places), np.concatenate(entries))),
+            shape=((3 * width + 1) * shape[0], shape[1]),
+        )
+        return cs.DM(whole)
 
     @property
     def _free(self) -> int:
@@ -136,6 +141,5 @@ class Tangent:
 
     def _residual(self, z: cs.MX, h: cs.MX, u: cs.MX) -> cs.MX:
         """Return R, one stage after the other."""
-        *motion, parameters = self._motion(z, h, u)
-        forces, _ = self.form.balance.map(STAGES)(*motion, cs.repmat(parameters, 1, STAGES))
+        forces, _ = self.form.forces(*self._motion(z, h, u))
         return cs.vec(forces[NODE:, :])

@@ -301,8 +301,9 @@ class _System:
 
     def _mass(self) -> None:
         model, alpha = self.given.model, dict(self.given.law.parameters)["alpha"]
+        properties = model.groups[0].properties(model.properties).full()
         for k in range(BEAM.elements):
-            matrix = alpha * model.element.mass(model.properties[:, k]).full()
+            matrix = alpha * model.element.mass(properties[:, k]).full()
             self._viscous(self.nodes[k : k + 2], matrix)
 
     def _generic(self) -> None:

@@ -5,7 +5,8 @@ from ancf_casadi import InputError, StrainMeasures
 from ancf_casadi.element import element
 
 LENGTH = 0.1
-WIDTH, THICKNESS, DENSITY, MODULUS = PROPERTIES = np.array([5e-3, 2e-3, 8000.0, 2e9])
+WIDTH, THICKNESS, DENSITY, MODULUS = 5e-3, 2e-3, 8000.0, 2e9
+PROPERTIES = np.array([WIDTH, THICKNESS, DENSITY, MODULUS, LENGTH, 1.0, 0.0])
 AREA, SECOND_MOMENT, LINE_DENSITY = WIDTH * THICKNESS, WIDTH * THICKNESS**3 / 12, DENSITY * WIDTH * THICKNESS
 
 MEASURES = [
@@ -22,7 +23,7 @@ def name(measures):
 
 @pytest.fixture(params=MEASURES, ids=name, scope="module")
 def functions(request):
-    return element(LENGTH, request.param)
+    return element(request.param)
 
 
 def straight(stretch=1.0):
@@ -81,7 +82,7 @@ def test_the_energy_of_a_deformed_element_is_the_same_wherever_it_is_and_points(
 
 @pytest.mark.parametrize(("axial", "strain"), [("engineering", 0.1), ("green", (1.1**2 - 1) / 2)])
 def test_a_uniform_stretch_stores_half_ea_eps_squared_l(axial, strain):
-    stretched = element(LENGTH, StrainMeasures(axial=axial))
+    stretched = element(StrainMeasures(axial=axial))
     expected = MODULUS * AREA * strain**2 * LENGTH / 2
     assert energy(stretched, straight(1.1)) == pytest.approx(expected, rel=1e-12)
 
@@ -96,8 +97,8 @@ def test_a_bent_and_stretched_element_stores_the_energy_of_its_curvature_measure
     slope = np.hypot(lam, c * LENGTH * (nodes + 1) / 2)
     kappa = lam * c / slope**power if power else c * np.ones_like(slope)
     axial, transverse = LENGTH / 4 * weights @ np.array([stretching * (slope - 1) ** 2, bending * kappa**2]).T
-    exact = element(LENGTH, StrainMeasures(curvature=curvature, axial_points=5, bending_points=5))
-    got = float(exact.strain_energy(e, [WIDTH, thick, DENSITY, MODULUS]))
+    exact = element(StrainMeasures(curvature=curvature, axial_points=5, bending_points=5))
+    got = float(exact.strain_energy(e, [WIDTH, thick, DENSITY, MODULUS, LENGTH, 1.0, 0.0]))
     assert transverse > 1e-3 * axial
     assert got - axial == pytest.approx(transverse, rel=1e-7)
 
@@ -170,7 +171,7 @@ def test_the_mass_matrix_is_that_of_the_hermite_cubic():
         [-13 * l, -3 * l**2, -22 * l, 4 * l**2],
     ]
     expected = np.kron(LINE_DENSITY * l / 420 * np.array(textbook), np.eye(2))
-    got = dense(element(l, StrainMeasures()).mass, PROPERTIES)
+    got = dense(element(StrainMeasures()).mass, PROPERTIES)
     np.testing.assert_allclose(got, expected, atol=1e-14 * expected.max())
 
 

@@ -49,6 +49,12 @@ def elements_of(e):
     return [e[4 * k : 4 * k + 8] for k in range(len(e) // 4 - 1)]
 
 
+def properties_of_elements(model):
+    """Properties of each element as columns: those in P, the length and the axis."""
+    given = [model.beam.element_length, *model.beam.axis]
+    return np.vstack([model.properties, np.outer(given, np.ones(model.beam.elements))])
+
+
 def difference(function, x):
     """Central differences of a function of a vector, one column a component of x."""
     columns = [(function(x + h) - function(x - h)) / (2 * STEP) for h in STEP * np.eye(len(x))]
@@ -70,9 +76,9 @@ def test_energies_and_forces_are_the_sums_over_the_elements_with_their_own_prope
     e, rate, g = deformed(model, 0), np.random.default_rng(1).normal(size=model.size), [1.0, -9.81]
     energy = 0.0
     sums = {name: np.zeros(model.size) for name in ("elastic", "tangent", "strain_rate", "drag", "gravity")}
-    one = model.element
+    one, properties = model.element, properties_of_elements(model)
     for k, (part, part_rate) in enumerate(zip(elements_of(e), elements_of(rate), strict=True)):
-        p, rows = model.properties[:, k], slice(4 * k, 4 * k + 8)
+        p, rows = properties[:, k], slice(4 * k, 4 * k + 8)
         energy += float(one.strain_energy(part, p))
         sums["elastic"][rows] += dense(one.elastic_force, part, p)
         sums["tangent"][rows] += dense(one.tangent_force, part, part_rate, p)
@@ -93,12 +99,12 @@ def test_energies_and_forces_are_the_sums_over_the_elements_with_their_own_prope
 
 
 def test_matrices_are_the_sums_over_the_elements_and_couple_neighbouring_nodes_only(model):
-    e, P = deformed(model, 0), model.properties
+    e, P, properties = deformed(model, 0), model.properties, properties_of_elements(model)
     mass, stiffness = np.zeros((2, model.size, model.size))
     for k, part in enumerate(elements_of(e)):
         rows = slice(4 * k, 4 * k + 8)
-        mass[rows, rows] += dense(model.element.mass, P[:, k])
-        stiffness[rows, rows] += dense(model.element.tangent_stiffness, part, P[:, k])
+        mass[rows, rows] += dense(model.element.mass, properties[:, k])
+        stiffness[rows, rows] += dense(model.element.tangent_stiffness, part, properties[:, k])
     np.testing.assert_allclose(dense(model.mass, P), mass, atol=1e-15 * mass.max())
     np.testing.assert_allclose(dense(model.tangent_stiffness, e, P), stiffness, atol=1e-12 * stiffness.max())
     assert model.mass(P).nnz() == model.tangent_stiffness(e, P).nnz() == 16 * (5 + 2 * 4)

@@ -8,7 +8,6 @@ from scipy.integrate import solve_ivp, trapezoid
 
 from ancf_casadi import (
     BaseMotion,
-    DampingLaw,
     HarmonicBase,
     InputError,
     ModalDamping,
@@ -18,6 +17,7 @@ from ancf_casadi import (
     SampledBase,
     SimulationError,
     State,
+    compilation,
     integration,
     natural_modes,
     simulate,
@@ -345,41 +345,17 @@ def test_the_error_falls_with_the_tolerance(rubber):
 
 
 def test_a_law_of_low_rank_gives_the_motion_of_the_same_law_written_as_a_dense_force(rubber):
-    class Dense(DampingLaw):
-        """The whole force of another law as a local one."""
-
-        def __init__(self, law):
-            self.law = law
-
-        @property
-        def parameters(self):
-            return ()
-
-        def with_parameters(self, values):
-            return self
-
-        def local_force(self, model, e, e_t, properties, parameters):
-            return self.law.force(model, e, e_t)
-
-        def damping_ratios(self, modes, amplitudes):
-            return self.law.damping_ratios(modes, amplitudes)
-
     law = ModalDamping(natural_modes(rubber), (0.1, 0.05, 0.03, 0.02, 0.01))
-    assert law.projection(rubber).shape == (16, 5) and Dense(law).projection(rubber).shape == (16, 0)
-    sparse, dense, undamped = (
-        simulate(
-            rubber,
-            damping=damping,
-            base=HarmonicBase(AMPLITUDE, FREQUENCY),
-            duration=0.4,
-            sample_rate=100.0,
-            tolerance=1e-9,
-        )
-        for damping in (law, Dense(law), None)
+    start = static_equilibrium(rubber, tip_force=(0.02, 0.0))
+    settings = {"start": start, "duration": 0.4, "sample_rate": 100.0, "tolerance": 1e-9}
+    sparse, undamped = (simulate(rubber, damping=damping, **settings) for damping in (law, None))
+    still = [(np.inf, lambda t: clamped(rubber))]
+    dense = explicit(
+        rubber, still, sparse.time, start.coordinates, np.zeros(rubber.size), lambda e, e_t: law.force(rubber, e, e_t)
     )
-    assert abs(sparse.tip - dense.tip).max() < 1e-7
+    assert law.projection(rubber).shape == (16, 5)
+    assert abs(sparse.tip - dense).max() < 1e-6
     assert abs(sparse.tip - undamped.tip).max() > 1e-3
-    assert sparse.dissipated_energy[-1] == pytest.approx(dense.dissipated_energy[-1], rel=1e-5)
 
 
 @pytest.mark.parametrize("stretches", [1, 7, 60])
@@ -444,7 +420,7 @@ def test_compiled_equations_give_the_motion_of_the_interpreted_ones_and_are_foun
     again = simulate(model, **settings)
     assert [library.suffix for library in libraries] == [".so", ".so"]
     assert sorted(tmp_path.iterdir()) == libraries
-    assert abs(compiled.tip - interpreted.tip).max() < 1e-6
+    np.testing.assert_array_equal(compiled.tip, interpreted.tip)
     np.testing.assert_array_equal(again.tip, compiled.tip)
 
 
@@ -454,7 +430,9 @@ def test_a_compiler_that_does_not_work_is_done_without(paper_beam, monkeypatch, 
     interpreted = simulate(Model(paper_beam(2)), **settings)
     monkeypatch.delenv("ANCF_CASADI_COMPILE")
     monkeypatch.setenv("CC", "false")
-    np.testing.assert_array_equal(simulate(Model(paper_beam(2)), **settings).tip, interpreted.tip)
+    monkeypatch.setattr(compilation, "_failed", set())
+    with pytest.warns(UserWarning, match="false fails: exit code 1"):
+        np.testing.assert_array_equal(simulate(Model(paper_beam(2)), **settings).tip, interpreted.tip)
 
 
 # ------------------------------------------------------------------------------------------------- starts and samples

@@ -10,7 +10,7 @@ from typing import Any, final
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping.law import Array, DampingLaw, named
+from ancf_casadi.damping.law import Array, Body, DampingLaw, S, named
 from ancf_casadi.damping.turning import turned
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.inputs import check_instance, is_sequence, number, physical, shown
@@ -69,9 +69,9 @@ class ModalDamping(DampingLaw):
         """Return the law with other ratios."""
         return replace(self, ratios=tuple(named(self, values).values()))
 
-    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
+    def local_force(self, body: Body, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return zero."""
-        return cs.MX(model.size, 1)
+        return 0 * e_t
 
     def projection(self, model: Model) -> Array:
         """Return B = M Phi, so that C = B diag(2 zeta omega) B^T.

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, final
+from typing import Any, Protocol, TypeVar, final
 
 import casadi as cs
 import numpy as np
@@ -20,6 +20,40 @@ from ancf_casadi.model import NODE, Model
 from ancf_casadi.modes import Modes
 
 Array = NDArray[np.float64]
+
+
+S = TypeVar("S", cs.SX, cs.MX)
+
+
+class Body(Protocol):
+    """Something damped: a beam, one of its elements, or a reduced model.
+
+    Its Functions are those of ``Element``, of coordinates or rates and properties.
+    """
+
+    @property
+    def inertia_force(self) -> Callable[..., Any]:
+        """(e_t, p) -> M e_t."""
+
+    @property
+    def line_inertia_force(self) -> Callable[..., Any]:
+        """(e_t, p) -> the share of a mass along the beam in M e_t."""
+
+    @property
+    def strain_rate_force(self) -> Callable[..., Any]:
+        """(e, e_t, p) -> Q_v."""
+
+    @property
+    def tangent_force(self) -> Callable[..., Any]:
+        """(e, e_t, p) -> K e_t."""
+
+    @property
+    def reference_force(self) -> Callable[..., Any]:
+        """(e_t, p) -> K e_t with K of the undeformed body."""
+
+    @property
+    def drag_force(self) -> Callable[..., Any]:
+        """(e_t, p) -> int S^T mu |v| v dp."""
 
 
 class DampingLaw(ABC):
@@ -41,8 +75,18 @@ class DampingLaw(ABC):
         """
 
     @abstractmethod
-    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
-        """Return the part of the force that couples neighbouring nodes only, (4 n + 4,), N and N m."""
+    def local_force(self, body: Body, e: S, e_t: S, properties: S, parameters: S) -> S:
+        """Return the part of the force that is a sum over the elements, (d,), N and N m.
+
+        Parameters
+        ----------
+        body : Body
+            A whole beam or one element of it: the force of the beam is the sum of those of its elements.
+        e, e_t, properties : SX or MX
+            Coordinates (d,), rates and properties of the body.
+        parameters : SX or MX
+            The parameters of the law.
+        """
 
     @property
     def dissipative(self) -> bool:
@@ -103,10 +147,10 @@ class SumOfLaws(DampingLaw):
         own = iter(numbers(self, values))
         return SumOfLaws(tuple(law.with_parameters([next(own) for _ in law.parameters]) for law in self.laws))
 
-    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
+    def local_force(self, body: Body, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return the sum of the local forces."""
         terms = zip(self.laws, self._split(parameters), strict=True)
-        return cs.sum2(cs.horzcat(*(law.local_force(model, e, e_t, properties, own) for law, own in terms)))
+        return sum((law.local_force(body, e, e_t, properties, own) for law, own in terms), 0 * e_t)
 
     def projection(self, model: Model) -> Array:
         """Return the projections side by side."""
@@ -120,10 +164,18 @@ class SumOfLaws(DampingLaw):
         """Return the sum of the equivalent ratios."""
         return np.asarray(np.sum([law.damping_ratios(modes, amplitudes) for law in self.laws], axis=0))
 
-    def _split(self, parameters: cs.MX) -> list[cs.MX]:
+    def _split(self, parameters: S) -> list[S]:
         """Return each term's share of the parameters."""
         ends = np.cumsum([0, *(len(law.parameters) for law in self.laws)]).tolist()
         return [cs.reshape(parameters[begin:end], end - begin, 1) for begin, end in pairwise(ends)]
+
+
+def weighted(forces: Sequence[Any], parameters: S, rates: S) -> S:
+    """Return the sum of forces times the parameters, as many; zeros of the size of ``rates`` if there are none."""
+    total = 0 * rates
+    for weight, force in zip(cs.vertsplit(parameters) if forces else [], forces, strict=True):
+        total += weight * force
+    return total
 
 
 def nonzero(**coefficients: float) -> tuple[tuple[str, float], ...]:

@@ -7,12 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, final, get_args
 
-import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping.law import Array, DampingLaw, coefficients, named, nonzero
+from ancf_casadi.damping.law import Array, Body, DampingLaw, S, coefficients, named, nonzero, weighted
 from ancf_casadi.inputs import check_instance, choice
-from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes
 
 ProportionalStiffness = Literal["strain-rate", "tangent", "reference"]
@@ -68,18 +66,18 @@ class RayleighDamping(DampingLaw):
         """Return the law with other coefficients."""
         return replace(self, **named(self, values))
 
-    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
+    def local_force(self, body: Body, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return alpha M e_t and the stiffness-proportional force, Eq. (11) with Eq. (14)."""
         forces = []
         if self.alpha:
-            forces.append(model.inertia_force(e_t, properties))
+            forces.append(body.inertia_force(e_t, properties))
         if self.beta and self.stiffness == "strain-rate":
-            forces.append(model.strain_rate_force(e, e_t, properties))
+            forces.append(body.strain_rate_force(e, e_t, properties))
         elif self.beta and self.stiffness == "tangent":
-            forces.append(model.tangent_force(e, e_t, properties))
+            forces.append(body.tangent_force(e, e_t, properties))
         elif self.beta:
-            forces.append(model.tangent_stiffness(model.straight, properties) @ e_t)
-        return cs.horzcat(cs.MX(model.size, 0), *forces) @ parameters
+            forces.append(body.reference_force(e_t, properties))
+        return weighted(forces, parameters, e_t)
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return zeta = alpha/(2 omega) + beta phi^T K phi/(2 omega) at any amplitude.

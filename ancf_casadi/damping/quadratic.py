@@ -7,13 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import final
 
-import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping.law import Array, DampingLaw, coefficients, named, nonzero
+from ancf_casadi.damping.law import Array, Body, DampingLaw, S, coefficients, named, nonzero, weighted
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.inputs import check_instance, numbers
-from ancf_casadi.model import Model
 from ancf_casadi.modes import Modes
 
 DRAG_CONSTANT = 1183 / 876  # gamma2 = eta2 mu 1183/876, Eq. (24)-(25) exact; the paper rounds 876/1183 to 0.74
@@ -56,14 +54,14 @@ class QuadraticDamping(DampingLaw):
         """Return the law with other coefficients."""
         return replace(self, **named(self, values))
 
-    def local_force(self, model: Model, e: cs.MX, e_t: cs.MX, properties: cs.MX, parameters: cs.MX) -> cs.MX:
+    def local_force(self, body: Body, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return eta1 int S^T mu v dp + eta2 1183/876 int S^T mu |v| v dp, Eq. (23)."""
         forces = []
         if self.eta1:
-            forces.append(model.line_inertia_force(e_t, properties))
+            forces.append(body.line_inertia_force(e_t, properties))
         if self.eta2:
-            forces.append(DRAG_CONSTANT * model.drag_force(e_t, properties))
-        return cs.horzcat(cs.MX(model.size, 0), *forces) @ parameters
+            forces.append(DRAG_CONSTANT * body.drag_force(e_t, properties))
+        return weighted(forces, parameters, e_t)
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return zeta = b eta1/(2 omega) + 4 eta2 c A/(3 pi), with c = 1183/876 int mu |phi|^3 dp / phi^T M phi.

@@ -30,6 +30,7 @@ import io
 import os
 import platform
 import re
+import shlex
 import subprocess
 import tempfile
 import xml.etree.ElementTree as ET
@@ -41,7 +42,7 @@ from typing import NoReturn
 import casadi as cs
 from tqdm import tqdm
 
-from ancf_casadi.compilation import FLAGS, SECONDS, c_compiler
+from ancf_casadi.compilation import LIBRARY, SECONDS, c_compiler
 from ancf_casadi.damping import SumOfLaws
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document import Document
@@ -53,6 +54,7 @@ from ancf_casadi.signals import MotionFunctions, Signal
 from ancf_casadi.version import __version__
 
 NAME = "beam"  # of the model in C
+FLAGS = ("-O3", *LIBRARY)
 CLAMP = 3  # coordinates of the clamp
 BASE_UNITS = {
     "kg": {"kg": 1},
@@ -105,7 +107,7 @@ def write_fmu(
     for s in numbers(markers, "markers"):
         document.model.element_of(s)
     headers, compiler = fmi_headers(), c_compiler()
-    if compiler is None:
+    if not compiler:
         raise InputError("an FMU needs a C compiler, and there is none; install one, or name it in CC", "CC")
     functions: MotionFunctions
     if modes is None:
@@ -185,20 +187,21 @@ def _advance(bar: tqdm[NoReturn], step: str) -> None:
     bar.set_description(step)
 
 
-def _compile(compiler: str, sources: Sequence[Path], library: Path, headers: Path) -> None:
+def _compile(compiler: tuple[str, ...], sources: Sequence[Path], library: Path, headers: Path) -> None:
     """Compile the sources of the FMU to a library that binds its names to itself."""
     own = ["-Wl,-Bsymbolic"] if library.suffix == ".so" else []
     drafts = os.environ | {"TMPDIR": str(library.parent)}  # which a compiler that is stopped leaves behind
-    call = [compiler, *FLAGS, *own, f"-I{headers}", *map(str, sources), "-o", str(library), "-lm"]
+    call = [*compiler, *FLAGS, *own, f"-I{headers}", *map(str, sources), "-o", str(library), "-lm"]
+    name = shlex.join(compiler)
     try:
         subprocess.run(call, check=True, capture_output=True, timeout=SECONDS, env=drafts)
     except subprocess.TimeoutExpired:
-        raise InputError(f"did not compile the FMU in {SECONDS} s; take fewer elements or modes", compiler) from None
+        raise InputError(f"did not compile the FMU in {SECONDS} s; take fewer elements or modes", name) from None
     except subprocess.CalledProcessError as error:
         said = [line for line in error.stderr.decode(errors="replace").splitlines() if "error" in line] or ["no reason"]
-        raise InputError(f"cannot compile the FMU ({said[0]})", compiler) from None
+        raise InputError(f"cannot compile the FMU ({said[0]})", name) from None
     except OSError as error:
-        raise InputError(f"cannot be run ({error.strerror or error})", compiler) from None
+        raise InputError(f"cannot be run ({error.strerror or error})", name) from None
 
 
 def _described(path: Path, title: str, functions: MotionFunctions, document: Document) -> bytes:

@@ -29,7 +29,7 @@ from ancf_casadi.initial_state import Start, base_of, initial_state
 from ancf_casadi.inputs import check_instance, physical, positive, whole
 from ancf_casadi.reduction.projection import BASE
 from ancf_casadi.reduction.reduced import STAGES, ReducedModel
-from ancf_casadi.simulate import COMPILED_FROM, sample_times
+from ancf_casadi.simulate import sample_times
 from ancf_casadi.stretches import CLOSE
 from ancf_casadi.trajectory import State
 
@@ -37,6 +37,7 @@ Array = NDArray[np.float64]
 
 STEPS_A_PERIOD = 20
 CHUNK = 1000  # steps in one call
+COMPILED_FROM = 0.25  # s of simulated time
 COMPILED_UP_TO = 20_000  # operations in the right-hand side; more take a compiler minutes
 MOST_STEPS = 100_000_000
 ITERATIONS = 30  # of the projection of a shape

@@ -29,7 +29,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
-from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping import Body, DampingLaw
 from ancf_casadi.element import STILL
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.model import Model
@@ -195,7 +195,7 @@ class Projected:
     def damping(self, law: DampingLaw, parameters: cs.MX, modes: Modes) -> cs.MX:
         """Return the modal damping force of a law of the full model, (m,)."""
         model = modes.model
-        local = law.local_force(cast(Model, self), self.q, self.v, cs.MX(cs.DM(model.properties)), parameters)
+        local = law.local_force(cast(Body, self), self.q, self.v, cs.MX(cs.DM(model.properties)), parameters)
         shape, B = self.projection.slopes.shape, law.projection(model)
         both = [cs.DM(shape.T @ B[component::2]) for component in (0, 1)]
         whole = [cs.DM(B[component::4].sum(axis=0)) for component in (0, 1)]

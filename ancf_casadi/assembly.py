@@ -1,9 +1,8 @@
 """Forces, stiffness and mass of a structure from its parts, and products with the stiffness that keep their digits.
 
-The entries of the stiffness K of n elements of length l = L/n are of the size of 12 E I/l^3, its lowest eigenvalues of
-the size of E I/L^3 times the length of an element.  Rounding the assembled K, or its factors, to u = 1e-16 therefore
-moves the low frequencies by up to n^4 u: 4e-7 with 400 elements, and by more than themselves with 10 000.  Two things
-keep the digits:
+The entries of the stiffness K of n elements are of the size of n^4 times its lowest eigenvalues (relative to the mass).
+Rounding the assembled K, or its factors, to u = 1e-16 therefore moves the low frequencies by up to n^4 u: measured
+4e-7 with 400 elements, 4e-6 with 1000, and with 10 000 nothing is left.  Two things keep the digits:
 
 - A product K x is summed up element by element as the derivative of the element's force along x, with the positions in
   x relative to the first node of the element.  These differences are exact, and strains of u x/l instead of u x/l^2

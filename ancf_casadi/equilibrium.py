@@ -175,10 +175,10 @@ def neighbour(structure: Structure, near: Position, held: NDArray[np.float64] | 
             update[free] = -refined(factorised(stiffness), structure.stiffness_product(at), force + held)
         except np.linalg.LinAlgError:
             return None
-        if converged:
-            return Position(at.coordinates, update)
         if not np.isfinite(update).all():
             return None
+        if converged:
+            return Position(at.coordinates, update)
         at = Position.of(at.coordinates + update)
         turns = np.linalg.norm(at.coordinates[slopes] - near.coordinates[slopes], axis=1)
         if turns.max() > 2 * LARGEST_TURN:

@@ -243,13 +243,13 @@ def _integrate(
     fit, columns = _match(closed, records, guesses, ratio_bounds, robust)
     found = [cs.evalf(closed.quantities(*map(cs.MX, fit.values[list(own)]))).full().ravel() for own in columns]
     guesses = [
-        replace(guess, ω=2 * math.pi * frequency, ζ=ζ, amplitude=amplitude, phase=fit.values[own[4]])
-        for guess, own, (frequency, ζ, *_, amplitude, _, _) in zip(guesses, columns, found, strict=True)
+        replace(guess, ω=2 * math.pi * frequency, amplitude=amplitude, phase=fit.values[own[4]])
+        for guess, own, (frequency, *_, amplitude, _, _) in zip(guesses, columns, found, strict=True)
     ]
-    ω, ζ, amplitude = (max(getattr(guess, name) for guess in guesses) for name in ("ω", "ζ", "amplitude"))
+    frequency, ζ, _, _, _, amplitude, _, _ = np.max(found, axis=0).tolist()
     for _ in range(INTEGRATIONS):
         allowed = INTEGRATION_ERROR * fit.residual_rms / (amplitude * math.sqrt(len(fit.residuals)))
-        step = longest_step(ω, ζ, allowed)
+        step = longest_step(2 * math.pi * frequency, ζ, allowed)
         if step > REFINED * model.longest_step:
             break
         model, start = replace(model, longest_step=step), dict(zip(fit.names, fit.values.tolist(), strict=True))

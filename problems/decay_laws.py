@@ -8,7 +8,7 @@
 Behind the semicolon is what each release has of its own; the rest belongs to the mode.  The scale of each unknown is
 the change of it that moves the curve by about its own size within the decay: 1/T for omega, 1/(omega T) for zeta and so
 on, where T is the length of the record or of the decay, whichever is less.  The damping that is guessed is put down to
-all terms in equal parts.
+all terms in equal parts.  The integrated law starts from the fit of its closed form, the quadratic law.
 
 References
 ----------

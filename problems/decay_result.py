@@ -47,7 +47,7 @@ SUFFIXES = {
 
 @dataclass(frozen=True)
 class DecayErrors:
-    """Standard errors of a decay fit, each in the unit of its quantity.
+    """Standard errors of a decay fit, each in the unit of its quantity; unknowns at a bound are taken as known.
 
     Nan where the quantity is at a bound, or not one the law estimates.
     """

@@ -109,3 +109,13 @@ def test_with_little_damping_both_laws_agree():
         error, value = getattr(averaged.standard_errors, name), getattr(averaged, name)
         assert getattr(exact, name) == pytest.approx(value, abs=0.6 * error + 0.1 * averaged.damping_ratio * value)
         assert getattr(exact.standard_errors, name) == pytest.approx(error, rel=0.1)
+
+
+def test_a_fit_starts_from_a_closed_form_that_is_far_off():
+    """At the release the equivalent ratio is 1.3, where Eq. (27) would have it 3.5."""
+    truth = 0.5, 40.0
+    y = reference(*truth) + 2e-5 * np.random.default_rng(5).standard_normal(len(TIME))
+    fit = fit_decay(TIME, y, law="one-mode", release_time=0.0)
+    assert fit.eta1 == pytest.approx(0.5, abs=4 * fit.standard_errors.eta1)
+    assert fit.eta2 == pytest.approx(40.0, abs=4 * fit.standard_errors.eta2)
+    assert fit.residual_rms == pytest.approx(2e-5, rel=0.1)

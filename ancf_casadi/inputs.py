@@ -257,19 +257,19 @@ def vector(value: Any, where: str) -> tuple[float, float]:
     return number(value[0], where), number(value[1], where)
 
 
-def array(values: ArrayLike, where: str) -> NDArray[np.float64]:
-    """Return finite numbers as an array, a copy.
+def array(values: ArrayLike, where: str, *, finite: bool = True) -> NDArray[np.float64]:
+    """Return numbers as an array, a copy.
 
     Raises
     ------
     InputError
-        If a value is not a number, or not finite.
+        If a value is not a number, or, unless ``finite`` is false, not finite.
     """
     try:
         result = np.array(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise InputError("must be numbers", where) from None
-    if not np.isfinite(result).all():
+    if finite and not np.isfinite(result).all():
         raise InputError("must be finite", where)
     return result
 

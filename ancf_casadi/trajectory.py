@@ -53,7 +53,7 @@ class State:
     def __post_init__(self) -> None:
         """Validate, and keep arrays."""
         for name in ("coordinates", "velocities"):
-            object.__setattr__(self, name, array(getattr(self, name), name))
+            object.__setattr__(self, name, array(getattr(self, name), name, finite=False))
         object.__setattr__(self, "time", number(self.time, "time"))
 
 

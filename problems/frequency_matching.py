@@ -92,7 +92,8 @@ def match_frequencies(
     executor : Executor, optional
         Where the starts are solved from; ``jobs`` processes if not given.
     jobs : int
-        Processes, where no executor is given.
+        Processes, where no executor is given; with more than 1 a script must call this under
+        ``if __name__ == "__main__":``.
 
     Raises
     ------

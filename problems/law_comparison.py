@@ -119,7 +119,8 @@ def compare_laws(
     laws : sequence of DampingLaw
         The laws with guesses of their parameters, the simplest first.
     executor, jobs, progress
-        As of ``run_all``; the laws are fitted at the same time.
+        As of ``run_all``; the laws are fitted at the same time.  With ``jobs`` above 1 a script must call this under
+        ``if __name__ == "__main__":``.
     **settings
         Further settings of ``fit_transient``.
 

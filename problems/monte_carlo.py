@@ -197,7 +197,8 @@ def monte_carlo(
         ``parametric``: white noise as large as the residuals.  ``bootstrap``: the residuals themselves, in blocks where
         successive ones correlate.
     executor, jobs, progress
-        As of ``run_all``; processes, not threads, which IPOPT does not bear.
+        As of ``run_all``; processes, not threads, which IPOPT does not bear.  With ``jobs`` above 1 a script must call
+        this under ``if __name__ == "__main__":``.
 
     Raises
     ------

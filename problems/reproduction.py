@@ -200,7 +200,8 @@ def reproduce(
     effort : Effort
         ``FULL``, or ``QUICK`` for a look.
     jobs : int
-        Processes for the transients, where no executor is given.
+        Processes for the transients, where no executor is given; with more than 1 a script must call this under
+        ``if __name__ == "__main__":``.
     executor : Executor, optional
         What runs the transients.
     progress : bool

@@ -383,9 +383,13 @@ def test_several_records_may_differ_in_length_and_clock():
 @pytest.mark.parametrize(
     ("records", "options", "message"),
     [
-        ([], {}, "records: must be a sequence of one Measurement or more"),
-        (Measurement(TIME, TIME), {}, "records: must be a sequence of one Measurement or more"),
-        ([TIME], {}, "records: must be a sequence of one Measurement or more"),
+        ([], {}, "records: there are none"),
+        (
+            Measurement(TIME, TIME),
+            {},
+            "records: must be a sequence of Measurement, got a Measurement; put it",
+        ),
+        ([TIME], {}, "records: must be a Measurement, got an array; use"),
         ([Measurement(TIME, TIME)], {"release_times": [0.0, 1.0]}, "release_times: has 2 values for 1 records"),
         ([Measurement(TIME, TIME)], {"release_times": ["now"]}, "release_times: must be a finite number"),
         ([Measurement(TIME, TIME)], {"law": "cubic"}, "law: must be one of"),

@@ -165,7 +165,7 @@ def test_the_result_is_json(decay):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"runs": 1}, "runs: must be a whole number, 2 or more, got 1"),
+        ({"runs": 1}, "runs: must be a whole number, 2 to 1000000, got 1"),
         ({"runs": 2.5}, "runs: must be a whole number"),
         ({"seed": -1}, "seed: must be a whole number, 0 or more"),
         ({"method": "jackknife"}, "method: must be one of parametric, bootstrap, got 'jackknife'"),
@@ -177,7 +177,7 @@ def test_settings_that_make_no_sense_are_refused(decay, settings, message):
 
 
 def test_a_fit_without_residuals_or_no_fit_is_refused(decay):
-    with pytest.raises(InputError, match="fit: must be a DecayFit or a TransientFit, got Fit"):
+    with pytest.raises(InputError, match="fit: must be a DecayFit or a TransientFit, got a Fit"):
         monte_carlo(decay.fit)
     with pytest.raises(InputError, match="level: must be between 0 and 1"):
         monte_carlo(decay, runs=2).intervals(1.0)

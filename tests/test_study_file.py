@@ -108,7 +108,7 @@ class TestMatch:
             ("[match]\ntargets = [1]\nunknowns.width = {element = false}\n", "unknowns: width: must be"),
             ("[match]\ntargets = [1]\nunknowns.width = 'smooth'\n", 'unknowns: width: must be "global", "element"'),
             ("[match]\ntargets = [1]\nunknowns.length = 'global'\n", "unknowns: must be one of width"),
-            ("[match]\ntargets = [1]\nunknowns.width = {smooth = 'x'}\n", "unknowns: width: terms must be a whole"),
+            ("[match]\ntargets = [1]\nunknowns.width = {smooth = 'x'}\n", "unknowns: width: terms: must be a whole"),
         ],
     )
     def test_unusable(self, file, text, message):

@@ -174,9 +174,12 @@ def test_a_record_that_makes_no_sense_is_refused(changes, message):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"properties": ("colour",)}, "properties: 'colour' is none of width"),
-        ({"fixed": ("eta3",)}, "fixed: 'eta3' is none of eta1, eta2"),
-        ({"start": ("force",)}, "start: 'force' is none of force_x"),
+        (
+            {"properties": ("colour",)},
+            "properties: must be one of width, thickness, density, elastic_modulus",
+        ),
+        ({"fixed": ("eta3",)}, "fixed: must be one of eta1, eta2, got 'eta3'"),
+        ({"start": ("force",)}, "start: must be one of force_x"),
         ({"start": ("force_x",)}, "start: must be an equilibrium, for its load"),
         ({"fixed": ("eta1", "eta2")}, "damping: nothing is to be estimated"),
         ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: beta: not to be estimated"),

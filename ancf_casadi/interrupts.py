@@ -1,7 +1,8 @@
 """Ctrl-C while a solver library is at work.
 
 A signal that raises inside a CasADi call surfaces as a failure of the solver, or not at all.  It is therefore noted
-while the call runs, and acted upon after it.
+while the call runs, and acted upon after it.  A function written in Python that the library calls can ask
+``interrupted`` and give up its work, so that the call ends soon.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ import contextlib
 import signal
 import threading
 from collections.abc import Iterator
+
+_noted: list[list[int]] = []  # by the contexts that are open, the innermost last; of the main thread alone
 
 
 @contextlib.contextmanager
@@ -21,7 +24,31 @@ def noted_interrupts() -> Iterator[list[int]]:
         yield noted
         return
     signal.signal(signal.SIGINT, lambda number, frame: noted.append(number))
+    _noted.append(noted)
     try:
         yield noted
     finally:
+        _noted.remove(noted)
         signal.signal(signal.SIGINT, before)
+
+
+@contextlib.contextmanager
+def delayed_interrupts() -> Iterator[None]:
+    """Raise KeyboardInterrupt after a Ctrl-C, but only at the end, in place of any other error.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If there was a Ctrl-C.
+    """
+    with noted_interrupts() as noted:
+        try:
+            yield
+        finally:
+            if noted:
+                raise KeyboardInterrupt from None
+
+
+def interrupted() -> bool:
+    """Return whether a Ctrl-C was noted in a context that is still open; the work under way is then to be given up."""
+    return any(_noted)

@@ -32,9 +32,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import FitError, InputError
-from ancf_casadi.fit import Fit, influence
+from ancf_casadi.fit import Fit, dispersion, influence
 from ancf_casadi.inputs import positive
-from ancf_casadi.interrupts import noted_interrupts
+from ancf_casadi.interrupts import delayed_interrupts
 
 SILENT: Mapping[str, Any] = {
     "print_time": False,
@@ -141,6 +141,7 @@ def least_squares(
     huber: float = math.inf,
     gauss_newton: bool = False,
     forward: bool = False,
+    systematic: float = 0.0,
     options: Mapping[str, Any] | None = None,
 ) -> Fit:
     """Estimate unknowns by least squares within their bounds, or by a loss that bears outliers.
@@ -157,6 +158,8 @@ def least_squares(
         Whether to take J' J for the Hessian, where second derivatives are dear, as through an integration.
     forward : bool
         Whether to make the gradient of J then too, where J is kept for the Hessian, as that of ``motion`` is.
+    systematic : float
+        Root mean square of an error that the residuals may have in common; it enters the standard errors (``fit``).
     options : mapping, optional
         Options of ``nlpsol`` and IPOPT (``"ipopt.max_iter"``); they override those set here.
 
@@ -199,7 +202,7 @@ def least_squares(
     remaining, jacobian = _numbers(evaluate, values / scale)
     jacobian = jacobian / scale
     at_bound = at_lower | at_upper
-    covariance, condition = _covariance(remaining, jacobian, ~at_bound, names, huber)
+    covariance, condition = _covariance(remaining, jacobian, ~at_bound, names, huber, systematic)
     return Fit(
         names=names,
         units=tuple(unknown.unit for unknown in unknowns),
@@ -213,6 +216,7 @@ def least_squares(
         jacobian=jacobian,
         condition=condition,
         huber=huber,
+        systematic=systematic,
         status=solution.status,
         iterations=solution.iterations,
         solve_seconds=solution.solve_seconds,
@@ -284,13 +288,11 @@ def solve_nlp(
     try:
         solver = cs.nlpsol("solver", "ipopt", nlp, {**SILENT, **(options or {})})
         began = time.perf_counter()
-        with noted_interrupts() as interrupts:
+        with delayed_interrupts():
             result = solver(x0=start, **bounds)
         seconds = time.perf_counter() - began
     except RuntimeError as error:
         raise FitError(f"the problem cannot be solved as stated: {_reason(error)}") from None
-    if interrupts:
-        raise KeyboardInterrupt
     stats = solver.stats()
     if not stats["success"]:
         status = stats["return_status"]
@@ -309,7 +311,8 @@ def solve_nlp(
 
 def _numbers(function: cs.Function, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return a vector and its Jacobian, from a Function that gives both."""
-    vector, jacobian = function(x)
+    with delayed_interrupts():
+        vector, jacobian = function(x)
     return vector.full().ravel(), jacobian.full()
 
 
@@ -319,6 +322,7 @@ def _covariance(
     free: NDArray[np.bool_],
     names: tuple[str, ...],
     huber: float,
+    systematic: float,
 ) -> tuple[NDArray[np.float64], float]:
     """Return phi/w (J' J)^-1 for the free unknowns, by a singular value decomposition with columns of unit length.
 
@@ -330,9 +334,9 @@ def _covariance(
     if free.any() and singular[-1] < len(residuals) * np.finfo(float).eps:
         weak = np.flatnonzero(free)[np.abs(directions[-1]) > 0.1]
         raise FitError(f"the data do not determine {', '.join(names[i] for i in weak)}; fix one, or add data")
-    surplus = len(residuals) - np.count_nonzero(free)
-    slope, curvature = influence(residuals, huber)
-    variance = slope @ slope / (surplus * curvature**2) if surplus else math.nan
+    _, curvature = influence(residuals, huber)
+    surplus = len(residuals) - int(np.count_nonzero(free))
+    variance = dispersion(residuals, surplus, huber, systematic) / curvature
     root = (directions.T / singular) / length[:, None]
     covariance = np.full((len(names), len(names)), math.nan)
     covariance[np.ix_(free, free)] = variance * root @ root.T

@@ -30,7 +30,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-COLOURED = 0.5  # correlation of successive residuals beyond which they are not noise
+from ancf_casadi.fit import COLOURED
+
 COLOURED_CHOICE = 0.2  # that beyond which there are a third fewer of them
 VAGUE = 1 / 3  # share of all damping that a term may be off by
 CLEAR = 10.0  # difference of a criterion that leaves no doubt

@@ -30,7 +30,7 @@ from ancf_casadi.excitation import BaseMotion, FixedBase
 from ancf_casadi.inputs import positive
 from ancf_casadi.interrupts import interrupted
 from ancf_casadi.model import Model
-from ancf_casadi.sensitivity import Problem, Run
+from ancf_casadi.sensitivity import MOST_STEPS, Problem, Run
 from ancf_casadi.simulate import TOLERANCES, Start, sample_times
 from ancf_casadi.trajectory import State
 
@@ -50,6 +50,7 @@ def motion(
     start: Start | Equilibrium | State = "equilibrium",
     tolerance: float = TOLERANCES["radau"],
     start_load: bool = False,
+    most_steps: int = MOST_STEPS,
 ) -> cs.Function:
     """Return the motion as a differentiable CasADi Function.
 
@@ -66,6 +67,8 @@ def motion(
     start_load : bool
         Whether the function has a fourth input, ``start``: the tip load that holds the beam until it is let go, and its
         rate (``starts.START``; N, N, N m, and a second), instead of that of ``start``.
+    most_steps : int
+        Steps after which a motion is given up.
 
     Raises
     ------
@@ -82,6 +85,7 @@ def motion(
         times=sample_times(duration, sample_rate),
         tolerance=positive(tolerance, "tolerance"),
         held=start_load,
+        most_steps=round(positive(most_steps, "most_steps")),
     )
     return Runs(problem).function()
 
@@ -131,6 +135,12 @@ class Runs:
         if isinstance(found, AncfError):
             raise found
         return found
+
+    @property
+    def failure(self) -> AncfError | None:
+        """Error of the last run, if it failed."""
+        found = self._last[1] if self._last else None
+        return found if isinstance(found, AncfError) else None
 
     def slopes(self, run: Run, directions: Array) -> Array:
         """Return the derivatives along some directions, computed once for the same."""

@@ -47,7 +47,7 @@ from ancf_casadi.trajectory import State
 Array = NDArray[np.float64]
 Moving = Callable[[float], Array]
 
-MOST_STEPS = 200_000  # of a motion; a minute or two
+MOST_STEPS = 100_000  # of a motion; a minute or two, and 0.4 GB at 20 elements
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ from ancf_casadi.beam import PROPERTIES
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.differentiable import Runs
 from ancf_casadi.equations import Equations
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.fit import Fit, colour_warning
 from ancf_casadi.inputs import positive
 from ancf_casadi.interrupts import delayed_interrupts
@@ -60,9 +60,9 @@ OPTIONS: Mapping[str, Any] = {
     "ipopt.tol": 1e-5,
     "ipopt.compl_inf_tol": 1e-7,
     "ipopt.max_iter": 50,
-    "ipopt.accept_after_max_steps": 3,
-    "ipopt.watchdog_shortened_iter_trigger": 1,
-    "ipopt.mu_init": 1e-4,
+    "ipopt.accept_after_max_steps": 3,  # halvings; a step so short that no decrease shows is lost in the integration
+    "ipopt.watchdog_shortened_iter_trigger": 1,  # and the next ones are whole, judged by the gradient
+    "ipopt.mu_init": 1e-4,  # bounds count only near them: a guess is within a few steps of Gauss and Newton
     "ipopt.bound_mult_init_method": "mu-based",
 }
 
@@ -302,24 +302,32 @@ def _fit(problem: TransientProblem, unknowns: Sequence[Unknown], robust: float) 
     runs = problem.runs()
     motions = [one.function() for one in runs]
     names = [unknown.name for unknown in unknowns]
-    fit = least_squares(
-        lambda *values: problem.residuals(motions, dict(zip(names, values, strict=True))),
-        unknowns,
-        huber=robust,
-        gauss_newton=True,
-        forward=True,
-        systematic=TRUST * travel(problem.records),
-        options=OPTIONS,
-    )
-    for one in runs:
-        one.forget()
-    return fit
+    try:
+        return least_squares(
+            lambda *values: problem.residuals(motions, dict(zip(names, values, strict=True))),
+            unknowns,
+            huber=robust,
+            gauss_newton=True,
+            forward=True,
+            systematic=TRUST * travel(problem.records),
+            options=OPTIONS,
+        )
+    except FitError as error:
+        reasons = [f"; the last motion tried: {one.failure}" for one in runs if one.failure]
+        raise FitError("".join([str(error), *reasons[:1]]), error.stats) from None
+    finally:
+        for one in runs:
+            one.forget()
 
 
 def _integration_error(problem: TransientProblem, fit: Fit) -> Array:
     """Return the change of the residuals (m,) that a tighter integration makes at the estimate."""
     tight = replace(problem, tolerance=problem.tolerance / CHECK)
-    motions = [one.function() for one in tight.runs()]
+    runs = tight.runs()
+    motions = [one.function() for one in runs]
     found = tight.residuals(motions, {name: cs.MX(value) for name, value in zip(fit.names, fit.values, strict=True)})
     with delayed_interrupts():
-        return np.asarray(cs.evalf(found)).ravel() - fit.residuals
+        error = np.asarray(cs.evalf(found)).ravel() - fit.residuals
+    for one in runs:
+        one.forget()
+    return error

@@ -7,6 +7,11 @@ Unknowns x with guesses, scales and bounds, and residuals r(x) of which there ar
 with S the diagonal matrix of the scales and w the largest diagonal entry of S J' J S at the guess, J = dr/dx, so that
 the tolerance of the solver speaks of the unknowns in units of their scales.  Gradient and Hessian are CasADi's.
 
+IPOPT ends where the gradient is small in units of the scales, which says little of an unknown that the data hardly
+determine.  With the Hessian of Gauss and Newton, whole steps d of theirs follow, each the solution of a linear least
+squares problem within the bounds, until |J d| is a hundredth of the standard deviation of the residuals: then no
+unknown moves by more than a hundredth of its standard error.
+
 Where some residuals are outliers, r^2/2 gives way to the pseudo-Huber loss d^2 ((1 + (r/d)^2)^1/2 - 1), which grows in
 proportion to r beyond a residual d.  What the fit tells of the unknowns is in ``ancf_casadi.fit``.
 
@@ -30,6 +35,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.fit import Fit, dispersion, influence
@@ -49,6 +55,8 @@ TIGHT: Mapping[str, Any] = {
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.max_iter": 300,
 }
+POLISHED = 0.01  # standard deviations of the residuals by which a last step may change them
+POLISHING_STEPS = 10
 AT_BOUND = 1e-6  # of the scale: what an interior point method leaves between an unknown and its bound
 ADVICE = {
     "Maximum_Iterations_Exceeded": "the iteration limit was reached; start closer, or raise 'ipopt.max_iter'",
@@ -196,9 +204,11 @@ def least_squares(
         options={**TIGHT, **(options or {})},
     )
 
-    at_lower = solution.x - lower / scale < AT_BOUND
-    at_upper = upper / scale - solution.x < AT_BOUND
-    values = np.select([at_lower, at_upper], [lower, upper], solution.x * scale)
+    z, polished = solution.x, 0
+    if gauss_newton:
+        z, polished = _polished(evaluate, z, lower / scale, upper / scale, huber, systematic)
+    at_lower, at_upper = z - lower / scale < AT_BOUND, upper / scale - z < AT_BOUND
+    values = np.select([at_lower, at_upper], [lower, upper], z * scale)
     remaining, jacobian = _numbers(evaluate, values / scale)
     jacobian = jacobian / scale
     at_bound = at_lower | at_upper
@@ -218,7 +228,7 @@ def least_squares(
         huber=huber,
         systematic=systematic,
         status=solution.status,
-        iterations=solution.iterations,
+        iterations=solution.iterations + polished,
         solve_seconds=solution.solve_seconds,
         model=evaluate,
     )
@@ -250,6 +260,34 @@ def _gauss_newton(evaluate: cs.Function, huber: float, weight: float, forward: b
     if forward:
         functions["grad_f"] = cs.Function("grad_f", [z, p], [loss(r, huber) / weight, gradient])
     return functions
+
+
+def _polished(
+    evaluate: cs.Function,
+    z: NDArray[np.float64],
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    huber: float,
+    systematic: float,
+) -> tuple[NDArray[np.float64], int]:
+    """Return the unknowns after whole steps of Gauss and Newton, and the number of steps."""
+    before = math.inf
+    for count in range(POLISHING_STEPS):
+        r, jacobian = _numbers(evaluate, z)
+        slope, curvature = influence(r, huber)
+        root = (1 + (r / huber) ** 2) ** -0.75
+        rows = root[:, None] * jacobian
+        length = np.linalg.norm(rows, axis=0)
+        if not (np.isfinite(rows).all() and length.all()):
+            return z, count
+        bounds = length * (lower - z), length * (upper - z)
+        step = lsq_linear(rows / length, -slope / root, np.array(bounds), method="bvls").x / length
+        size = float(np.linalg.norm(rows @ step))
+        variance = dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature
+        if size <= POLISHED * math.sqrt(variance) or not size < before / 2:
+            return z, count
+        z, before = np.clip(z + step, lower, upper), size
+    return z, POLISHING_STEPS
 
 
 def solve_nlp(

@@ -57,7 +57,7 @@ Array = NDArray[np.float64]
 
 PATIENCE = 20.0  # of a run, in steps of the first
 OPTIONS: Mapping[str, Any] = {
-    "ipopt.tol": 1e-5,
+    "ipopt.tol": 1e-4,
     "ipopt.compl_inf_tol": 1e-7,
     "ipopt.max_iter": 50,
     "ipopt.accept_after_max_steps": 3,  # halvings; a step so short that no decrease shows is lost in the integration

@@ -41,7 +41,7 @@ ALLOWED = 0.1  # standard errors
 CHECK = 30.0
 GAIN = 0.1
 TRUST = 1e-5
-COARSEST, TIGHTEST = 1e-5, 1e-10  # tolerances; the latter is checked at 3e-12, where rounding sets in
+COARSEST, TIGHTEST = 1e-6, 1e-10  # tolerances; the latter is checked at 3e-12, where rounding sets in
 MARGIN = 2.0  # of a tolerance that is tightened
 DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])  # third; of white noise it has 20 times the variance
 

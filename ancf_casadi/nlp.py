@@ -55,6 +55,7 @@ TIGHT: Mapping[str, Any] = {
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.max_iter": 300,
 }
+NEAR = 0.1  # standard deviations of the residuals, to which IPOPT goes where steps of Gauss and Newton follow
 POLISHED = 0.01  # standard deviations of the residuals by which a last step may change them
 POLISHING_STEPS = 10
 AT_BOUND = 1e-6  # of the scale: what an interior point method leaves between an unknown and its bound
@@ -149,6 +150,7 @@ def least_squares(
     huber: float = math.inf,
     gauss_newton: bool = False,
     forward: bool = False,
+    noise: float = 0.0,
     systematic: float = 0.0,
     options: Mapping[str, Any] | None = None,
 ) -> Fit:
@@ -166,6 +168,9 @@ def least_squares(
         Whether to take J' J for the Hessian, where second derivatives are dear, as through an integration.
     forward : bool
         Whether to make the gradient of J then too, where J is kept for the Hessian, as that of ``motion`` is.
+    noise : float
+        Standard deviation expected of the residuals: with ``gauss_newton``, IPOPT goes no nearer to the minimum than a
+        tenth of it, which the steps that follow do.
     systematic : float
         Root mean square of an error that the residuals may have in common; it enters the standard errors (``fit``).
     options : mapping, optional
@@ -195,7 +200,8 @@ def least_squares(
     if not (math.isfinite(weight) and weight > 0.0):
         raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
     if gauss_newton:
-        options = {**_gauss_newton(evaluate, huber, weight, forward), **(options or {})}
+        options = {**TIGHT, **_gauss_newton(evaluate, huber, weight, forward), **(options or {})}
+        options["ipopt.tol"] = max(options["ipopt.tol"], NEAR * noise / math.sqrt(weight))
     solution = solve_nlp(
         {"x": z, "f": loss(r, huber) / weight},
         guess / scale,
@@ -204,11 +210,11 @@ def least_squares(
         options={**TIGHT, **(options or {})},
     )
 
-    z, polished = solution.x, 0
+    found, polished = solution.x, 0
     if gauss_newton:
-        z, polished = _polished(evaluate, z, lower / scale, upper / scale, huber, systematic)
-    at_lower, at_upper = z - lower / scale < AT_BOUND, upper / scale - z < AT_BOUND
-    values = np.select([at_lower, at_upper], [lower, upper], z * scale)
+        found, polished = _polished(evaluate, found, lower / scale, upper / scale, huber, systematic)
+    at_lower, at_upper = found - lower / scale < AT_BOUND, upper / scale - found < AT_BOUND
+    values = np.select([at_lower, at_upper], [lower, upper], found * scale)
     remaining, jacobian = _numbers(evaluate, values / scale)
     jacobian = jacobian / scale
     at_bound = at_lower | at_upper
@@ -280,8 +286,8 @@ def _polished(
         length = np.linalg.norm(rows, axis=0)
         if not (np.isfinite(rows).all() and length.all()):
             return z, count
-        bounds = length * (lower - z), length * (upper - z)
-        step = lsq_linear(rows / length, -slope / root, np.array(bounds), method="bvls").x / length
+        bounds = (length * (lower - z)).tolist(), (length * (upper - z)).tolist()
+        step = lsq_linear(rows / length, -slope / root, bounds, method="bvls").x / length
         size = float(np.linalg.norm(rows @ step))
         variance = dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature
         if size <= POLISHED * math.sqrt(variance) or not size < before / 2:

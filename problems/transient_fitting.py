@@ -50,7 +50,7 @@ from ancf_casadi.sensitivity import Problem
 from ancf_casadi.starts import held_start, start_slopes
 from ancf_casadi.trajectory import State
 from problems.marker_record import MarkerRecord
-from problems.transient_tolerance import ALLOWED, CHECK, TIGHTEST, TRUST, first_tolerance, tighter, travel
+from problems.transient_tolerance import ALLOWED, CHECK, TIGHTEST, TRUST, first_tolerance, spread, tighter, travel
 from problems.transient_unknowns import amplitude_name, load_name, loads, named_parameters, transient_unknowns
 
 Array = NDArray[np.float64]
@@ -309,6 +309,7 @@ def _fit(problem: TransientProblem, unknowns: Sequence[Unknown], robust: float) 
             huber=robust,
             gauss_newton=True,
             forward=True,
+            noise=spread(problem.records),
             systematic=TRUST * travel(problem.records),
             options=OPTIONS,
         )

@@ -58,14 +58,21 @@ def noise(records: Sequence[MarkerRecord]) -> float:
     return math.sqrt(np.mean(np.concatenate(parts) ** 2) / (DIFFERENCE @ DIFFERENCE))
 
 
+def spread(records: Sequence[MarkerRecord]) -> float:
+    """Return s, the standard deviation expected of the residuals, m, with its allowance for a systematic error."""
+    return math.hypot(noise(records), math.sqrt(_count(records)) * TRUST * travel(records))
+
+
 def first_tolerance(records: Sequence[MarkerRecord], length: float) -> float:
     """Return the tolerance to begin with, for a beam of a length (m)."""
-    count = sum(record.columns.size for record in records)
-    spread = math.hypot(noise(records), math.sqrt(count) * TRUST * travel(records))
-    wanted = ALLOWED * spread / (math.sqrt(count) * GAIN * length)
+    wanted = ALLOWED * spread(records) / (math.sqrt(_count(records)) * GAIN * length)
     return min(max(wanted, TIGHTEST), COARSEST)
 
 
 def tighter(tolerance: float, shift: float) -> float:
     """Return the tolerance at which a shift, in standard errors, is expected to be allowed."""
     return max(tolerance * ALLOWED / (MARGIN * shift), TIGHTEST)
+
+
+def _count(records: Sequence[MarkerRecord]) -> int:
+    return sum(record.columns.size for record in records)

@@ -201,7 +201,8 @@ def least_squares(
         raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
     if gauss_newton:
         options = {**TIGHT, **_gauss_newton(evaluate, huber, weight, forward), **(options or {})}
-        options["ipopt.tol"] = max(options["ipopt.tol"], NEAR * noise / math.sqrt(weight))
+        for name in ("ipopt.tol", "ipopt.compl_inf_tol"):
+            options[name] = max(options[name], NEAR * noise / math.sqrt(weight))
     solution = solve_nlp(
         {"x": z, "f": loss(r, huber) / weight},
         guess / scale,

@@ -5,7 +5,7 @@ rho(r_i).  Least squares has rho = r^2/2.  A robust fit has the pseudo-Huber los
 which grows in proportion to r beyond d.  With psi = rho' and the mean w of psi'(r_i), white residuals give to first
 order
 
-    C = (phi/w) (J' J)^-1,    phi = sum psi_i^2 / ((m - n) w)             (least squares: w = 1, phi = s^2)
+    C = (phi/w) (J' J)^-1,    phi = sum psi_i^2 / ((m - n) w) + m w e^2   (least squares: w = 1, phi = s^2 + m e^2)
 
 and an interval x_k +- t (C_kk)^1/2 with the quantile t of Student's distribution with m - n degrees of freedom.  An
 interval ends at a bound.  Standard errors take an unknown at its bound as known, intervals do not.  Its own begins at
@@ -16,6 +16,11 @@ free unknowns cannot make up for,
 
 Meanwhile the free unknowns move by -c h.  To a quantity q this adds the step s = h (dq/dx_k - dq/dx c), and its
 interval reaches (t^2 C_qq + s^2)^1/2 to the side of s, which is the extent of an ellipse that holds the region below.
+
+The second part of phi allows for a systematic error of root mean square e, which the residuals need not show: shared by
+all m of them in the direction that is worst for an unknown, it shifts this one by m^1/2 e ((J' J)^-1_kk)^1/2.  It is 0
+unless the caller knows of such an error.  To first order, a change c of the residuals shifts the estimates by
+-(J' D J)^-1 J' D c, D the diagonal matrix of the psi'(r_i); ``Fit.shifts`` gives this in standard errors.
 
 The interval by profile likelihood asks less: it is the range of a quantity q(x) over the x within all bounds that have
 2 (L(x) - L_min) <= phi t^2.  Its ends are the solutions of two nonlinear programs, min and max q.  The same level is
@@ -50,6 +55,7 @@ Quantities = Callable[..., cs.MX]
 
 LEVEL = 0.95
 CORRELATED = 0.95  # two unknowns beyond this are hardly told apart
+COLOURED = 0.5  # correlation of successive residuals beyond which they are not noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +88,8 @@ class Fit:
         Condition number of the Jacobian of the free unknowns, its columns of unit length.
     huber : float
         Residual d beyond which the loss grows linearly; infinite for least squares.
+    systematic : float
+        Root mean square e of a systematic error of the residuals that the standard errors allow for.
     status : str
         What the solver said.
     iterations : int
@@ -105,6 +113,7 @@ class Fit:
     jacobian: NDArray[np.float64]
     condition: float
     huber: float
+    systematic: float
     status: str
     iterations: int
     solve_seconds: float
@@ -298,8 +307,27 @@ class Fit:
     @property
     def dispersion(self) -> float:
         """Variance phi of the residuals as the loss sees them; nan if they are not more than the free unknowns."""
-        slope, curvature = self._influence()
-        return float(slope @ slope) / (self.freedom * curvature) if self.freedom else math.nan
+        return dispersion(self.residuals, self.freedom, self.huber, self.systematic)
+
+    def shifts(self, change: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the shifts (n,) of the estimates that a change of the residuals (m,) causes, in standard errors.
+
+        The standard error of an unknown at a bound is that of an interval as wide as its own.  The shifts are to first
+        order; nan where there is no standard error.
+        """
+        weights = (1 + (self.residuals / self.huber) ** 2) ** -0.75
+        columns, change = self.jacobian * self.scale * weights[:, None], weights * change
+        free = columns[:, ~self.at_bound]
+        shifts = np.empty(len(self.names))
+        shifts[~self.at_bound] = -np.linalg.lstsq(free, change)[0]
+        for k in np.flatnonzero(self.at_bound).tolist():
+            column = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k])[0]
+            shifts[k] = -(column @ change) / (column @ column)
+        errors = self.standard_errors
+        own_moves = np.diag(self.moves(LEVEL)[self.at_bound])
+        errors[self.at_bound] = np.abs(own_moves) / quantile(LEVEL, self.freedom)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(shifts * self.scale / errors)
 
     def _influence(self) -> tuple[NDArray[np.float64], float]:
         """Return psi (m,) and w."""
@@ -350,6 +378,24 @@ def influence(residuals: NDArray[np.float64], huber: float) -> tuple[NDArray[np.
     """Return the derivatives psi of the loss at residuals, and the mean w of its second derivatives."""
     stretch = 1 + (residuals / huber) ** 2
     return residuals / np.sqrt(stretch), float(np.mean(stretch**-1.5))
+
+
+def dispersion(residuals: NDArray[np.float64], freedom: int, huber: float, systematic: float) -> float:
+    """Return the variance phi of residuals as the loss sees them; nan without freedom."""
+    slope, curvature = influence(residuals, huber)
+    spread = float(slope @ slope) / (freedom * curvature) if freedom else math.nan
+    return spread + len(residuals) * curvature * systematic**2
+
+
+def colour_warning(residuals: NDArray[np.float64], noise_free: float = 0.0) -> str | None:
+    """Return a warning if successive residuals correlate, and their root mean square is above ``noise_free``."""
+    total, repeated = float(residuals @ residuals), float(residuals[1:] @ residuals[:-1])
+    if not (total > len(residuals) * noise_free**2 and repeated > COLOURED * total):
+        return None
+    return (
+        f"successive residuals correlate at {repeated / total:.2f}: they are not noise, the law does not tell all, and "
+        "the standard errors are too small"
+    )
 
 
 def quantile(level: float, freedom: int) -> float:

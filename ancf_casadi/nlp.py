@@ -7,6 +7,11 @@ Unknowns x with guesses, scales and bounds, and residuals r(x) of which there ar
 with S the diagonal matrix of the scales and w the largest diagonal entry of S J' J S at the guess, J = dr/dx, so that
 the tolerance of the solver speaks of the unknowns in units of their scales.  Gradient and Hessian are CasADi's.
 
+IPOPT ends where the gradient is small in units of the scales, which says little of an unknown that the data hardly
+determine.  With the Hessian of Gauss and Newton, whole steps d of theirs follow, each the solution of a linear least
+squares problem within the bounds, until |J d| is a hundredth of the standard deviation of the residuals: then no
+unknown moves by more than a hundredth of its standard error.
+
 Where some residuals are outliers, r^2/2 gives way to the pseudo-Huber loss d^2 ((1 + (r/d)^2)^1/2 - 1), which grows in
 proportion to r beyond a residual d.  What the fit tells of the unknowns is in ``ancf_casadi.fit``.
 
@@ -30,11 +35,12 @@ from typing import Any
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from ancf_casadi.exceptions import FitError, InputError
-from ancf_casadi.fit import Fit, influence
+from ancf_casadi.fit import Fit, dispersion, influence
 from ancf_casadi.inputs import positive
-from ancf_casadi.interrupts import noted_interrupts
+from ancf_casadi.interrupts import delayed_interrupts
 
 SILENT: Mapping[str, Any] = {
     "print_time": False,
@@ -50,6 +56,9 @@ TIGHT: Mapping[str, Any] = {
     "ipopt.max_iter": 300,
 }
 LEAST_BARRIER, MOST_BARRIER = 1e-12, 0.1  # the tolerance, and the default of IPOPT
+NEAR = 0.1  # standard deviations of the residuals, to which IPOPT goes where steps of Gauss and Newton follow
+POLISHED = 0.01  # standard deviations of the residuals by which a last step may change them
+POLISHING_STEPS = 10
 AT_BOUND = 1e-6  # of the scale: what an interior point method leaves between an unknown and its bound
 ADVICE = {
     "Maximum_Iterations_Exceeded": "the iteration limit was reached; start closer, or raise 'ipopt.max_iter'",
@@ -143,6 +152,8 @@ def least_squares(
     gauss_newton: bool = False,
     forward: bool = False,
     series: Sequence[int] = (),
+    noise: float = 0.0,
+    systematic: float = 0.0,
     options: Mapping[str, Any] | None = None,
 ) -> Fit:
     """Estimate unknowns by least squares within their bounds, or by a loss that bears outliers.
@@ -161,6 +172,11 @@ def least_squares(
         Whether to make the gradient of J then too, where J is kept for the Hessian, as that of ``motion`` is.
     series : sequence of int
         Lengths of the series that the residuals are made of, each in the order of time; one if not given.
+    noise : float
+        Standard deviation expected of the residuals: with ``gauss_newton``, IPOPT goes no nearer to the minimum than a
+        tenth of it, which the steps that follow do.
+    systematic : float
+        Root mean square of an error that the residuals may have in common; it enters the standard errors (``fit``).
     options : mapping, optional
         Options of ``nlpsol`` and IPOPT (``"ipopt.max_iter"``); they override those set here.
 
@@ -188,7 +204,9 @@ def least_squares(
     if not (math.isfinite(weight) and weight > 0.0):
         raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
     if gauss_newton:
-        options = {**_gauss_newton(evaluate, huber, weight, forward), **(options or {})}
+        options = {**TIGHT, **_gauss_newton(evaluate, huber, weight, forward), **(options or {})}
+        for name in ("ipopt.tol", "ipopt.compl_inf_tol"):
+            options[name] = max(options[name], NEAR * noise / math.sqrt(weight))
     solution = solve_nlp(
         {"x": z, "f": loss(r, huber) / weight},
         guess / scale,
@@ -197,13 +215,15 @@ def least_squares(
         options={**TIGHT, "ipopt.mu_init": _barrier(remaining, weight), **(options or {})},
     )
 
-    at_lower = solution.x - lower / scale < AT_BOUND
-    at_upper = upper / scale - solution.x < AT_BOUND
-    values = np.select([at_lower, at_upper], [lower, upper], solution.x * scale)
+    found, polished = solution.x, 0
+    if gauss_newton:
+        found, polished = _polished(evaluate, found, lower / scale, upper / scale, huber, systematic)
+    at_lower, at_upper = found - lower / scale < AT_BOUND, upper / scale - found < AT_BOUND
+    values = np.select([at_lower, at_upper], [lower, upper], found * scale)
     remaining, jacobian = _numbers(evaluate, values / scale)
     jacobian = jacobian / scale
     at_bound = at_lower | at_upper
-    covariance, condition = _covariance(remaining, jacobian, ~at_bound, names, huber)
+    covariance, condition = _covariance(remaining, jacobian, ~at_bound, names, huber, systematic)
     return Fit(
         names=names,
         units=tuple(unknown.unit for unknown in unknowns),
@@ -218,8 +238,9 @@ def least_squares(
         jacobian=jacobian,
         condition=condition,
         huber=huber,
+        systematic=systematic,
         status=solution.status,
-        iterations=solution.iterations,
+        iterations=solution.iterations + polished,
         solve_seconds=solution.solve_seconds,
         model=evaluate,
     )
@@ -261,6 +282,34 @@ def _gauss_newton(evaluate: cs.Function, huber: float, weight: float, forward: b
     return functions
 
 
+def _polished(
+    evaluate: cs.Function,
+    z: NDArray[np.float64],
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    huber: float,
+    systematic: float,
+) -> tuple[NDArray[np.float64], int]:
+    """Return the unknowns after whole steps of Gauss and Newton, and the number of steps."""
+    before = math.inf
+    for count in range(POLISHING_STEPS):
+        r, jacobian = _numbers(evaluate, z)
+        slope, curvature = influence(r, huber)
+        root = (1 + (r / huber) ** 2) ** -0.75
+        rows = root[:, None] * jacobian
+        length = np.linalg.norm(rows, axis=0)
+        if not (np.isfinite(rows).all() and length.all()):
+            return z, count
+        bounds = (length * (lower - z)).tolist(), (length * (upper - z)).tolist()
+        step = lsq_linear(rows / length, -slope / root, bounds, method="bvls").x / length
+        size = float(np.linalg.norm(rows @ step))
+        variance = dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature
+        if size <= POLISHED * math.sqrt(variance) or not size < before / 2:
+            return z, count
+        z, before = np.clip(z + step, lower, upper), size
+    return z, POLISHING_STEPS
+
+
 def solve_nlp(
     nlp: Mapping[str, cs.MX],
     start: NDArray[np.float64],
@@ -297,13 +346,11 @@ def solve_nlp(
     try:
         solver = cs.nlpsol("solver", "ipopt", nlp, {**SILENT, **(options or {})})
         began = time.perf_counter()
-        with noted_interrupts() as interrupts:
+        with delayed_interrupts():
             result = solver(x0=start, **bounds)
         seconds = time.perf_counter() - began
     except RuntimeError as error:
         raise FitError(f"the problem cannot be solved as stated: {_reason(error)}") from None
-    if interrupts:
-        raise KeyboardInterrupt
     stats = solver.stats()
     if not stats["success"]:
         status = stats["return_status"]
@@ -322,7 +369,8 @@ def solve_nlp(
 
 def _numbers(function: cs.Function, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return a vector and its Jacobian, from a Function that gives both."""
-    vector, jacobian = function(x)
+    with delayed_interrupts():
+        vector, jacobian = function(x)
     return vector.full().ravel(), jacobian.full()
 
 
@@ -332,6 +380,7 @@ def _covariance(
     free: NDArray[np.bool_],
     names: tuple[str, ...],
     huber: float,
+    systematic: float,
 ) -> tuple[NDArray[np.float64], float]:
     """Return phi/w (J' J)^-1 for the free unknowns, by a singular value decomposition with columns of unit length.
 
@@ -343,9 +392,9 @@ def _covariance(
     if free.any() and singular[-1] < len(residuals) * np.finfo(float).eps:
         weak = np.flatnonzero(free)[np.abs(directions[-1]) > 0.1]
         raise FitError(f"the data do not determine {', '.join(names[i] for i in weak)}; fix one, or add data")
-    surplus = len(residuals) - np.count_nonzero(free)
-    slope, curvature = influence(residuals, huber)
-    variance = slope @ slope / (surplus * curvature**2) if surplus else math.nan
+    _, curvature = influence(residuals, huber)
+    surplus = len(residuals) - int(np.count_nonzero(free))
+    variance = dispersion(residuals, surplus, huber, systematic) / curvature
     root = (directions.T / singular) / length[:, None]
     covariance = np.full((len(names), len(names)), math.nan)
     covariance[np.ix_(free, free)] = variance * root @ root.T

@@ -33,8 +33,10 @@ from ancf_casadi.collocation import Collocation
 from ancf_casadi.compilation import Buffered, compiled
 from ancf_casadi.equations import Equations, clamped_node
 from ancf_casadi.equilibrium import Equilibrium
+from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.excitation import BaseMotion, Piece
 from ancf_casadi.initial_state import Start, initial_state, rigid_motion
+from ancf_casadi.interrupts import interrupted
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.radau import Factors, Step, Stepper
 from ancf_casadi.starts import START, held_start, start_slopes
@@ -45,6 +47,8 @@ from ancf_casadi.trajectory import State
 
 Array = NDArray[np.float64]
 Moving = Callable[[float], Array]
+
+MOST_STEPS = 100_000  # of a motion; a minute or two, and 0.4 GB at 20 elements
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +101,11 @@ class Run:
     passages: list[Passage]
     coordinates: Array
 
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return sum(len(passage.steps) for passage in self.passages)
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -116,6 +125,8 @@ class Problem:
         Tolerance of the steps.
     held : bool
         Whether the load at the start and its rate are parameters, in the order of ``START``.
+    most_steps : int
+        Steps after which a motion is given up.
     """
 
     equations: Equations
@@ -124,6 +135,7 @@ class Problem:
     times: Array
     tolerance: float
     held: bool = False
+    most_steps: int = MOST_STEPS
 
     @property
     def sizes(self) -> tuple[int, int, int, int]:
@@ -135,13 +147,14 @@ class Problem:
         """Return theta, b, P and s from one array."""
         return np.split(values, np.cumsum(self.sizes[:3]).tolist())
 
-    def solve(self, values: Array) -> Run:
+    def solve(self, values: Array, most_steps: int | None = None) -> Run:
         """Compute the motion for the values of theta, b, P and s, one after the other.
 
         Raises
         ------
         AncfError
-            If there is no equilibrium to start from, or the integrator fails.
+            If there is no equilibrium to start from, the integrator fails or takes more steps than ``most_steps``, or
+            there is a Ctrl-C that ``noted_interrupts`` has noted.
         """
         law, _, size, _ = self.sizes
         theta, b, properties, load = self.split(values)
@@ -152,9 +165,11 @@ class Problem:
         beam = model.beam.with_(**{name: row.tolist() for name, row in zip(PROPERTIES, columns, strict=True)})
         state, slope = self._start(Model(beam, model.measures), b, load)
         passages, begin, end = [], float(self.times[0]), float(self.times[-1])
+        left = self.most_steps if most_steps is None else most_steps
         for piece in self._pieces:
-            passage, state = self._pass(piece, begin, min(piece.end, end), state, parameters, b)
+            passage, state = self._pass(piece, begin, min(piece.end, end), state, parameters, b, max(left, 1))
             passages.append(passage)
+            left -= len(passage.steps)
             begin = piece.end
             if begin >= end:
                 break
@@ -307,13 +322,19 @@ class Problem:
         return np.zeros(len(START))
 
     def _pass(
-        self, piece: Piece, begin: float, end: float, state: State, parameters: Array, b: Array
+        self, piece: Piece, begin: float, end: float, state: State, parameters: Array, b: Array, most_steps: int
     ) -> tuple[Passage, State]:
-        """Compute a smooth piece of the motion, and the state at its end."""
+        """Compute a smooth piece of the motion, and the state at its end, in no more than ``most_steps``."""
         node, slope, clamp = self._clamp(piece, b)
         stepper = Stepper(self._form, parameters, clamp, state, begin, end, self.tolerance)
         steps: list[Step] = []
         while not steps or stepper.now < end - CLOSE * steps[-1].length:
+            if len(steps) >= most_steps:
+                raise SimulationError(
+                    f"the motion crawls: too many steps up to {stepper.now:g} s, lately of {steps[-1].length:.1e} s",
+                    stepper.now,
+                )
+            _stop_if_interrupted()
             stepper.advance()
             steps.append(stepper.last)
         first = steps[0]
@@ -329,11 +350,18 @@ class Problem:
     def _linearised(
         self, run: Run, passage: Passage, *, backwards: bool = False
     ) -> Iterator[tuple[Step, NDArray[np.int64], Factors]]:
-        """Go through the steps of a piece, with their samples and the factors of G."""
+        """Go through the steps of a piece, with their samples and the factors of G.
+
+        Raises
+        ------
+        SimulationError
+            If there is a Ctrl-C that ``noted_interrupts`` has noted.
+        """
         order = -1 if backwards else 1
         rates = self._rates(run.parameters).full().ravel()
         tangent = self._tangent
         for step, samples in zip(passage.steps[::order], passage.samples[::order], strict=True):
+            _stop_if_interrupted()
             band = self._matrix(step, run.parameters)
             low_rank = tangent.low_rank(step.clamps, step.length, rates)
             yield step, samples, Factors.of(band, tangent.bandwidth, *low_rank)
@@ -370,6 +398,11 @@ class _Product:
         if vector is not None:
             self._inputs[3][:] = vector
         return self._call()[0].copy()
+
+
+def _stop_if_interrupted() -> None:
+    if interrupted():
+        raise SimulationError("was interrupted")
 
 
 def _end(step: Step) -> tuple[Array, Array, Array]:

@@ -39,9 +39,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ancf_casadi.fit import Fit
+from ancf_casadi.fit import COLOURED, Fit
 
-COLOURED = 0.5  # correlation of successive residuals beyond which they are not noise
 DEPENDENT = 2 / 3  # share of the residuals below which it is said how many they are worth
 VAGUE = 1 / 3  # share of all damping that a term may be off by
 CLEAR = 10.0  # difference of a criterion that leaves no doubt

@@ -17,10 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.fit import LEVEL, Fit
+from ancf_casadi.fit import LEVEL, Fit, colour_warning
 from ancf_casadi.inputs import array
 from ancf_casadi.likelihood import profile_interval
-from problems.criteria import COLOURED
 from problems.decay_laws import LAWS, DecayModel, Law
 
 if TYPE_CHECKING:
@@ -324,13 +323,8 @@ def _warnings(named: dict[str, float], errors: DecayErrors, length: float, r: ND
             needed = length * (min(error / abs(ζ), 1.0) / VAGUE) ** (2 / 3) if ζ else math.inf
             advice = f"the record is too short, one of {needed:.2g} s would do {VAGUE:.0%}"
         warnings.append(f"the damping ratio is known {share}: {advice}")
-    repeated, total = float(r[1:] @ r[:-1]), float(r @ r)
-    if noisy and repeated > COLOURED * total:
-        warnings.append(
-            f"successive residuals correlate at {repeated / total:.2f}: they are not noise, the law does not tell all, "
-            "and the standard errors are too small"
-        )
-    return warnings
+    coloured = colour_warning(r, noise_free=ROUNDING * named["amplitude"])
+    return [*warnings, coloured] if coloured else warnings
 
 
 def _known(value: float) -> float | None:

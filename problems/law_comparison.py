@@ -49,6 +49,14 @@ class LawComparison:
         )
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings of the criteria, then those of the fits, each with the name of its law."""
+        own = [
+            f"{name}: {warning}" for name, one in zip(self.names, self.fits, strict=True) for warning in one.warnings
+        ]
+        return (*self.verdict.warnings, *own)
+
+    @property
     def best(self) -> TransientFit:
         """The fit with the least BIC."""
         return self.fits[self.verdict.best]
@@ -72,14 +80,7 @@ class LawComparison:
         said = f"best by BIC: {self.names[verdict.best]}"
         if not verdict.settled:
             said = f"the records cannot tell for sure; {said}"
-        own = [
-            f"{name}: {warning}"
-            for name, fit in zip(self.names, self.fits, strict=True)
-            for warning in fit.fit.warnings()
-        ]
-        return Table(
-            "laws", "Damping laws", columns, rows, (said, *(f"note: {note}" for note in (*verdict.warnings, *own)))
-        )
+        return Table("laws", "Damping laws", columns, rows, (said, *(f"note: {warning}" for warning in self.warnings)))
 
     def report(self) -> str:
         """Return the table as text."""
@@ -96,7 +97,7 @@ class LawComparison:
                 {"law": name, "aicc": aicc if math.isfinite(aicc) else None, "bic": bic, **fit.to_dict()}
                 for name, fit, aicc, bic in zip(self.names, self.fits, verdict.aicc, verdict.bic, strict=True)
             ],
-            "warnings": list(verdict.warnings),
+            "warnings": list(self.warnings),
         }
 
 

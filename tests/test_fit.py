@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.fit import quantile
+from ancf_casadi.fit import colour_warning, quantile
 from ancf_casadi.likelihood import profile_interval
 from ancf_casadi.nlp import Unknown, least_squares
 
@@ -205,3 +205,62 @@ def test_unusable_requests_are_refused():
 def test_the_quantile_is_students():
     for freedom in (1, 10, 5000):
         assert quantile(0.95, freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-10)
+
+
+def noisy_line(a, b, change=0.0):
+    return a + b * cs.DM(X) - cs.DM(-1 + 2 * X + 0.1 * NOISE) + cs.DM(change * np.ones(len(X)))
+
+
+@pytest.mark.parametrize("huber", [math.inf, 0.1])
+def test_shifts_are_those_of_a_fit_to_changed_data_in_standard_errors(huber):
+    small = 1e-4 * np.sin(5 * X)
+    unknowns = [Unknown("a", -0.5, 10.0), Unknown("b", 0.0, 0.1)]
+    fit = least_squares(noisy_line, unknowns, huber=huber)
+    moved = least_squares(lambda a, b: noisy_line(a, b, 1e-4 * np.sin(5 * X)), unknowns, huber=huber)
+    expected = (moved.values - fit.values) / fit.standard_errors
+    assert abs(expected).min() > 1e-5
+    np.testing.assert_allclose(fit.shifts(small), expected, rtol=2e-3)
+
+
+def test_at_a_bound_the_shift_is_that_without_the_bound_by_the_reach_inwards():
+    fit = least_squares(noisy_line, [Unknown("a", -0.5, lower=-0.5), Unknown("b", 0.0)])
+    free = least_squares(noisy_line, [Unknown("a", -0.5), Unknown("b", 0.0)])
+    change = 1e-3 * X**2
+    assert fit.at_bound.tolist() == [True, False]
+    low, high = fit.intervals()[0]
+    error = (high - low) / quantile(0.95, fit.freedom)
+    expected = free.shifts(change)[0] * free.standard_errors[0] / error
+    assert fit.shifts(change)[0] == pytest.approx(expected, rel=1e-9)
+    alone = least_squares(lambda b: noisy_line(-0.5, b), [Unknown("b", 0.0)])
+    assert fit.shifts(change)[1] == pytest.approx(alone.shifts(change)[0], rel=1e-9)
+
+
+def test_a_systematic_error_within_what_is_allowed_for_shifts_no_unknown_beyond_its_standard_error():
+    """The worst error of that size is the one along the column of an unknown that the others cannot make up for."""
+    unknowns = [Unknown("a", -0.5), Unknown("b", 0.0)]
+    exact = lambda a, b: a + b * cs.DM(X) - cs.DM(-1 + 2 * X)  # noqa: E731
+    fit = least_squares(exact, unknowns, systematic=1e-3)
+    assert fit.residual_rms < 1e-9
+    worst = X - X.mean()
+    worst *= 1e-3 / math.sqrt(np.mean(worst**2))
+    moved = least_squares(lambda a, b: exact(a, b) + cs.DM(worst), unknowns)
+    assert abs(moved["b"] - fit["b"]) == pytest.approx(fit.standard_error("b"), rel=1e-6)
+    other = 1e-3 * math.sqrt(2) * np.sin(40 * X)
+    assert abs(fit.shifts(other)).max() < 0.5
+    noisy = least_squares(line, unknowns, systematic=1e-3)
+    plain = least_squares(line, unknowns)
+    allowed = 40 * 1e-6 * np.linalg.inv(plain.jacobian.T @ plain.jacobian)
+    np.testing.assert_allclose(noisy.covariance, plain.covariance + allowed, rtol=1e-9)
+    low, high = profile_interval(noisy, "b")
+    np.testing.assert_allclose([low, high], noisy.intervals()[1], rtol=1e-7)
+
+
+def test_coloured_residuals_are_told_of_unless_they_are_within_the_noise_free():
+    white, coloured = NOISE, np.convolve(NOISE, np.ones(8), "valid")
+    assert colour_warning(white) is None
+    message = colour_warning(coloured)
+    assert (
+        message and "successive residuals correlate at 0.79" in message and "standard errors are too small" in message
+    )
+    assert colour_warning(coloured, noise_free=2 * math.sqrt(np.mean(coloured**2))) is None
+    assert colour_warning(np.zeros(10)) is None

@@ -1,5 +1,7 @@
 """Derivatives of a motion against differences of tightly integrated motions, and forward against reverse."""
 
+import gc
+
 import casadi as cs
 import numpy as np
 import pytest
@@ -17,6 +19,9 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
+from ancf_casadi import differentiable as module
+from ancf_casadi.exceptions import SimulationError
+from ancf_casadi.sensitivity import Problem, Run
 
 BASE = HarmonicBase(0.02, 3.0, stop=0.15)
 SETTINGS = {"duration": 0.24, "sample_rate": 100.0, "tolerance": 1e-7}
@@ -132,3 +137,83 @@ def test_values_without_a_motion_give_nan_and_a_warning(model):
 def test_settings_that_make_no_sense_are_refused(model, settings, message):
     with pytest.raises(InputError, match=message):
         motion(model, **{"duration": 0.1} | settings)
+
+
+def runs_alive():
+    gc.collect()
+    return sum(isinstance(one, Run) for one in gc.get_objects())
+
+
+def test_expressions_keep_a_motion_alive_and_without_them_its_steps_are_freed(model):
+    settings = SETTINGS | {"duration": 0.05, "base": BASE, "start": "moving"}
+    gone = runs_alive()
+    x = cs.MX.sym("x")
+    at = [np.zeros(0), x, model.properties]
+    tip = motion(model, **settings)(*at)[-4:-2, -1]
+    value, slope = cs.Function("f", [x], [tip]), cs.Function("J", [x], [cs.jacobian(tip, x)])
+    del tip
+    assert runs_alive() == gone  # nothing was computed yet
+    h = 1e-4
+    difference = (value(0.02 + h) - value(0.02 - h)).full() / (2 * h)
+    assert runs_alive() == gone + 1  # the last one, whatever the number of points
+    del value
+    np.testing.assert_allclose(slope(0.02).full(), difference, rtol=1e-3)
+    del slope
+    motion(model, **settings)
+    assert runs_alive() == gone
+
+
+def test_a_function_of_derivatives_alone_keeps_the_motion_alive(model):
+    function = motion(model, **SETTINGS | {"duration": 0.05, "base": BASE, "start": "moving"})
+    at = [np.zeros(0), 0.02, model.properties]
+    forward, there = function.forward(1), function(*at)
+    seeds = [np.zeros(0), 1.0, np.zeros(model.properties.shape)]
+    before = forward(*at, there, *seeds).full()
+    del function
+    motion(model, **SETTINGS)
+    gc.collect()
+    np.testing.assert_array_equal(forward(*at, there, *seeds).full(), before)
+    assert abs(before).max() > 0.1
+
+
+def test_a_motion_is_integrated_once_for_its_value_and_all_its_derivatives(model, law, monkeypatch):
+    solve, seen = Problem.solve, []
+    monkeypatch.setattr(Problem, "solve", lambda *given: (seen.append(1), solve(*given))[1])
+    function = motion(model, damping=law, base=BASE, start="moving", **SETTINGS | {"duration": 0.05})
+    symbols = [cs.MX.sym(name, *function.size_in(k)) for k, name in enumerate("abc")]
+    tip = function(*symbols)[-4:-2, :]
+    outputs = [tip, cs.jacobian(tip, symbols[0]), cs.gradient(cs.sumsqr(tip), symbols[2])]
+    cs.Function("f", symbols, outputs)(*values(law, model))
+    assert len(seen) == 1
+
+
+def test_a_motion_that_crawls_is_given_up(model, monkeypatch):
+    settings = SETTINGS | {"duration": 0.05, "base": BASE, "start": "moving"}
+    at = [np.zeros(0), np.array([0.02]), model.properties.copy()]
+    steps = motion(model, **settings)
+    with pytest.warns(RuntimeWarning, match=r"the motion crawls: too many steps up to 0\.0\d+ s"):
+        assert np.isnan(motion(model, **settings, most_steps=3)(*at).full()).all()
+    assert np.isfinite(steps(*at).full()).all()
+    with pytest.raises(InputError, match="most_steps: must be positive"):
+        motion(model, **settings, most_steps=0)
+
+
+def test_a_trial_is_given_up_by_the_steps_of_the_first_run(model, monkeypatch):
+    """A clamp that moves 100 times as far and is followed as closely takes more than twice the steps."""
+    monkeypatch.setattr(module, "FEW_STEPS", 1)
+    problem = Problem(
+        equations=module.Equations(model, RayleighDamping(alpha=0.1)),
+        base=BASE,
+        start="moving",
+        times=np.arange(6) / 100,
+        tolerance=1e-7,
+    )
+    first, far = ([cs.DM([0.1]), cs.DM(b), cs.DM(model.properties)] for b in (2e-4, 0.02))
+    runs = module.Runs(problem, patience=2.0)
+    assert problem.solve(np.array([0.1, 0.02, *model.properties.ravel(order="F")])).steps > 2 * runs.run(first).steps
+    with pytest.raises(SimulationError, match="crawls"):
+        runs.run(far)
+    assert isinstance(runs.failure, SimulationError)
+    assert runs.run(first).steps and runs.failure is None
+    runs.forget()
+    assert module.Runs(problem).run(far).steps

@@ -1,5 +1,6 @@
 """Damping laws and properties from the large motion of a soft strip, made with known ones and seeded noise."""
 
+import gc
 import pickle
 from dataclasses import replace
 
@@ -8,6 +9,7 @@ import pytest
 
 from ancf_casadi import (
     Beam,
+    FitError,
     HarmonicBase,
     InputError,
     ModalDamping,
@@ -19,8 +21,10 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from problems import MarkerRecord, compare_laws, fit_decay, fit_transient
+from ancf_casadi.sensitivity import Problem, Run
+from problems import MarkerRecord, compare_laws, fit_decay, fit_transient, transient_fitting
 from problems.criteria import Candidate, judge
+from problems.transient_tolerance import ALLOWED, COARSEST, TRUST, noise, travel
 
 BASE = HarmonicBase(0.02, 2.0, stop=0.5)
 NOISE = 0.5e-3  # m
@@ -62,6 +66,118 @@ def test_the_truth_is_found_from_two_starts(model, driven, again, guess):
     assert found.fit.residual_rms == pytest.approx(NOISE, rel=0.2)
     assert found.fit.standard_errors[1] < 2.0
     np.testing.assert_allclose(found.fit.values, again.fit.values, atol=1e-2 * again.fit.standard_errors.min())
+
+
+def test_each_point_is_integrated_once_and_no_steps_are_kept(model, driven, monkeypatch):
+    solve, points = Problem.solve, []
+
+    def counted(self, values, *given):
+        points.append((self.tolerance, *(f"{value:.10e}" for value in values)))
+        return solve(self, values, *given)
+
+    monkeypatch.setattr(Problem, "solve", counted)
+    gc.collect()
+    before = sum(isinstance(one, Run) for one in gc.get_objects())
+    found = fit_transient(model, driven, QuadraticDamping(0.3, 8.0), tolerance=1e-5)
+    assert len(points) == len(set(points)) <= 2 * found.fit.iterations + 3
+    gc.collect()
+    assert sum(isinstance(one, Run) for one in gc.get_objects()) == before
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """A steel strip whose tip swings 70 mm, with modal damping and drag: model, law, and a record without noise."""
+    steel = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
+    model = Model(Beam.uniform(**steel, elements=3))
+    modes = natural_modes(model, count=2)
+    law = ModalDamping(modes, (0.01, 0.0028))
+    base = HarmonicBase(5e-3, modes.frequencies[0], stop=4.0)
+    settings = {"damping": law + QuadraticDamping(eta2=0.2), "base": base, "start": "moving", "duration": 0.8}
+    run = simulate(model, method="radau", tolerance=1e-10, sample_rate=100.0, **settings)
+    return model, law, MarkerRecord(run.time, run.tip, base=base, start="moving")
+
+
+def drag(exact, noise, **settings):
+    """Fit the drag of a noisy record, the modal ratios known."""
+    model, law, without = exact
+    given = replace(without, positions=without.positions + noise)
+    return fit_transient(model, given, law + QuadraticDamping(eta2=0.1), fixed=("ratio1", "ratio2"), **settings)
+
+
+def test_the_shift_by_the_error_of_integration_is_found_from_one_tighter_integration(exact):
+    """Against a fit with the tighter integration; a coarse tolerance given by the user is used, and told of."""
+    coarse, fine = (drag(exact, 0.0, tolerance=tolerance) for tolerance in (1e-4, 1e-8))
+    assert coarse.problem.tolerance == 1e-4
+    moved = (fine.fit.values - coarse.fit.values) / coarse.fit.standard_errors
+    assert abs(moved[0]) > 0.5
+    np.testing.assert_allclose(coarse.shifts, moved, rtol=0.2)
+    assert len(coarse.warnings) == 2 and "shifts eta2 by" in coarse.warnings[1]
+    assert "let the fit select the tolerance" in coarse.report()
+    assert "integrated at the tolerance 1.0e-04" in coarse.report()
+    assert abs(fine.shifts[0]) < 0.01 and not any("integration" in warning for warning in fine.warnings)
+    assert fine.to_dict()["tolerance"] == 1e-8 and fine.to_dict()["integration_shifts"] == fine.shifts.tolist()
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_the_fit_selects_a_tolerance_at_which_no_estimate_is_shifted(exact, noise):
+    """Without noise what counts is the trust in the record; the truth is within the interval then too."""
+    found = drag(exact, noise * np.random.default_rng(1).normal(size=exact[2].positions.shape))
+    assert found.problem.tolerance < COARSEST
+    assert abs(found.shifts[0]) <= ALLOWED and not any("integration" in warning for warning in found.warnings)
+    assert abs(found.fit.values[0] - 0.2) < 2 * found.fit.standard_errors[0] < 5e-3
+    assert found.fit.systematic == pytest.approx(TRUST * travel((exact[2],)), rel=1e-3)
+
+
+def test_a_tolerance_that_does_not_do_is_tightened_and_where_it_cannot_be_that_is_said(exact, monkeypatch):
+    monkeypatch.setattr(transient_fitting, "first_tolerance", lambda *_: 1e-3)
+    assert drag(exact, 0.0).problem.tolerance < 1e-5
+    monkeypatch.setattr(transient_fitting, "TIGHTEST", 1e-3)
+    assert "shorten the record" in drag(exact, 0.0).warnings[-1]
+
+
+def test_estimates_scatter_about_the_truth_by_their_standard_errors(exact):
+    """The mean of 8 standardised errors is within 2.6 of its standard deviations, but in one of a hundred studies."""
+    rng = np.random.default_rng(7)
+    scores = []
+    for _ in range(8):
+        found = drag(exact, 2e-4 * rng.normal(size=exact[2].positions.shape))
+        scores.append((found.fit.values[0] - 0.2) / found.fit.standard_errors[0])
+    assert abs(np.mean(scores)) < 2.6 / np.sqrt(8)
+    assert 0.35 < np.std(scores, ddof=1) < 1.8
+
+
+def test_the_noise_of_a_record_is_told_from_its_motion(model, driven):
+    assert travel((driven,)) == pytest.approx(np.sqrt(driven.positions.var(axis=0).mean()))
+    time = np.arange(400) / 100.0
+    swing = 0.02 * np.stack([np.sin(8 * time), np.cos(5 * time)], axis=1)
+    given = NOISE * np.random.default_rng(3).normal(size=swing.shape)
+    assert noise([MarkerRecord(time, swing + given)]) == pytest.approx(NOISE, rel=0.1)
+    assert noise([MarkerRecord(time, swing)]) < 0.02 * NOISE
+
+
+def test_a_motion_that_fails_at_the_guess_is_said_to(model, driven):
+    still = replace(driven, base=None, start=State(np.zeros(3), np.zeros(3)))
+    with pytest.raises(FitError, match="are not finite; the last motion tried: start: the coordinates must be"):
+        fit_transient(model, still, TRUTH)
+
+
+def test_residuals_that_are_not_noise_are_told_of_and_so_they_are_of_each_law(model):
+    """A motion damped by drag, fitted by viscous damping; within the trust in a record nothing is said."""
+    exact = record(model, QuadraticDamping(eta2=8.0), 6)
+    exact = replace(exact, positions=exact.positions - NOISE * np.random.default_rng(6).normal(size=(61, 1, 2)))
+    laws = [RayleighDamping(alpha=1.0), QuadraticDamping(eta2=4.0)]
+    comparison = compare_laws(model, exact, laws, tolerance=1e-6)
+    coloured = "they are not noise, the law does not tell all, and the standard errors are too small"
+    wrong, right = comparison.fits
+    assert any(coloured in warning for warning in wrong.warnings) and coloured in wrong.report()
+    assert wrong.to_dict()["warnings"] == list(wrong.warnings)
+    assert right.fit.residual_rms < TRUST * travel((exact,)) and not any(coloured in one for one in right.warnings)
+    assert comparison.warnings == (
+        *comparison.verdict.warnings,
+        *(f"RayleighDamping(alpha): {warning}" for warning in wrong.warnings),
+        *(f"QuadraticDamping(eta2): {warning}" for warning in right.warnings),
+    )
+    assert comparison.to_dict()["warnings"] == list(comparison.warnings)
 
 
 def test_without_damping_none_is_found(model):

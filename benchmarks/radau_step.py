@@ -45,7 +45,7 @@ SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)
 def motions() -> Iterator[tuple[str, Model, dict[str, Any]]]:
     """Yield the motions: what they are, the model, and the settings of ``simulate``."""
     hanging = Model(Beam.uniform(**BEAM))
-    swing = {"base": SWING, "start": "moving", "duration": 10.0}
+    swing = {"base": SWING, "start": "equilibrium", "duration": 10.0}
     law = ModalDamping(natural_modes(hanging, count=len(RATIOS)), RATIOS)
     yield "10 s of mode 1, modal law", hanging, {**swing, "damping": law}
     yield "10 s of mode 1, mass-proportional", hanging, {**swing, "damping": RayleighDamping(alpha=0.2325)}

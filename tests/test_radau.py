@@ -41,8 +41,8 @@ def stepper(model, law, base, start, end, tolerance):
 @pytest.mark.parametrize(
     ("base", "start", "end", "tolerance"),
     [
-        pytest.param(SWING, "moving", 1.5, 1e-5, id="long steps of a large swing"),
-        pytest.param(SWING, "moving", 1.5, 1e-7, id="a large swing"),
+        pytest.param(SWING, "equilibrium", 1.5, 1e-5, id="long steps of a large swing"),
+        pytest.param(SWING, "equilibrium", 1.5, 1e-7, id="a large swing"),
         pytest.param(BLOW, "equilibrium", 0.2, 5e-5, id="a blow to the clamp"),
     ],
 )
@@ -57,7 +57,7 @@ def test_samples_of_a_step_together_equal_single_ones(monkeypatch):
     """Several instants of a step in one call."""
     model = Model(Beam.uniform(**BEAM, elements=6, clamp_stiffness=0.5))
     law = ModalDamping(natural_modes(model, count=3), (0.02, 0.01, 0.01))
-    settings = {"damping": law, "base": SWING, "start": "moving", "duration": 0.2, "method": "radau"}
+    settings = {"damping": law, "base": SWING, "start": "equilibrium", "duration": 0.2, "method": "radau"}
     together = simulate(model, **settings)
     assert together.steps < len(together.time) / 2
     monkeypatch.setattr(radau, "AT_ONCE", 1)
@@ -71,7 +71,7 @@ def test_samples_do_not_change_the_steps():
     """A sample looks at a step, and leaves it alone."""
     model = Model(Beam.uniform(**BEAM, elements=6))
     runs = [
-        simulate(model, base=SWING, start="moving", duration=0.2, sample_rate=rate, method="radau")
+        simulate(model, base=SWING, start="equilibrium", duration=0.2, sample_rate=rate, method="radau")
         for rate in (50.0, 2000.0)
     ]
     np.testing.assert_allclose(runs[0].coordinates, runs[1].coordinates[::40], rtol=0, atol=1e-13)

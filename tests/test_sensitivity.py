@@ -145,7 +145,7 @@ def runs_alive():
 
 
 def test_expressions_keep_a_motion_alive_and_without_them_its_steps_are_freed(model):
-    settings = SETTINGS | {"duration": 0.05, "base": BASE, "start": "moving"}
+    settings = SETTINGS | {"duration": 0.05, "base": BASE, "start": "equilibrium"}
     gone = runs_alive()
     x = cs.MX.sym("x")
     at = [np.zeros(0), x, model.properties]
@@ -164,7 +164,7 @@ def test_expressions_keep_a_motion_alive_and_without_them_its_steps_are_freed(mo
 
 
 def test_a_function_of_derivatives_alone_keeps_the_motion_alive(model):
-    function = motion(model, **SETTINGS | {"duration": 0.05, "base": BASE, "start": "moving"})
+    function = motion(model, **SETTINGS | {"duration": 0.05, "base": BASE, "start": "equilibrium"})
     at = [np.zeros(0), 0.02, model.properties]
     forward, there = function.forward(1), function(*at)
     seeds = [np.zeros(0), 1.0, np.zeros(model.properties.shape)]
@@ -179,7 +179,7 @@ def test_a_function_of_derivatives_alone_keeps_the_motion_alive(model):
 def test_a_motion_is_integrated_once_for_its_value_and_all_its_derivatives(model, law, monkeypatch):
     solve, seen = Problem.solve, []
     monkeypatch.setattr(Problem, "solve", lambda *given: (seen.append(1), solve(*given))[1])
-    function = motion(model, damping=law, base=BASE, start="moving", **SETTINGS | {"duration": 0.05})
+    function = motion(model, damping=law, base=BASE, start="equilibrium", **SETTINGS | {"duration": 0.05})
     symbols = [cs.MX.sym(name, *function.size_in(k)) for k, name in enumerate("abc")]
     tip = function(*symbols)[-4:-2, :]
     outputs = [tip, cs.jacobian(tip, symbols[0]), cs.gradient(cs.sumsqr(tip), symbols[2])]
@@ -188,7 +188,7 @@ def test_a_motion_is_integrated_once_for_its_value_and_all_its_derivatives(model
 
 
 def test_a_motion_that_crawls_is_given_up(model, monkeypatch):
-    settings = SETTINGS | {"duration": 0.05, "base": BASE, "start": "moving"}
+    settings = SETTINGS | {"duration": 0.05, "base": BASE, "start": "equilibrium"}
     at = [np.zeros(0), np.array([0.02]), model.properties.copy()]
     steps = motion(model, **settings)
     with pytest.warns(RuntimeWarning, match=r"the motion crawls: too many steps up to 0\.0\d+ s"):
@@ -204,7 +204,7 @@ def test_a_trial_is_given_up_by_the_steps_of_the_first_run(model, monkeypatch):
     problem = Problem(
         equations=module.Equations(model, RayleighDamping(alpha=0.1)),
         base=BASE,
-        start="moving",
+        start="equilibrium",
         times=np.arange(6) / 100,
         tolerance=1e-7,
     )

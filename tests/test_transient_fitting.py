@@ -92,9 +92,9 @@ def exact():
     modes = natural_modes(model, count=2)
     law = ModalDamping(modes, (0.01, 0.0028))
     base = HarmonicBase(5e-3, modes.frequencies[0], stop=4.0)
-    settings = {"damping": law + QuadraticDamping(eta2=0.2), "base": base, "start": "moving", "duration": 0.8}
+    settings = {"damping": law + QuadraticDamping(eta2=0.2), "base": base, "start": "equilibrium", "duration": 0.8}
     run = simulate(model, method="radau", tolerance=1e-10, sample_rate=100.0, **settings)
-    return model, law, MarkerRecord(run.time, run.tip, base=base, start="moving")
+    return model, law, MarkerRecord(run.time, run.tip, base=base, start="equilibrium")
 
 
 def drag(exact, noise, **settings):

@@ -37,6 +37,7 @@ NEWTON_ITERATIONS = 12
 NEWTON_TOLERANCE = 1e-11  # of the beam's length (positions) and of 1/2 (slopes)
 LARGEST_TURN = 0.5  # change of a slope in one load step
 SMALLEST_STEP = 1e-5  # of the load
+MOST_TRIALS = 500  # of load steps; a path that needs more crawls towards a fold
 
 
 @dataclass(frozen=True)
@@ -131,14 +132,15 @@ def static_equilibrium(
     force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
     rest = Position.of(model.straight)
     weight = -Structure.of(model).balance(rest)[0]
-    factor, step = 0.0, 1.0
+    factor, step, trials = 0.0, 1.0, 0
     while factor < 1.0:
+        trials += 1
         share = min(factor + step, 1.0)
         loaded = Structure.of(model, (share * force[0], share * force[1], share * moment))
         trial = neighbour(loaded, rest, (1.0 - share) * weight)
         if trial is None:
             step /= 2
-            if step < SMALLEST_STEP:
+            if step < SMALLEST_STEP or trials > MOST_TRIALS:
                 raise EquilibriumError(
                     f"no static equilibrium was found beyond {factor:.4g} of the load (tip force {force} N, tip moment "
                     f"{moment:g} N m, gravity {model.beam.gravity} m/s^2); either an element bends by more than half a "

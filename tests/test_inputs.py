@@ -8,6 +8,7 @@ import pytest
 
 from ancf_casadi import (
     Beam,
+    EquilibriumError,
     HarmonicBase,
     InputError,
     Measurement,
@@ -155,6 +156,13 @@ def test_a_time_or_a_frequency_beyond_all_experience_is_refused(call, size):
     """Its powers are no numbers any more; mostly the unit is wrong."""
     with pytest.raises(InputError, match=r"is not within 1e-30 to 1e\+30; check the unit$"):
         call(size)
+
+
+def test_a_beam_too_soft_for_its_weight_is_given_up_soon():
+    """The path of equilibria went on in ten thousands of tiny steps."""
+    soft = Beam.uniform(length=0.5, width=5e-3, thickness=5e-4, density=8000.0, elastic_modulus=2.5, elements=4)
+    with pytest.raises(EquilibriumError, match=r"a value is in the wrong unit$"):
+        static_equilibrium(Model(soft))
 
 
 def test_an_integer_too_large_for_a_float_is_no_number():

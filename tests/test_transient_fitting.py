@@ -122,7 +122,7 @@ def test_the_shift_by_the_error_of_integration_is_found_from_one_tighter_integra
 def test_the_fit_selects_a_tolerance_at_which_no_estimate_is_shifted(exact, noise):
     """Without noise what counts is the trust in the record; the truth is within the interval then too."""
     found = drag(exact, noise * np.random.default_rng(1).normal(size=exact[2].positions.shape))
-    assert found.problem.tolerance < COARSEST
+    assert (found.problem.tolerance < COARSEST) == (noise == 0.0)
     assert abs(found.shifts[0]) <= ALLOWED and not any("integration" in warning for warning in found.warnings)
     assert abs(found.fit.values[0] - 0.2) < 2 * found.fit.standard_errors[0] < 5e-3
     assert found.fit.systematic == pytest.approx(TRUST * travel((exact[2],)), rel=1e-3)
@@ -224,7 +224,8 @@ def test_an_unknown_start_and_the_damping_are_found(model):
     cut = record(model, RayleighDamping(alpha=0.8), 7, base=None, start=state, duration=1.0)
     assert np.linalg.norm(state.velocities[-4:-2]) > 0.25  # m/s
     unknown = ("force_x", "force_x_rate")
-    found = fit_transient(model, replace(cut, start="equilibrium"), RayleighDamping(alpha=0.5), start=unknown)
+    guess = RayleighDamping(alpha=0.5)
+    found = fit_transient(model, replace(cut, start="equilibrium"), guess, start=unknown, tolerance=1e-5)
     assert found.fit.names == ("alpha", "start_force_x_1", "start_force_x_rate_1")
     assert found.fit.units == ("1/s", "N", "N/s")
     score = (found.fit.values - [0.8, force, rate]) / found.fit.standard_errors

@@ -14,6 +14,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -31,7 +32,7 @@ from ancf_casadi.model import Model
 from ancf_casadi.modes import natural_modes
 from ancf_casadi.report import Table, check_file, check_folder, to_json, write_file
 from ancf_casadi.simulate import simulate
-from ancf_casadi.trajectory import Trajectory
+from ancf_casadi.trajectory import IntegratorUse, Trajectory
 from ancf_casadi.version import __version__
 from problems.decay_comparison import compare_decay_laws
 from problems.decay_fitting import fit_decay
@@ -83,7 +84,8 @@ def _discard_output() -> None:
 
 def _run(options: argparse.Namespace) -> int:
     written = "nothing was written"
-    with _noted_endings() as noted:
+    with _noted_endings() as noted, warnings.catch_warnings():
+        warnings.showwarning = _show_warning
         try:
             output = options.run(options)
             if output.files:
@@ -95,6 +97,11 @@ def _run(options: argparse.Namespace) -> int:
             return _stopped(noted, written) if noted else _reported(error)
     print(output.text if failure else output.text + output.closing, flush=True)
     return _reported(failure) if failure else 0
+
+
+def _show_warning(message: Warning | str, *where: Any, **more: Any) -> None:
+    """Print a warning as one line, without the place in our sources that Python adds."""
+    print(f"ancf-casadi: warning: {message}", file=sys.stderr)
 
 
 def _write(files: Sequence[Callable[[], object]]) -> Exception | None:
@@ -342,8 +349,14 @@ def _simulate(options: argparse.Namespace) -> Output:
         "seconds": run.wall_seconds,
     }
     if options.json:
-        return Output(_json(summary), files)
-    return Output("\n".join(f"{name:<14}{_plain(value)}" for name, value in summary.items()), files)
+        return Output(_json(summary | {"integrators": [_use(use) for use in run.integrators]}), files)
+    used = ", ".join(f"{use.method} from {use.start:.6g} s at {use.tolerance:.1e}" for use in run.integrators)
+    lines = [f"{name:<14}{_plain(value)}" for name, value in summary.items()]
+    return Output("\n".join([*lines, f"{'integrators':<14}{used}"]), files)
+
+
+def _use(use: IntegratorUse) -> dict[str, Any]:
+    return {"start_s": use.start, "method": use.method, "tolerance": use.tolerance, "reason": use.reason}
 
 
 def _file(path: Path, content: Callable[[], str | bytes]) -> Callable[[], None]:

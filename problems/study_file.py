@@ -50,8 +50,9 @@ tables of a TOML file:
                 law = "modal": ratios, frequencies (Hz);  several tables add up
   [base]        amplitude (m), frequency (Hz), stop (s), direction,
                 stop_at ("rest" or "once")
-  [simulation]  duration (s), sample_rate (1/s), method ("idas" or "radau"),
-                start ("equilibrium", "straight" or "impact"), tolerance
+  [simulation]  duration (s), sample_rate (1/s), tolerance,
+                method ("auto", "idas" or "radau"),
+                start ("equilibrium", "straight" or "impact")
 """
 
 

@@ -8,7 +8,7 @@ with S the diagonal matrix of the scales and w the largest diagonal entry of S J
 the tolerance of the solver speaks of the unknowns in units of their scales.  Gradient and Hessian are CasADi's.
 
 IPOPT ends where the gradient is small in units of the scales, which says little of an unknown that the data hardly
-determine.  With the Hessian of Gauss and Newton, whole steps d of theirs follow, each the solution of a linear least
+determine.  With the Hessian of Gauss and Newton, steps d of theirs follow, each the solution of a linear least
 squares problem within the bounds, until |J d| is a hundredth of the standard deviation of the residuals: then no
 unknown moves by more than a hundredth of its standard error.
 
@@ -58,7 +58,7 @@ TIGHT: Mapping[str, Any] = {
 LEAST_BARRIER, MOST_BARRIER = 1e-12, 0.1  # the tolerance, and the default of IPOPT
 NEAR = 0.1  # standard deviations of the residuals, to which IPOPT goes where steps of Gauss and Newton follow
 POLISHED = 0.01  # standard deviations of the residuals by which a last step may change them
-POLISHING_STEPS = 10
+POLISHING_STEPS, HALVINGS = 20, 5
 AT_BOUND = 1e-6  # of the scale: what an interior point method leaves between an unknown and its bound
 ADVICE = {
     "Maximum_Iterations_Exceeded": "the iteration limit was reached; start closer, or raise 'ipopt.max_iter'",
@@ -217,7 +217,11 @@ def least_squares(
 
     found, polished = solution.x, 0
     if gauss_newton:
-        found, polished = _polished(evaluate, found, lower / scale, upper / scale, huber, systematic)
+        near, steps, settled = _polished(evaluate, found, lower / scale, upper / scale, huber, systematic)
+        if settled:
+            found, polished = near, steps
+        elif noise:
+            raise FitError(f"no minimum was found: {steps} steps of Gauss and Newton do not settle; start closer")
     at_lower, at_upper = found - lower / scale < AT_BOUND, upper / scale - found < AT_BOUND
     values = np.select([at_lower, at_upper], [lower, upper], found * scale)
     remaining, jacobian = _numbers(evaluate, values / scale)
@@ -268,6 +272,11 @@ def loss(residuals: cs.MX, huber: float) -> cs.MX:
     return huber**2 * cs.sum1(cs.sqrt(1 + (residuals / huber) ** 2) - 1)
 
 
+def _loss_of(residuals: NDArray[np.float64], huber: float) -> float:
+    """Return the loss as a number."""
+    return float(cs.evalf(loss(cs.MX(cs.DM(residuals)), huber)))
+
+
 def _gauss_newton(evaluate: cs.Function, huber: float, weight: float, forward: bool) -> dict[str, cs.Function]:
     """Return J' D J, D the slope psi/r of the loss by residual, for Hessian; and the gradient J' psi, if asked for."""
     z, p, factor = cs.MX.sym("z", evaluate.size1_in(0)), cs.MX.sym("p", 0, 1), cs.MX.sym("factor")
@@ -289,25 +298,37 @@ def _polished(
     upper: NDArray[np.float64],
     huber: float,
     systematic: float,
-) -> tuple[NDArray[np.float64], int]:
-    """Return the unknowns after whole steps of Gauss and Newton, and the number of steps."""
-    before = math.inf
+) -> tuple[NDArray[np.float64], int, bool]:
+    """Return the unknowns after steps of Gauss and Newton, the number of steps, and whether they have settled.
+
+    A step that increases the loss by more than its noise is halved.
+    """
+    r, jacobian = _numbers(evaluate, z)
+    size = math.inf
     for count in range(POLISHING_STEPS):
-        r, jacobian = _numbers(evaluate, z)
         slope, curvature = influence(r, huber)
         root = (1 + (r / huber) ** 2) ** -0.75
         rows = root[:, None] * jacobian
         length = np.linalg.norm(rows, axis=0)
         if not (np.isfinite(rows).all() and length.all()):
-            return z, count
+            return z, count, False
         bounds = (length * (lower - z)).tolist(), (length * (upper - z)).tolist()
         step = lsq_linear(rows / length, -slope / root, bounds, method="bvls").x / length
         size = float(np.linalg.norm(rows @ step))
-        variance = dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature
-        if size <= POLISHED * math.sqrt(variance) or not size < before / 2:
-            return z, count
-        z, before = np.clip(z + step, lower, upper), size
-    return z, POLISHING_STEPS
+        deviation = math.sqrt(dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature)
+        if size <= POLISHED * deviation:
+            return z, count, True
+        most = _loss_of(r, huber) + POLISHED * deviation**2
+        for _ in range(HALVINGS):
+            trial = np.clip(z + step, lower, upper)
+            r_trial, jacobian_trial = _numbers(evaluate, trial)
+            if _loss_of(r_trial, huber) <= most:
+                break
+            step = step / 2
+        else:
+            return z, count, size <= NEAR * deviation
+        z, r, jacobian = trial, r_trial, jacobian_trial
+    return z, POLISHING_STEPS, size <= NEAR * deviation
 
 
 def solve_nlp(

@@ -122,6 +122,27 @@ def test_the_hessian_of_gauss_and_newton_leads_to_the_same_minimum(huber):
     assert approximate.iterations != exact.iterations
 
 
+@pytest.mark.parametrize("huber", [math.inf, 0.1])
+@pytest.mark.parametrize("start", [(500.0, 0.0001), (250.0, 0.0005)])
+def test_steps_of_gauss_and_newton_lead_to_the_minimum_where_ipopt_ends_early(start, huber):
+    """Of two unknowns that correlate at 0.999, the gradient says little; the estimates are right to 1 % of an error."""
+    exact = least_squares(misra, [Unknown("b1", 250.0, 100.0), Unknown("b2", 5e-4, 1e-4)], huber=huber)
+    unknowns = [Unknown("b1", start[0], 100.0), Unknown("b2", start[1], 1e-4)]
+    early = {"options": {"ipopt.tol": 1e-3, "ipopt.compl_inf_tol": 1e-3}}
+    found = least_squares(misra, unknowns, huber=huber, gauss_newton=True, **early)
+    np.testing.assert_allclose(found.values, exact.values, rtol=2e-4)
+    assert (abs(found.values - exact.values) < 0.01 * exact.standard_errors).all()
+
+
+def test_steps_of_gauss_and_newton_stay_within_the_bounds():
+    unknowns = [Unknown("a", 0.5, lower=-0.5), Unknown("b", 0.0, upper=1.5)]
+    bound = least_squares(line, unknowns)
+    early = {"options": {"ipopt.tol": 1e-1, "ipopt.compl_inf_tol": 1e-1}}
+    found = least_squares(line, unknowns, gauss_newton=True, **early)
+    assert bound.at_bound.any() and found.at_bound.tolist() == bound.at_bound.tolist()
+    np.testing.assert_allclose(found.values, bound.values, rtol=1e-6)
+
+
 def test_nothing_is_printed(capfd):
     least_squares(line, [Unknown("a", 0.0), Unknown("b", 0.0)])
     with pytest.raises(FitError):

@@ -24,7 +24,7 @@ from ancf_casadi import (
 from ancf_casadi.sensitivity import Problem, Run
 from problems import MarkerRecord, compare_laws, fit_decay, fit_transient, transient_fitting
 from problems.criteria import Candidate, judge
-from problems.transient_tolerance import ALLOWED, COARSEST, TRUST, noise, travel
+from problems.transient_tolerance import ALLOWED, COARSEST, GAIN, TRUST, first_tolerance, noise, travel
 
 BASE = HarmonicBase(0.02, 2.0, stop=0.5)
 NOISE = 0.5e-3  # m
@@ -122,7 +122,7 @@ def test_the_shift_by_the_error_of_integration_is_found_from_one_tighter_integra
 def test_the_fit_selects_a_tolerance_at_which_no_estimate_is_shifted(exact, noise):
     """Without noise what counts is the trust in the record; the truth is within the interval then too."""
     found = drag(exact, noise * np.random.default_rng(1).normal(size=exact[2].positions.shape))
-    assert (found.problem.tolerance < COARSEST) == (noise == 0.0)
+    assert found.problem.tolerance <= COARSEST
     assert abs(found.shifts[0]) <= ALLOWED and not any("integration" in warning for warning in found.warnings)
     assert abs(found.fit.values[0] - 0.2) < 2 * found.fit.standard_errors[0] < 5e-3
     assert found.fit.systematic == pytest.approx(TRUST * travel((exact[2],)), rel=1e-3)
@@ -153,6 +153,18 @@ def test_the_noise_of_a_record_is_told_from_its_motion(model, driven):
     given = NOISE * np.random.default_rng(3).normal(size=swing.shape)
     assert noise([MarkerRecord(time, swing + given)]) == pytest.approx(NOISE, rel=0.1)
     assert noise([MarkerRecord(time, swing)]) < 0.02 * NOISE
+
+
+def test_the_first_tolerance_follows_the_noise_and_without_noise_the_travel():
+    time = np.arange(2000) / 1000.0
+    swing = 1e-3 * np.stack([np.sin(8 * time), np.cos(5 * time)], axis=1)
+    white = np.random.default_rng(3).normal(size=swing.shape)
+    quiet, slight, loud = (first_tolerance([MarkerRecord(time, swing + x * white)], 0.5) for x in (0.0, 2e-6, 1e-3))
+    still = np.sqrt(swing.var(axis=0).mean())
+    assert quiet == pytest.approx(ALLOWED * TRUST * still / (GAIN * 0.5), rel=1e-3) and quiet < COARSEST
+    added = ALLOWED * 2e-6 / (np.sqrt(4000) * GAIN * 0.5)
+    assert slight == pytest.approx(np.hypot(quiet, added), rel=0.05) and slight > 1.2 * quiet
+    assert loud == COARSEST
 
 
 def test_a_motion_that_fails_at_the_guess_is_said_to(model, driven):

@@ -312,16 +312,6 @@ class _Symbols:
         return cs.repmat(vector, 1, STAGES)
 
 
-def stage_motion(z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, clamps: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
-    """Return e, e_t and e_tt at the stages, (4 n + 4, 3), from the increments Z and what is given for the step."""
-    inverse = cs.DM(RADAU.inverse).T
-    rates = z @ inverse / h
-    accelerations = (rates - cs.repmat(v, 1, STAGES)) @ inverse / h
-    nodes = cs.vertsplit(clamps, NODE)
-    coordinates = cs.repmat(q, 1, STAGES) + z
-    return cs.vertcat(nodes[0], coordinates), cs.vertcat(nodes[1], rates), cs.vertcat(nodes[2], accelerations)
-
-
 def _columns(vector: cs.MX) -> cs.MX:
     """Return a vector as one column for each node."""
     return cs.reshape(vector, NODE, -1)

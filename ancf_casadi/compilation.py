@@ -215,8 +215,8 @@ def _give_up(compiler: tuple[str, ...], why: str) -> None:
     """Say once that the virtual machine serves, and try a compiler no more."""
     _failed.add(compiler)
     warnings.warn(
-        f"{why}; the equations run uncompiled, two to four times slower. Install gcc or clang, set CC to a C compiler, or "
-        "pip install 'ancf-casadi[compiler]'; ANCF_CASADI_COMPILE=0 turns compilation off",
+        f"{why}; the equations run uncompiled, two to four times slower. Install gcc or clang, set CC to a C compiler, "
+        "or pip install 'ancf-casadi[compiler]'; ANCF_CASADI_COMPILE=0 turns compilation off",
         stacklevel=4,
     )
 

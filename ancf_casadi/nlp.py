@@ -304,7 +304,7 @@ def _polished(
     A step that increases the loss by more than its noise is halved.
     """
     r, jacobian = _numbers(evaluate, z)
-    size = math.inf
+    size = before = math.inf
     for count in range(POLISHING_STEPS):
         slope, curvature = influence(r, huber)
         root = (1 + (r / huber) ** 2) ** -0.75
@@ -316,8 +316,9 @@ def _polished(
         step = lsq_linear(rows / length, -slope / root, bounds, method="bvls").x / length
         size = float(np.linalg.norm(rows @ step))
         deviation = math.sqrt(dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature)
-        if size <= POLISHED * deviation:
+        if size <= POLISHED * deviation or before / 2 < size <= NEAR * deviation:  # the latter by noise of evaluation
             return z, count, True
+        before = size
         most = _loss_of(r, huber) + POLISHED * deviation**2
         for _ in range(HALVINGS):
             trial = np.clip(z + step, lower, upper)

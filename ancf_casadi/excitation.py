@@ -161,9 +161,12 @@ class SweepBase(BaseMotion):
     frequencies : (float, float)
         Frequency at time 0 and at the stop, Hz, above 0.
     stop : float
-        Time of the stop, s, above 0; the base speed jumps to zero there.
+        Time asked for the stop, s, above 0.
     direction : (float, float)
         Direction of the motion, any length above 0; kept as a unit vector.
+    stop_at : {"rest", "once"}
+        ``rest``: sweep on to the first instant of zero base velocity after ``stop``, and hold.  ``once``: stop at
+        ``stop`` itself, where the base velocity may jump: a blow to the clamp.
 
     Raises
     ------
@@ -175,6 +178,7 @@ class SweepBase(BaseMotion):
     frequencies: tuple[float, float]
     stop: float
     direction: tuple[float, float] = (1.0, 0.0)
+    stop_at: StopAt = "rest"
 
     def __post_init__(self) -> None:
         """Validate, and normalise the direction."""
@@ -182,6 +186,7 @@ class SweepBase(BaseMotion):
         for frequency in vector(self.frequencies, "frequencies"):
             physical(frequency, "frequencies")
         physical(self.stop, "stop")
+        choice(self.stop_at, get_args(StopAt), "stop_at")
         object.__setattr__(self, "direction", _unit(self.direction))
 
     @property
@@ -189,15 +194,29 @@ class SweepBase(BaseMotion):
         """The amplitude, m."""
         return (("amplitude", self.amplitude),)
 
+    @property
+    def stop_time(self) -> float:
+        """Time at which the base does stop, s."""
+        if self.stop_at == "once":
+            return self.stop
+        first, rate = self.frequencies[0], self._rate
+        cycles = (math.ceil((sum(self.frequencies) * self.stop) - 0.5 - 1e-9) + 0.5) / 2
+        square = first**2 + 2 * rate * cycles
+        return 2 * cycles / (first + math.sqrt(square)) if square > 0.0 else -first / rate  # where the frequency is 0
+
+    @property
+    def _rate(self) -> float:
+        """Rate of the frequency, Hz/s."""
+        return (self.frequencies[1] - self.frequencies[0]) / self.stop
+
     def pieces(self) -> tuple[Piece, ...]:
         """Return the sweep and the hold."""
-        first, last = self.frequencies
-        rate = (last - first) / self.stop
+        first, rate = self.frequencies[0], self._rate
 
         def sweep(t: cs.MX, amplitude: cs.MX) -> cs.MX:
             return amplitude * cs.sin(2 * math.pi * (first * t + rate * t**2 / 2))
 
-        return _until(self.stop, _along(self.direction, sweep))
+        return _until(self.stop_time, _along(self.direction, sweep))
 
 
 @final

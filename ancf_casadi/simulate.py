@@ -139,7 +139,7 @@ def simulate(
     paths: list[Path] = []
     uses: list[IntegratorUse] = []
     interrupted = False
-    with noted_interrupts() as interrupts, tqdm(total=length, disable=not progress, bar_format=BAR) as bar:
+    with noted_interrupts() as interrupts:
         pieces = smooth_pieces(equations, base, float(instants[0]), float(instants[-1]))
         nodes = clamped_nodes(pieces)
         state = initial_state(model, pieces[0].clamp, start)
@@ -154,19 +154,20 @@ def simulate(
             largest_step=largest_step,
             options=options or {},
         )
-        try:
-            for path, use in integration.integrate():
-                paths.append(path)
-                if not uses or use != uses[-1]:
-                    uses.append(use)
-                _check_steps(paths, most_steps)
-                if interrupts:
-                    interrupted = True
-                    break
-                bar.update(min(path.stretch.length, length - bar.n))
-        except SimulationError as error:
-            error.partial = _trajectory(model, instants, paths, uses, began)
-            raise
+        with tqdm(total=length, disable=not progress, bar_format=BAR) as bar:
+            try:
+                for path, use in integration.integrate():
+                    paths.append(path)
+                    if not uses or use != uses[-1]:
+                        uses.append(use)
+                    _check_steps(paths, most_steps)
+                    if interrupts:
+                        interrupted = True
+                        break
+                    bar.update(min(path.stretch.length, length - bar.n))
+            except SimulationError as error:
+                error.partial = _trajectory(model, instants, paths, uses, began)
+                raise
     run = replace(_trajectory(model, instants, paths, uses, began), interrupted=interrupted)
     for warning in run.warnings:
         warnings.warn(warning, stacklevel=2)

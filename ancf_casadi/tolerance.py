@@ -1,14 +1,15 @@
 """Default tolerances from the motion that is to be expected.
 
 An integrator with the local error tau relative to the length L of the beam damps a small motion of amplitude A, and
-shifts its frequency, by amounts that depend on tau L/A alone.  The travel A expected is the largest of
+shifts its frequency, by amounts that depend on tau L/A alone.  Two things move the beam:
 
-    the travel of the base,  L times its rotation,
-    the distance of the start from rest under gravity,  and  v/w_1 of a start with velocities v relative to the clamp,
+    its base, by the larger of its travel and L times its rotation,
+    its start, by the larger of its distance from rest under gravity and v/w_1, v the velocity relative to the clamp,
 
-with w_1 = 1.8751^2 (E I/mu)^1/2/L^2 of the mean section.  A resonance travels farther and is then more accurate than
-asked for.  The shares below keep numerical damping under 1e-5 and the frequency within 3e-5 in the first five modes
-(measured, ``docs/accuracy.md``).
+with w_1 = 1.8751^2 (E I/mu)^1/2/L^2 of the mean section.  The travel A that is expected is the larger of the two; where
+both move the beam, it is the smaller, but a tenth of the larger at least, so that a fast small motion is followed
+on a slow large one.  A resonance travels farther and is then more accurate than asked for.  The shares below keep
+numerical damping under 1e-5 and the frequency within 3e-5 in the first five modes (``docs/accuracy.md``).
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ Array = NDArray[np.float64]
 IDAS_SHARE, RADAU_SHARE = 6e-8, 2e-5  # tolerance over expected travel
 IDAS_LARGEST, RADAU_LARGEST = 1e-8, 3e-7
 IDAS_SMALLEST, RADAU_SMALLEST = 1e-10, 1e-12  # that rounding allows
-NOTHING = 1e-9  # of the length: a travel that is rounding
+NOTHING = 1e-6  # of the length: a travel that counts as none
+LEAST_SHARE = 0.1  # of the larger of two motions
 FIRST_ROOT = 1.8751040687  # beta_1 L of a cantilever
 
 
@@ -64,7 +66,8 @@ def expected_travel(model: Model, clamps: Array, start: State) -> float:
     spin = slope[0, 0] * rates[3] - slope[0, 1] * rates[2]
     rigid = rates[:2] + spin * np.column_stack([-arms[:, 1], arms[:, 0]])
     swing = np.linalg.norm(start.velocities.reshape(-1, NODE)[:, :2] - rigid, axis=1).max() / _first_frequency(model)
-    return float(max(travel, length * turn, distance, swing) / length)
+    smaller, larger = sorted((max(travel, length * turn) / length, max(distance, swing) / length))
+    return float(larger if smaller < NOTHING else max(smaller, LEAST_SHARE * larger))
 
 
 def _rest(model: Model, clamp: Array) -> Array:

@@ -6,6 +6,7 @@ import pytest
 
 from ancf_casadi import Beam, Model
 from ancf_casadi.corotation import Corotation
+from ancf_casadi.equations import as_it_is
 from ancf_casadi.model import NODE
 
 BEAM = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9, "elements": 6}
@@ -31,7 +32,7 @@ def transfer(model, reference, other):
     """X, (N, N), and its transpose as the residuals see it."""
     first, e = cs.MX.sym("first", model.size), cs.MX.sym("e", model.size)
     vector = cs.MX.sym("vector", model.size - NODE)
-    corotation = Corotation(model, 1)
+    corotation = Corotation(model, 1, as_it_is)
     turns = corotation.turns(first, e)
     both = cs.Function("both", [first, e, vector], [corotation.forth(vector, turns), corotation.back(vector, turns)])
     columns = [both(reference, other, unit) for unit in np.eye(model.size - NODE)]
@@ -76,7 +77,7 @@ def test_continuing_a_steady_bending(model):
     expected = np.column_stack([bent(model, 1.0 + t, 0.2 * t) for t in ahead])
     clamped = expected[:NODE]
     found = cs.evalf(
-        Corotation(model, 3).continued(cs.MX(cs.DM(polynomials)), cs.MX(cs.DM(motion)), cs.MX(cs.DM(clamped)))
+        Corotation(model, 3, as_it_is).continued(cs.MX(cs.DM(polynomials)), cs.MX(cs.DM(motion)), cs.MX(cs.DM(clamped)))
     ).full()
     still = np.abs(motion[NODE:, [-1]] - expected[NODE:]).max()
     assert np.abs(found - expected[NODE:]).max() < 1e-4 * still

@@ -131,14 +131,14 @@ def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
         None,
     ][number // 4]
     pull = static_equilibrium(model, tip_force=(rng.uniform(0.1, 1.0) * BENDING_STIFFNESS / L**2, 0.0))
-    start = [pull, "straight"][number % 2] if base is None else ["equilibrium", "straight", pull][rng.integers(3)]
+    straight = "equilibrium" if hanging else "straight"  # a hanging beam hardly stretches as its weight sets in
+    start = pull if base is None else ["equilibrium", straight, pull][rng.integers(3)]
     run = quietly(model, damping=law, base=base, start=start, duration=1.0)
     scale = max(np.ptp(run.kinetic_energy), np.ptp(run.strain_energy))
     assert scale > 0.0
     assert abs(run.balance_error).max() < 1e-4 * scale
-    steps = {use.method: 0.0 for use in run.integrators} | {run.integrators[-1].method: float(run.steps)}
-    assert steps.get("idas", 0.0) <= IDAS_WORK / FEWEST_ELEMENTS + 2 * SPARE_STEPS
-    assert steps.get("radau", 0.0) < 30_000
+    given_to_idas = IDAS_WORK / FEWEST_ELEMENTS + 2 * SPARE_STEPS if run.integrators[0].method == "idas" else 0
+    assert run.steps < given_to_idas + 45_000
 
 
 # ------------------------------------------------------------------------- which integrator, and how accurate
@@ -194,8 +194,8 @@ def test_the_expected_travel_is_that_of_base_and_start():
     rest = State(model.straight, np.zeros(model.size))
     assert expected_travel(model, still, rest) < 1e-15
     moved, turned = still.copy(), still.copy()
-    moved[1, :2] = 3e-3, 4e-3
-    assert expected_travel(model, moved, rest) == pytest.approx(5e-3 / L)
+    moved[1, :2] = 1.2e-3, 1.6e-3
+    assert expected_travel(model, moved, rest) == pytest.approx(2e-3 / L)
     turned[1, 2:4] = np.sin(0.2), -np.cos(0.2)
     assert expected_travel(model, turned, rest) == pytest.approx(0.2)
     pulled = static_equilibrium(model, tip_force=(1e-3, 0.0))
@@ -207,6 +207,10 @@ def test_the_expected_travel_is_that_of_base_and_start():
     assert expected_travel(model, still, State(model.straight, kick)) == pytest.approx(
         0.1 / natural_modes(model, count=1).angular[0] / L, rel=1e-2
     )
+    shaken = State(pulled.coordinates, rest.velocities)
+    assert expected_travel(model, moved, shaken) == pytest.approx(2e-3 / L)
+    moved[1, :2] = 3e-6, 4e-6
+    assert expected_travel(model, moved, shaken) == pytest.approx(0.1 * expected_travel(model, still, shaken))
 
 
 # ------------------------------------------------------------------------------------ going on from a state
@@ -232,7 +236,7 @@ def test_going_on_from_any_sample_of_a_driven_run_gives_the_uninterrupted_run(wh
     rest = simulate(whole.model, damping=DAMPED, base=BASE, start=state, **settings)
     first = sample % len(whole.time)
     np.testing.assert_allclose(rest.time, whole.time[first:], atol=1e-12)
-    assert abs(rest.tip - whole.tip[first:]).max() < 1e-6
+    assert abs(rest.tip - whole.tip[first:]).max() < 1e-4 * np.ptp(whole.tip[:, 0])
     np.testing.assert_allclose(rest.coordinates[0], state.coordinates, atol=1e-15)
     assert np.ptp(whole.tip[first:, 0]) > 5e-3
 

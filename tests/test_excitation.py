@@ -81,10 +81,21 @@ def test_a_sweep_begins_with_the_first_frequency_and_ends_with_the_last():
 
 
 def test_a_sweep_holds_where_it_stops():
-    base = SweepBase(2e-3, (1.0, 2.2), stop=1.7, direction=(0.0, 2.0))
+    base = SweepBase(2e-3, (1.0, 2.2), stop=1.7, direction=(0.0, 2.0), stop_at="once")
     reached, held = motion(base, [1.7, 5.0])
     np.testing.assert_allclose(held, reached, atol=1e-15)
     assert abs(reached[1]) > 1e-4 and reached[0] == reached[2] == 0.0
+
+
+@pytest.mark.parametrize("frequencies", [(1.0, 2.2), (2.2, 1.0), (4.0, 0.1), (1.5, 1.5)])
+def test_a_sweep_stops_at_rest(frequencies):
+    """At the first instant of zero velocity after the time asked for: half a period later at most."""
+    base = SweepBase(2e-3, frequencies, stop=1.7)
+    assert 1.7 <= base.stop_time < 1.7 + 0.55 / (2 * frequencies[1] if frequencies[1] > 1 else 0.1)
+    t = np.linspace(1.7, base.stop_time, 201)
+    velocity = motion(base, t, order=1)[:, 0]
+    assert abs(velocity[-1]) < 1e-9 and (np.diff(np.sign(velocity[:-1])) == 0).all()
+    np.testing.assert_allclose(*motion(base, [base.stop_time, base.stop_time + 1.0]), atol=1e-12)
 
 
 def test_a_recorded_motion_passes_through_its_samples_counted_from_the_first_and_holds_the_last():

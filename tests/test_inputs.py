@@ -72,7 +72,7 @@ run = partial(simulate, MODEL, duration=0.1)
         (lambda: run(base="x"), "base: must be a BaseMotion, got 'x'"),
         (lambda: run(start=np.zeros(12)), "start: must be a text, an Equilibrium or a State, got an array; use State("),
         (lambda: run(options=[1]), "options: must be a mapping, got a list"),
-        (lambda: run(method=np.array(["idas", "radau"])), "method: must be one of idas, radau, got array("),
+        (lambda: run(method=np.array(["idas", "radau"])), "method: must be one of auto, idas, radau, got array("),
         (lambda: run(progress=np.ones(2)), "progress: must be True or False, got array([1., 1.])"),
         (lambda: run(largest_step=np.ones(2)), "largest_step: must be a finite number, got array([1., 1.])"),
         (lambda: State([1.0], "x"), "velocities: must be numbers"),

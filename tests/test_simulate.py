@@ -493,7 +493,7 @@ def test_progress_is_shown_on_the_error_stream_only_when_asked_for(small, capfd)
 
 def test_a_failing_integration_is_one_line_of_advice_and_nothing_else_is_printed(small, capfd):
     with pytest.raises(
-        SimulationError, match=r"^IDAS took too many steps between two samples at \S+e-0\d s: modes .*; try "
+        SimulationError, match=r"^IDAS took too many steps between two samples at \S+e-\d\d s: modes .*; try "
     ) as caught:
         simulate(small, start="straight", duration=0.1, method="idas", options={"max_num_steps": 1})
     assert "\n" not in str(caught.value)

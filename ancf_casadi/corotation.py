@@ -127,7 +127,7 @@ class Corotation:
         to_pair = np.kron(values, plane)
         to_step = np.kron(np.array([[0.5, 0.5], [-1 / span, 1 / span]]), plane)
         link = _link(to_pair, to_pair, to_step, self.configurations)
-        return Link(*(self.make(side_by_side(function)) for function in link))
+        return Link(*(self.make(side_by_side(one, is_diff_in=[False] * one.n_in())) for one in link))
 
     @cached_property
     def _clamp(self) -> Link:

@@ -22,7 +22,7 @@ import scipy.linalg
 import scipy.sparse
 from numpy.typing import NDArray
 
-from ancf_casadi.collocation import Collocation
+from ancf_casadi.collocation import Collocation, stage_motion
 from ancf_casadi.model import NODE
 from ancf_casadi.tableau import RADAU, STAGES
 
@@ -137,12 +137,7 @@ class Tangent:
         """Return e, e_t and e_tt at the stages, (4 n + 4, 3), and the parameters."""
         ends = np.cumsum([0, self._free, self._free, STAGES * 3 * NODE]).tolist()
         q, v, clamps, parameters = cs.vertsplit(u, [*ends, u.numel()])
-        inverse, nodes = cs.DM(RADAU.inverse).T, cs.vertsplit(cs.reshape(clamps, 3 * NODE, STAGES), NODE)
-        rates = z @ inverse / h
-        accelerations = (rates - cs.repmat(v, 1, STAGES)) @ inverse / h
-        free = (cs.repmat(q, 1, STAGES) + z, rates, accelerations)
-        e, e_t, e_tt = (cs.vertcat(node, part) for node, part in zip(nodes, free, strict=True))
-        return e, e_t, e_tt, parameters
+        return *stage_motion(z, q, v, h, cs.reshape(clamps, 3 * NODE, STAGES)), parameters
 
     def _residual(self, z: cs.MX, h: cs.MX, u: cs.MX) -> cs.MX:
         """Return R, one stage after the other."""

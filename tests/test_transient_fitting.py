@@ -309,7 +309,6 @@ def test_a_record_that_makes_no_sense_is_refused(changes, message):
         ),
         ({"fixed": ("eta3",)}, "fixed: must be one of eta1, eta2, got 'eta3'"),
         ({"start": ("force",)}, "start: must be one of force_x"),
-        ({"start": ("force_x",)}, "start: must be an equilibrium, for its load"),
         ({"fixed": ("eta1", "eta2")}, "damping: nothing is to be estimated"),
         ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: beta: not to be estimated"),
         ({"bounds": {"eta1": (1.0, 2.0)}}, "eta1: the guess 0.6 is not within"),
@@ -318,6 +317,11 @@ def test_a_record_that_makes_no_sense_is_refused(changes, message):
 def test_unknowns_that_make_no_sense_are_refused(model, driven, settings, message):
     with pytest.raises(InputError, match=message):
         fit_transient(model, driven, TRUTH, **settings)
+
+
+def test_a_load_is_estimated_only_where_a_record_starts_from_an_equilibrium(model, driven):
+    with pytest.raises(InputError, match="start: must be an equilibrium, for its load"):
+        fit_transient(model, replace(driven, start="impact"), TRUTH, start=("force_x",))
 
 
 def test_no_record_or_law_or_a_point_off_the_beam_is_refused(model, driven):

@@ -21,6 +21,7 @@ from ancf_casadi.element import axial_strain
 from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.excitation import BaseMotion, FixedBase
+from ancf_casadi.inputs import shown
 from ancf_casadi.model import NODE, Model
 from ancf_casadi.trajectory import State
 
@@ -89,7 +90,7 @@ def check_start(model: Model, start: Start | Equilibrium | State) -> None:
             raise InputError("the equilibrium belongs to another model", "start")
     elif not isinstance(start, State) and not (isinstance(start, str) and start in get_args(Start)):
         known = ", ".join(get_args(Start))
-        raise InputError(f"must be one of {known}, an Equilibrium or a State, got {start!r}", "start")
+        raise InputError(f"must be one of {known}, an Equilibrium or a State, got {shown(start)}", "start")
 
 
 def rigid_motion(model: Model) -> cs.Function:

@@ -27,7 +27,7 @@ from ancf_casadi.trajectory import State
 Array = NDArray[np.float64]
 
 IDAS_SHARE, RADAU_SHARE = 6e-8, 2e-5  # tolerance over expected travel
-IDAS_LARGEST, RADAU_LARGEST = 1e-8, 3e-7
+IDAS_LARGEST, RADAU_LARGEST = 1e-9, 3e-7
 IDAS_SMALLEST, RADAU_SMALLEST = 1e-10, 1e-12  # that rounding allows
 NOTHING = 1e-6  # of the length: a travel that counts as none
 LEAST_SHARE = 0.1  # of the larger of two motions

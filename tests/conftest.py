@@ -1,5 +1,6 @@
-"""Beams that several tests share."""
+"""Beams that several tests share, and the surroundings that all tests have."""
 
+import signal
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -17,6 +18,14 @@ def interpreted(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         patch.setenv("ANCF_CASADI_COMPILE", "0")
         patch.setenv("ANCF_CASADI_CACHE", str(tmp_path_factory.mktemp("cache")))
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def signals() -> None:
+    """Take signals as a program in a terminal does, also in the background, where some are ignored."""
+    for number in (signal.SIGINT, getattr(signal, "SIGHUP", signal.SIGTERM), signal.SIGTERM):
+        if signal.getsignal(number) == signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session")

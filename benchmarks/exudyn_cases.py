@@ -139,7 +139,7 @@ def blow(quick: bool) -> Case:
         bars=(Bar("amplitude", 1e-2), Bar("error", 1e-3)),
         tolerances={
             "idas": (2e-7, 1e-7, 3e-8) if quick else (2e-7, 1e-7, 3e-8, 1e-8, 3e-9),
-            "radau": (1e-4, 5e-5, 2e-5, 2e-6, 1e-6, 5e-7, 2e-7),
+            "radau": (1e-4, 5e-5, 3e-5, 2e-5, 2e-6, 1e-6, 5e-7, 2e-7),
         },
         converged=1e-8 if quick else 1e-9,
         steps=(0.2e-3, 0.1e-3, 50e-6, 20e-6) if quick else (0.2e-3, 0.1e-3, 50e-6, 20e-6, 10e-6, 5e-6),

@@ -100,7 +100,7 @@ class Equations:
         Parameters
         ----------
         name : str
-            Which.
+            Name of the kernel.
         balance : Balance
             The terms of the equation of motion, with their parameters.
         vectors : MX (4 n + 4, s)

@@ -57,6 +57,11 @@ class BaseMotion(ABC):
     def pieces(self) -> tuple[Piece, ...]:
         """Return the smooth parts in order, from time 0; the last has no end."""
 
+    @final
+    def pieces_after(self, time: float) -> list[Piece]:
+        """Return the smooth parts that end after a time (s)."""
+        return [piece for piece in self.pieces() if piece.end > time]
+
 
 @final
 @dataclass(frozen=True)

@@ -29,7 +29,9 @@ Array = NDArray[np.float64]
 Start = Literal["equilibrium", "straight", "impact"]
 
 LARGEST_STRETCH = 0.01  # axial strain of a given state; that of an equilibrium is balanced
-CLOSE = 1e-6  # of the length (positions), of 1 (slopes) and of the largest velocity: difference of a state and its base
+AGREEMENT = (
+    1e-6  # of the length (positions), of 1 (slopes) and of the largest velocity: difference of a state and its base
+)
 
 
 def base_of(model: Model, base: BaseMotion | None, start: Start | Equilibrium | State) -> BaseMotion:
@@ -119,7 +121,7 @@ def _check_state(model: Model, clamp: Array, state: State) -> None:
         )
     node, rates, _ = np.split(clamp, 3)
     off = np.abs(state.coordinates[:NODE] - node) / np.array([model.beam.length, model.beam.length, 1.0, 1.0])
-    if off.max() > CLOSE:
+    if off.max() > AGREEMENT:
         raise InputError(
             f"the clamp of the state is at {_point(state.coordinates)}, that of the base motion at {_point(node)} at "
             f"{state.time:g} s, or turned against it; give the base motion that led there and the time of the state, "
@@ -127,7 +129,7 @@ def _check_state(model: Model, clamp: Array, state: State) -> None:
             "start",
         )
     difference = np.abs(state.velocities[:NODE] - rates).max()
-    if difference > CLOSE * max(np.abs(state.velocities).max(), np.abs(rates).max()):
+    if difference > AGREEMENT * max(np.abs(state.velocities).max(), np.abs(rates).max()):
         raise InputError(
             f"the clamp of the state has the velocity {_point(state.velocities)} m/s, the base motion "
             f"{_point(rates)} m/s at {state.time:g} s, which is an impact; give the base motion that led there and the "

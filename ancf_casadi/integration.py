@@ -79,7 +79,7 @@ class Integration:
     tolerance : float or None
         Its tolerance; None for one that follows the expected travel.
     travel : float
-        The expected travel, relative to the length of the beam.
+        The expected travel, relative to the length of the beam; of no account where a tolerance is given.
     largest_step : float
         No step is longer, s.
     options : mapping

@@ -249,7 +249,7 @@ class Problem:
     @cached_property
     def _pieces(self) -> list[Piece]:
         """The pieces of the base motion that end after the start."""
-        return [piece for piece in self.base.pieces() if piece.end > self.times[0]]
+        return self.base.pieces_after(float(self.times[0]))
 
     @cached_property
     def _form(self) -> Collocation:

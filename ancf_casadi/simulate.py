@@ -150,7 +150,7 @@ def simulate(
             sample_rate=sample_rate,
             method=method,
             tolerance=tolerance,
-            travel=expected_travel(model, nodes, state),
+            travel=expected_travel(model, nodes, state) if tolerance is None else math.nan,
             largest_step=largest_step,
             options=options or {},
         )
@@ -178,10 +178,9 @@ def simulate(
 def smooth_pieces(equations: Equations, base: BaseMotion, begin: float, end: float) -> list[SmoothPiece]:
     """Return the smooth pieces of a base motion between two instants (s)."""
     pieces = []
-    for piece in base.pieces():
-        if piece.end > begin:
-            pieces.append(SmoothPiece(begin, min(piece.end, end), equations.clamp(piece, base)))
-            begin = piece.end
+    for piece in base.pieces_after(begin):
+        pieces.append(SmoothPiece(begin, min(piece.end, end), equations.clamp(piece, base)))
+        begin = piece.end
         if begin >= end:
             break
     return pieces

@@ -90,7 +90,7 @@ class DampingLaw(ABC):
 
     @property
     def dissipative(self) -> bool:
-        """Whether the force takes energy out of every motion, or none."""
+        """True if the force adds energy to no motion."""
         return True
 
     def projection(self, model: Model) -> Array:
@@ -139,7 +139,7 @@ class SumOfLaws(DampingLaw):
 
     @property
     def dissipative(self) -> bool:
-        """Whether every term is."""
+        """True if every term adds energy to no motion."""
         return all(law.dissipative for law in self.laws)
 
     def with_parameters(self, values: Sequence[float] | Array) -> SumOfLaws:

@@ -165,7 +165,7 @@ def simulate_reduced(
             f"makes {(finish - origin) * per_second:.1e} steps, more than {MOST_STEPS:.0e}", "steps_a_period"
         )
     longest = 1 / per_second
-    pieces = [piece for piece in base.pieces() if piece.end > origin]
+    pieces = base.pieces_after(origin)
     state = initial_state(reduced.model, Equations(reduced.model, reduced.law).clamp(pieces[0], base), start)
     small = reduced.rhs.n_instructions() <= COMPILED_UP_TO
     advance = _advance(reduced, compile_it=small and finish - origin >= COMPILED_FROM)

@@ -1,10 +1,11 @@
 """Damping and property identification, and large-motion simulation, of very flexible beams."""
 
-from ancf_casadi.beam import Beam, Section
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
-from ancf_casadi.differentiable import motion
-from ancf_casadi.element import StrainMeasures
-from ancf_casadi.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.decay.measurement import Measurement
+from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
+from ancf_casadi.dynamics.derivatives.differentiable import motion
+from ancf_casadi.dynamics.simulation import simulate
+from ancf_casadi.dynamics.trajectory import State, Trajectory
 from ancf_casadi.exceptions import (
     AncfError,
     EquilibriumError,
@@ -13,15 +14,14 @@ from ancf_casadi.exceptions import (
     NumericsError,
     SimulationError,
 )
-from ancf_casadi.excitation import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
-from ancf_casadi.measurement import Measurement
-from ancf_casadi.model import Model
-from ancf_casadi.modes import Modes, modal_assurance, natural_modes
-from ancf_casadi.parallel import run_all
+from ancf_casadi.mechanics.beam import Beam, Section
+from ancf_casadi.mechanics.element import StrainMeasures
+from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, ReducedTrajectory, reduce_model, simulate_reduced
-from ancf_casadi.simulate import simulate
-from ancf_casadi.trajectory import State, Trajectory
+from ancf_casadi.support.parallel import run_all
 from ancf_casadi.version import __version__
+from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.vibration.modes import Modes, modal_assurance, natural_modes
 
 __all__ = [
     "AncfError",

@@ -10,12 +10,13 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from ancf_casadi.beam import PROPERTIES, Beam
-from ancf_casadi.envelope import DampingCurve
-from ancf_casadi.measurement import Measurement
-from ancf_casadi.trajectory import Trajectory
+from ancf_casadi.decay.envelope import DampingCurve
+from ancf_casadi.decay.measurement import Measurement
+from ancf_casadi.dynamics.trajectory import Trajectory
+from ancf_casadi.mechanics.beam import PROPERTIES, Beam
+from ancf_casadi.support.arrays import Array
 
 MEASURED = "#222222"
 COMPUTED = "#1b7f5c"
@@ -31,9 +32,7 @@ def png(figure: Figure) -> bytes:
     return out.getvalue()
 
 
-def decay_figure(
-    record: Measurement, fitted: Callable[[ArrayLike], NDArray[np.float64]], release_time: float
-) -> Figure:
+def decay_figure(record: Measurement, fitted: Callable[[ArrayLike], Array], release_time: float) -> Figure:
     """Draw a record and the fitted displacement from the release (s) on."""
     figure = Figure(figsize=(8, 3.6), layout="constrained")
     axes = figure.subplots()
@@ -46,7 +45,7 @@ def decay_figure(
     return figure
 
 
-def fit_figure(time: NDArray[np.float64], measured: NDArray[np.float64], fitted: NDArray[np.float64]) -> Figure:
+def fit_figure(time: Array, measured: Array, fitted: Array) -> Figure:
     """Draw measured (m) and fitted displacement (m) over time (s), what is left, and how that correlates with itself.
 
     White residuals have 95 % of their autocorrelation within the dotted lines.
@@ -103,7 +102,7 @@ def motion_figure(run: Trajectory) -> Figure:
     return figure
 
 
-def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, NDArray[np.float64]]) -> Figure:
+def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, Array]) -> Figure:
     """Draw how the properties of a beam changed along it, and between what they may be.
 
     Parameters

@@ -41,8 +41,8 @@ import numpy as np
 from exudyn_cases import BEAM, LAWS, SAMPLE_RATE, Array, Bar, Case, Solution, blow, damping, large, solve_exudyn
 
 from ancf_casadi import Model, natural_modes, simulate, static_equilibrium
-from ancf_casadi.model import NODE
-from ancf_casadi.simulate import Method
+from ancf_casadi.dynamics.simulation import Method
+from ancf_casadi.mechanics.model import NODE
 
 ORDER = 2  # of generalized alpha
 FINER = 1.5  # times the steps of the finest rung are due to a converged solution

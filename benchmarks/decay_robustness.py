@@ -20,11 +20,11 @@ import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
 
+from ancf_casadi.decay.friction import friction_decay
+from ancf_casadi.decay.one_mode import one_mode_decay
 from ancf_casadi.exceptions import AncfError
-from ancf_casadi.friction import friction_decay
-from ancf_casadi.one_mode import one_mode_decay
 from problems import fit_decay
-from problems.decay_laws import Law
+from problems.decay.laws import Law
 
 SHARES = {
     "linear": (0.0, 1.0, 0.0),

@@ -43,9 +43,9 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.damping import DRAG_CONSTANT, DampingLaw
-from ancf_casadi.model import NODE
-from ancf_casadi.shape import gauss
-from ancf_casadi.simulate import Method, Start
+from ancf_casadi.dynamics.simulation import Method, Start
+from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.shape import gauss
 
 Array = NDArray[np.float64]
 

@@ -24,10 +24,10 @@ from ancf_casadi import (
     Model,
     RayleighDamping,
     natural_modes,
-    radau,
     simulate,
     static_equilibrium,
 )
+from ancf_casadi.dynamics.radau import stepper as radau
 
 BEAM: dict[str, Any] = {
     "length": 0.5,

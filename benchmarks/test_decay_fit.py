@@ -6,8 +6,8 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi.decay import linear_decay
-from problems.decay_fitting import fit_decay
+from ancf_casadi.decay.closed_forms import linear_decay
+from problems.decay.fitting import fit_decay
 
 
 @pytest.mark.parametrize("law", ["linear", "quadratic", "friction"])

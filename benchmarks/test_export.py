@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, ModalDamping, Model, RayleighDamping, natural_modes
-from ancf_casadi.compilation import Buffered
 from ancf_casadi.export import beam_functions, values, write_c
+from ancf_casadi.support.compilation import Buffered
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, Model, natural_modes, static_equilibrium
-from problems import match_frequencies, paper
+from problems import match_frequencies
+from problems.study import paper
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 EXACT = (1.655293122, 10.373544922, 29.046226159, 56.919010528, 94.091202772)  # Hz, without gravity

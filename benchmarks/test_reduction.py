@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, ModalDamping, Model, QuadraticDamping, natural_modes, reduce_model, simulate
-from ancf_casadi.reduction.motion import project
 from ancf_casadi.reduction.projection import BASE
-from problems import paper
+from ancf_casadi.reduction.stepping import project
+from problems.study import paper
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 SAMPLES = 500  # of 1 s

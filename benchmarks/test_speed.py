@@ -19,10 +19,11 @@ from ancf_casadi import (
     natural_modes,
     simulate,
 )
-from ancf_casadi.compilation import compiled, interpreted
-from ancf_casadi.equations import Equations
-from ancf_casadi.idas import SemiExplicit
-from problems import match_frequencies, paper
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.idas import SemiExplicit
+from ancf_casadi.support.compilation import compiled, interpreted
+from problems import match_frequencies
+from problems.study import paper
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)

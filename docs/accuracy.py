@@ -26,8 +26,8 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.damping import ProportionalStiffness
-from ancf_casadi.integration import Method
-from ancf_casadi.modes import Modes
+from ancf_casadi.dynamics.integration import Method
+from ancf_casadi.vibration.modes import Modes
 
 Array = NDArray[np.float64]
 

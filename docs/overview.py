@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 
 from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, simulate
 from ancf_casadi.plot import MEASURED, png
-from problems import paper
-from problems.reproduction import LAWS
-from problems.study_figures import COLOURS
+from problems.study import paper
+from problems.study.figures import COLOURS
+from problems.study.reproduction import LAWS
 
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.876, stop=10.0)
 

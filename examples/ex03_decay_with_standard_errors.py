@@ -7,7 +7,7 @@ unbiased fit can have smaller standard errors than the Cramer-Rao bounds, 8.4e-5
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.decay import linear_decay
+from ancf_casadi.decay.closed_forms import linear_decay
 from problems import fit_decay
 
 time = np.arange(0.0, 5.0, 1 / 500)
@@ -16,7 +16,7 @@ record = exact + 1e-3 * np.random.default_rng(1).standard_normal(time.size)
 fit = fit_decay(time, record, offset=False)
 
 if __name__ == "__main__":
-    from ancf_casadi.measurement import Measurement
+    from ancf_casadi.decay.measurement import Measurement
     from ancf_casadi.plot import decay_figure
 
     print(fit.report())

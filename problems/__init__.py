@@ -1,19 +1,19 @@
 """The estimation problems of the paper, and beyond it, stated on the tools of ``ancf_casadi``."""
 
-from problems.damping_fitting import RayleighFit, fit_rayleigh
-from problems.decay_comparison import DecayComparison, compare_decay_laws
-from problems.decay_fitting import fit_decay, fit_decays
-from problems.decay_result import DecayFit
-from problems.frequency_matching import match_frequencies
-from problems.law_comparison import LawComparison, compare_laws
-from problems.marker_record import MarkerRecord
-from problems.matching_preference import LeastChange, Smoothness
-from problems.matching_result import FrequencyMatch
-from problems.matching_unknowns import Global, PerElement, Smooth
-from problems.measured_modes import MeasuredModes
-from problems.mode_separation import fit_modes
-from problems.monte_carlo import MonteCarlo, monte_carlo
-from problems.transient_fitting import TransientFit, fit_transient
+from problems.decay.comparison import DecayComparison, compare_decay_laws
+from problems.decay.fitting import fit_decay, fit_decays
+from problems.decay.mode_separation import fit_modes
+from problems.decay.proportional import RayleighFit, fit_rayleigh
+from problems.decay.result import DecayFit
+from problems.matching.frequency_matching import match_frequencies
+from problems.matching.measured_modes import MeasuredModes
+from problems.matching.preference import LeastChange, Smoothness
+from problems.matching.result import FrequencyMatch
+from problems.matching.unknowns import Global, PerElement, Smooth
+from problems.resampling import MonteCarlo, monte_carlo
+from problems.transient.comparison import LawComparison, compare_laws
+from problems.transient.fitting import TransientFit, fit_transient
+from problems.transient.marker_record import MarkerRecord
 
 __all__ = [
     "DecayComparison",

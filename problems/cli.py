@@ -23,22 +23,23 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from ancf_casadi.envelope import damping_curve
+from ancf_casadi.decay.envelope import damping_curve
+from ancf_casadi.decay.measurement import Measurement
+from ancf_casadi.dynamics.simulation import simulate
+from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.export import Document, Identification, write_document
-from ancf_casadi.interrupts import ENDING
-from ancf_casadi.measurement import Measurement
-from ancf_casadi.model import Model
-from ancf_casadi.modes import natural_modes
-from ancf_casadi.report import Table, check_file, check_folder, to_json, write_file
-from ancf_casadi.simulate import simulate
-from ancf_casadi.trajectory import IntegratorUse, Trajectory
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.files import check_file, check_folder, write_file
+from ancf_casadi.support.interrupts import ENDING
+from ancf_casadi.support.tables import Table, to_json
 from ancf_casadi.version import __version__
-from problems.decay_comparison import compare_decay_laws
-from problems.decay_fitting import fit_decay
-from problems.exporting import FORMATS, export, read_identifications
-from problems.frequency_matching import match_frequencies
-from problems.study_file import TABLE_KEYS, read_match, read_model, read_simulation, read_source
+from ancf_casadi.vibration.modes import natural_modes
+from problems.command.exporting import FORMATS, export, read_identifications
+from problems.command.study_file import TABLE_KEYS, read_match, read_model, read_simulation, read_source
+from problems.decay.comparison import compare_decay_laws
+from problems.decay.fitting import fit_decay
+from problems.matching.frequency_matching import match_frequencies
 
 SIGNALLED = 128  # and the number of the signal: the exit code of what a signal ends, as shells give it
 
@@ -257,15 +258,15 @@ def _count(text: str) -> int:
 
 
 def _reproduce(options: argparse.Namespace) -> Output:
-    from problems import reproduction, study_report  # loaded for this command alone, and by its processes
+    from problems.study import report, reproduction  # loaded for this command alone, and by its processes
 
     folder = check_folder(options.out)
     effort = reproduction.QUICK if options.quick else reproduction.FULL
     study = reproduction.reproduce(effort=effort, jobs=options.jobs, progress=True)
-    files = [partial(study_report.write_study, study, folder)]
+    files = [partial(report.write_study, study, folder)]
     if options.json:
-        return Output(_json(study_report.results(study)), files)
-    texts = [table.text() for table in study_report.tables(study)]
+        return Output(_json(report.results(study)), files)
+    texts = [table.text() for table in report.tables(study)]
     if options.quick:
         texts.append(
             "Quick look: excitations are a tenth as long and tolerances looser; Table 11 is a few percent off."

@@ -20,9 +20,9 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.integration import FEWEST_ELEMENTS, IDAS_WORK, SPARE_STEPS
-from ancf_casadi.tolerance import IDAS_LARGEST, IDAS_SHARE, RADAU_SHARE, expected_travel
-from ancf_casadi.trajectory import State
+from ancf_casadi.dynamics.integration import FEWEST_ELEMENTS, IDAS_WORK, SPARE_STEPS
+from ancf_casadi.dynamics.tolerance import IDAS_LARGEST, IDAS_SHARE, RADAU_SHARE, expected_travel
+from ancf_casadi.dynamics.trajectory import State
 
 L = 0.5
 RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)  # Table 2 of the paper

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, HarmonicBase, Model, Trajectory, simulate
-from ancf_casadi.measurement import Measurement
+from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.plot import FINE, decay_figure, motion_figure, png, properties_figure
 
 RELEASE = 0.5
@@ -66,7 +66,7 @@ def test_png_is_whole_and_the_same_each_time(motion):
 
 def test_drawing_needs_no_display_and_no_global_state():
     """Figures are made without pyplot, which would pick a backend and keep them alive."""
-    code = "import sys, ancf_casadi.plot, problems.study_figures; print('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, ancf_casadi.plot, problems.study.figures; print('matplotlib.pyplot' in sys.modules)"
     done = run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "False\n"
 

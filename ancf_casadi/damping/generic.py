@@ -10,12 +10,13 @@ from typing import Any, final
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping.law import Array, Body, DampingLaw, S, named
+from ancf_casadi.damping.law import Body, DampingLaw, S, named
 from ancf_casadi.damping.turning import turned
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import check_instance, is_sequence, number, physical, shown
-from ancf_casadi.model import Model
-from ancf_casadi.modes import Modes
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_instance, is_sequence, number, physical, shown
+from ancf_casadi.vibration.modes import Modes
 
 
 @final

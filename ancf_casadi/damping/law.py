@@ -10,17 +10,14 @@ from typing import Any, Protocol, TypeVar, final
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
 from ancf_casadi.damping.turning import turned
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import check_instance, number
-from ancf_casadi.inputs import numbers as finite_numbers
-from ancf_casadi.model import NODE, Model
-from ancf_casadi.modes import Modes
-
-Array = NDArray[np.float64]
-
+from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_instance, number
+from ancf_casadi.support.inputs import numbers as finite_numbers
+from ancf_casadi.vibration.modes import Modes
 
 S = TypeVar("S", cs.SX, cs.MX)
 

@@ -9,9 +9,10 @@ from typing import Literal, final, get_args
 
 import numpy as np
 
-from ancf_casadi.damping.law import Array, Body, DampingLaw, S, coefficients, named, nonzero, weighted
-from ancf_casadi.inputs import check_instance, choice
-from ancf_casadi.modes import Modes
+from ancf_casadi.damping.law import Body, DampingLaw, S, coefficients, named, nonzero, weighted
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_instance, choice
+from ancf_casadi.vibration.modes import Modes
 
 ProportionalStiffness = Literal["strain-rate", "tangent", "reference"]
 

@@ -9,10 +9,11 @@ from typing import final
 
 import numpy as np
 
-from ancf_casadi.damping.law import Array, Body, DampingLaw, S, coefficients, named, nonzero, weighted
+from ancf_casadi.damping.law import Body, DampingLaw, S, coefficients, named, nonzero, weighted
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import check_instance, numbers
-from ancf_casadi.modes import Modes
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_instance, numbers
+from ancf_casadi.vibration.modes import Modes
 
 DRAG_CONSTANT = 1183 / 876  # gamma2 = eta2 mu 1183/876, Eq. (24)-(25) exact; the paper rounds 876/1183 to 0.74
 

@@ -1,13 +1,13 @@
 """The model for other programs: CasADi Functions, C and FMU; and its durable form, a JSON document."""
 
-from ancf_casadi.export.c import write_c
-from ancf_casadi.export.document import Document, read_document, schema, write_document
-from ancf_casadi.export.fmu import write_fmu
-from ancf_casadi.export.functions import BeamFunctions, beam_functions
-from ancf_casadi.export.identification import DataFile, Identification, Provenance
-from ancf_casadi.export.storage import load_functions, save_functions
+from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values
+from ancf_casadi.export.document.identification import DataFile, Identification, Provenance
+from ancf_casadi.export.document.model_document import Document, read_document, schema, write_document
+from ancf_casadi.export.functions.motion_functions import BeamFunctions, beam_functions
+from ancf_casadi.export.targets.c import write_c
+from ancf_casadi.export.targets.fmu import write_fmu
+from ancf_casadi.export.targets.storage import load_functions, save_functions
 from ancf_casadi.reduction.reduced import ReducedFunctions
-from ancf_casadi.signals import MotionFunctions, Signal, values
 
 __all__ = [
     "BeamFunctions",

@@ -27,17 +27,15 @@ from typing import Any, cast
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
 from ancf_casadi.damping import Body, DampingLaw
-from ancf_casadi.element import STILL
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.model import Model
-from ancf_casadi.modes import Modes
-from ancf_casadi.reduction.slopes import Slopes
-from ancf_casadi.shape import gauss
-
-Array = NDArray[np.float64]
+from ancf_casadi.mechanics.element import STILL
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.shape import gauss
+from ancf_casadi.reduction.kinematics import Slopes
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.vibration.modes import Modes
 
 BASE = 9  # displacement (x, y) and rotation of the clamp, their first and their second rates
 

@@ -33,17 +33,10 @@ from typing import Any
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
-from ancf_casadi.equations import Equations
-from ancf_casadi.exceptions import InputError
-from ancf_casadi.inputs import check_instance, numbers, whole
-from ancf_casadi.model import Model
-from ancf_casadi.modes import Modes, natural_modes
-from ancf_casadi.reduction.projection import BASE, Projected, projection_of
-from ancf_casadi.reduction.slopes import selected, slopes_of
-from ancf_casadi.signals import (
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.signals import (
     MotionFunctions,
     base_signals,
     modal_signals,
@@ -51,8 +44,13 @@ from ancf_casadi.signals import (
     parameter_signals,
     values,
 )
-
-Array = NDArray[np.float64]
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.reduction.kinematics import selected, slopes_of
+from ancf_casadi.reduction.projection import BASE, Projected, projection_of
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_instance, numbers, whole
+from ancf_casadi.vibration.modes import Modes, natural_modes
 
 MOST_DRAG_POINTS = 100
 STAGES = 3  # instants of a step at which the base motion is needed: begin, middle, end

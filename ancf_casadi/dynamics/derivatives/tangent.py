@@ -1,0 +1,143 @@
+"""The linearised equations of a Radau step.
+
+With the residual R(Z, u) of the stages, that of ``collocation`` in the laboratory frame, and all that is given for the
+step in u = (q, v, clamped nodes, parameters),
+
+    G = dR/dZ,    R_u du,    R_u^T dR
+
+are what derivatives of the motion are made of.  G is banded where the stages of a node stand side by side; its part of
+low rank is left to Woodbury's identity.  With B_i turned as the clamp is at stage i, and U = diag(B_i diag(d)), it is
+
+    (A^-1)_ij/h B_i diag(d) B_i^T = (U V^T)_ij,    V_ji = (A^-1)_ij/h B_i.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+import scipy.linalg
+import scipy.sparse
+
+from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
+from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
+from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.support.arrays import Array, Index
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """The Functions of a linearised step.
+
+    Their inputs are Z (N, 3), the length h of the step, and u = (q, v, clamped nodes by stages, parameters).
+
+    Parameters
+    ----------
+    form : Collocation
+        The Functions of the step.
+    """
+
+    form: Collocation
+
+    @cached_property
+    def order(self) -> Index:
+        """Where the unknowns, one stage after the other, stand in G, (3 N,)."""
+        stage, coordinate = np.divmod(np.arange(STAGES * self._free), self._free)
+        node, component = np.divmod(coordinate, NODE)
+        return np.asarray((node * STAGES + stage) * NODE + component)
+
+    @cached_property
+    def inverse_order(self) -> Index:
+        """The unknowns, one stage after the other, by their place in G, (3 N,)."""
+        return np.argsort(self.order)
+
+    @property
+    def bandwidth(self) -> int:
+        """Number of diagonals of G on either side of the main one."""
+        return min(2 * STAGES * NODE - 1, STAGES * self._free - 1)
+
+    def low_rank(self, clamps: Array, h: float, rates: Array) -> tuple[Array, Array]:
+        """Return U and V (3 N, 3 m), in the order of G, of its part U V^T.
+
+        Parameters
+        ----------
+        clamps : array (3, 12)
+            The clamped nodes at the stages.
+        h : float
+            Length of the step, s.
+        rates : array (m,)
+            d, 1/s.
+        """
+        B = [self.form.equations.turned_projection(clamp).full() for clamp in clamps]
+        U = scipy.linalg.block_diag(*(one * rates for one in B))
+        V = np.hstack([np.kron(row[:, None] / h, one) for row, one in zip(RADAU.inverse, B, strict=True)])
+        return U[self.inverse_order], V[self.inverse_order]
+
+    @cached_property
+    def matrix(self) -> cs.Function:
+        """(Z, h, u) -> G without its part of low rank, in the band storage of LAPACK."""
+        z, h, u = self._symbols
+        all_e, all_e_t, _, parameters = self._motion(z, h, u)
+        k, d, m = self.form.equations.balance(parameters).tangents(all_e, all_e_t)
+        first, second = RADAU.inverse, RADAU.inverse @ RADAU.inverse
+        band = self._band(np.eye(STAGES)) @ cs.vec(k)
+        band += (self._band(first) @ cs.vec(d)) / h + (self._band(second) @ cs.vec(m)) / h**2
+        return cs.Function("tangent_matrix", [z, h, u], [cs.densify(band)], {"is_diff_in": [False] * 3})
+
+    @cached_property
+    def forward(self) -> cs.Function:
+        """(Z, h, u, du) -> R_u du, (N, 3)."""
+        z, h, u = self._symbols
+        seed = cs.MX.sym("du", u.numel())
+        product = cs.jtimes(self._residual(z, h, u), u, seed)
+        return cs.Function("tangent_forward", [z, h, u, seed], [cs.densify(product)], {"is_diff_in": [False] * 4})
+
+    @cached_property
+    def reverse(self) -> cs.Function:
+        """(Z, h, u, dR) -> R_u^T dR."""
+        z, h, u = self._symbols
+        seed = cs.MX.sym("dR", STAGES * self._free)
+        product = cs.jtimes(self._residual(z, h, u), u, seed, True)
+        return cs.Function("tangent_reverse", [z, h, u, seed], [cs.densify(product)], {"is_diff_in": [False] * 4})
+
+    def _band(self, weights: Array) -> cs.DM:
+        """Return the sums that put weights x (element matrices of the stages) in band storage.
+
+        Weight (i, j) is for the derivative of the residual at stage i by the increments of stage j.
+        """
+        rows, columns = (index - NODE for index in self.form.equations.model.entries)
+        kept = np.flatnonzero((rows >= 0) & (columns >= 0))
+        width, shape = self.bandwidth, (STAGES * self._free, rows.size * STAGES)
+        places, entries, values = [], [], []
+        for i, j in np.argwhere(weights):
+            row, column = self.order[rows[kept] + i * self._free], self.order[columns[kept] + j * self._free]
+            places.append(2 * width + row - column + (3 * width + 1) * column)
+            entries.append(kept + i * rows.size)
+            values.append(np.full(kept.size, weights[i, j]))
+        whole = scipy.sparse.csc_array(
+            (np.concatenate(values), (np.concatenate(places), np.concatenate(entries))),
+            shape=((3 * width + 1) * shape[0], shape[1]),
+        )
+        return cs.DM(whole)
+
+    @property
+    def _free(self) -> int:
+        return self.form.equations.free
+
+    @cached_property
+    def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
+        given = 2 * self._free + STAGES * 3 * NODE + self.form.equations.parameters.size
+        return cs.MX.sym("Z", self._free, STAGES), cs.MX.sym("h"), cs.MX.sym("u", given)
+
+    def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
+        """Return e, e_t and e_tt at the stages, (4 n + 4, 3), and the parameters."""
+        ends = np.cumsum([0, self._free, self._free, STAGES * 3 * NODE]).tolist()
+        q, v, clamps, parameters = cs.vertsplit(u, [*ends, u.numel()])
+        return *stage_motion(z, q, v, h, cs.reshape(clamps, 3 * NODE, STAGES)), parameters
+
+    def _residual(self, z: cs.MX, h: cs.MX, u: cs.MX) -> cs.MX:
+        """Return R, one stage after the other."""
+        forces, _ = self.form.forces(*self._motion(z, h, u))
+        return cs.vec(forces[NODE:, :])

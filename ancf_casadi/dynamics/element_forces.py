@@ -1,0 +1,113 @@
+"""The inner Functions of the equation of motion: one element under a damping law, all its terms at once.
+
+With c = (acceleration of gravity, parameters of the law), an element contributes
+
+    Q = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g    and the power e_t . Q_damp,
+
+Q_damp the local part of the damping.  The integrators map these Functions over the elements of the beam.  They know
+neither the mesh nor any number of the beam or the law: their machine code is short, and the same for all beams.
+
+A call from CasADi's virtual machine costs about as much as the forces of an element.  Compiled Functions therefore take
+``TOGETHER`` elements in a loop of their own; the last call is filled up with copies of the last element.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as cs
+
+from ancf_casadi.damping import DampingLaw
+from ancf_casadi.mechanics.element import Element
+
+TOGETHER = 10  # elements in a call
+
+
+@dataclass(frozen=True, eq=False)
+class Kernels:
+    """The Functions of one element under a damping law.
+
+    Inputs are coordinates e (d), rates e_t and accelerations e_tt, the properties p of the element, and c.
+
+    Parameters
+    ----------
+    element : Element
+        The element.
+    law : DampingLaw
+        The damping law.
+    make : callable
+        Compiles a Function, or leaves it to the virtual machine.
+    """
+
+    element: Element
+    law: DampingLaw
+    make: Callable[[cs.Function], cs.Function]
+
+    @cached_property
+    def balance(self) -> cs.Function:
+        """(e, e_t, e_tt, p, c) -> Q (d,), and the power lost to damping."""
+        e, e_t, e_tt, p, c = self._symbols
+        damping = self._damping
+        weight = self.element.gravity_force(p, c[:2])
+        force = self.element.inertia_force(e_tt, p) + damping + self.element.elastic_force(e, p) - weight
+        return self._function("balance", [e, e_t, e_tt, p, c], [force, cs.dot(e_t, damping)])
+
+    @cached_property
+    def tangents(self) -> cs.Function:
+        """(e, e_t, p, c) -> K = dQ/de, D = dQ/de_t and M, (d, d)."""
+        e, e_t, _, p, c = self._symbols
+        damping = self._damping
+        k = self.element.tangent_stiffness(e, p) + cs.jacobian(damping, e)
+        return self._fixed("tangents", [e, e_t, p, c], [k, cs.jacobian(damping, e_t), self.element.mass(p)])
+
+    @cached_property
+    def resistance(self) -> cs.Function:
+        """(e, e_t, u, w, p, c) -> D u + M w."""
+        e, e_t, w, p, c = self._symbols
+        u = cs.SX.sym("u", e.numel())
+        force = cs.jtimes(self._damping, e_t, u) + self.element.inertia_force(w, p)
+        return self._fixed("resistance", [e, e_t, u, w, p, c], [force])
+
+    @cached_property
+    def _symbols(self) -> tuple[cs.SX, cs.SX, cs.SX, cs.SX, cs.SX]:
+        d, k = self.element.elastic_force.size1_in(0), self.element.elastic_force.size1_in(1)
+        sizes = {"e": d, "e_t": d, "e_tt": d, "p": k, "c": 2 + len(self.law.parameters)}
+        e, e_t, e_tt, p, c = (cs.SX.sym(name, size) for name, size in sizes.items())
+        return e, e_t, e_tt, p, c
+
+    @cached_property
+    def _damping(self) -> cs.SX:
+        e, e_t, _, p, c = self._symbols
+        return self.law.local_force(self.element, e, e_t, p, c[2:])
+
+    def _function(self, name: str, inputs: list[cs.SX], outputs: list[cs.SX], **options: Any) -> cs.Function:
+        return self.make(kernel(name, inputs, outputs, **options))
+
+    def _fixed(self, name: str, inputs: list[cs.SX], outputs: list[cs.SX]) -> cs.Function:
+        """Return a Function that nobody differentiates."""
+        return self._function(name, inputs, outputs, is_diff_in=[False] * len(inputs))
+
+
+def kernel(name: str, inputs: list[cs.SX], outputs: list[cs.SX], **options: Any) -> cs.Function:
+    """Return a Function of columns, one for each of ``TOGETHER`` elements or nodes."""
+    one = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True, **options})
+    return side_by_side(one, **options)
+
+
+def side_by_side(one: cs.Function, **options: Any) -> cs.Function:
+    """Return a Function of columns, one for each of ``TOGETHER`` elements, from that of one column."""
+    columns = [cs.MX.sym(f"x{k}", one.size1_in(k), TOGETHER) for k in range(one.n_in())]
+    return cs.Function(one.name(), columns, one.map(TOGETHER).call(columns), options)
+
+
+def mapped(function: cs.Function, *columns: cs.MX) -> list[cs.MX]:
+    """Evaluate a kernel for matrices of any number of columns."""
+    count, together = columns[0].size2(), function.size2_in(0)
+    filling = -count % together
+    filled = [cs.horzcat(x, cs.repmat(x[:, -1], 1, filling)) if filling else x for x in columns]
+    results = function.map((count + filling) // together).call(filled)
+    widths = [function.size2_out(k) // together for k in range(function.n_out())]
+    return [result[:, : count * width] for width, result in zip(widths, results, strict=True)]

@@ -1,0 +1,244 @@
+"""Corrections, residuals and predictions in coordinates that turn with the beam.
+
+The axial stiffness of a thin beam is thousands of times its bending stiffness, and its direction turns with the beam:
+matrices taken in one configuration know little of the next.  But the axial strains depend on nothing but the lengths of
+the slopes r'(p_g) at the two Gauss points g = 1/2 -+ sqrt(3)/6 of each element; and these slopes determine the nodes:
+r' is quadratic in an element of length l, so that
+
+    r_k+1 = r_k + l/2 (r'_1 + r'_2),    tau_k+1 = tau_k + (r'_2 - r'_1)/(g_2 - g_1).
+
+Corrections.  With G from the free coordinates to these slopes, and R turning each slope by the angle between two
+configurations, X = G^-1 R G takes corrections from one to the other.  The axial stiffness X^T K X is then the same in
+both, inertia and bending nearly so.  Residuals go the other way, by X^T.
+
+Prediction.  Motions are continued in the logarithms, length and angle, of the slopes, so that errors of the angles do
+not stretch the beam.
+
+The Functions of a link take positions in units of l, so that their machine code serves all meshes.
+
+An elastic clamp is a link between two nodes as an element is, with position and slope of the second node as its pair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.dynamics.element_forces import mapped, side_by_side
+from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.shape import gauss, hermite_slope
+from ancf_casadi.support.arrays import Array
+
+
+class Link(NamedTuple):
+    """The Functions of a link between two nodes, for several configurations, one below the other.
+
+    Parameters
+    ----------
+    turns : Function
+        (coordinates in the reference (8,), coordinates (8 c,)) -> cosines and sines of the angles of its pair (4 c,).
+    forth : Function
+        (corrections in the reference (8 c,), turns) -> steps of the corrections from the first node to the second.
+    back : Function
+        (residuals behind the link (4 c,), turns) -> its share of the residuals in the reference (8 c,).
+    continued : Function
+        (coordinates at k + 1 instants (8 (k + 1),), shares (k, c)) -> steps of the coordinates (4 c,).
+    """
+
+    turns: cs.Function
+    forth: cs.Function
+    back: cs.Function
+    continued: cs.Function
+
+
+@dataclass(frozen=True, eq=False)
+class Corotation:
+    """Turns a beam from a reference to several configurations, such as the stages of a step.
+
+    Turns are arrays (4 c, links), of which c is the number of configurations.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    configurations : int
+        Their number c.
+    make : callable
+        Compiles a Function, or leaves it to the virtual machine.
+    """
+
+    model: Model
+    configurations: int
+    make: Callable[[cs.Function], cs.Function]
+
+    def turns(self, reference: cs.MX, e: cs.MX) -> cs.MX:
+        """Return the turns from a reference (4 n + 4,) to the coordinates e of the configurations (4 n + 4, c)."""
+        return self._mapped("turns", self._gathered(reference), self._gathered(e))
+
+    def forth(self, corrections: cs.MX, turns: cs.MX) -> cs.MX:
+        """Return X dW for corrections of the free coordinates (N, c)."""
+        steps = self._mapped("forth", self._gathered(corrections), turns)
+        return self._nodes(_running_sum(self._scaled(steps, 1)))
+
+    def back(self, residuals: cs.MX, turns: cs.MX) -> cs.MX:
+        """Return X^T R for residuals of the free coordinates (N, c)."""
+        c, links = self.configurations, self._links
+        order = np.arange(NODE * links * c).reshape(c, links, NODE).transpose(1, 0, 2)
+        behind = cs.reshape(cs.vec(residuals).nz[order.ravel().tolist()], NODE * c, links)
+        shares = self._scaled(self._mapped("back", self._scaled(_running_sum(behind, back=True), 1), turns), -1)
+        places = np.arange(2 * NODE * c * links).reshape(links, c, 2, NODE)
+        right, left = places[:, :, 1], places[1:, :, 0]
+        none = cs.MX(cs.DM.zeros(NODE * c))
+        values = cs.vec(shares)
+        sums = values.nz[right.ravel().tolist()] + cs.vertcat(values.nz[left.ravel().tolist()], none)
+        return self._nodes(cs.reshape(sums, NODE * c, links))
+
+    def continued(self, shares: cs.MX, motion: cs.MX, clamped: cs.MX) -> cs.MX:
+        """Continue a motion in the logarithms of the slopes, and return the free coordinates (N, c).
+
+        ``motion`` (4 n + 4, k + 1) are coordinates at k + 1 instants; column i of ``shares`` (k, c) says how much of
+        the logarithms from the first of them to the others is in configuration i, of which ``clamped`` (4, c) is the
+        clamped node.
+        """
+        found = self._mapped("continued", self._gathered(motion), cs.repmat(cs.vec(shares), 1, self._links))
+        steps = self._scaled(found, 1)
+        first = steps[:, 0] + cs.vec(clamped)
+        if self.model.root:  # whose step is the slope itself
+            still = cs.vertcat(*(cs.vertcat(cs.MX(2, 1), clamped[2:, i]) for i in range(self.configurations)))
+            first -= still
+        return self._nodes(_running_sum(cs.horzcat(first, steps[:, 1:])))
+
+    @property
+    def _links(self) -> int:
+        return self.model.size // NODE - 1
+
+    @cached_property
+    def _element(self) -> Link:
+        points = gauss(2)[0].tolist()
+        values = np.array([hermite_slope(xi, 1.0) for xi in points])
+        plane, span = np.eye(2), points[1] - points[0]
+        to_pair = np.kron(values, plane)
+        to_step = np.kron(np.array([[0.5, 0.5], [-1 / span, 1 / span]]), plane)
+        link = _link(to_pair, to_pair, to_step, self.configurations)
+        return Link(*(self.make(side_by_side(one, is_diff_in=[False] * one.n_in())) for one in link))
+
+    @cached_property
+    def _clamp(self) -> Link:
+        second = np.hstack([np.zeros((NODE, NODE)), np.eye(NODE)])
+        slope = np.kron(np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]), np.eye(2))
+        return _link(second, slope, np.eye(NODE), self.configurations, np.diag([0.0, 0.0, 1.0, 1.0]))
+
+    def _mapped(self, name: str, *columns: cs.MX) -> cs.MX:
+        """Evaluate a Function of the links for all of them."""
+        root = self.model.root
+        result = mapped(getattr(self._element, name), *(part[:, root:] for part in columns))[0]
+        if root:
+            result = cs.horzcat(getattr(self._clamp, name)(*(part[:, 0] for part in columns)), result)
+        return result
+
+    def _gathered(self, vectors: cs.MX) -> cs.MX:
+        """Return the coordinates of each link as columns, (8 c, links), positions in units of l.
+
+        Those of the clamped node are 0 if missing.
+        """
+        size, columns = vectors.shape
+        missing = self.model.size - size
+        coordinates = NODE * np.arange(self._links)[:, None, None] + np.arange(2 * NODE) - missing
+        places = np.where(coordinates < 0, 0, 1 + coordinates + size * np.arange(columns)[:, None])
+        gathered = cs.reshape(cs.vertcat(0.0, cs.vec(vectors)).nz[places.ravel().tolist()], 2 * NODE * columns, -1)
+        return self._scaled(gathered, -1)
+
+    def _scaled(self, columns: cs.MX, power: int) -> cs.MX:
+        """Multiply positions, or what is conjugate to slopes divided by positions, by a power of l."""
+        l = self.model.beam.element_length**power
+        factors = np.tile([l, l, 1.0, 1.0], columns.shape[0] // NODE)
+        return columns * cs.repmat(cs.MX(cs.DM(factors)), 1, columns.shape[1])
+
+    def _nodes(self, columns: cs.MX) -> cs.MX:
+        """Return the free coordinates (N, c) from those of each node as columns (4 c, links)."""
+        c, links = self.configurations, self._links
+        order = np.arange(NODE * c * links).reshape(links, c, NODE).transpose(1, 0, 2)
+        return cs.reshape(cs.vec(columns).nz[order.ravel().tolist()], NODE * links, c)
+
+
+def _link(to_pair: Array, to_angles: Array, to_step: Array, count: int, continued: Array | None = None) -> Link:
+    """Derive the Functions of a link.
+
+    Parameters
+    ----------
+    to_pair, to_angles : array (4, 8)
+        The vectors that are turned, and those whose angles count, from the coordinates of the nodes.
+    to_step : array (4, 4)
+        The step from the first node to the second, from the vectors.
+    count : int
+        Number of configurations.
+    continued : array (4, 4), optional
+        The step from those whose angles count, if that is another.
+    """
+    pair, angles, step = (cs.sparsify(cs.DM(part)) for part in (to_pair, to_angles, to_step))
+    own = step if continued is None else cs.sparsify(cs.DM(continued))
+    first, e, f = cs.SX.sym("first", 2 * NODE), cs.SX.sym("e", 2 * NODE, count), cs.SX.sym("f", NODE, count)
+    turns = cs.SX.sym("turns", 2 * 2, count)
+
+    def turned(vectors: cs.SX, turn: cs.SX, sign: float) -> cs.SX:
+        """Turn two vectors, (x, y, x, y)."""
+        parts = []
+        for k in range(2):
+            x, y, cosine, sine = vectors[2 * k], vectors[2 * k + 1], turn[2 * k], sign * turn[2 * k + 1]
+            parts += [cosine * x - sine * y, sine * x + cosine * y]
+        return cs.vertcat(*parts)
+
+    def function(name: str, inputs: Sequence[cs.SX], columns: Sequence[cs.SX]) -> cs.Function:
+        return cs.Function(name, [cs.vec(part) for part in inputs], [cs.cse(cs.densify(cs.vertcat(*columns)))])
+
+    each = range(count)
+    return Link(
+        turns=function("turns", [first, e], [_angles(angles @ first, angles @ e[:, i]) for i in each]),
+        forth=function("forth", [e, turns], [step @ turned(pair @ e[:, i], turns[:, i], 1.0) for i in each]),
+        back=function("back", [f, turns], [pair.T @ turned(step.T @ f[:, i], turns[:, i], -1.0) for i in each]),
+        continued=_continued(angles, own, count),
+    )
+
+
+def _angles(first: cs.SX, second: cs.SX) -> cs.SX:
+    """Return cosines and sines of the angles from two vectors to two others."""
+    parts = []
+    for k in (0, 2):
+        x, y, u, v = first[k], first[k + 1], second[k], second[k + 1]
+        cosine, sine = x * u + y * v, x * v - y * u
+        size = cs.sqrt(cosine**2 + sine**2)
+        parts += [cosine / size, sine / size]
+    return cs.vertcat(*parts)
+
+
+def _continued(angles: cs.DM, step: cs.DM, count: int) -> cs.Function:
+    """(coordinates at k + 1 instants, shares) -> steps, as of ``Link``, with k as many as configurations."""
+    motion, shares = cs.SX.sym("motion", 2 * NODE, count + 1), cs.SX.sym("shares", count, count)
+    vectors = angles @ motion
+    continued: list[list[cs.SX]] = [[] for _ in range(count)]
+    for k in (0, 2):
+        x, y = vectors[k, 0], vectors[k + 1, 0]
+        square = x**2 + y**2
+        u, v = vectors[k, 1:], vectors[k + 1, 1:]
+        cosine, sine = (x * u + y * v) / square, (x * v - y * u) / square
+        size, angle = cs.exp(cs.log(cosine**2 + sine**2) / 2 @ shares), cs.atan2(sine, cosine) @ shares
+        for i in range(count):
+            c, s = size[i] * cs.cos(angle[i]), size[i] * cs.sin(angle[i])
+            continued[i] += [c * x - s * y, s * x + c * y]
+    columns = [step @ cs.vertcat(*parts) for parts in continued]
+    return cs.Function("continued", [cs.vec(motion), cs.vec(shares)], [cs.densify(cs.vertcat(*columns))])
+
+
+def _running_sum(columns: cs.MX, *, back: bool = False) -> cs.MX:
+    """Return the sum of all columns up to each, or from each on, by as many additions as n has binary digits."""
+    width = 1
+    while width < columns.shape[1]:
+        added = columns[:, width:] + columns[:, :-width]
+        columns = cs.horzcat(added, columns[:, -width:]) if back else cs.horzcat(columns[:, :width], added)
+        width *= 2
+    return columns

@@ -1,0 +1,106 @@
+"""Stretches of time, on which an integrator reports, and what it finds on each.
+
+A smooth piece of the base motion is cut at samples of the result.  Between two stretches progress is shown and Ctrl-C
+acted upon; what the stretches before have found is kept where a run is interrupted or fails.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ancf_casadi.dynamics.trajectory import State
+from ancf_casadi.support.arrays import Array
+
+CLOSE = 1e-9  # of a sampling interval; instants nearer than that are the same
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of time.
+
+    Parameters
+    ----------
+    start, length : float
+        Its start and length, s.
+    points : int
+        Number of instants at equal intervals, the start not among them, that end it.
+    samples : int
+        How many of them, from the first, are instants of the result.
+    first : bool
+        Whether the start is an instant of the result too, the first.
+    """
+
+    start: float
+    length: float
+    points: int
+    samples: int
+    first: bool = False
+
+    @property
+    def end(self) -> float:
+        """Its end, s."""
+        return self.start + self.length
+
+    @property
+    def instants(self) -> Array:
+        """Its start and its points, (points + 1,), s."""
+        return self.start + self.length * np.arange(self.points + 1) / self.points
+
+    @property
+    def kept(self) -> slice:
+        """Which of ``instants`` are instants of the result."""
+        return slice(0 if self.first else 1, self.samples + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """What an integrator finds on a stretch.
+
+    Parameters
+    ----------
+    coordinates, velocities : array (k, 4 n + 4)
+        Nodal coordinates and their rates at its samples.
+    forces : array (k, 4)
+        Generalized force of the base on the clamped node.
+    energies : array (k, 2)
+        Energy lost to damping and work of the base since its start, J.
+    end : State
+        The state at its end.
+    end_energies : array (2,)
+        The energies at its end.
+    stretch : Stretch
+        The time segment.
+    steps : int
+        Steps of the integrator.
+    """
+
+    coordinates: Array
+    velocities: Array
+    forces: Array
+    energies: Array
+    end: State
+    end_energies: Array
+    stretch: Stretch
+    steps: int
+
+
+def cut(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Stretch]:
+    """Cut the time from begin to end at samples, ``size`` samples a stretch; the ends may lie between two samples.
+
+    Samples are taken from ``origin`` on, the start of the motion, at a rate per second.
+    """
+    first, last = math.ceil((begin - origin) * rate - CLOSE), math.floor((end - origin) * rate + CLOSE)
+    if first > last:
+        yield Stretch(begin, end - begin, 1, 0)
+        return
+    if origin + first / rate - begin > CLOSE / rate:
+        yield Stretch(begin, origin + first / rate - begin, 1, 1)
+    for k in range(first, last, size):
+        points = min(size, last - k)
+        yield Stretch(origin + k / rate, points / rate, points, points, first=k == 0)
+    if end - origin - last / rate > CLOSE / rate:
+        yield Stretch(origin + last / rate, end - origin - last / rate, 1, 0)

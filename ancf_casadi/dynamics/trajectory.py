@@ -1,0 +1,275 @@
+"""What a simulated motion shows: places, forces, energies.
+
+Axial force and bending moment follow from the strains, N = E A eps and M = E I kappa.  In an element the
+curvature of a cubic is accurate at its two Gauss points, and elsewhere taken from the straight line through those; the
+axial strain is accurate as their mean only, and taken from the straight line through the means of two elements.
+
+The balance of energy is
+
+    T + U + V - (T + U + V at the start) = work of the base - energy lost to damping,
+
+with kinetic energy T, strain energy U, and the potential V = -Q_g.e of gravity; work and loss are integrated
+along with the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from numbers import Integral
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.element import axial_strain, curvature
+from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.shape import gauss
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import array, number, shown
+
+AT_ONCE = 1000  # samples whose energy is computed together, for the memory it takes
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Where a beam is and how it moves at one instant, a start for a simulation.
+
+    Parameters
+    ----------
+    coordinates, velocities : array (4 n + 4,)
+        Nodal coordinates and their rates in the laboratory frame, those of the clamp first.
+    time : float
+        Time on the clock of the base motion, s.
+    """
+
+    coordinates: Array
+    velocities: Array
+    time: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Validate, and keep arrays."""
+        for name in ("coordinates", "velocities"):
+            object.__setattr__(self, name, array(getattr(self, name), name, finite=False))
+        object.__setattr__(self, "time", number(self.time, "time"))
+
+
+@dataclass(frozen=True)
+class IntegratorUse:
+    """The integrator of a motion from some time on.
+
+    Parameters
+    ----------
+    start : float
+        Time from which it was used, s.
+    method : str
+        ``idas`` or ``radau``.
+    tolerance : float
+        Its tolerance.
+    reason : str
+        Why it was taken instead of the default; empty where it is the default, or was asked for.
+    """
+
+    start: float
+    method: str
+    tolerance: float
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A simulated motion, sampled at equal intervals.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    time : array (k,)
+        Instants, s, from 0, or from the time of the state that the motion continues.
+    coordinates, velocities : array (k, 4 n + 4)
+        Nodal coordinates and their rates in the laboratory frame.
+    clamp_force : array (k, 4)
+        Generalized force of the base on the clamped node: its force, N, and the force conjugate to its slope, N m.
+    dissipated_energy : array (k,)
+        Energy lost to damping since the start, J.
+    base_work : array (k,)
+        Work done by the base since the start, J.
+    steps : int
+        Steps of the integrator.
+    wall_seconds : float
+        Time it took, s, building the integrator included.
+    integrators : tuple of IntegratorUse
+        Which integrator was used from when; more than one where the default changed from IDAS to Radau.
+    interrupted : bool
+        Whether the run was stopped before its end: then this is what was done.
+    """
+
+    model: Model
+    time: Array
+    coordinates: Array
+    velocities: Array
+    clamp_force: Array
+    dissipated_energy: Array
+    base_work: Array
+    steps: int
+    wall_seconds: float
+    integrators: tuple[IntegratorUse, ...]
+    interrupted: bool = False
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Why the default integrator was not used all through."""
+        return tuple(
+            f"radau was used from {use.start:.6g} s on: {use.reason}; method='radau' uses it from the start, "
+            "method='idas' never"
+            for use in self.integrators
+            if use.reason
+        )
+
+    @property
+    def tip(self) -> Array:
+        """Position of the tip, (k, 2), m."""
+        return self.coordinates[:, -NODE:-2]
+
+    @property
+    def base(self) -> Array:
+        """Position of the clamp, (k, 2), m."""
+        return self.coordinates[:, :2]
+
+    @property
+    def relative_coordinates(self) -> Array:
+        """Nodal coordinates as seen from the clamp, (k, 4 n + 4)."""
+        nodes = self.coordinates.reshape(len(self.time), -1, NODE).copy()
+        nodes[:, :, :2] -= self.base[:, None, :]
+        return nodes.reshape(self.coordinates.shape)
+
+    def state(self, index: int) -> State:
+        """Return the state at a sample.
+
+        Raises
+        ------
+        InputError
+            If there is no such sample.
+        """
+        if not isinstance(index, Integral) or not -len(self.time) <= index < len(self.time):
+            raise InputError(f"there are {len(self.time)} samples, got {shown(index)}", "index")
+        return State(self.coordinates[index], self.velocities[index], float(self.time[index]))
+
+    def position(self, s: float) -> Array:
+        """Return the position of the material point at arc length ``s`` (m), (k, 2), m.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        return np.asarray(self.coordinates @ self.model.interpolation(s).T)
+
+    def velocity(self, s: float) -> Array:
+        """Return the velocity of the material point at arc length ``s`` (m), (k, 2), m/s.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        return np.asarray(self.velocities @ self.model.interpolation(s).T)
+
+    def slope(self, s: float) -> Array:
+        """Return the direction of the beam at arc length ``s`` (m), angle against the x axis, (k,), rad, unwrapped.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        x, y = self.model.slope_interpolation(s) @ self.coordinates.T
+        return np.asarray(np.unwrap(np.arctan2(y, x)))
+
+    def curvature(self, s: float) -> Array:
+        """Return the curvature at arc length ``s`` (m), (k,), 1/m, positive counterclockwise.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        kind = self.model.measures.curvature
+        return self._from_gauss_points(s, lambda slope, second: curvature(slope, second, kind))
+
+    def axial_force(self, s: float) -> Array:
+        """Return the axial force at arc length ``s`` (m), (k,), N, tension positive.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        self.model.element_of(s)
+        place = s / self.model.beam.element_length - 0.5
+        index = min(max(int(place), 0), self.model.beam.elements - 2)
+        first, second = self._mean_axial_force(index), self._mean_axial_force(index + 1)
+        return np.asarray(first + (place - index) * (second - first))
+
+    def bending_moment(self, s: float) -> Array:
+        """Return the bending moment at arc length ``s`` (m), (k,), N m, positive counterclockwise.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        width, thickness, _, modulus = self.model.properties[:, self.model.element_of(s)]
+        return np.asarray(float(modulus * width * thickness**3 / 12) * self.curvature(s))
+
+    @cached_property
+    def kinetic_energy(self) -> Array:
+        """T, (k,), J."""
+        mass = self.model.mass(self.model.properties).sparse()
+        return np.asarray((self.velocities * (self.velocities @ mass)).sum(axis=1) / 2)
+
+    @cached_property
+    def strain_energy(self) -> Array:
+        """U, (k,), J."""
+        e = cs.MX.sym("e", self.model.size)
+        energy = cs.Function("U", [e], [self.model.strain_energy(e, self.model.properties)])
+        parts = np.array_split(self.coordinates, len(self.time) // AT_ONCE + 1)
+        return np.concatenate([np.empty(0), *(energy(part.T).full().ravel() for part in parts if len(part))])
+
+    @cached_property
+    def potential_energy(self) -> Array:
+        """V of gravity, (k,), J, 0 for a beam at the origin."""
+        force = self.model.gravity_force(self.model.properties, self.model.beam.gravity).full().ravel()
+        return np.asarray(-self.coordinates @ force)
+
+    @property
+    def energy(self) -> Array:
+        """T + U + V, (k,), J."""
+        return self.kinetic_energy + self.strain_energy + self.potential_energy
+
+    @property
+    def balance_error(self) -> Array:
+        """What is left of the balance of energy, (k,), J; 0 for an exact solution."""
+        return np.asarray(self.energy - self.energy[0] - self.base_work + self.dissipated_energy)
+
+    def _mean_axial_force(self, index: int) -> Array:
+        """Return the mean over an element of E A eps, (k,)."""
+        width, thickness, _, modulus = self.model.properties[:, index]
+        points = ((index + gauss(2)[0]) * self.model.beam.element_length).tolist()
+        slopes = [self.model.slope_interpolation(point) @ self.coordinates.T for point in points]
+        strains = [axial_strain(slope, self.model.measures.axial) for slope in slopes]
+        return np.asarray(float(modulus * width * thickness) * np.mean(strains, axis=0))
+
+    def _from_gauss_points(self, s: float, strain: Callable[[Array, Array], Array]) -> Array:
+        """Return a strain of r' and r'' at arc length s from the straight line through the two Gauss points."""
+        l, index = self.model.beam.element_length, self.model.element_of(s)
+        first, second = ((index + gauss(2)[0]) * l).tolist()
+        values = [
+            strain(
+                self.model.slope_interpolation(point) @ self.coordinates.T,
+                self.model.curvature_interpolation(point) @ self.coordinates.T,
+            )
+            for point in (first, second)
+        ]
+        return np.asarray(values[0] + (s - first) / (second - first) * (values[1] - values[0]))

@@ -1,0 +1,81 @@
+"""Intervals by profile likelihood: the range of a quantity over all unknowns that explain the data nearly as well.
+
+The quantity q of the unknowns x has the interval from min q to max q over
+
+    { x : 2 (L(x) - L_min) <= phi t^2,  lower <= x <= upper },
+
+the region of ``fit``.  Its two ends are two nonlinear programs, each started from where the covariance
+puts its solution.  The interval does not depend on how the unknowns are stated, needs not be symmetric, and ends at a
+bound by itself.
+
+References
+----------
+M. C. Neale, M. B. Miller, The use of likelihood-based confidence intervals in genetic models, Behavior Genetics 27
+(1997).
+D. J. Venzon, S. H. Moolgavkar, A method for computing profile-likelihood-based confidence intervals, Applied Statistics
+37 (1988).
+"""
+
+from __future__ import annotations
+
+import math
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.estimation.fit import LEVEL, Fit, Quantities, quantile
+from ancf_casadi.estimation.nlp import loss, solve_nlp
+from ancf_casadi.exceptions import InputError
+
+
+def profile_interval(fit: Fit, quantity: str | Quantities, level: float = LEVEL) -> tuple[float, float]:
+    """Return the interval of an unknown, or of a function of the unknowns, by profile likelihood.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    quantity : str or callable
+        Name of an unknown; or takes the unknowns as MX scalars, in their order, and returns an MX scalar.
+    level : float
+        How probably it holds the truth.
+
+    Raises
+    ------
+    InputError
+        If there is no such unknown, the level is not between 0 and 1, or the fit leaves no residuals to judge by.
+    FitError
+        If IPOPT does not converge.
+    """
+    if isinstance(quantity, str) and quantity not in fit.names:
+        raise InputError(f"is no unknown of the fit; there are {', '.join(fit.names)}", quantity)
+    room = fit.dispersion * quantile(level, fit.freedom) ** 2
+    if not room > 0.0:
+        raise InputError("leaves no residuals; without scatter there is no interval", "fit")
+    free = ~fit.at_bound
+    step = np.where(free, quantile(level, fit.freedom) * fit.standard_errors, np.abs(fit.moves(level)).sum(axis=1))
+    step = np.where(np.isfinite(step), step, fit.scale)
+    u = cs.MX.sym("u", len(fit.names))  # from the estimate, in steps
+    x = cs.DM(fit.values) + cs.DM(step) * u
+    unknowns = cs.vertsplit(x)
+    q = unknowns[fit.names.index(quantity)] if isinstance(quantity, str) else quantity(*unknowns)
+    residuals = fit.model.call([x / cs.DM(fit.scale)], True, False)[0]
+    at_estimate = cs.Function("at_estimate", [u], [loss(residuals, fit.huber), q, cs.densify(cs.gradient(q, u))])
+    least, estimate, slope = (item.full().ravel() for item in at_estimate(0))
+    towards = np.zeros(len(slope))
+    towards[free] = fit.correlations[np.ix_(free, free)] @ slope[free]
+    width = math.sqrt(towards @ slope) or float(np.abs(slope).max()) or 1.0
+    lower, upper = (fit.lower - fit.values) / step, (fit.upper - fit.values) / step
+    ends = []
+    for sign in (-1.0, 1.0):
+        solution = solve_nlp(
+            {"x": u, "f": -sign * (q - estimate[0]) / width, "g": 2 * (loss(residuals, fit.huber) - least[0]) / room},
+            np.clip(sign * towards / width, lower, upper),
+            lower=lower,
+            upper=upper,
+            constraint_lower=-math.inf,
+            constraint_upper=1.0,
+            options={"ipopt.tol": 1e-8, "ipopt.bound_relax_factor": 0.0, "ipopt.max_iter": 300},
+        )
+        ends.append(float(estimate[0]) - sign * solution.objective * width)
+    return ends[0], ends[1]

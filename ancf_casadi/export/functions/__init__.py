@@ -1,0 +1,1 @@
+"""The equation of motion as CasADi Functions for other programs."""

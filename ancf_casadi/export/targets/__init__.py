@@ -1,0 +1,1 @@
+"""The forms in which a model is written: C99, FMU, and files of CasADi Functions."""

@@ -1,0 +1,104 @@
+"""A C program that integrates a decay with the exported step: how the Functions are called, and a first check of them.
+
+The full beam is let go from its equilibrium under a pull across, which gravity makes; the reduced one from a bend in
+mode 1, with ``STEPS_A_PERIOD`` steps in a period of its highest mode.
+"""
+
+from __future__ import annotations
+
+import math
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.dynamics.signals import MotionFunctions, values
+from ancf_casadi.export.functions.motion_functions import BeamFunctions
+from ancf_casadi.reduction.stepping import STEPS_A_PERIOD
+from ancf_casadi.support.arrays import Array
+
+SAMPLE, SAMPLES = 5e-3, 400  # s between two lines, and how many follow the first
+FULL_STEPS = 10  # of the full beam in a sample
+DEFLECTION = 0.1  # of the distance from clamp to tip: how far the tip is drawn aside, in proportion, before the decay
+
+
+def decay_program(name: str, functions: MotionFunctions) -> str:
+    """Return the program for the Functions that ``write_c`` wrote by a name, from within its first comment."""
+    if isinstance(functions, BeamFunctions):
+        every, start = FULL_STEPS, _pulled(name, functions)
+    else:
+        every, start = math.ceil(SAMPLE * STEPS_A_PERIOD * _highest_frequency(functions)), _bent(functions)
+    upper, stages = name.upper(), functions.step.size2_in("base")
+    return f"""the decay of a beam that is held aside and let go.
+ *
+ * Prints CSV: time in s, position of the tip in m, kinetic, strain and gravity energy in J.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include "{name}.h"
+
+int main(void) {{
+  const double h = {SAMPLE / every!r};  /* s */
+  const double base[{stages} * {upper}_BASE] = {{0.0}};
+  double q[{upper}_FREE] = {{0.0}}, v[{upper}_FREE] = {{0.0}}, q_next[{upper}_FREE], v_next[{upper}_FREE];
+  double tip[2], kinetic[1], strain[1], gravity[1];
+  int k;
+{start}
+  printf("time_s,tip_x_m,tip_y_m,kinetic_j,strain_j,gravity_j\\n");
+  for (k = 0; k <= {SAMPLES * every}; ++k) {{
+    if (k % {every} == 0) {{
+      if ({name}_tip(q, base, tip)) return 1;
+      if ({name}_energies(q, v, base, {name}_parameters, kinetic, strain, gravity)) return 1;
+      printf("%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\\n", k * h, tip[0], tip[1], kinetic[0], strain[0], gravity[0]);
+    }}
+    if ({name}_step(q, v, base, {name}_parameters, &h, q_next, v_next) || isnan(q_next[0])) {{
+      fprintf(stderr, "the step at %g s was not done\\n", k * h);
+      return 1;
+    }}
+    memcpy(q, q_next, sizeof(q));
+    memcpy(v, v_next, sizeof(v));
+  }}
+  return 0;
+}}
+"""
+
+
+def _pulled(name: str, functions: BeamFunctions) -> str:
+    """Return the C that finds the equilibrium under a pull."""
+    p = cs.MX.sym("p", len(functions.parameters))
+    tip = functions.tip(functions.equilibrium(p), cs.MX(len(functions.base), 1))
+    place, change = _value_and_slope(tip, p, values(functions.parameters))
+    x, y = place
+    across = np.array([-y, x]) / np.hypot(x, y)
+    pull = DEFLECTION * np.hypot(x, y) / np.linalg.norm(change[:, :2] @ across) * across
+    pull_x, pull_y = pull.tolist()
+    return f"""  const double pull[2] = {{{pull_x!r}, {pull_y!r}}};  /* added to gravity before time 0, m/s2 */
+  double p[{name.upper()}_PARAMETERS];
+  memcpy(p, {name}_parameters, sizeof(p));
+  p[0] += pull[0];
+  p[1] += pull[1];
+  if ({name}_equilibrium(p, q) || isnan(q[0])) {{
+    fprintf(stderr, "no equilibrium was found\\n");
+    return 1;
+  }}"""
+
+
+def _bent(functions: MotionFunctions) -> str:
+    """Return the C that bends the beam in mode 1."""
+    q = cs.MX.sym("q", functions.free)
+    place, change = _value_and_slope(functions.tip(q, cs.MX(len(functions.base), 1)), q, np.zeros(functions.free))
+    bend = DEFLECTION * np.linalg.norm(place) / np.linalg.norm(change[:, 0])
+    return f"  q[0] = {float(bend)!r};  /* bent in mode 1, m kg^0.5 */"
+
+
+def _highest_frequency(functions: MotionFunctions) -> float:
+    """Return the highest natural frequency about rest, Hz."""
+    q, n = cs.MX.sym("q", functions.free), functions.free
+    still = cs.MX(n, 1), cs.MX(len(functions.base), 1), cs.MX(cs.DM(values(functions.parameters)))
+    _, slope = _value_and_slope(functions.rhs(q, *still), q, values(functions.states)[:n])
+    return float(np.sqrt(np.abs(np.linalg.eigvals(slope)).max()) / (2 * np.pi))
+
+
+def _value_and_slope(expression: cs.MX, symbol: cs.MX, at: Array) -> list[Array]:
+    found = cs.Function("found", [symbol], [expression, cs.jacobian(expression, symbol)])(at)
+    return [np.squeeze(part.full()) for part in found]

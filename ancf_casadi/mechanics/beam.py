@@ -1,0 +1,282 @@
+"""The beam: geometry, material, orientation and gravity, in SI units.
+
+A beam of length L is cut into n elements of equal length l = L/n.  Each element has a rectangular section of
+width b (out of the plane) and thickness h (in the plane of motion), a density rho and an elastic modulus E, so that
+
+    area A = b h,    second moment I = b h^3 / 12,    mass per length mu = rho A.
+
+It is straight when free of load, clamped at its first node, and points along ``axis`` there.  The clamp may yield to
+turning like a spring, and the tip carry a mass; neither does unless given.
+The laboratory frame has x to the right and y up.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.files import read_toml
+from ancf_casadi.support.inputs import check_keys, is_sequence, number, positive, shown, vector
+
+PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
+LUMPED = ("tip_mass", "clamp_stiffness")
+MINIMUM_ELEMENTS = 2
+MAXIMUM_ELEMENTS = 10_000  # more are a slip
+SMALLEST, LARGEST = 1e-100, 1e100  # in SI; what is beyond overflows in products
+ROUNDING = 1e-15  # of the length of a unit vector
+
+
+@dataclass(frozen=True)
+class Section:
+    """A rectangular cross-section.
+
+    Parameters
+    ----------
+    width : float
+        Extent out of the plane of motion, m.
+    thickness : float
+        Extent in the plane of motion, m.
+
+    Raises
+    ------
+    InputError
+        If one is not a positive number, or beyond 1e100 m.
+    """
+
+    width: float
+    thickness: float
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        for name in ("width", "thickness"):
+            if positive(getattr(self, name), name) > LARGEST:
+                raise InputError(f"{getattr(self, name):g} m is beyond the range of numbers; check the unit", name)
+
+    @property
+    def area(self) -> float:
+        """Area A = b h, m^2."""
+        return self.width * self.thickness
+
+    @property
+    def second_moment(self) -> float:
+        """Second moment of area I = b h^3 / 12, m^4."""
+        return self.width * self.thickness**3 / 12
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A clamped beam with one value of each property an element.
+
+    ``Beam.uniform`` and ``Beam.from_toml`` are the usual ways to make one.
+
+    Parameters
+    ----------
+    length : float
+        Length L, m.
+    width, thickness : tuple of float
+        Section of each element, m.
+    density : tuple of float
+        Density of each element, kg/m^3.
+    elastic_modulus : tuple of float
+        Elastic modulus of each element, Pa.
+    axis : (float, float)
+        Direction of the beam at the clamp, any length above 0; kept as a unit vector.
+    gravity : (float, float)
+        Acceleration of gravity, m/s^2.
+    tip_mass : float
+        Mass of a point at the tip, kg.
+    clamp_stiffness : float
+        Stiffness of the clamp against turning, N m/rad; infinite where it is rigid.
+
+    Raises
+    ------
+    InputError
+        If a value is not finite and positive (gravity: not finite; tip mass: negative), the axis is zero, the lengths
+        differ, there are fewer than 2 or more than 10000 elements, or the mass or a stiffness of one is beyond the
+        range of numbers.
+    """
+
+    length: float
+    width: tuple[float, ...]
+    thickness: tuple[float, ...]
+    density: tuple[float, ...]
+    elastic_modulus: tuple[float, ...]
+    axis: tuple[float, float] = (0.0, -1.0)
+    gravity: tuple[float, float] = (0.0, -9.81)
+    tip_mass: float = 0.0
+    clamp_stiffness: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Validate, and normalise the axis."""
+        object.__setattr__(self, "length", positive(self.length, "length"))
+        for name in PROPERTIES:
+            if not is_sequence(getattr(self, name)):
+                raise InputError("must have one value an element; Beam.uniform spreads a number", name)
+            object.__setattr__(self, name, tuple(positive(value, name) for value in getattr(self, name)))
+            if len(getattr(self, name)) != len(self.width):
+                raise InputError(f"has {len(getattr(self, name))} values for {len(self.width)} elements", name)
+        _check_count(self.elements)
+        self._check_range()
+        axis, gravity = vector(self.axis, "axis"), vector(self.gravity, "gravity")
+        norm = math.hypot(*axis)
+        if norm == 0.0:
+            raise InputError("must not be the zero vector", "axis")
+        if abs(norm - 1.0) > ROUNDING:  # a unit vector stays what it is, to the last bit
+            axis = axis[0] / norm, axis[1] / norm
+        object.__setattr__(self, "axis", axis)
+        object.__setattr__(self, "gravity", gravity)
+        if number(self.tip_mass, "tip_mass") < 0.0:
+            raise InputError(f"must not be negative, got {self.tip_mass:g}", "tip_mass")
+        object.__setattr__(self, "tip_mass", float(self.tip_mass))
+        rigid = isinstance(self.clamp_stiffness, Real) and self.clamp_stiffness == math.inf
+        object.__setattr__(
+            self, "clamp_stiffness", math.inf if rigid else positive(self.clamp_stiffness, "clamp_stiffness")
+        )
+
+    @classmethod
+    def uniform(
+        cls,
+        *,
+        length: float,
+        width: float | Sequence[float],
+        thickness: float | Sequence[float],
+        density: float | Sequence[float],
+        elastic_modulus: float | Sequence[float],
+        elements: int,
+        axis: tuple[float, float] = (0.0, -1.0),
+        gravity: tuple[float, float] = (0.0, -9.81),
+        tip_mass: float = 0.0,
+        clamp_stiffness: float = math.inf,
+    ) -> Beam:
+        """Make a beam whose properties are the same in all elements, or given element by element.
+
+        Parameters
+        ----------
+        length : float
+            Length, m.
+        width, thickness : float or sequence of float
+            Section, m; a sequence gives one value an element.
+        density : float or sequence of float
+            Density, kg/m^3.
+        elastic_modulus : float or sequence of float
+            Elastic modulus, Pa.
+        elements : int
+            Number of elements, at least 2.
+        axis, gravity, tip_mass, clamp_stiffness
+            See ``Beam``.
+
+        Raises
+        ------
+        InputError
+            As ``Beam``, and if a sequence does not have ``elements`` values.
+        """
+        if isinstance(elements, bool) or not isinstance(elements, Integral):
+            raise InputError(f"must be a whole number, got {shown(elements)}", "elements")
+        _check_count(int(elements))
+        given = {"width": width, "thickness": thickness, "density": density, "elastic_modulus": elastic_modulus}
+        spread: dict[str, Any] = {name: _spread(value, elements, name) for name, value in given.items()}
+        lumped: dict[str, Any] = {"tip_mass": tip_mass, "clamp_stiffness": clamp_stiffness}
+        return cls(length=length, axis=axis, gravity=gravity, **lumped, **spread)
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> Beam:
+        """Read a beam from the table ``[beam]`` of a TOML file, with the keys of ``Beam.uniform``.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, a key is missing or unknown, or a value is unusable.
+        """
+        return cls.from_table(read_toml(path).get("beam"), str(path))
+
+    @classmethod
+    def from_table(cls, table: Any, where: str) -> Beam:
+        """Make a beam from the table ``[beam]`` of a document called ``where``.
+
+        Raises
+        ------
+        InputError
+            As ``from_toml``.
+        """
+        if not isinstance(table, dict):
+            raise InputError("has no table [beam]", where)
+        required = {"length", "elements", *PROPERTIES}
+        check_keys(table, required, {"axis", "gravity", "tip_mass", "clamp_stiffness"}, f"{where}: [beam]")
+        try:
+            return cls.uniform(**table)
+        except InputError as error:
+            raise InputError(str(error), f"{where}: [beam]") from None
+
+    @property
+    def elements(self) -> int:
+        """Number of elements n."""
+        return len(self.width)
+
+    @property
+    def element_length(self) -> float:
+        """Length l = L/n of an element, m."""
+        return self.length / self.elements
+
+    @property
+    def sections(self) -> tuple[Section, ...]:
+        """The section of each element."""
+        return tuple(Section(b, h) for b, h in zip(self.width, self.thickness, strict=True))
+
+    @property
+    def mass(self) -> float:
+        """Mass of the beam without that at its tip, kg."""
+        return sum(rho * s.area for rho, s in zip(self.density, self.sections, strict=True)) * self.element_length
+
+    def with_(self, **changes: Any) -> Beam:
+        """Return a copy with some fields changed; numbers are spread over the elements.
+
+        Raises
+        ------
+        InputError
+            If a name is not a field of ``Beam``, or as ``Beam``.
+        """
+        names = {field.name for field in fields(self)}
+        for name, value in changes.items():
+            if name not in names:
+                raise InputError(f"is not a property of a beam; those are {', '.join(sorted(names))}", name)
+            if name in PROPERTIES:
+                changes[name] = _spread(value, self.elements, name)
+        return replace(self, **changes)
+
+    def _check_range(self) -> None:
+        """Refuse what no arithmetic can hold: mostly a value in the wrong unit."""
+        l = self.element_length
+        if l == 0.0:
+            raise InputError(f"{self.length:g} m is beyond the range of numbers; check the units", "length")
+        values = zip(*(getattr(self, name) for name in PROPERTIES), strict=True)
+        for k, (b, h, rho, modulus) in enumerate(values):
+            terms = {
+                "mass": rho * b * h * l,
+                "axial stiffness": modulus * b * h / l,
+                "bending stiffness": modulus * (b * h * h * h) / 12 / l / l / l,
+            }
+            for name, value in terms.items():
+                if not SMALLEST <= value <= LARGEST:
+                    raise InputError(
+                        f"the {name} of element {k + 1} is {value:g}, beyond the range of numbers; check the units"
+                    )
+
+
+def _check_count(elements: int) -> None:
+    if elements < MINIMUM_ELEMENTS:
+        raise InputError(f"needs at least {MINIMUM_ELEMENTS} elements, got {shown(elements)}", "elements")
+    if elements > MAXIMUM_ELEMENTS:
+        raise InputError(f"takes at most {MAXIMUM_ELEMENTS} elements, got {min(elements, 10**99):.3g}", "elements")
+
+
+def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:
+    if is_sequence(value):
+        if len(value) != elements:
+            raise InputError(f"has {len(value)} values for {elements} elements", name)
+        return tuple(value)
+    return (value,) * elements

@@ -1,0 +1,332 @@
+"""The beam as one symbolic model: assembly of the elements, the clamp, and points on the beam.
+
+The nodal coordinates e = (r_0, tau_0, r_1, tau_1, ..., r_n, tau_n), 4 (n + 1) numbers in the laboratory frame, are
+shared by neighbouring elements.  Forces and matrices add up over the elements,
+
+    M e_tt + Q_damp(e, e_t) + Q_e(e) = Q_g,                  Eq. (6), with damping on the left,
+
+and node 0, position and slope, is clamped: the ``free`` coordinates are those of the other nodes.  The element
+Functions are mapped over the elements, never expanded here, so graphs stay small and all derivatives sparse.
+A tip mass is one more element, at the last node.  Where the clamp is elastic, the base is a further node ahead of the
+beam's own, 4 (n + 2) numbers in all, and the clamp one more element between the two.
+
+The properties P are a matrix with one column (width, thickness, density, elastic modulus) an element, so that
+every Function here is symbolic in them too; ``Model.properties`` holds the beam's own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import PROPERTIES, Beam
+from ancf_casadi.mechanics.clamp import elastic_clamp
+from ancf_casadi.mechanics.element import Element, StrainMeasures, element
+from ancf_casadi.mechanics.shape import gauss, hermite, hermite_curvature, hermite_slope
+from ancf_casadi.mechanics.tip_mass import tip_mass
+from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.inputs import check_instance, number
+
+NODE = 4  # coordinates of a node: position and slope
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Elements of one kind, side by side.
+
+    Parameters
+    ----------
+    element : Element
+        The Functions of one of them.
+    coordinates : array (d, k)
+        Which nodal coordinates each of the k elements sees.
+    columns : int
+        How many columns of the properties P are theirs, from the first: k, or 0.
+    given : tuple of float
+        The properties that are not in P.
+    """
+
+    element: Element
+    coordinates: Index
+    columns: int
+    given: tuple[float, ...]
+
+    @property
+    def count(self) -> int:
+        """Number k of elements."""
+        return int(self.coordinates.shape[1])
+
+    def properties(self, P: Any) -> Any:
+        """Return the properties of each element as columns, from those of the beam."""
+        given = cs.DM(self.given)
+        return cs.vertcat(P[:, : self.columns], cs.repmat(given, 1, self.columns)) if self.columns else given
+
+    def gather(self, e: cs.MX) -> cs.MX:
+        """Return the coordinates of each element as columns, (d, k s), from those of all nodes, s columns."""
+        columns = np.arange(e.size2())[:, None] * e.size1()
+        places = (self.coordinates.T.ravel() + columns).ravel()
+        return cs.reshape(e.nz[places.tolist()], len(self.coordinates), -1)
+
+    def scatter(self, forces: cs.MX, size: int) -> cs.MX:
+        """Return the sum at all nodes of element forces, (size, s) from columns (d, k s)."""
+        rows = self.coordinates.T.ravel()
+        pattern = cs.Sparsity.triplet(size, rows.size, rows.tolist(), list(range(rows.size)))
+        return cs.DM(pattern, 1.0) @ cs.reshape(forces, rows.size, -1)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A beam as symbolic equations of motion.
+
+    Each Function takes nodal coordinates e (4 n + 4, or 4 n + 8 behind an elastic clamp), rates e_t, and properties
+    P (4, n).
+
+    Parameters
+    ----------
+    beam : Beam
+        What is modelled.
+    measures : StrainMeasures
+        The strain measures of Eq. (8).
+
+    Raises
+    ------
+    InputError
+        If one is of another class.
+    """
+
+    beam: Beam
+    measures: StrainMeasures = field(default_factory=StrainMeasures)
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        check_instance(self.beam, "beam", Beam)
+        check_instance(self.measures, "measures", StrainMeasures)
+
+    def __reduce__(self) -> tuple[type[Model], tuple[Beam, StrainMeasures]]:
+        """Travel between processes without the Functions, which are derived again there."""
+        return Model, (self.beam, self.measures)
+
+    @property
+    def root(self) -> int:
+        """Number of the beam's first node: 0, or 1 behind an elastic clamp."""
+        return int(math.isfinite(self.beam.clamp_stiffness))
+
+    @property
+    def size(self) -> int:
+        """Number of nodal coordinates, 4 (n + 1 + root)."""
+        return NODE * (self.beam.elements + 1 + self.root)
+
+    @property
+    def free(self) -> slice:
+        """The coordinates that the clamp leaves free."""
+        return slice(NODE, self.size)
+
+    @cached_property
+    def scale(self) -> Array:
+        """What a coordinate is measured by: the length of the beam for positions, 1/2 for slopes, (4 n + 4,)."""
+        length = self.beam.length
+        return np.tile([length, length, 0.5, 0.5], self.size // NODE)
+
+    @cached_property
+    def properties(self) -> Array:
+        """The beam's properties P, (4, n)."""
+        return np.array([getattr(self.beam, name) for name in PROPERTIES])
+
+    @cached_property
+    def straight(self) -> Array:
+        """Coordinates of the beam as manufactured: straight along its axis, unstretched, clamp at the origin."""
+        axis = np.array(self.beam.axis)
+        arc = np.concatenate([np.zeros(self.root), np.linspace(0.0, self.beam.length, self.beam.elements + 1)])
+        return np.column_stack([np.outer(arc, axis), np.tile(axis, (arc.size, 1))]).ravel()
+
+    @cached_property
+    def element(self) -> Element:
+        """The Functions of one beam element."""
+        return element(self.measures)
+
+    @cached_property
+    def groups(self) -> tuple[Group, ...]:
+        """The elements of the beam; the clamp, if it is elastic; the tip mass, if there is one."""
+        beam, n, pair = self.beam, self.beam.elements, np.arange(2 * NODE)[:, None]
+        given = (beam.element_length, *beam.axis)
+        groups = [Group(self.element, pair + NODE * (np.arange(n) + self.root), n, given)]
+        if self.root:
+            groups.append(Group(elastic_clamp(), pair, 1, (*given, beam.clamp_stiffness)))
+        if beam.tip_mass:
+            groups.append(Group(tip_mass(), self.size - NODE + pair[:NODE], 0, (beam.tip_mass,)))
+        return tuple(groups)
+
+    @cached_property
+    def strain_energy(self) -> cs.Function:
+        """(e, P) -> U, J, Eq. (8)."""
+        e, p = self._symbols()
+        energies = [
+            cs.sum2(group.element.strain_energy.map(group.count)(group.gather(e), group.properties(p)))
+            for group in self.groups
+        ]
+        return cs.Function("strain_energy", [e, p], [sum(energies, cs.MX(0))], ["e", "P"], ["U"])
+
+    @cached_property
+    def elastic_force(self) -> cs.Function:
+        """(e, P) -> Q_e, Eq. (6)."""
+        return self._force("elastic_force", "e", output="Q_e")
+
+    @cached_property
+    def tangent_stiffness(self) -> cs.Function:
+        """(e, P) -> K = dQ_e/de, sparse."""
+        e, p = self._symbols()
+        blocks = [
+            group.element.tangent_stiffness.map(group.count)(group.gather(e), group.properties(p))
+            for group in self.groups
+        ]
+        return cs.Function("tangent_stiffness", [e, p], [self._matrix(blocks)], ["e", "P"], ["K"])
+
+    @cached_property
+    def tangent_force(self) -> cs.Function:
+        """(e, e_t, P) -> K e_t, the rate of the elastic force."""
+        return self._force("tangent_force", "e", "e_t")
+
+    @cached_property
+    def reference_force(self) -> cs.Function:
+        """(e_t, P) -> K e_t with K of the straight beam."""
+        return self._force("reference_force", "e_t")
+
+    @cached_property
+    def strain_rate_force(self) -> cs.Function:
+        """(e, e_t, P) -> Q_v, the objective Kelvin-Voigt force per unit time constant."""
+        return self._force("strain_rate_force", "e", "e_t")
+
+    @cached_property
+    def drag_force(self) -> cs.Function:
+        """(e_t, P) -> int S^T mu |v| v dp, the integral in Eq. (23)."""
+        return self._force("drag_force", "e_t")
+
+    @cached_property
+    def mass(self) -> cs.Function:
+        """P -> M, Eq. (7), sparse."""
+        _, p = self._symbols()
+        blocks = [group.element.mass.map(group.count)(group.properties(p)) for group in self.groups]
+        return cs.Function("mass", [p], [self._matrix(blocks)], ["P"], ["M"])
+
+    @cached_property
+    def line_inertia_force(self) -> cs.Function:
+        """(e_tt, P) -> int S^T mu r_tt dp, or any other rate: the beam's own share of M e_tt."""
+        return self._force("line_inertia_force", "e_tt")
+
+    @cached_property
+    def inertia_force(self) -> cs.Function:
+        """(e_tt, P) -> M e_tt, or any other rate."""
+        return self._force("inertia_force", "e_tt")
+
+    @cached_property
+    def gravity_force(self) -> cs.Function:
+        """(P, g) -> Q_g, Eq. (7); g is the acceleration of gravity (2), m/s^2."""
+        _, p = self._symbols()
+        g = cs.MX.sym("g", 2)
+        forces = [
+            group.element.gravity_force.map(group.count)(group.properties(p), cs.repmat(g, 1, group.count))
+            for group in self.groups
+        ]
+        return cs.Function("gravity_force", [p, g], [self.sum_at_nodes(forces)], ["P", "g"], ["Q_g"])
+
+    def sum_at_nodes(self, forces: Sequence[cs.MX]) -> cs.MX:
+        """Return the sum at all nodes, (4 n + 4, s), of the element forces of each group, (d, k s)."""
+        sums = [group.scatter(columns, self.size) for group, columns in zip(self.groups, forces, strict=True)]
+        return sum(sums[1:], sums[0])
+
+    @cached_property
+    def entries(self) -> tuple[Index, Index]:
+        """Rows and columns of the entries of all element matrices, group by group, matrices by columns."""
+        rows = [np.tile(group.coordinates, (len(group.coordinates), 1)).T.ravel() for group in self.groups]
+        columns = [np.repeat(group.coordinates, len(group.coordinates), 0).T.ravel() for group in self.groups]
+        return np.concatenate(rows), np.concatenate(columns)
+
+    def matrix(self, values: cs.MX, first: int = 0) -> cs.MX:
+        """Return the sparse sum of all element matrices without the ``first`` coordinates; values as ``entries``."""
+        rows, columns = (index - first for index in self.entries)
+        kept = np.flatnonzero((rows >= 0) & (columns >= 0))
+        pairs, target = np.unique(np.column_stack([columns[kept], rows[kept]]), axis=0, return_inverse=True)
+        size = self.size - first
+        pattern = cs.Sparsity.triplet(size, size, pairs[:, 1].tolist(), pairs[:, 0].tolist())
+        sums = cs.Sparsity.triplet(len(pairs), rows.size, target.ravel().tolist(), kept.tolist())
+        return cs.MX(pattern, cs.DM(sums, 1.0) @ values)
+
+    def interpolation(self, s: float) -> Array:
+        """Return S with r(s) = S e for the material point at arc length ``s`` (m) from the clamp, (2, 4 n + 4).
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        return self._interpolation(s, hermite)
+
+    def slope_interpolation(self, s: float) -> Array:
+        """Return S' with r'(s) = S' e, (2, 4 n + 4).
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        return self._interpolation(s, hermite_slope)
+
+    def curvature_interpolation(self, s: float) -> Array:
+        """Return S'' with r''(s) = S'' e, (2, 4 n + 4), 1/m.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        return self._interpolation(s, hermite_curvature)
+
+    def gauss_slopes(self, e: Array) -> Array:
+        """Return r' at the two Gauss points of each element, (2, 2 n), where the strains are accurate."""
+        l = self.beam.element_length
+        points = ((np.arange(self.beam.elements)[:, None] + gauss(2)[0]) * l).ravel()
+        return np.array([self.slope_interpolation(float(s)) @ e for s in points]).T
+
+    def element_of(self, s: float) -> int:
+        """Return the number, from 0, of the element with the point at arc length ``s`` (m).
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        s = number(s, "s")
+        if not 0.0 <= s <= self.beam.length:
+            raise InputError(f"the point must be on the beam, 0 to {self.beam.length:g} m, got {s:g}", "s")
+        return min(int(s / self.beam.element_length), self.beam.elements - 1)
+
+    def _interpolation(self, s: float, functions: Any) -> Array:
+        index, l = self.element_of(s), self.beam.element_length
+        row, first = np.zeros(self.size // 2), 2 * (index + self.root)
+        row[first : first + 4] = functions(s / l - index, l)
+        return np.asarray(np.kron(row, np.eye(2)), dtype=np.float64)
+
+    def _symbols(self) -> tuple[cs.MX, cs.MX]:
+        """Nodal coordinates and properties."""
+        return cs.MX.sym("e", self.size), cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
+
+    def _force(self, name: str, *inputs: str, output: str = "Q") -> cs.Function:
+        """Sum up at the nodes a force of the elements, a function of nodal coordinates or rates and the properties."""
+        vectors = [cs.MX.sym(symbol, self.size) for symbol in inputs]
+        _, p = self._symbols()
+        forces = []
+        for group in self.groups:
+            one: cs.Function = getattr(group.element, name)
+            forces.append(one.map(group.count)(*map(group.gather, vectors), group.properties(p)))
+        return cs.Function(name, [*vectors, p], [self.sum_at_nodes(forces)], [*inputs, "P"], [output])
+
+    def _matrix(self, blocks: Sequence[cs.MX]) -> cs.MX:
+        """Return the sum of the element matrices of each group as one sparse matrix."""
+        return self.matrix(cs.vertcat(*map(cs.vec, blocks)))

@@ -1,0 +1,1 @@
+"""Services without mechanics: checks of input, files, tables, compilation, processes and interrupts."""

@@ -1,0 +1,11 @@
+"""Names of the array types that the annotations use."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]

@@ -1,0 +1,259 @@
+"""Functions compiled to machine code, if there is a C compiler.
+
+CasADi's virtual machine evaluates a Function two to four times slower than compiled C.  What is compiled here are the
+Functions of one element (``kernels``), which know neither the mesh nor the numbers of a beam: a compiled file is kept,
+and found again by a hash of the Function.  Machine code and virtual machine do the same operations in the same order,
+without contraction to fused ones, and give the same digits.
+
+Compiler.  The command in ``CC``, else ``cc`` or ``gcc``, else the package ``ziglang``.  Without one, or if it fails,
+one warning says so, and the virtual machine serves.  ``ANCF_CASADI_COMPILE=0`` does without, silently.
+
+Cache.  ``ANCF_CASADI_CACHE``, else ``ancf-casadi`` in ``XDG_CACHE_HOME`` or ``~/.cache``.  A library runs with the
+rights of the user.  As ssh does with its keys, the folder and the files in it must belong to the user, no folder above
+may be open to others, and nothing may be writable by group or others; else a private temporary folder serves.  The name
+of a library holds the SHA-256 digest of its contents; a file that does not match is built anew.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.util
+import os
+import platform
+import shlex
+import shutil
+import stat
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from pathlib import Path
+from typing import Any
+
+import casadi as cs
+import numpy as np
+from numpy.typing import NDArray
+
+from ancf_casadi.support.arrays import Array
+
+LIBRARY = ("-fno-math-errno", "-fPIC", "-shared", "-ffp-contract=off")
+FLAGS = ("-O1", *LIBRARY)  # -O3 takes twice as long, and its code is no faster
+SECONDS = 300  # for one compilation
+FORMAT = "2"  # of the cache; to be raised when the same function is to be compiled anew
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+
+_failed: set[tuple[str, ...]] = set()  # compilers that this process does not try again
+
+
+def interpreted(function: cs.Function) -> cs.Function:
+    """Return a function for the virtual machine, as a straight line of scalar operations."""
+    return function.expand(function.name(), _differentiability(function))
+
+
+def compiled(function: cs.Function, *, derivatives: bool = False) -> cs.Function:
+    """Return a function as machine code, or as ``interpreted`` does if that cannot be made.
+
+    Parameters
+    ----------
+    function : Function
+        The function to compile; its name is that of the C function.
+    derivatives : bool
+        Whether to compile its directional derivatives, forward and reverse, too.
+
+    Warns
+    -----
+    UserWarning
+        Once in a process, if there is no compiler or it fails.
+    """
+    compiler = c_compiler()
+    if os.environ.get("ANCF_CASADI_COMPILE") == "0" or compiler in _failed:
+        return interpreted(function)
+    if not compiler:
+        _give_up(compiler, "no C compiler was found")
+        return interpreted(function)
+    derivatives = derivatives and any(function.is_diff_in(k) for k in range(function.n_in()))
+    what = (FORMAT, cs.CasadiMeta.version(), *compiler, *FLAGS, platform.machine(), str(derivatives))
+    key = hashlib.sha256("\0".join((*what, function.serialize())).encode()).hexdigest()
+    stem = f"{function.name()}-{key[:32]}"
+    folder = _safe_folder()
+    library = _kept(folder, stem) or _built(function, derivatives, compiler, folder, stem)
+    if library is None:
+        return interpreted(function)
+    return cs.external(function.name(), str(library), _differentiability(function))
+
+
+def c_compiler() -> tuple[str, ...]:
+    """Return the command of the C compiler: ``CC``, ``cc``, ``gcc`` or that of ziglang; empty if there is none."""
+    if given := shlex.split(os.environ.get("CC", "")):
+        return tuple(given)
+    if found := shutil.which("cc") or shutil.which("gcc"):
+        return (found,)
+    return (sys.executable, "-m", "ziglang", "cc") if importlib.util.find_spec("ziglang") else ()
+
+
+def cache_folder() -> Path | None:
+    """Return the folder of compiled functions; None if the user has no home."""
+    if given := os.environ.get("ANCF_CASADI_CACHE"):
+        return Path(given)
+    try:
+        above = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    except RuntimeError:
+        return None
+    return Path(above) / "ancf-casadi"
+
+
+def _safe_folder() -> Path:
+    """Return the cache folder, or a temporary one if that cannot be used."""
+    folder = cache_folder()
+    if folder is None:
+        return _private_folder("there is no home folder")
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        folder = folder.resolve()
+    except OSError as error:
+        return _private_folder(f"{folder}: {error.strerror}")
+    danger = _danger(folder)
+    return _private_folder(danger) if danger else folder
+
+
+def _danger(folder: Path) -> str:
+    """Tell who else could put a library in a folder; empty if nobody but root."""
+    if os.name != "posix":
+        return ""
+    for path in (folder, *folder.parents):
+        status = path.stat()
+        if status.st_uid not in {os.geteuid(), *([] if path == folder else [0])}:
+            return f"{path} belongs to another user"
+        if status.st_mode & OTHERS_WRITE and (path == folder or not status.st_mode & stat.S_ISVTX):
+            return f"{path} can be written by others (chmod go-w)"
+    return ""
+
+
+@functools.cache
+def _temporary_folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="ancf-casadi-")
+
+
+@functools.cache
+def _private_folder(why: str) -> Path:
+    """Return a temporary folder that goes with the process, and say why it serves, once."""
+    warnings.warn(
+        f"compiled functions are not kept: {why}; set ANCF_CASADI_CACHE to a folder that only you can write",
+        stacklevel=5,
+    )
+    return Path(_temporary_folder().name)
+
+
+def _kept(folder: Path, stem: str) -> Path | None:
+    """Return a library from the cache, if it is there and whole; remove it if it is not."""
+    for path in sorted(folder.glob(f"{stem}-*.so")):
+        if _is_own(path) and path.name == f"{stem}-{_digest(path)}.so":
+            return path
+        path.unlink(missing_ok=True)
+    return None
+
+
+def _is_own(path: Path) -> bool:
+    """Tell whether a path is a file of the user that only the user can write."""
+    status = path.lstat()
+    if not stat.S_ISREG(status.st_mode):
+        return False
+    return os.name != "posix" or (status.st_uid == os.geteuid() and not status.st_mode & OTHERS_WRITE)
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _built(function: cs.Function, derivatives: bool, compiler: tuple[str, ...], folder: Path, stem: str) -> Path | None:
+    """Compile a function to a library in a folder, where it appears as a whole; return None if that fails."""
+    generator = cs.CodeGenerator("source.c")
+    generator.add(function)
+    if derivatives:
+        generator.add(function.forward(1))
+        generator.add(function.reverse(1))
+    try:
+        _remove_drafts(folder)
+        with tempfile.TemporaryDirectory(dir=folder) as place:
+            source, draft = Path(place) / "source.c", Path(place) / "library.so"
+            source.write_text(generator.dump() + _jacobian_patterns(function))
+            call = [*compiler, *FLAGS, str(source), "-o", str(draft), "-lm"]
+            drafts = os.environ | {"TMPDIR": place}  # which a compiler that is stopped leaves behind
+            subprocess.run(call, check=True, capture_output=True, timeout=SECONDS, env=drafts, text=True)
+            draft.chmod(0o700)
+            library = folder / f"{stem}-{_digest(draft)}.so"
+            os.replace(draft, library)
+    except subprocess.CalledProcessError as error:
+        said = [line for line in (error.stderr + error.stdout).splitlines() if line.strip()]
+        _give_up(compiler, f"{shlex.join(compiler)} fails: {said[0] if said else f'exit code {error.returncode}'}")
+        return None
+    except (OSError, subprocess.SubprocessError, UnicodeError) as error:
+        _give_up(compiler, f"{shlex.join(compiler)} fails: {error}")
+        return None
+    return library
+
+
+def _jacobian_patterns(function: cs.Function) -> str:
+    """Return C that tells CasADi where the Jacobian has entries; without, every output depends on all inputs."""
+    patterns = [function.jac_sparsity(k, i).compress() for k in range(function.n_out()) for i in range(function.n_in())]
+    tables = [f"{{{', '.join(map(str, pattern))}}}" for pattern in patterns]
+    size = max(map(len, patterns))
+    return (
+        f"static const casadi_int patterns[{len(tables)}][{size}] = {{{', '.join(tables)}}};\n"
+        f"const casadi_int* jac_{function.name()}_sparsity_out(casadi_int i) {{ return patterns[i]; }}\n"
+    )
+
+
+def _remove_drafts(folder: Path) -> None:
+    """Remove what killed compilers have left."""
+    for path in folder.glob("tmp*"):
+        if path.is_dir() and path.lstat().st_mtime < time.time() - 2 * SECONDS:
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _give_up(compiler: tuple[str, ...], why: str) -> None:
+    """Say once that the virtual machine serves, and try a compiler no more."""
+    _failed.add(compiler)
+    warnings.warn(
+        f"{why}; the equations run uncompiled, two to four times slower. Install gcc or clang, set CC to a C compiler, "
+        "or pip install 'ancf-casadi[compiler]'; ANCF_CASADI_COMPILE=0 turns compilation off",
+        stacklevel=4,
+    )
+
+
+def _differentiability(function: cs.Function) -> dict[str, list[bool]]:
+    return {
+        "is_diff_in": [function.is_diff_in(k) for k in range(function.n_in())],
+        "is_diff_out": [function.is_diff_out(k) for k in range(function.n_out())],
+    }
+
+
+class Buffered:
+    """A Function bound to arrays: called, it reads its inputs from them and writes to ``outputs``.
+
+    A call costs half a microsecond besides the work itself.
+
+    Parameters
+    ----------
+    function : Function
+        What to call; its inputs and outputs are dense.
+    inputs : array
+        Its inputs, real or complex, contiguous, matrices by columns; what they hold when called is what counts.
+    """
+
+    def __init__(self, function: cs.Function, *inputs: NDArray[Any]) -> None:
+        buffer: Any
+        buffer, self._evaluate = function.buffer()
+        self._kept = buffer, [array.reshape(-1).view(float) for array in inputs]
+        self.outputs = [np.zeros(function.numel_out(k)) for k in range(function.n_out())]
+        for k, array in enumerate(self._kept[1]):
+            buffer.set_arg(k, array.data)
+        for k, array in enumerate(self.outputs):
+            buffer.set_res(k, array.data)
+
+    def __call__(self) -> list[Array]:
+        """Evaluate, and return ``outputs``, the same arrays each time."""
+        self._evaluate()
+        return self.outputs

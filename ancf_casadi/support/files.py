@@ -1,0 +1,138 @@
+"""Read files as a whole, within a limit of size, and write them so that none is ever half-written."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.inputs import check_instance
+
+
+def check_folder(path: str | Path) -> Path:
+    """Check that a folder can be written or made, before any work is done and without touching it.
+
+    Raises
+    ------
+    InputError
+        If it is a file, or it cannot be written.
+    """
+    folder = Path(path)
+    existing = folder.absolute()
+    while not os.path.exists(existing):  # a name that is too long is not there either
+        existing = existing.parent
+    if not existing.is_dir():
+        raise InputError("is not a folder", str(existing))
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise InputError("cannot be written", str(existing))
+    return folder
+
+
+def check_file(path: str | Path) -> Path:
+    """Check that a file can be written, before any work is done and without touching it.
+
+    Raises
+    ------
+    InputError
+        If it is a folder, a device or a pipe, or its folder cannot be written.
+    """
+    target = Path(path)
+    check_folder(Path(os.path.realpath(target)).parent)
+    if os.path.isdir(target):
+        raise InputError("is a folder", str(target))
+    if os.path.exists(target) and not os.path.isfile(target):
+        raise InputError("is a device or a pipe; name a file", str(target))
+    return target
+
+
+def write_file(path: Path, content: str | bytes) -> None:
+    """Write a file as a whole: it is complete under its name, or not there; folders are made.
+
+    A symbolic link stays one, and what it points to is written.
+
+    Raises
+    ------
+    InputError
+        If it cannot be written.
+    """
+    check_file(path)
+    named, path = path, Path(os.path.realpath(path))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+        try:
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(content.encode() if isinstance(content, str) else content)
+            os.chmod(draft, 0o644)
+            os.replace(draft, path)
+        except BaseException:
+            os.unlink(draft)
+            raise
+    except OSError as error:
+        raise InputError(f"cannot be written ({error.strerror or error})", str(named)) from None
+
+
+def remove_file(path: Path) -> None:
+    """Remove a file, if there is one.
+
+    Raises
+    ------
+    InputError
+        If it cannot be removed.
+    """
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot be removed ({error.strerror or error})", str(path)) from None
+
+
+MOST_BYTES = 64 * 2**20  # of a file that is read as a whole
+
+
+def check_path(path: Any, where: str) -> None:
+    """Check that something is the name of a file; ``open`` takes a number for a file that is open already.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    check_instance(path, where, str, os.PathLike)
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is larger than 64 MiB, or is not TOML.
+    """
+    try:
+        return tomllib.loads(read_bytes(path).decode())
+    except RecursionError:
+        raise InputError("is not TOML (tables or lists too deep in each other)", str(path)) from None
+    except ValueError as error:  # TOML, its characters, or a number of thousands of digits
+        raise InputError(f"is not TOML ({error})", str(path)) from None
+
+
+def read_bytes(path: str | Path) -> bytes:
+    """Read a file of reasonable size.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, or is larger than 64 MiB.
+    """
+    check_path(path, "path")
+    try:
+        with open(path, "rb") as file:
+            content = file.read(MOST_BYTES + 1)
+    except (OSError, ValueError) as error:  # a name with a null character is a value error
+        raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})", str(path)) from None
+    if len(content) > MOST_BYTES:
+        raise InputError(f"is larger than {MOST_BYTES // 2**20} MiB", str(path))
+    return content

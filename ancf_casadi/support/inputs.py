@@ -1,0 +1,274 @@
+"""Checks of what a caller gives: numbers, vectors, tables and files.
+
+Each check returns the value in the form the toolkit works with, or raises ``InputError`` naming the place.
+"""
+
+from __future__ import annotations
+
+import math
+import reprlib
+from collections.abc import Mapping, Sequence
+from numbers import Integral
+from types import NoneType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array
+
+SMALLEST, LARGEST = 1e-30, 1e30  # s or Hz
+INSTEAD: Mapping[tuple[str, str], str] = {
+    ("Beam", "Model"): "Model(beam)",
+    ("Model", "Beam"): "model.beam",
+    ("Equilibrium", "Model"): "equilibrium.model",
+    ("Modes", "Model"): "modes.model",
+    ("ReducedModel", "Model"): "reduced.model",
+    ("Trajectory", "Model"): "run.model",
+    ("Model", "ReducedModel"): "reduce_model(model)",
+    ("Beam", "ReducedModel"): "reduce_model(Model(beam))",
+    ("Model", "Modes"): "natural_modes(model)",
+    ("Beam", "Modes"): "natural_modes(Model(beam))",
+    ("Modes", "Equilibrium"): "modes.equilibrium",
+    ("Model", "Equilibrium"): "static_equilibrium(model)",
+    ("Trajectory", "State"): "run.state(-1)",
+    ("ReducedTrajectory", "State"): "run.state(-1)",
+    ("ndarray", "State"): "State(coordinates, velocities)",
+    ("list", "DampingLaw"): "the sum of the laws",
+    ("tuple", "DampingLaw"): "the sum of the laws",
+    ("ndarray", "Measurement"): "Measurement(time, displacement)",
+}  # what to give instead of one class where another is needed
+IN_WORDS = {"str": "a text", "PathLike": "a path", "Mapping": "a mapping", "ndarray": "an array"}
+
+
+def number(value: Any, where: str) -> float:
+    """Return a finite number as a float.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is not a number, or not finite.
+    """
+    try:
+        result = float(value) if not isinstance(value, str | bytes | bool) else math.nan
+    except (TypeError, ValueError, OverflowError):
+        result = math.nan
+    if not math.isfinite(result):
+        raise InputError(f"must be a finite number, got {shown(value)}", where)
+    return result
+
+
+def check_instance(value: Any, where: str, *kinds: type) -> None:
+    """Check that a value is an instance of one of the given classes.
+
+    Raises
+    ------
+    InputError
+        If it is anything else, with what to give instead where that is known.
+    """
+    if not isinstance(value, kinds):
+        raise InputError(_mistaken(value, kinds), where)
+
+
+def instances(values: Any, where: str, kind: type) -> tuple[Any, ...]:
+    """Return a sequence of at least one instance of a class as a tuple.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    if not is_sequence(values):
+        advice = "; put it in a list" if isinstance(values, kind) else ""
+        raise InputError(f"must be a sequence of {kind.__name__}, got {_given(values)}{advice}", where)
+    if not len(values):
+        raise InputError("there are none", where)
+    for value in values:
+        check_instance(value, where, kind)
+    return tuple(values)
+
+
+def choices(values: Any, known: Sequence[str], where: str) -> tuple[str, ...]:
+    """Return a sequence of names, each one of several.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    if not is_sequence(values):
+        raise InputError(f"must be a sequence of names, got {shown(values)}", where)
+    return tuple(choice(value, known, where) for value in values)
+
+
+def choice(value: Any, known: Sequence[str], where: str) -> str:
+    """Return one of several names.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    if not isinstance(value, str) or value not in known:
+        raise InputError(f"must be one of {', '.join(known)}, got {shown(value)}", where)
+    return value
+
+
+def _mistaken(value: Any, kinds: tuple[type, ...]) -> str:
+    """Return what was expected and what was given, with what to give instead."""
+    *most, last = [_with_article(kind) for kind in kinds if kind is not NoneType]
+    expected = f"{', '.join(most)} or {last}" if most else last
+    pairs = [(type(value).__name__, kind.__name__) for kind in kinds]
+    instead = [f"; use {INSTEAD[pair]}" for pair in pairs if pair in INSTEAD]
+    return f"must be {expected}, got {_given(value)}{''.join(instead[:1])}"
+
+
+def _given(value: Any) -> str:
+    """Return a value as one reads it in a message about its class."""
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    if value is None or isinstance(value, str | bytes | int | float | complex):
+        return shown(value)
+    return _with_article(type(value))
+
+
+def _with_article(kind: type) -> str:
+    name = kind.__name__
+    return IN_WORDS.get(name) or f"{'an' if name[0] in 'AEIOaeio' else 'a'} {name}"
+
+
+def shown(value: Any) -> str:
+    """Return a value as one reads it in a message, on one line and cut short where it is long."""
+    return " ".join(reprlib.repr(value).split())
+
+
+def positive(value: Any, where: str) -> float:
+    """Return a finite number above zero as a float.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is not a finite number above zero.
+    """
+    result = number(value, where)
+    if result <= 0.0:
+        raise InputError(f"must be positive, got {result:g}", where)
+    return result
+
+
+def physical(value: Any, where: str) -> float:
+    """Return a time or a frequency as a float: a number from 1e-30 to 1e30, whose powers are finite too.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is anything else.
+    """
+    result = positive(value, where)
+    if not SMALLEST <= result <= LARGEST:
+        raise InputError(f"{result:g} is not within {SMALLEST:g} to {LARGEST:g}; check the unit", where)
+    return result
+
+
+def positive_or_infinite(value: Any, where: str) -> float:
+    """Return a number above zero, or infinity, as a float.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is neither.
+    """
+    return math.inf if isinstance(value, float) and value == math.inf else positive(value, where)
+
+
+def flag(value: Any, where: str) -> bool:
+    """Return a truth value.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is neither True nor False.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise InputError(f"must be True or False, got {shown(value)}", where)
+    return bool(value)
+
+
+def numbers(values: Any, where: str) -> tuple[float, ...]:
+    """Return a sequence of finite numbers.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    if not is_sequence(values):
+        raise InputError(f"must be a sequence of numbers, got {shown(values)}", where)
+    return tuple(number(value, where) for value in values)
+
+
+def is_sequence(value: Any) -> bool:
+    """Whether something is a sequence of values in their order, an array included, and no text."""
+    if isinstance(value, np.ndarray):
+        return value.ndim > 0
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
+
+
+def whole(value: Any, where: str, least: int, most: int | None = None) -> int:
+    """Return a whole number within its range.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    whole_one = isinstance(value, Integral) and not isinstance(value, bool)
+    if not whole_one or value < least or (most is not None and value > most):
+        range_ = f"{least} or more" if most is None else f"{least} to {most}"
+        raise InputError(f"must be a whole number, {range_}, got {shown(value)}", where)
+    return int(value)
+
+
+def vector(value: Any, where: str) -> tuple[float, float]:
+    """Return a pair of finite numbers.
+
+    Raises
+    ------
+    InputError
+        If ``value`` is not a pair of finite numbers.
+    """
+    if not is_sequence(value) or len(value) != 2:
+        raise InputError(f"must be a pair of numbers (x, y), got {shown(value)}", where)
+    return number(value[0], where), number(value[1], where)
+
+
+def array(values: ArrayLike, where: str, *, finite: bool = True) -> Array:
+    """Return numbers as an array, a copy.
+
+    Raises
+    ------
+    InputError
+        If a value is not a number, or, unless ``finite`` is false, not finite.
+    """
+    try:
+        result = np.array(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError("must be numbers", where) from None
+    if finite and not np.isfinite(result).all():
+        raise InputError("must be finite", where)
+    return result
+
+
+def check_keys(table: dict[str, Any], required: set[str], optional: set[str], where: str) -> None:
+    """Check that a table has all its required keys, and none that is unknown.
+
+    Raises
+    ------
+    InputError
+        Naming the first missing or unknown key.
+    """
+    for key in sorted(required - table.keys()):
+        raise InputError(f"the key '{key}' is missing", where)
+    for key in sorted(table.keys() - required - optional):
+        raise InputError(f"unknown key '{key}'; known are {', '.join(sorted(required | optional))}", where)

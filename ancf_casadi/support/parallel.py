@@ -1,0 +1,186 @@
+"""Many independent runs, one after the other or through any executor of ``concurrent.futures``.
+
+    if __name__ == "__main__":
+        runs = run_all([partial(simulate, model, damping=law, duration=10.0) for law in laws], jobs=2)
+
+The tasks travel to other processes, so they are functions of a module, or ``functools.partial`` of one, and so are what
+they return.  A run gives the same numbers wherever it takes place.
+
+Each process begins by importing the script that asked for it.  A script that asks for processes at its top level, and
+not under ``if __name__ == "__main__":``, would ask again in each of them; such a script is refused.
+
+A process ends with its parent, however the parent ends: it waits for the end of a pipe that only the parent holds open.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import pickle
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
+from types import NoneType
+from typing import TypeVar
+
+from tqdm import tqdm
+
+from ancf_casadi.exceptions import InputError, NumericsError
+from ancf_casadi.support.inputs import check_instance, flag, is_sequence, numbers, shown, whole
+
+Result = TypeVar("Result")
+
+BAR = "{l_bar}{bar}| [{elapsed}<{remaining}]"
+
+
+def run_all(
+    tasks: Sequence[Callable[[], Result]],
+    *,
+    executor: Executor | None = None,
+    jobs: int = 1,
+    sizes: Sequence[float] | None = None,
+    progress: bool = False,
+    title: str = "runs",
+) -> list[Result]:
+    """Call each task, and return the results in their order.
+
+    Parameters
+    ----------
+    tasks : sequence of callable
+        What to call, without arguments.
+    executor : Executor, optional
+        Where: a pool of processes, a dask client's executor, ...; ``jobs`` processes if not given.
+    jobs : int
+        Processes, where no executor is given; with 1 the tasks are called here, one after the other.  With more, a
+        script must call this under ``if __name__ == "__main__":``.
+    sizes : sequence of float, optional
+        What each task costs; the largest begin first.  1 each if not given.
+    progress : bool
+        Whether to show a progress bar; a task counts as much as its size.
+    title : str
+        What stands before it.
+
+    Raises
+    ------
+    InputError
+        If a task or the number of processes is not usable, or the script asks for processes at its top level.
+    NumericsError
+        If a process ends before its task is done.
+    Exception
+        What a task raises; without an executor, those that have not begun by then are dropped.
+    """
+    if not is_sequence(tasks) or not all(map(callable, tasks)):
+        raise InputError(f"must be a sequence of functions without arguments, got {shown(tasks)}", "tasks")
+    check_instance(executor, "executor", Executor, NoneType)
+    progress = flag(progress, "progress")
+    jobs = min(whole(jobs, "jobs", 1), max(1, len(tasks)))
+    costs = [1.0] * len(tasks) if sizes is None else list(numbers(sizes, "sizes"))
+    if len(costs) != len(tasks):
+        raise InputError(f"has {len(costs)} values for {len(tasks)} tasks", "sizes")
+    order = sorted(range(len(tasks)), key=lambda k: -costs[k])
+    results: dict[int, Result] = {}
+    with contextlib.ExitStack() as stack:
+        total = sum(costs)
+        bar = stack.enter_context(tqdm(total=total, disable=not progress, bar_format=BAR, desc=title))
+        if executor is None and jobs > 1:
+            _check_portable(tasks)
+            executor = stack.enter_context(processes(jobs))
+        for k, result in _finished(tasks, order, executor):
+            results[k] = result
+            bar.update(min(costs[k], total - bar.n))
+    return [results[k] for k in range(len(tasks))]
+
+
+@contextlib.contextmanager
+def processes(jobs: int) -> Iterator[Executor]:
+    """Give processes that leave Ctrl-C to this one, and end with it, or at once where it stops early.
+
+    Raises
+    ------
+    InputError
+        If the processes cannot import the script that asks for them.
+    """
+    _check_script()
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_start_process)
+    try:
+        _begin(pool, jobs)
+        yield pool
+    except BaseException:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for process in set(multiprocessing.active_children()) - others:
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown()
+
+
+def _check_portable(tasks: Sequence[Callable[[], object]]) -> None:
+    """Refuse tasks that cannot travel to another process."""
+    for position, task in enumerate(tasks, start=1):
+        try:
+            pickle.dumps(task)
+        except (pickle.PicklingError, AttributeError, TypeError) as error:
+            raise InputError(
+                f"number {position} cannot travel to another process ({error}); use a function of a module, or "
+                "functools.partial of one",
+                "tasks",
+            ) from None
+
+
+def _check_script() -> None:
+    """End a process that asks for processes while it imports the script; refuse a script without a file."""
+    if getattr(multiprocessing.current_process(), "_inheriting", False):  # as multiprocessing itself finds out
+        sys.exit(1)  # in silence: the process that asked first reports it
+    main = sys.modules["__main__"]
+    script = getattr(main, "__file__", None)
+    if getattr(main, "__spec__", None) is None and script is not None and not os.path.exists(script):
+        raise InputError(f"processes import the script, and {script} is no file; save it, or use jobs=1", "jobs")
+
+
+def _begin(pool: Executor, jobs: int) -> None:
+    """Start the processes, and wait for the first."""
+    try:
+        first, *_ = [pool.submit(int) for _ in range(jobs)]
+        first.result()
+    except BrokenExecutor:
+        raise InputError(
+            "processes import the script that asks for them, which failed; put what the script does under "
+            'if __name__ == "__main__":, or use jobs=1',
+            "jobs",
+        ) from None
+
+
+def _finished(
+    tasks: Sequence[Callable[[], Result]], order: Sequence[int], executor: Executor | None
+) -> Iterator[tuple[int, Result]]:
+    """Yield number and result of each task as it is done."""
+    if executor is None:
+        for k in order:
+            yield k, tasks[k]()
+        return
+    try:
+        futures = {executor.submit(tasks[k]): k for k in order}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    except BrokenExecutor:
+        raise NumericsError(
+            "a process ended before its task was done, perhaps for lack of memory; use fewer jobs"
+        ) from None
+
+
+def _start_process() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    tqdm.set_lock(threading.RLock())  # its own is shared between processes, and would outlive one that is ended
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """Wait for the end of the parent; CasADi lets this thread go on during its calls."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -1,0 +1,166 @@
+"""Natural frequencies and mode shapes of small motion about a static equilibrium.
+
+With the tangent stiffness K at the equilibrium (gravity tension and tip loads included) and the mass matrix M, both
+of the free coordinates, the modes solve
+
+    K phi = omega^2 M phi,        Phi^T M Phi = I,               Eq. (30).
+
+``ancf_casadi.vibration.eigensolver`` solves for them.
+
+References
+----------
+"Comparison of external damping models in a large deformation problem", Section 4.3.
+Allemang 2003, "The modal assurance criterion: twenty years of use and abuse" (MAC).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from numbers import Integral
+from types import NoneType
+
+import numpy as np
+
+from ancf_casadi.exceptions import EquilibriumError, InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import array, check_instance, shown, whole
+from ancf_casadi.vibration.eigensolver import lowest_modes
+from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The lowest modes about an equilibrium, in ascending order.
+
+    Parameters
+    ----------
+    equilibrium : Equilibrium
+        The state of rest they swing about.
+    frequencies : array (m,)
+        Natural frequencies, Hz.
+    shapes : array (4 n + 4, m)
+        Mass-normalised mode shapes Phi in all nodal coordinates, zero at the clamp; the tip's larger component is
+        positive.
+    """
+
+    equilibrium: Equilibrium
+    frequencies: Array
+    shapes: Array
+
+    @property
+    def model(self) -> Model:
+        """The model whose modes these are."""
+        return self.equilibrium.model
+
+    @property
+    def count(self) -> int:
+        """Number of modes m."""
+        return len(self.frequencies)
+
+    @property
+    def angular(self) -> Array:
+        """Natural frequencies omega, rad/s."""
+        return 2 * np.pi * self.frequencies
+
+    def tip_amplitudes(self) -> Array:
+        """Return the size of each mass-normalised mode shape at the tip, (m,), kg^-1/2."""
+        tip = self.model.interpolation(self.model.beam.length)
+        return np.asarray(np.linalg.norm(tip @ self.shapes, axis=0))
+
+    def coordinates_of(self, coordinates: Array, mode: int) -> Array:
+        """Return the share of one mode in given motions, as the displacement of the tip in that mode.
+
+        The projection phi^T M (e - e_rest) is blind to all the other modes of small motion.
+
+        Parameters
+        ----------
+        coordinates : array (..., 4 n + 4)
+            Nodal coordinates, relative to the clamp at the origin.
+        mode : int
+            Mode number, from 0.
+
+        Returns
+        -------
+        array (...,)
+            Tip displacement in the mode, m.
+
+        Raises
+        ------
+        InputError
+            If the coordinates do not fit the model, or there is no such mode.
+        """
+        mode, coordinates = whole(mode, "mode", 0, self.count - 1), array(coordinates, "coordinates")
+        if coordinates.shape[-1:] != (self.model.size,):
+            raise InputError(f"must have {self.model.size} columns, got {coordinates.shape}", "coordinates")
+        mass = self.model.mass(self.model.properties).sparse()
+        projector = mass @ self.shapes[:, mode] * self.tip_amplitudes()[mode]
+        return np.asarray((coordinates - self.equilibrium.coordinates) @ projector)
+
+
+def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | None = None) -> Modes:
+    """Return the lowest modes about an equilibrium.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    count : int
+        How many modes, 1 to 4 n.
+    equilibrium : Equilibrium, optional
+        State of rest; the one under gravity alone if not given.
+
+    Raises
+    ------
+    InputError
+        If ``count`` is not a whole number in its range, or the equilibrium belongs to another model.
+    EquilibriumError
+        If the equilibrium is unstable, or none is found.
+    """
+    check_instance(model, "model", Model)
+    check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
+    available = model.size - model.free.start
+    if isinstance(count, bool) or not isinstance(count, Integral) or not 1 <= count <= available:
+        raise InputError(f"must be 1 to {available} for {model.beam.elements} elements, got {shown(count)}", "count")
+    if equilibrium is None:
+        equilibrium = static_equilibrium(model)
+    if equilibrium.model != model:
+        raise InputError("belongs to another model", "equilibrium")
+    found = lowest_modes(equilibrium.structure, equilibrium.exact, count)
+    if found is None:
+        short = model.beam.element_length < 1.5 * max(model.beam.thickness)
+        raise EquilibriumError(
+            "the equilibrium is unstable, so it has no modes; a standing beam may be too slender for its weight"
+            + (", and elements as short as the beam is thick are unstable in bending: use fewer" if short else "")
+        )
+    shapes = np.zeros((model.size, count))
+    shapes[model.free] = found[1]
+    tip = model.interpolation(model.beam.length) @ shapes
+    larger = np.abs(tip).argmax(axis=0)
+    shapes *= np.where(tip[larger, np.arange(count)] < 0, -1.0, 1.0)
+    return Modes(equilibrium, np.sqrt(found[0]) / (2 * np.pi), shapes)
+
+
+def modal_assurance(first: Array, second: Array) -> Array:
+    """Return the modal assurance criterion between two sets of shapes, MAC = (a.b)^2 / (a.a b.b).
+
+    Parameters
+    ----------
+    first, second : array (k, m1), (k, m2)
+        Shapes as columns, in the same coordinates of one kind.
+
+    Returns
+    -------
+    array (m1, m2)
+        Values from 0 (orthogonal) to 1 (the same shape).
+
+    Raises
+    ------
+    InputError
+        If the shapes are not finite numbers in columns of one length.
+    """
+    first, second = array(first, "first"), array(second, "second")
+    if first.ndim != 2 or second.ndim != 2 or len(first) != len(second):
+        raise InputError(f"must be columns as long as the first, got {second.shape} for {first.shape}", "second")
+    cross = (first.T @ second) ** 2
+    return np.asarray(cross / np.outer((first**2).sum(axis=0), (second**2).sum(axis=0)))

@@ -1,0 +1,116 @@
+"""Several modes in one free decay.
+
+Under linear damping the modes of a beam swing each for itself, and a record is their sum and an offset,
+
+    y(t) = d + sum_k r_k(t),    r_k of Eq. (9) with omega_k, zeta_k, r0_k, v0_k.
+
+The strongest mode is fitted first and taken off, then the strongest of what is left, and so on.  That gives the
+starting values of one problem in which all modes are matched at once, so that none of them is in the residuals of
+another.
+
+References
+----------
+"Comparison of external damping models in a large deformation problem", Eq. (9), (10).
+S. G. Mallat, Z. Zhang, Matching pursuits with time-frequency dictionaries, IEEE Transactions on Signal Processing 41
+(1993).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import casadi as cs
+from numpy.typing import ArrayLike
+
+from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.decay.measurement import Measurement
+from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import flag, number, whole
+from problems.decay.fitting import RATIO_BOUNDS, as_record, fit_decay
+from problems.decay.laws import DecayModel
+from problems.decay.result import DecayFit, decay_result
+
+SAMPLES = 5  # per mode at least: its four unknowns, and one to tell
+
+
+def fit_modes(
+    time: Measurement | ArrayLike,
+    displacement: ArrayLike | None = None,
+    *,
+    count: int,
+    offset: bool = True,
+    release_time: float | None = None,
+) -> tuple[DecayFit, ...]:
+    """Fit the strongest modes of a free decay at once, each with linear damping.
+
+    Parameters
+    ----------
+    time : array_like or Measurement
+        Times, s, increasing; or the whole record.
+    displacement : array_like
+        Displacement at each time, m.
+    count : int
+        How many modes.
+    offset : bool
+        Whether the point may come to rest elsewhere than at 0.
+    release_time : float, optional
+        When the free decay begins, s; found in the record if not given.
+
+    Returns
+    -------
+    tuple of DecayFit
+        One for each mode, by frequency.  The displacement of each is its own, that of the strongest with the offset.
+
+    Raises
+    ------
+    InputError
+        If the record is not usable, or shows fewer modes.
+    FitError
+        If a fit does not converge.
+    """
+    record = as_record(time, displacement)
+    count, offset = whole(count, "count", 1, max(1, len(record.time) // SAMPLES)), flag(offset, "offset")
+    release = None if release_time is None else number(release_time, "release_time")
+    unknowns: list[Unknown] = []
+    parts: list[tuple[DecayModel, tuple[int, ...]]] = []
+    left, reason = record, ""
+    for mode in range(1, count + 1):
+        model = DecayModel("linear", offset and mode == 1, False)
+        try:
+            guess = first_guess(left, release_time=release, offset=model.offset)
+            alone = fit_decay(left, offset=model.offset, release_time=release)
+        except InputError as error:
+            if mode == 1:
+                raise
+            raise InputError(
+                f"shows {mode - 1} of {count} modes: what is left {str(error).removeprefix('record: ')}", "record"
+            ) from None
+        release, reason = alone.release_time, reason or alone.release_reason
+        left = Measurement(alone.time, left.displacement[-alone.samples :] - alone.displacement(alone.time))
+        own = [*model.shared(guess, RATIO_BOUNDS), *model.own(guess)]
+        parts.append((model, tuple(range(len(unknowns), len(unknowns) + len(own)))))
+        values = alone.fit.values.tolist()
+        unknowns += [replace(u, name=f"{u.name}_{mode}", guess=x) for u, x in zip(own, values, strict=True)]
+
+    y, t = cs.DM(record.displacement[-len(left.time) :]), left.time - left.time[0]
+    fit = least_squares(_sum(parts, t, y), unknowns)
+    fits = [
+        decay_result(model, fit, left.time, indices=indices, rows=slice(None), ratio_bounds=RATIO_BOUNDS, reason=reason)
+        for model, indices in parts
+    ]
+    return tuple(sorted(fits, key=lambda fit: fit.frequency))
+
+
+def _sum(parts: list[tuple[DecayModel, tuple[int, ...]]], t: Array, y: cs.DM) -> Callable[..., cs.MX]:
+    """Return the residuals as a function of all unknowns."""
+
+    def residuals(*x: cs.MX) -> cs.MX:
+        curve = -cs.MX(y)
+        for model, indices in parts:
+            curve += model.curve(t, *(x[i] for i in indices))
+        return curve
+
+    return residuals

@@ -1,0 +1,223 @@
+"""Coefficients of proportional damping from the damping ratios of several modes.
+
+Proportional damping C = alpha M + beta K gives the mode of angular frequency omega the ratio
+
+    zeta = alpha/(2 omega) + beta omega/2.                                                          Eq. (16)
+
+Two modes determine both coefficients,
+
+    alpha = 2 w1 w2 (z1 w2 - z2 w1)/(w2^2 - w1^2),    beta = 2 (z2 w2 - z1 w1)/(w2^2 - w1^2),      Eq. (17)
+
+more modes by weighted least squares with alpha, beta >= 0.  So are two modes of which Eq. (17) would make a coefficient
+negative, that is, feed energy in at low or high frequency: they are then not matched, and the fit says so.
+
+With standard deviations sigma of the ratios and the rows b_i = (1/(2 omega_i), omega_i/2)/sigma_i of B, the
+coefficients that are not at a bound have the covariance (B^T B)^-1, however many modes there are.  Without, sigma is
+taken to be the same for all and estimated from the scatter, sigma^2 = sum (zeta - fitted)^2/(m - n), if there are more
+modes m than coefficients n.
+
+References
+----------
+"Comparison of external damping models in a large deformation problem", Section 4.1.  With its Table 2, Eq. (17) gives
+beta = 3.18E-5 s, not the 3.18E-4 of its Table 3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array, Mask
+from ancf_casadi.support.inputs import is_sequence, numbers, physical, positive
+from ancf_casadi.support.tables import Table
+
+MISSED = 3.0  # standard deviations beyond which a mode is missed
+
+
+@dataclass(frozen=True)
+class RayleighErrors:
+    """Standard errors of alpha (1/s) and beta (s).
+
+    Nan at a bound, and where neither standard deviations nor more modes than coefficients tell them.
+    """
+
+    alpha: float
+    beta: float
+
+
+@dataclass(frozen=True)
+class RayleighFit:
+    """Proportional damping fitted to modal damping ratios.
+
+    Parameters
+    ----------
+    alpha : float
+        Mass-proportional coefficient, 1/s.
+    beta : float
+        Stiffness-proportional coefficient, s.
+    frequencies : tuple of float
+        Frequencies of the modes, Hz.
+    measured : tuple of float
+        The damping ratios given.
+    ratio_std : tuple of float or None
+        Their standard deviations, if given.
+    ratios : tuple of float
+        The damping ratios these coefficients give, Eq. (16).
+    standard_errors : RayleighErrors
+        From the standard deviations, or from the scatter of the measured ratios about the fitted ones without.
+    warnings : tuple of str
+        What to know before using the coefficients.
+    """
+
+    alpha: float
+    beta: float
+    frequencies: tuple[float, ...]
+    measured: tuple[float, ...]
+    ratio_std: tuple[float, ...] | None
+    ratios: tuple[float, ...]
+    standard_errors: RayleighErrors
+    warnings: tuple[str, ...]
+
+    def table(self) -> Table:
+        """Return measured and fitted damping ratios, one mode a row, and the coefficients."""
+        deviations = self.ratio_std or [None] * len(self.measured)
+        rows = [
+            (mode, *values)
+            for mode, values in enumerate(
+                zip(self.frequencies, self.measured, deviations, self.ratios, strict=True), start=1
+            )
+        ]
+        columns = ("mode", "frequency_hz", "damping_ratio", "standard_deviation", "fitted_ratio")
+        notes = (
+            f"alpha {self.alpha:.6g} +- {self.standard_errors.alpha:.2g} 1/s",
+            f"beta {self.beta:.6g} +- {self.standard_errors.beta:.2g} s",
+            *(f"note: {warning}" for warning in self.warnings),
+        )
+        return Table("rayleigh", "Proportional damping", columns, rows, notes)
+
+    def report(self) -> str:
+        """Return the table as text."""
+        return self.table().text()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON, with None for what is not known."""
+        errors = self.standard_errors
+        return {
+            "alpha": self.alpha,
+            "alpha_stderr": errors.alpha if math.isfinite(errors.alpha) else None,
+            "beta": self.beta,
+            "beta_stderr": errors.beta if math.isfinite(errors.beta) else None,
+            "frequencies_hz": list(self.frequencies),
+            "damping_ratios": list(self.measured),
+            "ratio_std": None if self.ratio_std is None else list(self.ratio_std),
+            "fitted_ratios": list(self.ratios),
+            "warnings": list(self.warnings),
+        }
+
+
+def fit_rayleigh(
+    frequencies: Sequence[float],
+    ratios: Sequence[float],
+    *,
+    ratio_std: float | Sequence[float] | None = None,
+) -> RayleighFit:
+    """Fit proportional damping to modal damping ratios.
+
+    Parameters
+    ----------
+    frequencies : sequence of float
+        Natural frequencies, Hz, ascending; at least two.
+    ratios : sequence of float
+        Damping ratio of each mode, at least 0 and below 1.
+    ratio_std : float or sequence of float, optional
+        Standard deviations of the ratios; one for all, or one each.  Without them the ratios count alike.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two modes, the lengths differ, the frequencies do not ascend, or a value is unusable.
+    FitError
+        If the fit does not converge.
+    """
+    hertz = tuple(physical(frequency, "frequencies") for frequency in numbers(frequencies, "frequencies"))
+    ω, ζ = 2 * math.pi * np.array(hertz), np.array(numbers(ratios, "ratios"))
+    if len(ω) < 2:
+        raise InputError(f"needs at least 2 modes, got {len(ω)}", "frequencies")
+    given: Any = ratio_std if ratio_std is None or is_sequence(ratio_std) else [ratio_std] * len(ω)
+    deviations = None if given is None else tuple(positive(deviation, "ratio_std") for deviation in given)
+    σ = np.ones(len(ω)) if deviations is None else np.array(deviations)
+    for name, values in (("ratios", ζ), ("ratio_std", σ)):
+        if len(values) != len(ω):
+            raise InputError(f"has {len(values)} values for {len(ω)} frequencies", name)
+    if np.diff(ω).min() <= 0.0:
+        raise InputError("must ascend", "frequencies")
+    if ζ.min() < 0.0 or ζ.max() >= 1.0:
+        raise InputError("must be at least 0 and below 1", "ratios")
+
+    found, free = np.array(_two_modes(ω, ζ)), np.ones(2, dtype=bool)
+    if len(ω) > 2 or found.min() < 0.0:
+        found, free = _least_squares(ω, ζ, σ)
+    basis = np.array([1 / (2 * ω), ω / 2]).T
+    predicted = basis @ found
+    missed = (ζ - predicted) / σ
+    variance = 1.0
+    if deviations is None:
+        surplus = len(ω) - np.count_nonzero(free)
+        variance = float(missed @ missed) / surplus if surplus else math.nan
+    errors = np.full(2, math.nan)
+    errors[free] = math.sqrt(variance) * _unit_errors(basis[:, free] / σ[:, None])
+    warnings = [
+        f"{name} is at its bound 0; below it the law would feed energy in"
+        for name, there in zip(("alpha", "beta"), ~free, strict=True)
+        if there
+    ]
+    if deviations is not None:
+        warnings += [
+            f"mode {k + 1}, {hertz[k]:.6g} Hz, is missed by {abs(missed[k]):.1f} standard deviations: measured "
+            f"{ζ[k]:.3g}, fitted {predicted[k]:.3g}"
+            for k in np.flatnonzero(np.abs(missed) > MISSED).tolist()
+        ]
+    return RayleighFit(
+        alpha=float(found[0]),
+        beta=float(found[1]),
+        frequencies=hertz,
+        measured=tuple(ζ.tolist()),
+        ratio_std=deviations,
+        ratios=tuple(predicted.tolist()),
+        standard_errors=RayleighErrors(float(errors[0]), float(errors[1])),
+        warnings=tuple(warnings),
+    )
+
+
+def _two_modes(ω: Array, ζ: Array) -> tuple[float, float]:
+    """Return alpha and beta that match the first two modes, Eq. (17)."""
+    (ω1, ω2), (ζ1, ζ2) = ω[:2].tolist(), ζ[:2].tolist()
+    spread = ω2**2 - ω1**2
+    return 2 * ω1 * ω2 * (ζ1 * ω2 - ζ2 * ω1) / spread, 2 * (ζ2 * ω2 - ζ1 * ω1) / spread
+
+
+def _least_squares(ω: Array, ζ: Array, σ: Array) -> tuple[Array, Mask]:
+    """Return alpha and beta, none negative, and which of them are not at their bound."""
+    typical = float(ζ.max()) or 1.0
+    alpha, beta = typical * float(ω.min()), typical / float(ω.max())
+    fit = least_squares(
+        lambda α, β: (α / cs.DM(2 * ω) + β * cs.DM(ω / 2) - cs.DM(ζ)) / cs.DM(σ),
+        [
+            Unknown("alpha", alpha, alpha, lower=0.0, unit="1/s"),
+            Unknown("beta", beta, beta, lower=0.0, unit="s"),
+        ],
+    )
+    return fit.values, ~fit.at_bound
+
+
+def _unit_errors(basis: Array) -> Array:
+    """Return the standard errors of coefficients for residuals of variance 1, from their columns."""
+    length = np.linalg.norm(basis, axis=0)
+    return np.asarray(np.linalg.norm(np.linalg.pinv(basis / length), axis=1) / length)

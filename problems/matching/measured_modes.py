@@ -1,0 +1,186 @@
+"""Measured modes: natural frequencies and, where they were measured, mode shapes at points along the beam.
+
+A measured shape psi has any scale and sign, so it is compared with the transverse displacements v of a computed one
+at the same points by what the best multiple of v leaves,
+
+    r = (psi - a v)/sigma,    a = (v^T W psi)/(v^T W v),    W = diag(1/sigma^2),
+
+which is the same for any scale and sign of v.  Transverse means perpendicular to the axis of the beam at its clamp.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array, Mask
+from ancf_casadi.support.inputs import is_sequence, numbers, physical, positive, shown
+
+SMALLEST = 1e-12  # standard deviation relative to the value
+
+
+@dataclass(frozen=True)
+class MeasuredModes:
+    """Measured natural frequencies and mode shapes.
+
+    Parameters
+    ----------
+    frequencies : sequence of float
+        Natural frequencies of m modes, Hz; ascending where there are no shapes, which are then taken for the lowest.
+    frequency_std : float or sequence of float, optional
+        Their standard deviations, Hz; one for all, or one each.  Without them relative errors count alike.
+    points : sequence of float
+        Arc lengths of k points from the clamp, m.
+    shapes : sequence of sequences
+        Transverse displacements of the points in each mode, (m, k), of any scale and sign; nan where not measured.
+    shape_std : float or sequence, optional
+        Their standard deviations, in the unit of each shape: one for all, one a mode, or (m, k).  Without them the
+        shapes only tell which mode is which.
+
+    Raises
+    ------
+    InputError
+        If frequencies or deviations are not positive, sizes do not fit, frequencies without shapes do not ascend, a
+        shape has fewer than two points or no size, or a deviation is beyond 1e-12 to 1e12 of its value.
+    """
+
+    frequencies: tuple[float, ...]
+    frequency_std: tuple[float, ...] | None = None
+    points: tuple[float, ...] = ()
+    shapes: tuple[tuple[float, ...], ...] = ()
+    shape_std: tuple[tuple[float, ...], ...] | None = None
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        given: Any = self.frequencies
+        if not is_sequence(given):
+            raise InputError(f"must be a sequence of frequencies, got {shown(given)}", "targets")
+        frequencies = tuple(physical(frequency, "targets") for frequency in given)
+        if not frequencies:
+            raise InputError("needs at least one frequency", "targets")
+        object.__setattr__(self, "frequencies", frequencies)
+        if self.frequency_std is not None:
+            object.__setattr__(self, "frequency_std", _spread(self.frequency_std, self.count, "frequency_std"))
+            _check_ratio(self.relative_std, "frequency_std")
+        object.__setattr__(self, "points", numbers(self.points, "points"))
+        if not is_sequence(self.shapes):
+            raise InputError(f"must be a sequence of shapes, got {shown(self.shapes)}", "shapes")
+        if len(self.shapes):
+            self._check_shapes()
+        elif self.points or self.shape_std is not None:
+            raise InputError("are missing; points and shape_std are theirs", "shapes")
+        elif (np.diff(frequencies) <= 0.0).any():
+            raise InputError(
+                f"must be ascending, got {', '.join(f'{f:g}' for f in frequencies)} Hz; with shapes any order will do",
+                "targets",
+            )
+
+    @classmethod
+    def of(cls, targets: MeasuredModes | Sequence[float]) -> MeasuredModes:
+        """Return measured modes as such, or a sequence of frequencies as those of the lowest modes."""
+        return targets if isinstance(targets, MeasuredModes) else cls(targets)  # type: ignore[arg-type]
+
+    @property
+    def count(self) -> int:
+        """Number of modes m."""
+        return len(self.frequencies)
+
+    @property
+    def relative_std(self) -> Array:
+        """Standard deviations of the frequencies relative to these, 1 each where there are none, (m,)."""
+        if self.frequency_std is None:
+            return np.ones(self.count)
+        return np.asarray(np.array(self.frequency_std) / np.array(self.frequencies))
+
+    @property
+    def measured(self) -> Mask:
+        """Which displacements of the shapes were measured, (m, k)."""
+        return np.asarray(np.isfinite(np.array(self.shapes).reshape(self.count, -1)))
+
+    def observer(self, model: Model) -> Array:
+        """Return H with v = H e, the transverse displacements at the points, (k, 4 n + 4)."""
+        x, y = model.beam.axis
+        across = np.array([-y, x])
+        rows = [across @ model.interpolation(point) for point in self.points]
+        return np.array(rows).reshape(-1, model.size)
+
+    def assurance(self, displacements: Array) -> Array:
+        """Return the modal assurance criterion of the measured shapes with computed ones, (m, c).
+
+        Parameters
+        ----------
+        displacements : array (k, c)
+            Transverse displacements of c modes at the points; modes that do not move there have 0.
+        """
+        known = self.measured
+        shapes = np.where(known, np.array(self.shapes), 0.0)
+        shapes = shapes / np.abs(shapes).max(axis=1, keepdims=True)  # of any scale
+        own = (shapes**2).sum(axis=1)[:, None] * (known @ displacements**2)
+        return np.asarray((shapes @ displacements) ** 2 / np.where(own > 0.0, own, 1.0))
+
+    def check_beam(self, beam: Beam) -> None:
+        """Check that the points are on the beam, and that its mesh has as many modes.
+
+        Raises
+        ------
+        InputError
+            If not.
+        """
+        if self.count > 2 * beam.elements:
+            raise InputError(
+                f"{self.count} modes are more than the {2 * beam.elements} of {beam.elements} elements", "targets"
+            )
+        for point in self.points:
+            if not 0.0 <= point <= beam.length:
+                raise InputError(f"must be on the beam, 0 to {beam.length:g} m, got {point:g}", "points")
+
+    def _check_shapes(self) -> None:
+        if len(self.shapes) != self.count:
+            raise InputError(f"{len(self.shapes)} shapes for {self.count} frequencies", "shapes")
+        rows = []
+        for k, shape in enumerate(self.shapes, start=1):
+            if not is_sequence(shape) or len(shape) != len(self.points):
+                raise InputError(f"shape {k} needs one displacement a point, {len(self.points)} of them", "shapes")
+            try:
+                rows.append(tuple(float(value) for value in shape))
+            except (TypeError, ValueError):
+                raise InputError(f"shape {k} must be numbers, or nan where not measured", "shapes") from None
+            known = np.array(rows[-1])[~np.isnan(rows[-1])]
+            if len(known) < 2 or not np.isfinite(known).all() or not known.any():
+                raise InputError(f"shape {k} needs two measured displacements, finite and not all zero", "shapes")
+        object.__setattr__(self, "shapes", tuple(rows))
+        if self.shape_std is not None:
+            if self.frequency_std is None:
+                raise InputError("is missing; with shape_std alone the frequencies have no weight", "frequency_std")
+            object.__setattr__(self, "shape_std", self._spread_shape_std(self.shape_std))
+
+    def _spread_shape_std(self, given: Any) -> tuple[tuple[float, ...], ...]:
+        rows = given if is_sequence(given) else [given] * self.count
+        if len(rows) != self.count:
+            raise InputError(f"has {len(rows)} values for {self.count} shapes", "shape_std")
+        found = tuple(_spread(row, len(self.points), "shape_std") for row in rows)
+        for shape, deviations in zip(self.shapes, found, strict=True):
+            _check_ratio(np.array(deviations) / np.nanmax(np.abs(shape)), "shape_std")
+        return found
+
+
+def _spread(given: Any, count: int, where: str) -> tuple[float, ...]:
+    if not is_sequence(given):
+        return (positive(given, where),) * count
+    if len(given) != count:
+        raise InputError(f"has {len(given)} values for {count}", where)
+    return tuple(positive(value, where) for value in given)
+
+
+def _check_ratio(relative: Array, where: str) -> None:
+    """Refuse deviations so far from what deviates that their squares are beyond the range of numbers."""
+    if not ((relative > SMALLEST) & (relative < 1 / SMALLEST)).all():
+        raise InputError(
+            f"must be within {SMALLEST:g} to {1 / SMALLEST:g} times the measured value; check the unit", where
+        )

@@ -1,0 +1,138 @@
+"""What may change of a beam when it is matched to measurements: factors on its properties, linear in the unknowns m.
+
+The properties P, one value an element, become P (c + T m), element by element:
+
+    Global        one factor for all elements, on the mass        m = 1 is the given beam
+                  at the tip, or on the stiffness of the clamp
+    PerElement    one factor for each element                     m = 1
+    Smooth        1 + sum_j m_j L_j(x), x = 2 s/L - 1 from -1 to 1    m = 0
+
+L_j are Legendre polynomials at the middle of the elements.  Of the families one could take, they are the one in which
+the first terms say what one asks first: the mean and the linear taper, without the kinks at the ends that cosines have.
+Each is at most 1, and they are orthogonal, so m_j is the size of its share and further terms hardly change the first.
+
+Factors keep within 1 - bounds and 1 + bounds.  For a smooth property these are linear constraints on m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import LUMPED, MAXIMUM_ELEMENTS, PROPERTIES
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import choice, positive, whole
+
+
+def check_bounds(bounds: float, where: str) -> float:
+    """Return the largest relative change of a property.
+
+    Raises
+    ------
+    InputError
+        If it is not above 0 and at most 1.
+    """
+    bounds = positive(bounds, where)
+    if bounds > 1.0:
+        raise InputError(f"must be at most 1, got {bounds:g}", where)
+    return bounds
+
+
+def _check(name: str, bounds: float | None, known: tuple[str, ...] = PROPERTIES) -> None:
+    choice(name, known, "unknowns")
+    if bounds is not None:
+        check_bounds(bounds, f"unknowns: {name}: bounds")
+
+
+@dataclass(frozen=True)
+class Global:
+    """One factor on a property of all elements.
+
+    Parameters
+    ----------
+    name : str
+        ``width``, ``thickness``, ``density``, ``elastic_modulus``, ``tip_mass`` or ``clamp_stiffness``.
+    bounds : float, optional
+        Largest relative change, above 0 and at most 1; that of the whole problem if not given.
+    """
+
+    name: str
+    bounds: float | None = None
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        _check(self.name, self.bounds, PROPERTIES + LUMPED)
+
+    def shape(self, elements: int) -> Array:
+        """Return the factors by the unknowns, (n, 1), or (1, 1)."""
+        return np.ones((1 if self.name in LUMPED else elements, 1))
+
+    def names(self, elements: int) -> tuple[str, ...]:
+        """Return what the unknowns are called."""
+        return (self.name,)
+
+
+@dataclass(frozen=True)
+class PerElement:
+    """One factor on a property for each element; parameters as in ``Global``."""
+
+    name: str
+    bounds: float | None = None
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        _check(self.name, self.bounds)
+
+    def shape(self, elements: int) -> Array:
+        """Return the factors by the unknowns, (n, n)."""
+        return np.eye(elements)
+
+    def names(self, elements: int) -> tuple[str, ...]:
+        """Return what the unknowns are called, with their element from 1."""
+        return tuple(f"{self.name}[{i + 1}]" for i in range(elements))
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """A property that changes smoothly along the beam.
+
+    Parameters
+    ----------
+    name : str
+        ``width``, ``thickness``, ``density`` or ``elastic_modulus``.
+    terms : int
+        How many Legendre polynomials, at least 1 and at most the elements: 1 a constant, 2 a linear taper, ...
+    bounds : float, optional
+        Largest relative change at any element, above 0 and at most 1; that of the whole problem if not given.
+    """
+
+    name: str
+    terms: int = 3
+    bounds: float | None = None
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        _check(self.name, self.bounds)
+        whole(self.terms, f"unknowns: {self.name}: terms", 1, MAXIMUM_ELEMENTS)
+
+    def shape(self, elements: int) -> Array:
+        """Return the factors less 1 by the unknowns, (n, terms)."""
+        if self.terms > elements:
+            raise InputError(
+                f"{self.terms} terms are more than the {elements} elements tell apart", f"unknowns: {self.name}"
+            )
+        return np.asarray(legvander((2 * np.arange(elements) + 1) / elements - 1, self.terms - 1))
+
+    def names(self, elements: int) -> tuple[str, ...]:
+        """Return what the unknowns are called, with the degree of the polynomial."""
+        return tuple(f"{self.name}~L{j}" for j in range(self.terms))
+
+
+PropertyUnknown = Global | PerElement | Smooth
+
+PAPER: tuple[PropertyUnknown, ...] = (
+    PerElement("width"), PerElement("thickness"), Global("density"), Global("elastic_modulus")
+)  # fmt: skip

@@ -1,0 +1,292 @@
+"""How sure a fit is, by doing it again: many fits to records made from it.
+
+With the fitted curve r(x) and the residuals e of a record of m values,
+
+    parametric    y* = r(x) + s n,      n normal and white, s^2 = e'e/(m - n)
+    bootstrap     y* = r(x) + e*,       e* drawn from the residuals, centred and grown by (m/(m - n))^1/2
+
+are fitted as the record was, each from its estimates.  Where successive residuals correlate at rho, single ones make
+records that scatter too little: blocks of successive ones are drawn instead, of the length that is best for an
+autoregressive process of order 1,
+
+    l = (2 |rho|/(1 - rho^2))^(2/3) m^(1/3).
+
+The residuals of each series, one coordinate of one record, are drawn from that series alone: a block lies within it, or
+runs around its end to its beginning.
+
+Run k has the k-th child of the seed, so that the numbers do not depend on where and in which order the runs take place.
+
+References
+----------
+B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap, Chapman & Hall (1993), Sections 6.5, 9.4, 13.3.
+E. Carlstein, The use of subseries values for estimating the variance of a general statistic from a stationary sequence,
+Annals of Statistics 14 (1986).
+D. N. Politis, J. P. Romano, A circular block-resampling procedure for stationary data, in Exploring the Limits of
+Bootstrap, Wiley (1992).
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections import Counter
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal, get_args
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.estimation.fit import LEVEL, Fit
+from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.exceptions import AncfError, FitError, InputError
+from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.inputs import check_instance, choice, number, whole
+from ancf_casadi.support.parallel import run_all
+from ancf_casadi.support.tables import Table
+from problems.decay.laws import LAWS
+from problems.decay.result import QUANTITIES, UNITS, DecayFit
+from problems.transient.fitting import OPTIONS, TransientFit
+
+Method = Literal["parametric", "bootstrap"]
+
+WHITE = 3.0  # standard deviations 1/m^1/2 within which the correlation of successive residuals is none
+MINIMUM_RUNS = 2
+MOST_RUNS = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class MonteCarlo:
+    """Fits to many records made from one fit.
+
+    Parameters
+    ----------
+    names, units : tuple of str
+        The p quantities, and their units.
+    estimates, standard_errors : ndarray
+        What the fit itself says (p,); an error is nan where it says none.
+    samples : ndarray
+        What the runs that converged found (runs, p).
+    failures : tuple of str
+        Why each of the others did not.
+    method : {"parametric", "bootstrap"}
+        How the records were made.
+    block : int
+        How many successive residuals were drawn at a time; 1 for parametric records.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    estimates: Array
+    standard_errors: Array
+    samples: Array
+    failures: tuple[str, ...]
+    method: Method
+    block: int
+
+    @property
+    def runs(self) -> int:
+        """How many runs there were, those that failed included."""
+        return len(self.samples) + len(self.failures)
+
+    @property
+    def means(self) -> Array:
+        """Means (p,)."""
+        return np.asarray(self.samples.mean(axis=0))
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations (p,)."""
+        return np.asarray(self.samples.std(axis=0, ddof=1))
+
+    def intervals(self, level: float = LEVEL) -> Array:
+        """Return the ranges (p, 2) that hold a share of the samples, with as many below as above.
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 1.
+        """
+        if not 0.0 < number(level, "level") < 1.0:
+            raise InputError(f"must be between 0 and 1, got {level:g}", "level")
+        return np.asarray(np.quantile(self.samples, [(1 - level) / 2, (1 + level) / 2], axis=0)).T
+
+    def table(self) -> Table:
+        """Return the quantities with estimates, standard errors, and what the runs say of both."""
+        columns = ("quantity", "estimate", "unit", "standard_error", "mean", "deviation", "lower_95", "upper_95")
+        rows = [
+            (name, float(value), unit, error if math.isfinite(error) else None, mean, deviation, low, high)
+            for name, value, unit, error, mean, deviation, (low, high) in zip(
+                self.names,
+                self.estimates.tolist(),
+                self.units,
+                self.standard_errors.tolist(),
+                self.means.tolist(),
+                self.deviations.tolist(),
+                self.intervals().tolist(),
+                strict=True,
+            )
+        ]
+        drawn = f"blocks of {self.block} residuals" if self.block > 1 else "single residuals"
+        notes = [
+            f"{self.runs} runs, {len(self.failures)} failed; "
+            + ("white noise" if self.method == "parametric" else f"bootstrap of {drawn}"),
+            *(f"note: {count} runs failed: {reason}" for reason, count in Counter(self.failures).items()),
+        ]
+        return Table("monte_carlo", "Estimates of many records", columns, rows, notes)
+
+    def report(self) -> str:
+        """Return the table as text."""
+        return self.table().text()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON, with None for what is not known."""
+        return {
+            "method": self.method,
+            "block": self.block,
+            "runs": self.runs,
+            "failures": list(self.failures),
+            "quantities": [
+                {
+                    "name": name,
+                    "unit": unit,
+                    "estimate": estimate,
+                    "standard_error": error if math.isfinite(error) else None,
+                    "mean": mean,
+                    "deviation": deviation,
+                    "interval_95": interval,
+                }
+                for name, unit, estimate, error, mean, deviation, interval in zip(
+                    self.names,
+                    self.units,
+                    self.estimates.tolist(),
+                    self.standard_errors.tolist(),
+                    self.means.tolist(),
+                    self.deviations.tolist(),
+                    self.intervals().tolist(),
+                    strict=True,
+                )
+            ],
+            "samples": self.samples.tolist(),
+        }
+
+
+def monte_carlo(
+    fit: DecayFit | TransientFit,
+    *,
+    runs: int = 200,
+    seed: int = 0,
+    method: Method = "parametric",
+    executor: Executor | None = None,
+    jobs: int = 1,
+    progress: bool = False,
+) -> MonteCarlo:
+    """Repeat a fit on many records made from it.
+
+    Parameters
+    ----------
+    fit : DecayFit or TransientFit
+        The fit.
+    runs : int
+        How many records.
+    seed : int
+        What the noise is made from; the same numbers give the same runs, wherever they take place.
+    method : {"parametric", "bootstrap"}
+        ``parametric``: white noise as large as the residuals.  ``bootstrap``: the residuals themselves, in blocks where
+        successive ones correlate.
+    executor, jobs, progress
+        As of ``run_all``; processes, not threads, which IPOPT does not bear.  With ``jobs`` above 1 a script must call
+        this under ``if __name__ == "__main__":``.
+
+    Raises
+    ------
+    InputError
+        If a number is not usable, the method is unknown, or the fit leaves no residuals to make records from.
+    FitError
+        If fewer than two runs converge.
+    """
+    runs, seed = whole(runs, "runs", MINIMUM_RUNS, MOST_RUNS), whole(seed, "seed", 0)
+    choice(method, get_args(Method), "method")
+    check_instance(fit, "fit", DecayFit, TransientFit)
+    if not (fit.fit.freedom > 0 and fit.fit.residual_rms > 0.0):
+        raise InputError("leaves no residuals to make records from", "fit")
+    block = block_length(fit.fit) if method == "bootstrap" else 1
+    tasks = [partial(_run, fit, child, method, block) for child in np.random.SeedSequence(seed).spawn(runs)]
+    found = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="fits")
+    samples = [result for result in found if not isinstance(result, str)]
+    failures = tuple(result for result in found if isinstance(result, str))
+    if len(samples) < MINIMUM_RUNS:
+        raise FitError(f"{len(failures)} of {runs} runs failed, the first: {failures[0]}")
+    names, units, estimates, errors = _quantities(fit)
+    return MonteCarlo(names, units, estimates, errors, np.array(samples), failures, method, block)
+
+
+def block_length(fit: Fit) -> int:
+    """Return the number of successive residuals to draw together: 1 where they do not correlate."""
+    m, rho = len(fit.residuals), fit.autocorrelation
+    if not abs(rho) > WHITE / math.sqrt(m):
+        return 1
+    best: float = (2 * abs(rho) / (1 - rho**2)) ** (2 / 3) * m ** (1 / 3)
+    return max(1, min(min(fit.series) // 2, round(best)))
+
+
+def drawn(size: int, block: int, rng: np.random.Generator) -> Index:
+    """Return the positions (size,) of samples drawn from a series in blocks, the end followed by the beginning."""
+    starts = rng.integers(size, size=-(-size // block))
+    return np.asarray((starts[:, None] + np.arange(block)).ravel()[:size] % size)
+
+
+def _run(fit: DecayFit | TransientFit, seed: np.random.SeedSequence, method: Method, block: int) -> Array | str:
+    """Return what a record made from a fit gives, or why it gives nothing."""
+    one, rng = fit.fit, np.random.default_rng(seed)
+    m = len(one.residuals)
+    if method == "parametric":
+        noise = math.sqrt(one.residuals @ one.residuals / one.freedom) * rng.standard_normal(m)
+    else:
+        centred = [part - part.mean() for part in np.split(one.residuals, np.cumsum(one.series)[:-1])]
+        noise = math.sqrt(m / one.freedom) * np.concatenate([part[drawn(len(part), block, rng)] for part in centred])
+    unknowns = [
+        Unknown(name, guess, scale, lower, upper, unit)
+        for name, guess, scale, lower, upper, unit in zip(
+            one.names, one.values.tolist(), one.scale.tolist(), one.lower.tolist(), one.upper.tolist(), one.units,
+            strict=True,
+        )
+    ]  # fmt: skip
+    change = cs.DM(one.residuals + noise)
+
+    def residuals(*x: cs.MX) -> cs.MX:
+        return one.model.call([cs.vertcat(*x) / cs.DM(one.scale)], True, False)[0] - change
+
+    settings: dict[str, Any] = {"gauss_newton": True, "forward": True, "options": OPTIONS}
+    if isinstance(fit, DecayFit):
+        settings = {"gauss_newton": LAWS[fit.law].integrated}
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a trial without a motion is stepped back from
+            again = least_squares(residuals, unknowns, huber=one.huber, **settings)
+    except AncfError as error:
+        return str(error)
+    return _values(fit, again.values)
+
+
+def _quantities(fit: DecayFit | TransientFit) -> tuple[tuple[str, ...], tuple[str, ...], Array, Array]:
+    """Return names, units, estimates and standard errors of what a fit tells."""
+    if isinstance(fit, TransientFit):
+        return fit.fit.names, fit.fit.units, fit.fit.values, fit.fit.standard_errors
+    names = _told(fit)
+    errors = [getattr(fit.standard_errors, name) for name in names]
+    return names, tuple(UNITS[name] for name in names), _values(fit, fit.fit.values), np.array(errors)
+
+
+def _values(fit: DecayFit | TransientFit, x: Array) -> Array:
+    """Return what a fit tells for values of its unknowns."""
+    if isinstance(fit, TransientFit):
+        return x
+    found = np.asarray(cs.evalf(fit.model.quantities(*(cs.MX(x[i]) for i in fit.indices)))).ravel()
+    return np.asarray(found[[QUANTITIES.index(name) for name in _told(fit)]])
+
+
+def _told(fit: DecayFit) -> tuple[str, ...]:
+    """Return the quantities that a law estimates."""
+    return tuple(name for name in QUANTITIES if not math.isnan(getattr(fit.intervals, name)[0]))

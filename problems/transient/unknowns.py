@@ -1,0 +1,130 @@
+"""The unknowns of a fit to the large motion of a beam: names, guesses, scales, bounds and units.
+
+    alpha, beta, eta1, eta2, ratio1, ...        parameters of the law; the second of a name in a sum is ``eta1_2``
+    width, thickness, density, elastic_modulus  factors on the properties, common to all elements
+    base_amplitude_1, ...                       of the base motion of each record
+    start_force_x_1, start_force_x_rate_1, ...  load at the tip that each record starts from, and its rate
+
+The scale of each is its guess; of a load 1/10 of E I/L^2 (a moment: E I/L), of its rate this times the angular
+frequency of the first mode.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ancf_casadi.damping import DampingLaw
+from ancf_casadi.dynamics.derivatives.release_load import LOAD, START
+from ancf_casadi.estimation.nlp import Unknown
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import PROPERTIES
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.inputs import choices
+from ancf_casadi.vibration.equilibrium import Equilibrium
+from problems.transient.marker_record import MarkerRecord
+
+NEAR = 0.10  # bounds of a property or an amplitude, on either side
+LARGEST_RATIO = 1.0 - 1e-6
+SLIGHT = 0.1  # of the load that bends a beam by about its length
+FIRST_MODE = 3.516  # angular frequency of a cantilever by (E I/(mu L^4))^1/2
+UNITS = {"alpha": "1/s", "beta": "s", "eta1": "1/s", "eta2": "1/m"}
+
+Bounds = Mapping[str, tuple[float, float]]
+
+
+def transient_unknowns(
+    model: Model,
+    records: Sequence[MarkerRecord],
+    damping: DampingLaw,
+    properties: Sequence[str],
+    base_amplitude: bool,
+    start: Sequence[str],
+    fixed: Sequence[str],
+    bounds: Bounds,
+) -> list[Unknown]:
+    """Return what is to be estimated; the arguments are those of ``fit_transient``.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, nothing is to be estimated, a guess is not within its bounds, or a record whose load is
+        to be estimated does not start from an equilibrium.
+    """
+    law = named_parameters(damping)
+    _check(fixed, [name for name, _ in law], "fixed")
+    _check(properties, PROPERTIES, "properties")
+    _check(start, START, "start")
+    unknowns = []
+
+    def add(name: str, guess: float, usual: tuple[float, float], unit: str, scale: float = 0.0) -> None:
+        lower, upper = bounds.get(name, usual)
+        unknowns.append(Unknown(name, guess, scale or abs(guess) or 1.0, lower=lower, upper=upper, unit=unit))
+
+    for name, value in law:
+        if name not in fixed:
+            highest = LARGEST_RATIO if name.startswith("ratio") else math.inf
+            add(name, value, (0.0, highest), UNITS.get(name.split("_")[0], ""))
+    for name in properties:
+        add(name, 1.0, (1.0 - NEAR, 1.0 + NEAR), "")
+    for k, record in enumerate(records):
+        if base_amplitude:
+            for name, value in record.own_base.parameters:
+                add(amplitude_name(k, name), value, ((1.0 - NEAR) * value, (1.0 + NEAR) * value), "m")
+        if start:
+            if not (isinstance(record.start, Equilibrium) or record.start == "equilibrium"):
+                raise InputError("must be an equilibrium, for its load to be estimated", "start")
+            scales = _load_scales(model)
+            for name, value in loads(record):
+                if name in start:
+                    unit = f"N{' m' * ('moment' in name)}{'/s' * name.endswith('rate')}"
+                    add(load_name(k, name), value, (-math.inf, math.inf), unit, scales[name])
+    if not unknowns:
+        raise InputError("nothing is to be estimated; a coefficient of 0 is no parameter: guess above 0", "damping")
+    strange = set(bounds) - {unknown.name for unknown in unknowns}
+    if strange:
+        raise InputError(f"{', '.join(sorted(strange))}: not to be estimated", "bounds")
+    return unknowns
+
+
+def named_parameters(damping: DampingLaw) -> list[tuple[str, float]]:
+    """Return the parameters of a law; the second of a name in a sum is called ``name_2``."""
+    seen: Counter[str] = Counter()
+    named = []
+    for name, value in damping.parameters:
+        seen[name] += 1
+        named.append((f"{name}_{seen[name]}" if seen[name] > 1 else name, value))
+    return named
+
+
+def amplitude_name(record: int, name: str) -> str:
+    """Return the name of a parameter of a record's base motion."""
+    return f"base_{name}_{record + 1}"
+
+
+def load_name(record: int, name: str) -> str:
+    """Return the name of a part of the load that a record starts from, or of its rate."""
+    return f"start_{name}_{record + 1}"
+
+
+def loads(record: MarkerRecord) -> list[tuple[str, float]]:
+    """Return the load that a record starts from, as far as it is known, and its rate, which is not: zero."""
+    start = record.start
+    known = (*start.tip_force, start.tip_moment) if isinstance(start, Equilibrium) else (0.0,) * len(LOAD)
+    return list(zip(START, (*known, *(0.0,) * len(LOAD)), strict=True))
+
+
+def _check(names: Sequence[str], known: Sequence[str], where: str) -> None:
+    choices(names, known, where)
+
+
+def _load_scales(model: Model) -> dict[str, float]:
+    width, thickness, density, modulus = model.properties
+    stiffness = float(np.mean(modulus * width * thickness**3 / 12))
+    length, mass = model.beam.length, float(np.mean(density * width * thickness))
+    sizes = SLIGHT * stiffness / length**2 * np.array([1.0, 1.0, length])
+    rate = FIRST_MODE * math.sqrt(stiffness / (mass * length**4))
+    return dict(zip(START, [*sizes.tolist(), *(rate * sizes).tolist()], strict=True))

@@ -1,0 +1,126 @@
+"""Damping against amplitude: all three laws recovered without being told, errors that hold, and what is refused."""
+
+import math
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from ancf_casadi.decay.closed_forms import equivalent_damping_ratio
+from ancf_casadi.decay.envelope import damping_curve
+from ancf_casadi.decay.friction import friction_decay, friction_envelope
+from ancf_casadi.decay.measurement import Measurement
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.plot import damping_figure
+
+TIME = np.arange(0.0, 15.0, 1 / 500)
+ω, E0 = 2 * math.pi * 1.85, 0.076
+TERMS = [(0.0, 0.25, 0.0), (0.0, 0.05, 0.5), (0.02, 0.05, 0.1)]
+
+
+def numbers(value):
+    return np.asarray(value).ravel()
+
+
+def record(η0, η1, η2, noise=0.0, seed=0, rest=0.3):
+    y = numbers(friction_decay(cs.DM(TIME), ω, η0, η1, η2, E0, 0.2)) + rest
+    return Measurement(TIME + 2.0, y + noise * np.random.default_rng(seed).standard_normal(len(TIME)))
+
+
+@pytest.mark.parametrize("terms", TERMS)
+def test_the_curve_is_the_equivalent_damping_ratio_at_each_amplitude(terms):
+    η0, η1, η2 = terms
+    curve = damping_curve(record(*terms))
+    assert len(curve.time) == 13
+    np.testing.assert_allclose(
+        curve.amplitude, numbers(friction_envelope(cs.DM(curve.time - 2.0), ω, η0, η1, η2, E0)), rtol=2e-3
+    )
+    expected = equivalent_damping_ratio(η1, η2, ω, curve.amplitude, η0)
+    np.testing.assert_allclose(curve.damping_ratio, expected, rtol=1e-2)
+    np.testing.assert_allclose(curve.frequency, 1.85, rtol=5e-4)
+
+
+@pytest.mark.parametrize("terms", TERMS)
+def test_errors_are_those_of_the_scatter(terms):
+    """The deviations from the curve without noise, over their standard errors, have a mean square of 1."""
+    clean = damping_curve(record(*terms))
+    deviations = []
+    for seed in range(30):
+        curve = damping_curve(record(*terms, noise=2e-4, seed=seed))
+        count = len(curve.time)
+        deviations.append((curve.damping_ratio - clean.damping_ratio[:count]) / curve.damping_ratio_errors)
+        deviations.append((curve.frequency - clean.frequency[:count]) / curve.frequency_errors)
+    assert np.mean(np.concatenate(deviations) ** 2) == pytest.approx(1.0, abs=0.2)
+
+
+def test_the_equation_of_motion_shows_its_terms():
+    """A line through the curve of a numerical solution of Eq. (26) has eta1/(2 omega) and 4 eta2/(3 pi)."""
+    η1, η2 = 0.1, 0.3
+    motion = solve_ivp(
+        lambda t, y: [y[1], -η1 * y[1] - η2 * y[1] * abs(y[1]) - ω**2 * y[0]],
+        (0.0, 15.0),
+        [E0, 0.0],
+        t_eval=TIME,
+        rtol=1e-10,
+        atol=1e-12,
+    )
+    curve = damping_curve(Measurement(TIME, motion.y[0]))
+    slope, intercept = np.polyfit(curve.amplitude, curve.damping_ratio, 1)
+    assert slope == pytest.approx(4 * η2 / (3 * math.pi), rel=0.01)
+    assert intercept == pytest.approx(η1 / (2 * ω), rel=0.02)
+
+
+def test_strong_damping_is_not_biased():
+    time = np.arange(0.0, 3.0, 1 / 500)
+    y = np.exp(-0.1 * ω * time) * np.cos(ω * math.sqrt(1 - 0.1**2) * time)
+    np.testing.assert_allclose(damping_curve(Measurement(time, y)).damping_ratio, 0.1, rtol=1e-6)
+
+
+def test_the_curve_ends_in_the_noise():
+    curve = damping_curve(record(0.0, 1.5, 0.0, noise=5e-4))
+    assert 2.0 < curve.time[-1] < 10.0
+    assert curve.amplitude[-1] > 1e-4
+    inside = np.abs(curve.damping_ratio - 0.75 / ω) < 4 * curve.damping_ratio_errors
+    assert inside.all()
+
+
+def test_windows_of_more_periods_are_fewer_and_less_noisy():
+    short, long = (damping_curve(record(*TERMS[0], noise=2e-4), periods=n) for n in (1.5, 6.0))
+    assert len(short.time) > 3 * len(long.time)
+    assert long.damping_ratio_errors[0] < 0.2 * short.damping_ratio_errors[0]
+
+
+def test_the_curve_is_a_table():
+    curve = damping_curve(record(*TERMS[1]))
+    header, first, *_ = curve.table().csv().splitlines()
+    assert header == "time_s,amplitude_m,damping_ratio,damping_ratio_stderr,frequency_hz,frequency_stderr_hz"
+    assert [float(cell) for cell in first.split(",")][:3] == [curve.time[0], curve.amplitude[0], curve.damping_ratio[0]]
+
+
+def test_the_curve_is_drawn_with_its_errors():
+    curve = damping_curve(record(*TERMS[1], noise=2e-4))
+    (axes,) = damping_figure(curve).axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("amplitude, mm", "damping ratio, %")
+    np.testing.assert_allclose(np.asarray(axes.lines[0].get_ydata()), 100 * curve.damping_ratio)
+
+
+@pytest.mark.parametrize(
+    ("periods", "message"),
+    [
+        (0.0, "periods: must be positive"),
+        (0.5, "periods: must be 1 or more"),
+        ("two", "periods: must be a finite number"),
+    ],
+)
+def test_unusable_windows_are_refused(periods, message):
+    with pytest.raises(InputError, match=message):
+        damping_curve(record(*TERMS[0]), periods=periods)
+
+
+def test_unusable_records_are_refused():
+    time = np.arange(0.0, 15.0, 0.2)
+    with pytest.raises(InputError, match="periods: makes windows of 6 samples"):
+        damping_curve(Measurement(time, np.cos(ω * time)))
+    with pytest.raises(InputError, match="record: is constant"):
+        damping_curve(Measurement(TIME, np.ones(len(TIME))))

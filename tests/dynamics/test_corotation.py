@@ -1,0 +1,83 @@
+"""Corrections and residuals that turn with the beam, and the prediction of a step."""
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from ancf_casadi import Beam, Model
+from ancf_casadi.dynamics.equations import as_it_is
+from ancf_casadi.dynamics.radau.corotation import Corotation
+from ancf_casadi.mechanics.model import NODE
+
+BEAM = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9, "elements": 6}
+
+
+@pytest.fixture(params=[{}, {"clamp_stiffness": 0.5}], ids=["rigid clamp", "elastic clamp"])
+def model(request):
+    return Model(Beam.uniform(**BEAM, **request.param))
+
+
+def bent(model, curvature, turn=0.0):
+    """Coordinates of the beam bent to an arc; the clamped node keeps its place, and all that is behind it turns."""
+    arc = np.linspace(0.0, BEAM["length"], BEAM["elements"] + 1)
+    angle = turn - np.pi / 2 + curvature * arc
+    x = (np.sin(angle) - np.sin(angle[0])) / curvature
+    y = (np.cos(angle[0]) - np.cos(angle)) / curvature
+    nodes = np.column_stack([x, y, np.cos(angle), np.sin(angle)])
+    base = [0.0, 0.0, np.cos(angle[0]), np.sin(angle[0])]
+    return np.vstack([*[base] * model.root, *nodes]).ravel()
+
+
+def transfer(model, reference, other):
+    """X, (N, N), and its transpose as the residuals see it."""
+    first, e = cs.MX.sym("first", model.size), cs.MX.sym("e", model.size)
+    vector = cs.MX.sym("vector", model.size - NODE)
+    corotation = Corotation(model, 1, as_it_is)
+    turns = corotation.turns(first, e)
+    both = cs.Function("both", [first, e, vector], [corotation.forth(vector, turns), corotation.back(vector, turns)])
+    columns = [both(reference, other, unit) for unit in np.eye(model.size - NODE)]
+    return tuple(np.hstack([column[k].full() for column in columns]) for k in range(2))
+
+
+def test_residuals_turn_by_the_transpose(model):
+    """The work of residuals on corrections is the same in both configurations."""
+    forth, back = transfer(model, bent(model, 1.0), bent(model, 2.5, 0.3))
+    np.testing.assert_allclose(back, forth.T, atol=1e-12)
+
+
+def test_a_rigid_turn_turns_all_corrections(model):
+    """Where the whole beam turns, clamp included, each correction turns by the same angle."""
+    angle = 0.7
+    forth, _ = transfer(model, bent(model, 1.0), bent(model, 1.0, angle))
+    c, s = np.cos(angle), np.sin(angle)
+    expected = np.kron(np.eye(2 * (model.size // NODE - 1)), [[c, -s], [s, c]])
+    np.testing.assert_allclose(forth, expected, atol=1e-12)
+
+
+def test_axial_stiffness_is_the_same_after_turning():
+    """X^T K X and K differ by bending alone, a thousand times less than before turning."""
+    model = Model(Beam.uniform(**BEAM))
+    reference, other = bent(model, 1.0), bent(model, 2.5)
+    stiffness = [model.tangent_stiffness(e, model.properties).full()[NODE:, NODE:] for e in (reference, other)]
+    forth, _ = transfer(model, reference, other)
+    before = np.abs(stiffness[1] - stiffness[0]).max()
+    after = np.abs(forth.T @ stiffness[1] @ forth - stiffness[0]).max()
+    assert after < 1e-3 * before
+
+
+def test_continuing_a_steady_bending(model):
+    """A beam that bends to arcs of evenly growing curvature, about a clamp that turns, is continued exactly."""
+    times = np.array([0.0, 0.3, 0.6, 1.0])
+    motion = np.column_stack([bent(model, 1.0 + t, 0.2 * t) for t in times])
+    ahead = np.array([1.2, 1.5, 2.0])
+    polynomials = [
+        [np.prod([(t - other) / (node - other) for other in times if other != node]) for t in ahead]
+        for node in times[1:]
+    ]
+    expected = np.column_stack([bent(model, 1.0 + t, 0.2 * t) for t in ahead])
+    clamped = expected[:NODE]
+    found = cs.evalf(
+        Corotation(model, 3, as_it_is).continued(cs.MX(cs.DM(polynomials)), cs.MX(cs.DM(motion)), cs.MX(cs.DM(clamped)))
+    ).full()
+    still = np.abs(motion[NODE:, [-1]] - expected[NODE:]).max()
+    assert np.abs(found - expected[NODE:]).max() < 1e-4 * still

@@ -1,0 +1,115 @@
+"""The steps of Radau IIA: what they cost, and what they rely on."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    Beam,
+    HarmonicBase,
+    ModalDamping,
+    Model,
+    RayleighDamping,
+    State,
+    natural_modes,
+    simulate,
+    static_equilibrium,
+)
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.radau import stepper as radau
+from ancf_casadi.dynamics.radau.collocation import Collocation
+from ancf_casadi.dynamics.simulation import initial_state
+
+BEAM = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
+SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)
+BLOW = HarmonicBase(amplitude=0.1e-3, frequency=94.3388)
+
+
+def stepper(model, law, base, start, end, tolerance):
+    """A stepper that has come to the end."""
+    equations = Equations(model, law)
+    clamp = equations.clamp(base.pieces()[0], base)
+    state = initial_state(model, clamp, start)
+    form = Collocation(equations)
+    run = radau.Stepper(form, equations.parameters, clamp, state, 0.0, end, tolerance)
+    run.reach(end)
+    return run
+
+
+@pytest.mark.parametrize(
+    ("base", "start", "end", "tolerance"),
+    [
+        pytest.param(SWING, "equilibrium", 1.5, 1e-5, id="long steps of a large swing"),
+        pytest.param(SWING, "equilibrium", 1.5, 1e-7, id="a large swing"),
+        pytest.param(BLOW, "impact", 0.2, 5e-5, id="a blow to the clamp"),
+    ],
+)
+def test_newtons_method_takes_two_iterations(base, start, end, tolerance):
+    """Residuals that turn with the beam: where they turn with the nodes, three to five, and steps are cut short."""
+    run = stepper(Model(Beam.uniform(**BEAM, elements=20)), RayleighDamping(alpha=0.2325), base, start, end, tolerance)
+    assert run.iterations < 2.5 * run.steps
+    assert run.factorisations < 1.25 * run.steps
+
+
+def test_samples_of_a_step_together_equal_single_ones(monkeypatch):
+    """Several instants of a step in one call."""
+    model = Model(Beam.uniform(**BEAM, elements=6, clamp_stiffness=0.5))
+    law = ModalDamping(natural_modes(model, count=3), (0.02, 0.01, 0.01))
+    settings = {"damping": law, "base": SWING, "start": "equilibrium", "duration": 0.2, "method": "radau"}
+    together = simulate(model, **settings)
+    assert together.steps < len(together.time) / 2
+    monkeypatch.setattr(radau, "AT_ONCE", 1)
+    single = simulate(model, **settings)
+    for name in ("coordinates", "velocities", "clamp_force", "dissipated_energy", "base_work"):
+        found, expected = getattr(together, name), getattr(single, name)
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12 * np.abs(expected).max(), err_msg=name)
+
+
+def test_samples_do_not_change_the_steps():
+    """A sample looks at a step, and leaves it alone."""
+    model = Model(Beam.uniform(**BEAM, elements=6))
+    runs = [
+        simulate(model, base=SWING, start="equilibrium", duration=0.2, sample_rate=rate, method="radau")
+        for rate in (50.0, 2000.0)
+    ]
+    np.testing.assert_allclose(runs[0].coordinates, runs[1].coordinates[::40], rtol=0, atol=1e-13)
+    assert runs[0].steps == runs[1].steps
+
+
+def test_keeping_the_matrices_does_not_change_the_motion(monkeypatch):
+    """Most steps of an undamped release have the matrices of another; with their own, the tip moves as within 1e-7."""
+    model = Model(Beam.uniform(**BEAM, elements=6, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
+    start = static_equilibrium(model, tip_force=(0.0, 0.13))
+    settings = {"start": start, "duration": 0.05, "method": "radau", "tolerance": 1e-7}
+    prepared = []
+    prepare = radau.Stepper._prepare
+
+    def noting(self, h, last):
+        prepared.append(prepare(self, h, last))
+        return prepared[-1]
+
+    monkeypatch.setattr(radau.Stepper, "_prepare", noting)
+    kept = simulate(model, **settings)
+    assert np.mean(prepared) < 0.7
+    monkeypatch.setattr(radau, "STEADY", 0.0)
+    prepared.clear()
+    fresh = simulate(model, **settings)
+    assert all(prepared)
+    assert abs(kept.tip - fresh.tip).max() < 1e-7 * BEAM["length"] * math.sqrt(model.size)
+
+
+def test_small_vibrations_keep_their_frequency():
+    """In mode 2 at 1e-3 L, the phase after 10 periods is off by less than 1e-6 of them at the default tolerance."""
+    model = Model(Beam.uniform(**BEAM, elements=5, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
+    modes = natural_modes(model, count=2)
+    shape = modes.shapes[:, 1] / modes.tip_amplitudes()[1]
+    velocities = 1e-3 * BEAM["length"] * modes.angular[1] * shape
+    start = State(modes.equilibrium.coordinates, velocities)
+    settings = {"start": start, "duration": 10 / modes.frequencies[1], "sample_rate": 2000.0, "method": "radau"}
+    runs = [simulate(model, tolerance=tolerance, **settings) for tolerance in (1e-7, 1e-10)]
+    phases = []
+    for run in runs:
+        rates = modes.coordinates_of(run.velocities + modes.equilibrium.coordinates, 1)
+        phases.append(np.unwrap(np.angle(modes.coordinates_of(run.coordinates, 1) - 1j * rates / modes.angular[1])))
+    assert abs(phases[0] - phases[1]).max() < 1e-6 * 2 * np.pi * 10

@@ -1,0 +1,266 @@
+"""Intervals and reports of fits: linear regression, published values, one-sided ends at bounds, outliers."""
+
+import json
+import math
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy import stats
+
+from ancf_casadi.estimation.fit import colour_warning, quantile
+from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.estimation.profile import profile_interval
+from ancf_casadi.exceptions import InputError
+
+X = np.linspace(0.0, 3.0, 40)
+NOISE = np.random.default_rng(1).standard_normal(40)
+# Puromycin, treated: Bates and Watts, Nonlinear Regression Analysis and Its Applications (1988), Appendix 1; with the
+# Michaelis-Menten curve.  Estimates and standard errors are those of R's nls.
+CONCENTRATION = np.repeat([0.02, 0.06, 0.11, 0.22, 0.56, 1.10], 2)
+VELOCITY = np.array([76.0, 47, 97, 107, 123, 139, 159, 152, 191, 201, 207, 200])
+
+
+def line(a, b):
+    return a + b * cs.DM(X) - cs.DM(-1 + 2 * X + 0.1 * NOISE)
+
+
+def puromycin():
+    c, v = cs.DM(CONCENTRATION), cs.DM(VELOCITY)
+    return least_squares(lambda vm, k: vm * c / (k + c) - v, [Unknown("Vm", 200.0, 100.0), Unknown("K", 0.1, 0.1)])
+
+
+def straight(*, lower=-math.inf):
+    return least_squares(line, [Unknown("a", -0.5, lower=lower, unit="m"), Unknown("b", 0.0)])
+
+
+def test_intervals_of_a_line_are_those_of_linear_regression_both_ways():
+    fit = straight()
+    reference = stats.linregress(X, -1 + 2 * X + 0.1 * NOISE)
+    half = stats.t.ppf(0.975, 38) * np.array([reference.intercept_stderr, reference.stderr])
+    centre = np.array([reference.intercept, reference.slope])
+    np.testing.assert_allclose(fit.intervals(), np.array([centre - half, centre + half]).T, rtol=1e-8)
+    np.testing.assert_allclose(profile_interval(fit, "a"), fit.intervals()[0], rtol=1e-7)
+    np.testing.assert_allclose(profile_interval(fit, "b", 0.5), fit.intervals(0.5)[1], rtol=1e-7)
+    assert np.diff(fit.intervals(0.99)).min() > np.diff(fit.intervals()).min()
+
+
+def test_profile_intervals_of_a_curve_are_where_the_profiled_sum_of_squares_says():
+    """The sum of squares is profiled by hand: Vm is linear for given K."""
+    fit = puromycin()
+    np.testing.assert_allclose(fit.values, [212.68, 0.06412], rtol=1e-4)
+    np.testing.assert_allclose(fit.standard_errors, [6.947, 0.00828], rtol=2e-3)
+
+    def left(k):
+        column = CONCENTRATION / (k + CONCENTRATION)
+        return float(np.sum((VELOCITY - column * (column @ VELOCITY) / (column @ column)) ** 2))
+
+    least = left(fit["K"])
+    low, high = profile_interval(fit, "K")
+    threshold = stats.t.ppf(0.975, 10) ** 2 * least / 10
+    assert low < fit["K"] < high
+    for end in (low, high):
+        assert left(end) - least == pytest.approx(threshold, rel=1e-6)
+    assert high - fit["K"] > 1.1 * (fit["K"] - low)  # not symmetric
+
+
+def test_a_profile_interval_does_not_depend_on_how_the_quantity_is_stated():
+    fit = puromycin()
+    low, high = profile_interval(fit, "K")
+    np.testing.assert_allclose(profile_interval(fit, lambda vm, k: cs.log(k)), np.log([low, high]), rtol=1e-7)
+    assert profile_interval(fit, lambda vm, k: -k) == pytest.approx((-high, -low), rel=1e-7)
+
+
+def test_intervals_end_at_bounds_and_the_fit_says_so():
+    free = straight()
+    bound = float(free.intervals()[0, 0]) + 0.01
+    fit = straight(lower=bound)
+    assert not fit.at_bound.any()
+    assert fit.intervals()[0, 0] == bound
+    assert profile_interval(fit, "a") == pytest.approx((bound, free.intervals()[0, 1]), rel=1e-7)
+    assert any(note.startswith(f"a cannot be told from its bound {bound:g}") for note in fit.warnings())
+    assert not any("cannot be told" in note for note in straight(lower=bound - 0.02).warnings())
+
+
+def test_an_interval_at_a_bound_is_one_sided_and_both_ways_agree_for_a_line():
+    """The sum of squares there is left(a) = s + (a - a*)^2/C, with a* below the bound."""
+    free = straight()
+    bound = free["a"] + free.standard_error("a")
+    fit = straight(lower=bound)
+    low, high = fit.intervals()[0]
+    assert fit.at_bound.tolist() == [True, False]
+    assert low == bound
+    assert profile_interval(fit, "a") == pytest.approx((low, high), rel=1e-7)
+    variance = float(fit.residuals @ fit.residuals) / 39
+    unit = free.standard_error("a") ** 2 * 38 / float(free.residuals @ free.residuals)
+    rise = ((high - free["a"]) ** 2 - (bound - free["a"]) ** 2) / unit
+    assert rise == pytest.approx(stats.t.ppf(0.975, 39) ** 2 * variance, rel=1e-7)
+    below = least_squares(lambda a, b: line(-a, b), [Unknown("a", 0.0, upper=-bound), Unknown("b", 0.0)])
+    assert below.intervals()[0] == pytest.approx((-high, -low), rel=1e-7)
+
+
+def test_a_quantity_of_an_unknown_at_its_bound_has_its_interval():
+    fit = straight(lower=-0.5)
+    np.testing.assert_allclose(
+        fit.derived_intervals(lambda a, b: cs.vertcat(-2 * a, b, 7)),
+        [-2 * fit.intervals()[0][::-1], fit.intervals()[1], [math.nan, math.nan]],
+        rtol=1e-12,
+    )
+
+
+def test_outliers_are_borne():
+    """One value in ten is off by fifty times the noise; the pseudo-Huber loss hardly notices."""
+    rng = np.random.default_rng(3)
+    x = np.linspace(0.0, 3.0, 400)
+    y = -1 + 2 * x + 0.1 * rng.standard_normal(400) + np.where(rng.random(400) < 0.1, 5.0, 0.0)
+
+    def residuals(a, b):
+        return a + b * cs.DM(x) - cs.DM(y)
+
+    unknowns = [Unknown("a", 0.0), Unknown("b", 0.0)]
+    plain, robust = least_squares(residuals, unknowns), least_squares(residuals, unknowns, huber=0.1345)
+    assert abs(plain["a"] + 1) > 0.3
+    assert abs(robust["a"] + 1) < 4 * robust.standard_error("a") < 0.08
+    assert robust["b"] == pytest.approx(2.0, abs=4 * robust.standard_error("b"))
+    assert profile_interval(robust, "b") == pytest.approx(robust.intervals()[1], rel=1e-2)
+
+
+def test_a_robust_fit_knows_its_scatter():
+    """300 fits with noise of Student's distribution, 2 degrees of freedom, whose variance is infinite."""
+    rng = np.random.default_rng(4)
+    fits = []
+    for _ in range(300):
+        y = cs.DM(-1 + 2 * X + 0.1 * rng.standard_t(2, len(X)))
+        unknowns = [Unknown("a", 0.0), Unknown("b", 0.0)]
+        fits.append(least_squares(lambda a, b, y=y: a + b * cs.DM(X) - y, unknowns, huber=0.15))
+    scatter = np.std([fit.values for fit in fits], axis=0)
+    errors = np.sqrt(np.mean([fit.standard_errors**2 for fit in fits], axis=0))
+    np.testing.assert_allclose(scatter / errors, 1.0, atol=0.15)
+    covered = [(fit.intervals()[:, 0] < [-1, 2]) & (fit.intervals()[:, 1] > [-1, 2]) for fit in fits]
+    assert 0.92 <= np.mean(covered) <= 0.98
+
+
+def test_least_squares_is_the_limit_of_the_robust_loss():
+    robust = least_squares(line, [Unknown("a", 0.0, unit="m"), Unknown("b", 0.0)], huber=1e3)
+    np.testing.assert_allclose(robust.values, straight().values, rtol=1e-6)
+    np.testing.assert_allclose(robust.covariance, straight().covariance, rtol=1e-6)
+
+
+def test_rank_condition_and_correlations_are_those_of_the_jacobian():
+    fit = straight()
+    columns = np.column_stack([np.ones(40), X])
+    columns /= np.linalg.norm(columns, axis=0)
+    assert (fit.rank, fit.freedom) == (2, 38)
+    assert fit.condition == pytest.approx(np.linalg.cond(columns))
+    assert fit.correlations[0, 1] == pytest.approx(fit.correlation("a", "b")) == pytest.approx(-0.86, abs=0.01)
+    np.testing.assert_allclose(np.diag(fit.correlations), 1.0)
+    assert straight(lower=-0.5).rank == 1
+
+
+def test_unknowns_hardly_told_apart_are_named():
+    far = least_squares(lambda a, b: line(a - 100 * b, b), [Unknown("a", 0.0), Unknown("b", 0.0)])
+    assert any("a and b correlate at 1.000" in note for note in far.warnings())
+    assert straight().warnings() == ()
+
+
+def test_the_result_reads_as_text_and_as_json():
+    fit = straight(lower=-0.5)
+    table = json.loads(json.dumps(fit.to_dict(), allow_nan=False))
+    a, b = table["unknowns"]
+    assert (a["name"], a["unit"], a["value"], a["standard_error"], a["at_bound"]) == ("a", "m", -0.5, None, True)
+    assert a["bounds"] == [-0.5, None]
+    assert b["interval_95"] == fit.intervals()[1].tolist()
+    assert table["covariance"][1][1] == fit.covariance[1, 1]
+    assert table["rank"] == 1
+    text = fit.report()
+    assert "at its bound" in text
+    assert f"{fit['b']:.6g}" in text
+    assert "rank 1 of 2, condition 1" in text
+    assert "Solve_Succeeded" in text
+    assert "note: a is at its bound -0.5" in text
+
+
+def test_as_many_residuals_as_unknowns_give_no_interval():
+    fit = least_squares(lambda a, b: cs.vertcat(a - 1, a * b - 6), [Unknown("a", 2.0), Unknown("b", 2.0)])
+    assert np.isnan(fit.intervals()).all()
+    with pytest.raises(InputError, match="fit: leaves no residuals"):
+        profile_interval(fit, "a")
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, -1.0, math.nan, "high"])
+def test_a_level_that_is_no_probability_is_refused(level):
+    with pytest.raises(InputError, match="level: must be"):
+        straight().intervals(level)
+    with pytest.raises(InputError, match="level: must be"):
+        profile_interval(straight(), "a", level)
+
+
+def test_unusable_requests_are_refused():
+    with pytest.raises(InputError, match="c: is no unknown of the fit; there are a, b"):
+        profile_interval(straight(), "c")
+    with pytest.raises(InputError, match="huber: must be positive, got 0"):
+        least_squares(line, [Unknown("a", 0.0), Unknown("b", 0.0)], huber=0.0)
+
+
+def test_the_quantile_is_students():
+    for freedom in (1, 10, 5000):
+        assert quantile(0.95, freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-10)
+
+
+def noisy_line(a, b, change=0.0):
+    return a + b * cs.DM(X) - cs.DM(-1 + 2 * X + 0.1 * NOISE) + cs.DM(change * np.ones(len(X)))
+
+
+@pytest.mark.parametrize("huber", [math.inf, 0.1])
+def test_shifts_are_those_of_a_fit_to_changed_data_in_standard_errors(huber):
+    small = 1e-4 * np.sin(5 * X)
+    unknowns = [Unknown("a", -0.5, 10.0), Unknown("b", 0.0, 0.1)]
+    fit = least_squares(noisy_line, unknowns, huber=huber)
+    moved = least_squares(lambda a, b: noisy_line(a, b, 1e-4 * np.sin(5 * X)), unknowns, huber=huber)
+    expected = (moved.values - fit.values) / fit.standard_errors
+    assert abs(expected).min() > 1e-5
+    np.testing.assert_allclose(fit.shifts(small), expected, rtol=2e-3)
+
+
+def test_at_a_bound_the_shift_is_that_without_the_bound_by_the_reach_inwards():
+    fit = least_squares(noisy_line, [Unknown("a", -0.5, lower=-0.5), Unknown("b", 0.0)])
+    free = least_squares(noisy_line, [Unknown("a", -0.5), Unknown("b", 0.0)])
+    change = 1e-3 * X**2
+    assert fit.at_bound.tolist() == [True, False]
+    low, high = fit.intervals()[0]
+    error = (high - low) / quantile(0.95, fit.freedom)
+    expected = free.shifts(change)[0] * free.standard_errors[0] / error
+    assert fit.shifts(change)[0] == pytest.approx(expected, rel=1e-9)
+    alone = least_squares(lambda b: noisy_line(-0.5, b), [Unknown("b", 0.0)])
+    assert fit.shifts(change)[1] == pytest.approx(alone.shifts(change)[0], rel=1e-9)
+
+
+def test_a_systematic_error_within_what_is_allowed_for_shifts_no_unknown_beyond_its_standard_error():
+    """The worst error of that size is the one along the column of an unknown that the others cannot make up for."""
+    unknowns = [Unknown("a", -0.5), Unknown("b", 0.0)]
+    exact = lambda a, b: a + b * cs.DM(X) - cs.DM(-1 + 2 * X)  # noqa: E731
+    fit = least_squares(exact, unknowns, systematic=1e-3)
+    assert fit.residual_rms < 1e-9
+    worst = X - X.mean()
+    worst *= 1e-3 / math.sqrt(np.mean(worst**2))
+    moved = least_squares(lambda a, b: exact(a, b) + cs.DM(worst), unknowns)
+    assert abs(moved["b"] - fit["b"]) == pytest.approx(fit.standard_error("b"), rel=1e-6)
+    other = 1e-3 * math.sqrt(2) * np.sin(40 * X)
+    assert abs(fit.shifts(other)).max() < 0.5
+    noisy = least_squares(line, unknowns, systematic=1e-3)
+    plain = least_squares(line, unknowns)
+    allowed = 40 * 1e-6 * np.linalg.inv(plain.jacobian.T @ plain.jacobian)
+    np.testing.assert_allclose(noisy.covariance, plain.covariance + allowed, rtol=1e-9)
+    low, high = profile_interval(noisy, "b")
+    np.testing.assert_allclose([low, high], noisy.intervals()[1], rtol=1e-7)
+
+
+def test_coloured_residuals_are_told_of_unless_they_are_within_the_noise_free():
+    white, coloured = NOISE, np.convolve(NOISE, np.ones(8), "valid")
+    assert colour_warning(white) is None
+    message = colour_warning(coloured)
+    assert (
+        message and "successive residuals correlate at 0.79" in message and "standard errors are too small" in message
+    )
+    assert colour_warning(coloured, noise_free=2 * math.sqrt(np.mean(coloured**2))) is None
+    assert colour_warning(np.zeros(10)) is None

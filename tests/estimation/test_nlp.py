@@ -1,0 +1,252 @@
+"""Least squares and nonlinear programs: certified values, closed forms, bounds, and every way to fail."""
+
+import math
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from ancf_casadi.estimation.nlp import Unknown, least_squares, solve_nlp
+from ancf_casadi.exceptions import FitError, InputError
+
+# NIST StRD, Misra1a (Misra 1978): y = b1 (1 - exp(-b2 x)), with certified estimates and standard deviations.
+MISRA_X = [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0]
+MISRA_Y = [10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78]
+MISRA = np.array([2.3894212918e02, 5.5015643181e-04])
+MISRA_ERRORS = np.array([2.7070075241e00, 7.2668688436e-06])
+MISRA_RESIDUAL_SUM = 1.2455138894e-01
+
+X = np.linspace(0.0, 3.0, 40)
+NOISE = np.random.default_rng(1).standard_normal(40)
+
+
+def misra(b1, b2):
+    return b1 * (1 - cs.exp(-b2 * cs.DM(MISRA_X))) - cs.DM(MISRA_Y)
+
+
+def line(a, b):
+    """A line with slope 2, intercept -1 and noise 0.1."""
+    return a + b * cs.DM(X) - cs.DM(-1 + 2 * X + 0.1 * NOISE)
+
+
+@pytest.mark.parametrize("start", [(500.0, 0.0001), (250.0, 0.0005)])
+def test_certified_values_and_standard_errors_from_both_published_starts(start):
+    fit = least_squares(misra, [Unknown("b1", start[0], 100.0), Unknown("b2", start[1], 1e-4)])
+    np.testing.assert_allclose(fit.values, MISRA, rtol=1e-9)
+    np.testing.assert_allclose(fit.standard_errors, MISRA_ERRORS, rtol=1e-9)
+    assert fit.residuals @ fit.residuals == pytest.approx(MISRA_RESIDUAL_SUM, rel=1e-9)
+    assert fit.residual_rms == pytest.approx(math.sqrt(MISRA_RESIDUAL_SUM / 14), rel=1e-9)
+    assert not fit.at_bound.any()
+
+
+def test_a_line_has_the_covariance_of_linear_regression():
+    fit = least_squares(line, [Unknown("a", 0.0), Unknown("b", 0.0)])
+    slope_intercept, covariance = np.polyfit(X, -1 + 2 * X + 0.1 * NOISE, 1, cov=True)
+    np.testing.assert_allclose(fit.values, slope_intercept[::-1], rtol=1e-10)
+    np.testing.assert_allclose(fit.covariance, covariance[::-1, ::-1], rtol=1e-9)
+    assert fit["b"] == fit.values[1]
+    assert fit.standard_error("b") == math.sqrt(fit.covariance[1, 1])
+    assert fit.correlation("a", "b") == pytest.approx(covariance[0, 1] / math.sqrt(np.prod(np.diag(covariance))))
+
+
+def test_units_of_the_unknowns_do_not_change_the_answer():
+    plain = least_squares(line, [Unknown("a", 0.0), Unknown("b", 0.0)])
+    scaled = least_squares(lambda a, b: line(a * 1e6, b), [Unknown("a", 0.0, 1e-6), Unknown("b", 0.0, 10.0)])
+    np.testing.assert_allclose(scaled.values * [1e6, 1], plain.values, rtol=1e-9)
+    np.testing.assert_allclose(scaled.standard_errors * [1e6, 1], plain.standard_errors, rtol=1e-9)
+
+
+def test_an_unknown_at_its_bound_is_taken_as_known():
+    fit = least_squares(line, [Unknown("a", -0.5, lower=-0.5), Unknown("b", 0.0)])
+    alone = least_squares(lambda b: line(-0.5, b), [Unknown("b", 0.0)])
+    assert fit.at_bound.tolist() == [True, False]
+    assert fit["a"] == -0.5
+    assert fit["b"] == pytest.approx(alone["b"], rel=1e-9)
+    assert math.isnan(fit.standard_error("a"))
+    assert math.isnan(fit.correlation("a", "b"))
+    assert fit.standard_error("b") == pytest.approx(alone.standard_error("b"), rel=1e-9)
+
+
+def test_a_minimum_that_just_touches_a_bound_is_at_the_bound():
+    fit = least_squares(lambda a, b: a + b * cs.DM(X) - 2 * cs.DM(X), [Unknown("a", 1.0, lower=0.0), Unknown("b", 0.0)])
+    assert fit["a"] == 0.0
+    assert fit.at_bound.tolist() == [True, False]
+    assert fit["b"] == pytest.approx(2.0, rel=1e-8)
+
+
+def test_standard_errors_of_derived_quantities_agree_with_differences():
+    fit = least_squares(misra, [Unknown("b1", 250.0, 100.0), Unknown("b2", 5e-4, 1e-4)])
+    values, errors = fit.derived(lambda b1, b2: cs.vertcat(b1 * b2, cs.log(b1), 7))
+
+    def quantities(b):
+        return np.array([b[0] * b[1], np.log(b[0]), 7])
+
+    steps = 1e-5 * fit.values
+    slopes = [(quantities(fit.values + d) - quantities(fit.values - d)) / 2 for d in np.diag(steps)]
+    slopes = np.array(slopes).T / steps
+    np.testing.assert_allclose(values, quantities(fit.values))
+    np.testing.assert_allclose(errors[:2] ** 2, np.diag(slopes @ fit.covariance @ slopes.T)[:2], rtol=1e-6)
+    assert math.isnan(errors[2])
+
+
+def test_a_quantity_of_an_unknown_at_its_bound_has_no_standard_error():
+    fit = least_squares(line, [Unknown("a", -0.5, lower=-0.5), Unknown("b", 0.0)])
+    _, errors = fit.derived(lambda a, b: cs.vertcat(2 * a, a + b))
+    assert math.isnan(errors[0])
+    assert errors[1] == pytest.approx(fit.standard_error("b"))
+
+
+def test_as_many_residuals_as_unknowns_leave_no_scatter_to_judge_by():
+    fit = least_squares(lambda a, b: cs.vertcat(a - 1, a * b - 6), [Unknown("a", 2.0), Unknown("b", 2.0)])
+    np.testing.assert_allclose(fit.values, [1.0, 6.0], rtol=1e-9)
+    assert np.isnan(fit.standard_errors).all()
+
+
+def test_confidence_intervals_cover_the_truth():
+    truth, covered = np.array([-1.0, 2.0]), []
+    rng = np.random.default_rng(2)
+    for _ in range(100):
+        y = cs.DM(-1 + 2 * X + 0.1 * rng.standard_normal(len(X)))
+        fit = least_squares(lambda a, b, y=y: a + b * cs.DM(X) - y, [Unknown("a", 0.0), Unknown("b", 0.0)])
+        covered.append(np.abs(fit.values - truth) < 1.96 * fit.standard_errors)
+    assert 0.90 <= np.mean(covered) <= 0.99
+
+
+@pytest.mark.parametrize("huber", [math.inf, 0.3])
+def test_the_hessian_of_gauss_and_newton_leads_to_the_same_minimum(huber):
+    unknowns = [Unknown("b1", 250.0, 100.0), Unknown("b2", 5e-4, 1e-4)]
+    exact = least_squares(misra, unknowns, huber=huber)
+    approximate = least_squares(misra, unknowns, huber=huber, gauss_newton=True)
+    np.testing.assert_allclose(approximate.values, exact.values, rtol=1e-8)
+    np.testing.assert_allclose(approximate.covariance, exact.covariance, rtol=1e-6)
+    assert approximate.iterations != exact.iterations
+
+
+@pytest.mark.parametrize("huber", [math.inf, 0.1])
+@pytest.mark.parametrize("start", [(500.0, 0.0001), (250.0, 0.0005)])
+def test_steps_of_gauss_and_newton_lead_to_the_minimum_where_ipopt_ends_early(start, huber):
+    """Of two unknowns that correlate at 0.999, the gradient says little; the estimates are right to 1 % of an error."""
+    exact = least_squares(misra, [Unknown("b1", 250.0, 100.0), Unknown("b2", 5e-4, 1e-4)], huber=huber)
+    unknowns = [Unknown("b1", start[0], 100.0), Unknown("b2", start[1], 1e-4)]
+    early = {"options": {"ipopt.tol": 1e-3, "ipopt.compl_inf_tol": 1e-3}}
+    found = least_squares(misra, unknowns, huber=huber, gauss_newton=True, **early)
+    np.testing.assert_allclose(found.values, exact.values, rtol=2e-4)
+    assert (abs(found.values - exact.values) < 0.01 * exact.standard_errors).all()
+
+
+def test_steps_of_gauss_and_newton_stay_within_the_bounds():
+    unknowns = [Unknown("a", 0.5, lower=-0.5), Unknown("b", 0.0, upper=1.5)]
+    bound = least_squares(line, unknowns)
+    early = {"options": {"ipopt.tol": 1e-1, "ipopt.compl_inf_tol": 1e-1}}
+    found = least_squares(line, unknowns, gauss_newton=True, **early)
+    assert bound.at_bound.any() and found.at_bound.tolist() == bound.at_bound.tolist()
+    np.testing.assert_allclose(found.values, bound.values, rtol=1e-6)
+
+
+def test_nothing_is_printed(capfd):
+    least_squares(line, [Unknown("a", 0.0), Unknown("b", 0.0)])
+    with pytest.raises(FitError):
+        least_squares(lambda a: cs.log(a) - cs.DM([1, 2]), [Unknown("a", -1.0)])
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"scale": 0.0}, "a: scale: must be positive"),
+        ({"scale": math.nan}, "a: scale: must be a finite number"),
+        ({"lower": 2.0, "upper": 1.0}, "a: the lower bound 2 is not below the upper 1"),
+        ({"lower": math.nan}, "a: the lower bound nan is not below"),
+        ({"upper": -1.0}, r"a: the guess 0 is not within \[-inf, -1\]"),
+        ({"guess": math.inf}, "a: the guess inf is not within"),
+    ],
+)
+def test_unusable_unknowns_are_refused(changes, message):
+    with pytest.raises(InputError, match=message):
+        Unknown(**{"name": "a", "guess": 0.0, **changes})
+
+
+def test_two_unknowns_of_one_name_are_refused():
+    with pytest.raises(InputError, match="unknowns: share a name: a, a"):
+        least_squares(line, [Unknown("a", 0.0), Unknown("a", 0.0)])
+
+
+def test_fewer_residuals_than_unknowns_are_refused():
+    with pytest.raises(InputError, match="residuals: 1 values cannot determine 2 unknowns"):
+        least_squares(lambda a, b: a + b, [Unknown("a", 0.0), Unknown("b", 0.0)])
+
+
+def test_unknowns_that_the_data_do_not_tell_apart_are_named():
+    unknowns = [Unknown("a", 0.0), Unknown("b", 1.0), Unknown("c", 1.0)]
+    with pytest.raises(FitError, match="the data do not determine b, c"):
+        least_squares(lambda a, b, c: a + (b + c) * cs.DM(X) - 2 * cs.DM(X), unknowns)
+
+
+def test_residuals_without_unknowns_are_told():
+    with pytest.raises(FitError, match="derivatives of the residuals are zero"):
+        least_squares(lambda a: 0 * a + cs.DM(X), [Unknown("a", 0.0)])
+
+
+def test_a_guess_where_the_residuals_are_not_finite_is_told():
+    with pytest.raises(FitError, match="derivatives of the residuals are not finite"):
+        least_squares(lambda a: cs.sqrt(a) - cs.DM(X), [Unknown("a", -1.0)])
+
+
+def test_a_fit_that_does_not_converge_says_what_to_try():
+    unknowns = [Unknown("b1", 500.0, 100.0), Unknown("b2", 1e-4, 1e-4)]
+    with pytest.raises(FitError, match=r"Maximum_Iterations_Exceeded.*raise 'ipopt.max_iter'") as caught:
+        least_squares(misra, unknowns, options={"ipopt.max_iter": 2})
+    assert caught.value.stats["return_status"] == "Maximum_Iterations_Exceeded"
+    assert caught.value.stats["iter_count"] == 2
+
+
+def test_a_constrained_problem_reaches_its_published_minimum():
+    """Hock and Schittkowski (1981), problem 71: minimum 17.0140173 at (1, 4.7429994, 3.8211503, 1.3794082)."""
+    x = cs.MX.sym("x", 4)
+    nlp = {
+        "x": x,
+        "f": x[0] * x[3] * (x[0] + x[1] + x[2]) + x[2],
+        "g": cs.vertcat(x[0] * x[1] * x[2] * x[3], cs.sumsqr(x)),
+    }
+    solution = solve_nlp(
+        nlp,
+        np.array([1.0, 5.0, 5.0, 1.0]),
+        lower=1.0,
+        upper=5.0,
+        constraint_lower=np.array([25.0, 40.0]),
+        constraint_upper=np.array([math.inf, 40.0]),
+    )
+    np.testing.assert_allclose(solution.x, [1.0, 4.7429994, 3.8211503, 1.3794082], atol=1e-6)
+    assert solution.objective == pytest.approx(17.0140173, abs=1e-6)
+    assert solution.iterations > 0
+    assert 0.0 < solution.solve_seconds < 10.0
+
+
+def test_options_reach_the_solver():
+    x = cs.MX.sym("x", 2)
+    rosenbrock = {"x": x, "f": (1 - x[0]) ** 2 + 100 * (x[1] - x[0] ** 2) ** 2}
+    start = np.array([-1.2, 1.0])
+    exact = solve_nlp(rosenbrock, start)
+    secant = solve_nlp(rosenbrock, start, options={"ipopt.hessian_approximation": "limited-memory"})
+    np.testing.assert_allclose(secant.x, [1.0, 1.0], rtol=1e-6)
+    assert secant.iterations > exact.iterations
+
+
+@pytest.mark.parametrize(
+    ("objective", "constraint", "options", "message"),
+    [
+        (lambda x: cs.sum1(x), lambda x: cs.sumsqr(x) + 1, {}, "Infeasible_Problem_Detected.*widen the bounds"),
+        (lambda x: cs.sum1(x), lambda x: cs.MX(0, 1), {}, "Diverging_Iterates.*ran away"),
+        (lambda x: cs.sumsqr(cs.log(x - 5)), lambda x: cs.MX(0, 1), {}, "Invalid_Number_Detected.*not finite"),
+        (lambda x: cs.sumsqr(x), lambda x: cs.MX(0, 1), {"ipopt.linear_solver": "ma27"}, "Invalid_Option"),
+        (lambda x: cs.sumsqr(x), lambda x: cs.MX(0, 1), {"ipopt.nonsense": 1}, "No such IPOPT option: nonsense"),
+        (lambda x: cs.sumsqr(x) + cs.MX.sym("p"), lambda x: cs.MX(0, 1), {}, r"variables \[p\] are free"),
+    ],
+)
+def test_every_failure_is_one_short_error(objective, constraint, options, message, capfd):
+    x = cs.MX.sym("x", 2)
+    with pytest.raises(FitError, match=message) as caught:
+        solve_nlp({"x": x, "f": objective(x), "g": constraint(x)}, np.array([1.0, 2.0]), options=options)
+    assert len(str(caught.value)) < 400
+    assert caught.value.__suppress_context__ or caught.value.__context__ is None
+    assert capfd.readouterr().out == ""

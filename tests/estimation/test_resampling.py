@@ -1,0 +1,183 @@
+"""Many fits to records made from one fit: what they say of its errors, and that they are the same anywhere."""
+
+import json
+import math
+import sys
+from dataclasses import replace
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from ancf_casadi import Beam, InputError, Measurement, Model, RayleighDamping, simulate
+from ancf_casadi.exceptions import FitError
+from problems import MarkerRecord, fit_decay, fit_decays, fit_transient, monte_carlo
+from problems.resampling import block_length
+
+TIME = np.arange(0.0, 5.0, 1 / 100)
+
+
+def swing(ratio=0.01, frequency=1.85):
+    ω = 2 * math.pi * frequency
+    return 0.05 * np.exp(-ratio * ω * TIME) * np.cos(ω * math.sqrt(1 - ratio**2) * TIME)
+
+
+def white(seed, size=500):
+    return np.random.default_rng(seed).standard_normal(size)
+
+
+def coloured(seed, rho):
+    """Noise of variance 1 whose successive values correlate at rho."""
+    noise = white(seed, 2 * len(TIME))
+    for k in range(1, len(noise)):
+        noise[k] = rho * noise[k - 1] + math.sqrt(1 - rho**2) * noise[k]
+    return noise[-len(TIME) :]
+
+
+@pytest.fixture(scope="module")
+def decay():
+    return fit_decay(TIME, swing() + 1e-3 * white(1))
+
+
+@pytest.fixture(scope="module")
+def transient():
+    strip = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 264e3}
+    model = Model(Beam.uniform(**strip, elements=2, axis=(1.0, 0.0), gravity=(0.0, -1.0)))
+    law = RayleighDamping(alpha=2.0)
+    run = simulate(model, damping=law, start="straight", duration=0.3, sample_rate=40.0, method="radau")
+    noise = 2e-4 * np.random.default_rng(1).normal(size=run.tip.shape)
+    return fit_transient(model, MarkerRecord(run.time, run.tip + noise, start="straight"), law, tolerance=1e-5)
+
+
+@pytest.mark.parametrize("method", ["parametric", "bootstrap"])
+def test_the_scatter_of_the_runs_is_the_standard_error_where_the_noise_is_white(decay, method):
+    """100 runs: a standard deviation is known to 7 %; four of these are allowed."""
+    study = monte_carlo(decay, runs=100, method=method)
+    assert study.names == ("frequency", "damping_ratio", "eta1", "amplitude", "offset")
+    assert study.units == ("Hz", "", "1/s", "m", "m")
+    assert study.block == 1 and study.runs == 100 and not study.failures
+    assert study.estimates[1] == pytest.approx(decay.damping_ratio)
+    assert study.standard_errors[0] == decay.standard_errors.frequency
+    np.testing.assert_allclose(study.deviations, study.standard_errors, rtol=0.28)
+    assert (abs(study.means - study.estimates) < 4 * study.standard_errors / math.sqrt(100)).all()
+    half = np.diff(study.intervals()).ravel() / 2
+    np.testing.assert_allclose(half, 1.96 * study.standard_errors, rtol=0.4)
+
+
+def test_blocks_keep_what_correlates_together():
+    """Over many records, the fits scatter as their block bootstraps say, twice as far as single residuals would."""
+    rho = 0.8
+    fits = [fit_decay(TIME, swing() + 1e-3 * coloured(100 + seed, rho), offset=False) for seed in range(40)]
+    scatter = np.std([fit.frequency for fit in fits], ddof=1)
+    blocks = monte_carlo(fits[0], runs=60, method="bootstrap")
+    singles = monte_carlo(fits[0], runs=30)
+    estimated = np.mean([fit.fit.autocorrelation for fit in fits])
+    assert estimated == pytest.approx(rho, abs=0.05)
+    expected = (2 * fits[0].fit.autocorrelation / (1 - fits[0].fit.autocorrelation ** 2)) ** (2 / 3) * 500 ** (1 / 3)
+    assert blocks.block == block_length(fits[0].fit) == round(expected)
+    assert scatter > 2 * singles.deviations[0]
+    assert blocks.deviations[0] == pytest.approx(scatter, rel=0.4)
+    assert f"bootstrap of blocks of {blocks.block} residuals" in blocks.report()
+
+
+def test_a_motion_is_fitted_again_too(transient):
+    """40 runs: a standard deviation is known to 11 %, a mean to 16 % of one; three of these are allowed."""
+    study = monte_carlo(transient, runs=40, seed=3)
+    assert study.names == ("alpha",) and study.units == ("1/s",)
+    error = transient.fit.standard_errors[0]
+    assert study.deviations[0] == pytest.approx(error, rel=0.34)
+    assert abs(study.means[0] - transient.fit["alpha"]) < 3 * error / math.sqrt(40)
+    assert abs(study.means[0] - 2.0) < 4 * error
+
+
+def test_blocks_stay_within_a_record_and_a_coordinate(transient, monkeypatch):
+    """Residuals that say where they are from: their number in the series, times 1 in the first, 1000 in the second."""
+    records = [Measurement(TIME[:size], swing()[:size] + 1e-3 * white(size, size)) for size in (300, 200)]
+    both = fit_decays(records, release_times=[0.0, 0.0])[0]
+    noise = []
+
+    def stand_in(residuals, unknowns, **_):
+        noise.append(-cs.evalf(residuals(*(cs.MX(unknown.guess) for unknown in unknowns))).full().ravel())
+        raise FitError("seen enough")
+
+    monkeypatch.setattr(sys.modules[monte_carlo.__module__], "least_squares", stand_in)
+    for fit, series in ((transient, (13, 13)), (both, (300, 200))):
+        assert fit.fit.series == series
+        counted = [np.arange(size) - (size - 1) / 2 for size in series]
+        labels = np.concatenate([1.0 * counted[0], 1000.0 * counted[1]])
+        labelled = replace(fit, fit=replace(fit.fit, residuals=labels))
+        block = block_length(labelled.fit)
+        assert block > 2
+        with pytest.raises(FitError, match="seen enough"):
+            monte_carlo(labelled, runs=2, seed=1, method="bootstrap")
+        drawn = (noise[-1] + fit.fit.residuals - labels) / math.sqrt(len(labels) / fit.fit.freedom)
+        for part, size, scale in zip(np.split(drawn, [series[0]]), series, (1.0, 1000.0), strict=True):
+            numbers = part / scale + (size - 1) / 2
+            np.testing.assert_allclose(numbers, numbers.round(), atol=1e-6)
+            assert 0 <= numbers.min().round() and numbers.max().round() < size
+            follows = np.diff(numbers.round()) % size == 1
+            assert follows[np.arange(1, size) % block != 0].all()
+
+
+def test_runs_that_fail_are_counted_and_named(decay, monkeypatch):
+    module = sys.modules[monte_carlo.__module__]
+    solve, calls = module.least_squares, []
+
+    def sometimes(*arguments, **settings):
+        calls.append(1)
+        if len(calls) % 4 == 0:
+            raise FitError("no minimum was found")
+        return solve(*arguments, **settings)
+
+    monkeypatch.setattr(module, "least_squares", sometimes)
+    study = monte_carlo(decay, runs=10)
+    assert study.runs == 10 and len(study.samples) == 8 and study.failures == ("no minimum was found",) * 2
+    assert "10 runs, 2 failed" in study.report()
+    assert "note: 2 runs failed: no minimum was found" in study.report()
+    assert study.to_dict()["failures"] == ["no minimum was found"] * 2
+    monkeypatch.setattr(module, "least_squares", lambda *_, **__: (_ for _ in ()).throw(FitError("never")))
+    with pytest.raises(FitError, match="3 of 3 runs failed, the first: never"):
+        monte_carlo(decay, runs=3)
+
+
+def test_any_executor_gives_the_same_numbers(decay, transient):
+    """Here, in processes, and on a dask cluster."""
+    distributed = pytest.importorskip("distributed")
+    serial = [monte_carlo(fit, runs=6, seed=7) for fit in (decay, transient)]
+    assert not np.array_equal(serial[0].samples, monte_carlo(decay, runs=6, seed=8).samples)
+    processes = [monte_carlo(fit, runs=6, seed=7, jobs=2) for fit in (decay, transient)]
+    cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
+    with cluster, distributed.Client(cluster) as client, client.get_executor() as executor:
+        dask = [monte_carlo(fit, runs=6, seed=7, executor=executor) for fit in (decay, transient)]
+    for here, *others in zip(serial, processes, dask, strict=True):
+        for other in others:
+            assert here.samples.tobytes() == other.samples.tobytes()
+
+
+def test_the_result_is_json(decay):
+    study = monte_carlo(decay, runs=4)
+    table = json.loads(json.dumps(study.to_dict(), allow_nan=False))
+    assert table["samples"] == study.samples.tolist()
+    assert table["quantities"][1]["name"] == "damping_ratio"
+    assert table["quantities"][1]["interval_95"] == study.intervals()[1].tolist()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"runs": 1}, "runs: must be a whole number, 2 to 1000000, got 1"),
+        ({"runs": 2.5}, "runs: must be a whole number"),
+        ({"seed": -1}, "seed: must be a whole number, 0 or more"),
+        ({"method": "jackknife"}, "method: must be one of parametric, bootstrap, got 'jackknife'"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(decay, settings, message):
+    with pytest.raises(InputError, match=message):
+        monte_carlo(decay, **settings)
+
+
+def test_a_fit_without_residuals_or_no_fit_is_refused(decay):
+    with pytest.raises(InputError, match="fit: must be a DecayFit or a TransientFit, got a Fit"):
+        monte_carlo(decay.fit)
+    with pytest.raises(InputError, match="level: must be between 0 and 1"):
+        monte_carlo(decay, runs=2).intervals(1.0)

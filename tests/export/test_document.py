@@ -1,0 +1,365 @@
+"""The durable form: what is written comes back to the last bit, and what is not right is refused in one line."""
+
+import copy
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import casadi as cs
+import jsonschema
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from ancf_casadi import (
+    Beam,
+    DampingLaw,
+    InputError,
+    ModalDamping,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    StrainMeasures,
+    natural_modes,
+    static_equilibrium,
+)
+from ancf_casadi.damping import SumOfLaws
+from ancf_casadi.export import DataFile, Document, Identification, Provenance, read_document, schema, write_document
+from ancf_casadi.export.document import law_data
+from ancf_casadi.export.document.strict_json import MOST_LEVELS
+from ancf_casadi.support.files import MOST_BYTES
+from problems import fit_decay
+
+WRITTEN = "2025-01-31T12:00:00Z"
+
+positive = st.floats(min_value=1e-300, max_value=1e300)
+sizes = st.floats(min_value=1e-10, max_value=1e10)  # of what masses and stiffnesses are products of
+finite = st.floats(allow_nan=False, allow_infinity=False)
+coefficients = st.floats(min_value=0.0, max_value=1e300)
+ratios = st.floats(min_value=0.0, max_value=1.0, exclude_max=True)
+
+
+@st.composite
+def beams(draw, elements=None):
+    n = draw(st.integers(2, 4)) if elements is None else elements
+    angle = draw(st.floats(-4.0, 4.0))
+    return Beam(
+        length=draw(sizes),
+        **{
+            name: tuple(draw(st.lists(sizes, min_size=n, max_size=n)))
+            for name in ("width", "thickness", "density", "elastic_modulus")
+        },
+        axis=(draw(positive) * np.cos(angle), draw(positive) * np.sin(angle)),
+        gravity=(draw(finite), draw(finite)),
+    )
+
+
+@pytest.fixture(scope="module")
+def identified(paper_beam):
+    """A beam with every law, one of them from the modes of another beam and one from those of a loaded one."""
+    model = Model(paper_beam(2, axis=(0.3, -0.9)), StrainMeasures("green", "geometric", 2, 3))
+    other = Model(paper_beam(2, thickness=0.6e-3))
+    loaded = natural_modes(model, count=2, equilibrium=static_equilibrium(model, tip_force=(1e-3, 0), tip_moment=1e-4))
+    law = (
+        ModalDamping(natural_modes(other, count=2), (0.01, 0.02))
+        + ModalDamping(loaded, (0.003,), frequencies=(1.9,))
+        + QuadraticDamping(eta1=0.1 / 3, eta2=0.11)
+        + RayleighDamping(alpha=1 / 7, beta=1e-5 / 3, stiffness="tangent")
+    )
+    time = np.arange(0.0, 4.0, 0.01)
+    noise = np.random.default_rng(3).standard_normal(time.size)
+    fit = fit_decay(time, np.exp(-0.3 * time) * np.cos(12 * time) + 1e-3 * noise)
+    found = Identification("decay", fit.to_dict(), [DataFile("decay.csv", "0123456789abcdef" * 4)])
+    return Document(model, law, [found], Provenance.of_this(written=WRITTEN, note="a note"))
+
+
+@pytest.fixture
+def written(identified, tmp_path) -> Path:
+    path = tmp_path / "beam.json"
+    write_document(path, identified)
+    return path
+
+
+def damping_force(document: Document) -> list[str]:
+    """The damping force in a bent and moving state, in hexadecimal."""
+    model = document.model
+    e, e_t = cs.MX.sym("e", model.size), cs.MX.sym("e_t", model.size)
+    force = cs.Function("force", [e, e_t], [document.damping.force(model, e, e_t)])
+    draw = np.random.default_rng(8)
+    state = model.straight + 0.01 * draw.standard_normal(model.size), draw.standard_normal(model.size)
+    return [value.hex() for value in force(*state).full().ravel().tolist()]
+
+
+def refused(tmp_path, text: str | bytes) -> str:
+    path = tmp_path / "bad.json"
+    path.write_bytes(text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text)
+    with pytest.raises(InputError) as caught:
+        read_document(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert "\n" not in message
+    assert len(message) < 400 + len(str(path))
+    return message.removeprefix(f"{path}: ")
+
+
+class TestRoundTrip:
+    @settings(max_examples=40, deadline=None)
+    @given(beam=beams(), alpha=coefficients, beta=coefficients, eta1=coefficients, eta2=coefficients, data=st.data())
+    def test_any_beam_and_law_come_back_to_the_last_bit(self, tmp_path_factory, beam, alpha, beta, eta1, eta2, data):
+        law = data.draw(
+            st.sampled_from(
+                [
+                    None,
+                    RayleighDamping(alpha, beta),
+                    QuadraticDamping(eta1, eta2),
+                    RayleighDamping(alpha, beta, stiffness="tangent") + QuadraticDamping(eta1, eta2),
+                    SumOfLaws((RayleighDamping(alpha), SumOfLaws((QuadraticDamping(eta1),)))),
+                ]
+            )
+        )
+        path = tmp_path_factory.mktemp("beam") / "beam.json"
+        document = Document(Model(beam), law)
+        write_document(path, document)
+        found = read_document(path)
+        assert found.model == document.model  # compares floats; -0.0 and 0.0 are told apart by the text
+        assert found.damping == law
+        assert found.to_dict() == document.to_dict()
+        write_document(path.with_name("again.json"), found)
+        assert path.with_name("again.json").read_bytes() == path.read_bytes()
+
+    def test_frequencies_and_damping_force_are_the_same_in_another_process(self, identified, written):
+        code = (
+            "import sys; sys.path.insert(0, sys.argv[2]); from test_document import *\n"
+            "found = read_document(sys.argv[1])\n"
+            "frequencies = natural_modes(found.model, count=4).frequencies\n"
+            "print(json.dumps([[f.hex() for f in frequencies.tolist()], damping_force(found)]))"
+        )
+        call = [sys.executable, "-c", code, str(written), str(Path(__file__).parent)]
+        run = subprocess.run(call, capture_output=True, text=True, check=True, cwd=Path(__file__).parents[2])
+        frequencies, force = json.loads(run.stdout)
+        assert frequencies == [f.hex() for f in natural_modes(identified.model, count=4).frequencies.tolist()]
+        assert force == damping_force(identified)
+        assert max(abs(float.fromhex(value)) for value in force) > 1.0
+
+    def test_the_identification_and_where_it_came_from_come_back(self, identified, written):
+        found = read_document(written)
+        assert found.identifications == identified.identifications
+        assert found.provenance == identified.provenance
+        [decay] = found.identifications
+        assert decay.result["frequency_hz"] == pytest.approx(12 / (2 * np.pi), rel=1e-3)
+        assert decay.result["frequency_stderr_hz"] > 0.0
+        assert np.shape(decay.result["fit"]["covariance"]) == (len(decay.result["fit"]["unknowns"]),) * 2
+
+    def test_what_is_infinite_in_a_result_is_null(self, tmp_path):
+        result = {"unknowns": np.array([1.5, np.inf]), "wide": (float("-inf"), np.float64(2.0)), "n": np.int64(3)}
+        assert Identification.of(result).result == {"unknowns": [1.5, None], "wide": [None, 2.0], "n": 3}
+
+    @pytest.mark.parametrize(("value", "written"), [(math.inf, "null"), ((2.5, math.inf), "[2.5, null]")])
+    def test_a_field_that_is_infinite_by_default_is_null_there(self, value, written):
+        """A rigid clamp, say; where the default is finite, null is refused."""
+        assert json.dumps(law_data._beam_value(value)) == written
+        assert law_data._beam_field(json.loads(written), "beam.clamp", nullable=True) == value
+        with pytest.raises(InputError, match=r"beam.clamp.*: must be a number, got null"):
+            law_data._beam_field(json.loads(written), "beam.clamp", nullable=False)
+
+
+class TestSchema:
+    def test_it_is_a_schema_and_what_is_written_follows_it(self, written):
+        jsonschema.Draft202012Validator.check_schema(schema())
+        jsonschema.validate(json.loads(written.read_text()), schema(), jsonschema.Draft202012Validator)
+
+    def test_it_knows_every_field_of_a_beam(self):
+        assert list(schema()["$defs"]["beam"]["properties"]) == [field.name for field in fields(Beam)]
+        assert list(schema()["$defs"]["strain_measures"]["properties"]) == [f.name for f in fields(StrainMeasures)]
+
+    def test_what_it_refuses_is_refused_when_read(self, written, tmp_path):
+        """Every value in turn is replaced, removed or joined by an unknown key; the message names the place."""
+        data = json.loads(written.read_text())
+        data["identifications"][0]["result"] = {"frequency_hz": 1.9}
+        validator = jsonschema.Draft202012Validator(schema())
+        count = 0
+        for path, changed in mutations(data):
+            if validator.is_valid(changed):
+                continue
+            message = refused(tmp_path, json.dumps(changed))
+            named = [key for key in path if isinstance(key, str)][-2:]
+            assert any(key in message for key in [*named, "unknown key 'extra'"])
+            count += 1
+        assert count > 500
+
+
+def mutations(data):
+    """Yield where something was changed, what was put there, and the whole; long lists are changed at their ends."""
+    wrong = [None, True, -1, 3, "text", [], {}, [1.0, "2"]]
+
+    def walk(value, path):
+        yield path
+        if isinstance(value, dict):
+            for key in value:
+                yield from walk(value[key], (*path, key))
+        elif isinstance(value, list) and value:
+            ends = value if isinstance(value[0], dict) else value[:1]
+            for index, item in enumerate(ends):
+                yield from walk(item, (*path, index))
+
+    for path in walk(data, ()):
+        if not path or (path[:3] == ("identifications", 0, "result") and len(path) > 3):
+            continue
+        for value in wrong:
+            yield path, edited(data, path, lambda parent, key, value=value: parent.__setitem__(key, value))
+        yield path, edited(data, path, lambda parent, key: parent.pop(key))
+        if isinstance(path[-1], str):
+            yield path, edited(data, path, lambda parent, key: parent.update(extra=1))
+
+
+def edited(data, path, change):
+    found = copy.deepcopy(data)
+    parent = found
+    for key in path[:-1]:
+        parent = parent[key]
+    change(parent, path[-1])
+    return found
+
+
+class TestRefusals:
+    @pytest.mark.parametrize(
+        ("old", "new", "words"),
+        [
+            ('"format": "ancf-casadi"', '"format": "other"', "format: must be 'ancf-casadi'"),
+            ('"schema": 1', '"schema": 2', "schema: must be 1"),
+            ('"schema": 1', '"schema": true', "schema: must be 1"),
+            ('"length": 0.5', '"length": NaN', "is not JSON (NaN"),
+            ('"length": 0.5', '"length": -Infinity', "is not JSON (-Infinity"),
+            ('"length": 0.5', '"length": 1e999', "beam.length: is beyond the range of numbers"),
+            ('"length": 0.5', f'"length": 1{"0" * 400}', "beam.length: is beyond the range of numbers"),
+            ('"length": 0.5', f'"length": 1{"0" * 5000}', "is not JSON"),
+            ('"length": 0.5', '"length": "0.5"', "beam.length: must be a number, got a text"),
+            ('"length": 0.5', '"length": null', "beam.length: must be a number, got null"),
+            ('"length": 0.5', '"length": 0.5, "length": 0.5', "beam.length: the key is there twice"),
+            ('"length": 0.5', '"length": 0.5, "colour": 1', "beam: unknown key 'colour'"),
+            ('"length": 0.5', '"length": -0.5', "beam: length: must be positive"),
+            ('"length": 0.5', f'"length": 0.5, "{"k" * 300}": 1', "beam: has a key of 300 characters"),
+            ('"law": "quadratic"', '"law": "cubic"', "damping.laws[2].law: must be one of rayleigh"),
+            ('"law": "quadratic"', f'"law": "{"c" * 500}"', "got 'cccc"),
+            ('"eta2": 0.11', '"eta2": -0.11', "damping.laws[2]: eta2: must not be negative"),
+            ('"eta2": 0.11', '"eta2": [0.11]', "damping.laws[2].eta2: must be a number, got a list"),
+            ('"stiffness": "tangent"', '"stiffness": "other"', "damping.laws[3]: stiffness: must be one of"),
+            ('"note": "a note"', '"note": "\\ud800"', "provenance.note: holds half a character"),
+            ('"axial_points": 2', '"axial_points": 2.0', "strain_measures.axial_points: must be a whole number"),
+            ('"2025-01-31T', '"2025-02-31T', "provenance: written: must be a time"),
+        ],
+    )
+    def test_one_line_says_what_and_where(self, written, tmp_path, old, new, words):
+        text = written.read_text()
+        assert old in text
+        assert words in refused(tmp_path, text.replace(old, new, 1))
+
+    def test_shapes_that_do_not_fit(self, written, tmp_path):
+        data = json.loads(written.read_text())
+        modes = ("damping", "laws", 1, "modes")
+        short = edited(data, (*modes, "shapes", 0), lambda parent, key: parent[key].pop())
+        assert refused(tmp_path, json.dumps(short)).startswith("damping.laws[1].modes.shapes[0]: has 11 values for 12")
+        fewer = edited(data, (*modes, "shapes", 0), lambda parent, key: parent.pop(key))
+        assert "has 1 shapes for 2 frequencies" in refused(tmp_path, json.dumps(fewer))
+
+    def test_modes_of_another_mesh(self, paper_beam):
+        law = ModalDamping(natural_modes(Model(paper_beam(3)), count=1), (0.01,))
+        with pytest.raises(InputError, match="another number of elements"):
+            Document(Model(paper_beam(4)), law)
+
+    def test_what_is_no_json(self, tmp_path):
+        assert refused(tmp_path, b"").startswith("is not JSON")
+        assert refused(tmp_path, b"\xff\xfe{}").startswith("is not JSON")
+        assert refused(tmp_path, "[1, 2]") == "must hold a JSON object"
+        assert refused(tmp_path, "{}").startswith("format: must be")
+        deep = f'{{"a": {"[" * MOST_LEVELS}{"]" * MOST_LEVELS}}}'
+        assert f"has more than {MOST_LEVELS} levels" in refused(tmp_path, deep)
+        assert refused(tmp_path, '{"a": ' + "[" * 100_000) == f"has more than {MOST_LEVELS} levels"
+
+    def test_a_file_that_is_too_large_is_not_read(self, tmp_path):
+        path = tmp_path / "large.json"
+        with open(path, "wb") as file:
+            os.truncate(file.fileno(), MOST_BYTES + 1)
+        with pytest.raises(InputError, match="larger than 64 MiB"):
+            read_document(path)
+
+    def test_a_file_that_is_not_there(self, tmp_path):
+        with pytest.raises(InputError, match="cannot be read"):
+            read_document(tmp_path / "none.json")
+
+    def test_a_law_from_elsewhere_cannot_be_written(self, paper_beam, tmp_path):
+        class Other(DampingLaw):
+            parameters = ()
+            with_parameters = local_force = damping_ratios = None
+
+        with pytest.raises(InputError, match="a Other has no form as data"):
+            write_document(tmp_path / "beam.json", Document(Model(paper_beam(4)), Other()))
+        assert list(tmp_path.iterdir()) == []
+
+    def test_what_is_no_result_of_a_fit(self, tmp_path):
+        with pytest.raises(InputError, match="is no result of an identification"):
+            Identification.of({"a": 1})
+        with pytest.raises(InputError, match=r"result.unknowns\[1\]: must be numbers"):
+            Identification.of({"unknowns": [1, object()]})
+        endless: dict = {"unknowns": 1}
+        endless["self"] = endless
+        with pytest.raises(InputError, match="levels"):
+            Identification.of(endless)
+        with pytest.raises(InputError, match="cannot be read"):
+            Identification.of({"unknowns": 1}, data=[tmp_path / "none.csv"])
+
+    def test_the_hash_is_that_of_the_content(self, tmp_path):
+        """SHA-256 of "abc": FIPS 180-4, example 1."""
+        (tmp_path / "abc.csv").write_bytes(b"abc")
+        expected = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"
+        assert DataFile.of(tmp_path / "abc.csv") == DataFile("abc.csv", expected)
+
+
+class TestParts:
+    """What could not be read again is not taken in."""
+
+    @pytest.mark.parametrize(
+        ("make", "message"),
+        [
+            (lambda: Identification(3, {}), "kind: must be a text, not empty, got 3"),
+            (lambda: Identification("decay", 3), "result: must be a mapping, got 3"),
+            (lambda: Identification("decay", {1: 2}), "result: must be a text, got 1"),
+            (lambda: Identification("decay", {"k" * 201: 2}), "result: has a key of 201 characters"),
+            (lambda: Identification("decay", {"a": 10**5000}), "result.a: is beyond the range of numbers"),
+            (lambda: Identification("decay", {}, ["x.csv"]), "data: must be a sequence of DataFile"),
+            (lambda: Identification.of({"unknowns": 1}, data="x.csv"), "data: must be a sequence of files"),
+            (lambda: DataFile(3, "a" * 64), "name: must be a text, not empty, got 3"),
+            (lambda: DataFile("a", 3), "sha256: must be 64 digits"),
+            (lambda: DataFile.of("."), ".: is not a file"),
+            (lambda: Provenance(3, {}), "written: must be a time"),
+            (lambda: Provenance(WRITTEN, 3), "versions: must be a mapping, got 3"),
+            (lambda: Provenance(WRITTEN, {1: "2"}), "versions: must be a text, not empty, got 1"),
+            (lambda: Provenance(WRITTEN, {"casadi": 3.8}), "versions.casadi: must be a text, got 3.8"),
+            (lambda: Provenance(WRITTEN, {}, note=3), "note: must be a text, got 3"),
+        ],
+    )
+    def test_one_that_is_none(self, make, message):
+        with pytest.raises(InputError, match=f"^{re.escape(message)}"):
+            make()
+
+    @pytest.mark.parametrize(
+        ("changes", "message"),
+        [
+            ({"model": "beam"}, "model: has another type, str"),
+            ({"damping": "air"}, "damping: has another type, str"),
+            ({"provenance": "here"}, "provenance: has another type, str"),
+            ({"identifications": ["decay"]}, "identifications: must be a sequence of Identification"),
+        ],
+    )
+    def test_a_document_of_other_things(self, paper_beam, changes, message):
+        with pytest.raises(InputError, match=f"^{message}"):
+            Document(**({"model": Model(paper_beam(2))} | changes))
+
+    def test_a_fit_without_standard_errors_is_named_alone(self):
+        assert Identification("frequency matching", {"matched_hz": [1.0]}).summary() == "frequency matching"

@@ -1,0 +1,346 @@
+"""The FMU: valid, described, and the same motion in another program."""
+
+import dataclasses
+import math
+import shutil
+import types
+import zipfile
+
+import casadi as cs
+import fmpy
+import numpy as np
+import pytest
+from fmpy.fmi3 import FMU3Model
+from fmpy.validation import validate_fmu
+
+from ancf_casadi import (
+    BaseMotion,
+    InputError,
+    ModalDamping,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    State,
+    natural_modes,
+    reduce_model,
+    simulate,
+    simulate_reduced,
+    static_equilibrium,
+)
+from ancf_casadi.dynamics.base_motion import Piece
+from ancf_casadi.export import DataFile, Document, Identification, Provenance, read_document
+from ancf_casadi.export.functions.motion_functions import beam_functions
+from ancf_casadi.export.targets import fmu
+from ancf_casadi.export.targets.fmu import write_fmu
+
+MARKERS = (0.2, 0.375)
+ACCELERATION = np.array([8.0, -4.0, 40.0])  # of the clamp: x, y (m/s^2), rotation (rad/s^2)
+PHASE = 0.05  # s
+DURATION = 0.12  # s
+RATE = 1000.0
+MODES = 4  # of the reduced model
+
+pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+
+
+class Shove(BaseMotion):
+    """The clamp speeds up evenly, slows down evenly, and is held."""
+
+    def pieces(self):
+        a = cs.DM(ACCELERATION)
+        return (
+            Piece(PHASE, lambda t, _: a * t**2 / 2),
+            Piece(2 * PHASE, lambda t, _: a * (PHASE**2 - (t - 2 * PHASE) ** 2 / 2)),
+            Piece(math.inf, lambda t, _: a * PHASE**2 + 0 * t),
+        )
+
+
+@pytest.fixture(scope="module")
+def document(paper_beam) -> Document:
+    model = Model(paper_beam(4, axis=(0.6, -0.8)))
+    law = (
+        ModalDamping(natural_modes(model, count=2), (0.02, 0.01))
+        + QuadraticDamping(eta1=0.5, eta2=2.0)
+        + RayleighDamping(beta=1e-5)
+    )
+    result = {"frequency_hz": 1.85, "frequency_stderr_hz": 0.01, "drift_stderr_m_per_s": None}
+    found = Identification.of(result), Identification("decay", result, [DataFile("tip<&.csv", "0f" * 32)])
+    return Document(model, law, found, Provenance.of_this(written="2025-01-31T12:00:00Z"))
+
+
+def quickly(path, document, **settings) -> str:
+    """Write an FMU, compiled without optimisation, which takes a fifth of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fmu, "FLAGS", ("-O0", *fmu.FLAGS[1:]))
+        write_fmu(path, document, markers=MARKERS, **settings)
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def exported(document, tmp_path_factory) -> str:
+    return quickly(tmp_path_factory.mktemp("fmu") / "my beam.fmu", document)
+
+
+def run_fmu(path, start_values, size=1.0):
+    """Simulate the FMU under the shove; return the samples at the instants of ``simulate``."""
+    names = [f"base_{c}_rate2" for c in ("x", "y", "angle")]
+    steps = [(0.0, 1), (PHASE, 1), (PHASE, -1), (2 * PHASE, -1), (2 * PHASE, 0), (DURATION, 0)]
+    given = np.array(
+        [(t, *(sign * size * ACCELERATION)) for t, sign in steps],
+        dtype=[("time", float), *((name, float) for name in names)],
+    )
+    outputs = ["tip_x", "tip_y", "marker_1_x", "marker_1_y", "marker_2_x", "marker_2_y", "kinetic_energy",
+               "strain_energy", "base_x", "base_y"]  # fmt: skip
+    found = fmpy.simulate_fmu(
+        path,
+        stop_time=DURATION,
+        output_interval=1 / RATE,
+        start_values=start_values,
+        input=given,
+        output=outputs,
+    )
+    last = np.append(np.diff(found["time"]) > 1e-9, True)  # of two samples at an event
+    assert np.allclose(found["time"][last], np.arange(round(DURATION * RATE) + 1) / RATE, atol=1e-9)
+    return {name: found[name][last] for name in outputs}
+
+
+def check(found, run, energies, tolerance=1e-7):
+    """Compare each output with the truth, the points to a part of the travel of the tip."""
+    base = run.base[:, :2]
+    travel = np.ptp(run.tip - base, axis=0).max()
+    assert travel > 0.02
+    points = {"tip": run.tip, "base": base}
+    points |= {f"marker_{k}": run.position(s) for k, s in enumerate(MARKERS, start=1)}
+    for name, truth in points.items():
+        for c, component in enumerate("xy"):
+            assert np.abs(found[f"{name}_{component}"] - truth[:, c]).max() < tolerance * travel, name
+    for name, truth in zip(("kinetic_energy", "strain_energy"), energies, strict=True):
+        assert np.abs(found[name] - truth).max() < 1e-5 * truth.max()
+
+
+def truth(model, law):
+    return simulate(
+        model, damping=law, base=Shove(), duration=DURATION, sample_rate=RATE, method="radau", tolerance=1e-9
+    )
+
+
+@pytest.fixture(scope="module")
+def reference(document):
+    return truth(document.model, document.damping)
+
+
+def test_fmpy_finds_nothing_to_say(exported):
+    assert validate_fmu(exported) == []
+
+
+def test_in_fmpy_it_moves_as_simulate_says(exported, reference):
+    check(run_fmu(exported, {}), reference, (reference.kinetic_energy, reference.strain_energy))
+
+
+def test_another_beam_and_law_by_parameters(exported, document, reference):
+    """Parameters are changed before the start, and the states to the new equilibrium, which gravity has moved."""
+    beam = document.model.beam
+    beam = beam.with_(thickness=(0.6e-3, 0.55e-3, 0.45e-3, 0.4e-3), elastic_modulus=1.9e11, gravity=(1.0, -8.0))
+    model = Model(beam)
+    law = document.damping.with_parameters((0.05, 0.0, 1.0, 3.0, 2e-5))
+    values = {"gravity_x": 1.0, "gravity_y": -8.0, "ratio1": 0.05, "ratio2": 0.0, "eta1": 1.0, "eta2": 3.0,
+              "beta": 2e-5}  # fmt: skip
+    values |= {f"thickness_{k}": h for k, h in enumerate(beam.thickness, start=1)}
+    values |= {f"elastic_modulus_{k}": 1.9e11 for k in range(1, 5)}
+    names = [state.name for state in beam_functions(document.model).states[:16]]
+    values |= dict(zip(names, static_equilibrium(model).coordinates[4:], strict=True))
+    run = truth(model, law)
+    check(run_fmu(exported, values), run, (run.kinetic_energy, run.strain_energy))
+    assert np.abs(run.tip - reference.tip).max() > 1e-3
+
+
+def test_its_derivatives_are_those_of_its_rates(exported, tmp_path):
+    """Directional derivatives against central differences of the state's rates."""
+    about = fmpy.read_model_description(exported)
+    folder = fmpy.extract(exported, str(tmp_path))
+    instance = FMU3Model(
+        guid=about.guid,
+        unzipDirectory=folder,
+        modelIdentifier=about.modelExchange.modelIdentifier,
+        instanceName="beam",
+    )
+    instance.instantiate()
+    instance.enterInitializationMode()
+    instance.exitInitializationMode()
+    states = [d.variable.derivative for d in about.derivatives]
+    rates = [d.variable.valueReference for d in about.derivatives]
+    known = [s.valueReference for s in states]
+    known += [v.valueReference for v in about.modelVariables if v.causality in ("input", "parameter")]
+    draw = np.random.default_rng(4)
+    at = np.array(instance.getFloat64(known))
+    at[: len(states)] += 1e-3 * draw.standard_normal(len(states))
+    size = np.where(at == 0.0, 1.0, np.abs(at))
+    size[: len(states)] = 1.0
+    seed = size * draw.standard_normal(len(known))
+
+    def rate(x):
+        instance.setFloat64(known, x.tolist())
+        return np.array(instance.getFloat64(rates))
+
+    h = 1e-6
+    differences = (rate(at + h * seed) - rate(at - h * seed)) / (2 * h)
+    rate(at)
+    forward = np.array(instance.getDirectionalDerivative(rates, known, seed.tolist()))
+    assert np.abs(forward - differences).max() < 1e-6 * np.abs(forward).max()
+    assert np.abs(forward).max() > 1.0
+    instance.terminate()
+    instance.freeInstance()
+
+
+def check_declared(about, functions):
+    """Compare the variables with the tables of the model."""
+    variables = {variable.name: variable for variable in about.modelVariables}
+    for signals, causality in (
+        (functions.parameters, "parameter"),
+        (functions.states, "local"),
+        (functions.base[:6], "local"),
+        (functions.base[6:], "input"),
+        (functions.outputs, "output"),
+    ):
+        for signal in signals:
+            variable = variables[signal.name]
+            assert variable.causality == causality
+            assert variable.description == signal.description
+            assert (variable.unit or "1") == signal.unit
+            if causality != "output":
+                assert float(variable.start).hex() == signal.value.hex()
+    assert not [name for name in variables if "__" in name]
+
+
+def test_what_it_declares(exported, document):
+    about = fmpy.read_model_description(exported)
+    check_declared(about, beam_functions(document.model, document.damping, markers=MARKERS))
+    variables = {variable.name: variable for variable in about.modelVariables}
+    assert variables["der(rate_x_1)"].unit == "m/s2"
+    assert variables["der(slope_x_1)"].unit == "1/s"
+    units = {unit.name: unit.baseUnit for unit in about.unitDefinitions}
+    assert (units["Pa"].kg, units["Pa"].m, units["Pa"].s) == (1, -1, -2)
+    assert (units["kg/m3"].kg, units["kg/m3"].m) == (1, -3)
+
+
+def test_it_says_what_it_is_and_where_it_comes_from(exported, document, tmp_path):
+    about = fmpy.read_model_description(exported)
+    assert (about.fmiVersion, about.modelName) == ("3.0", "my beam")
+    assert about.coSimulation is None
+    assert about.generationTool.startswith("ancf-casadi ")
+    assert about.generationDateAndTime == "2025-01-31T12:00:00Z"
+    assert "4 elements, 0.5 m long, ModalDamping and QuadraticDamping and RayleighDamping" in about.description
+    assert f"decay (tip<&.csv SHA-256 {'0f' * 32}, frequency_hz 1.85 +- 0.01)" in about.description
+    with zipfile.ZipFile(exported) as archive:
+        assert b'providesAdjointDerivatives="false" providesDirectionalDerivatives="true"' in archive.read(
+            "modelDescription.xml"
+        )
+        archive.extract("resources/beam.json", tmp_path)
+        assert {"sources/beam.c", "sources/buildDescription.xml"} < set(archive.namelist())
+    assert read_document(tmp_path / "resources" / "beam.json").to_dict() == document.to_dict()
+
+
+@pytest.fixture(scope="module")
+def reduced(paper_beam):
+    model = Model(paper_beam(8, axis=(0.6, -0.8)))
+    law = RayleighDamping(beta=1e-5) + QuadraticDamping(eta1=0.5, eta2=2.0)
+    return reduce_model(model, modes=MODES, damping=law, markers=MARKERS)
+
+
+@pytest.fixture(scope="module")
+def small(reduced, tmp_path_factory) -> str:
+    document = Document(reduced.model, reduced.law)
+    return quickly(tmp_path_factory.mktemp("fmu") / "small.fmu", document, modes=MODES)
+
+
+@pytest.fixture(scope="module")
+def rest(reduced):
+    """Where all modal coordinates are 0."""
+    zero = np.zeros(MODES)
+    return State(*(part.full().ravel() for part in reduced.coordinates(zero, zero, np.zeros(9))))
+
+
+def test_the_reduced_model_is_valid_and_moves_as_simulate_reduced_says(small, reduced, rest):
+    assert validate_fmu(small) == []
+    run = simulate_reduced(reduced, base=Shove(), duration=DURATION, sample_rate=RATE, start=rest)
+    check(run_fmu(small, {}), run, run.energy.T[:2], 1e-6)
+
+
+def test_the_reduced_model_under_other_parameters(small, reduced, rest):
+    values = {"gravity_x": 1.0, "gravity_y": -8.0, "beta": 1e-3, "eta1": 1.0, "eta2": 3.0}
+    changed = dataclasses.replace(
+        reduced, parameters=tuple(dataclasses.replace(s, value=values[s.name]) for s in reduced.parameters)
+    )
+    run = simulate_reduced(changed, base=Shove(), duration=DURATION, sample_rate=RATE, start=rest)
+    check(run_fmu(small, values), run, run.energy.T[:2], 1e-6)
+
+
+def test_a_release_of_the_reduced_model_moves_as_the_full_beam_does(small, reduced):
+    """From a small bend in modes 1 and 2, set by start values."""
+    q = np.array([1e-3, 2e-4, 0.0, 0.0])
+    start = State(*(part.full().ravel() for part in reduced.coordinates(q, 0 * q, np.zeros(9))))
+    settings = {"duration": DURATION, "sample_rate": RATE, "method": "radau", "tolerance": 1e-9}
+    run = simulate(reduced.model, damping=reduced.law, start=start, **settings)
+    found = run_fmu(small, {"q_1": q[0], "q_2": q[1]}, size=0.0)
+    swing = np.ptp(run.tip, axis=0).max()
+    assert 0.01 < swing < 0.05
+    for c, component in enumerate("xy"):
+        assert np.abs(found[f"tip_{component}"] - run.tip[:, c]).max() < 1e-4 * swing
+
+
+def test_what_the_reduced_model_declares(small, reduced):
+    about = fmpy.read_model_description(small)
+    check_declared(about, reduced)
+    assert "Beam of 8 elements, 0.5 m long, RayleighDamping and QuadraticDamping; modes kept: 4" in about.description
+    assert float(about.defaultExperiment.tolerance) == 1e-10
+    units = {unit.name: unit.baseUnit for unit in about.unitDefinitions}
+    assert units["m kg^0.5"] is None and units["m kg^0.5/s2"] is None
+    assert units["m/s2"].s == -2
+
+
+def test_drafts_of_a_compiler_that_is_stopped_do_not_stay(document, tmp_path, monkeypatch):
+    (tmp_path / "cc").write_text('#!/bin/sh\ntouch "$TMPDIR/draft.s"\nexit 1\n')
+    (tmp_path / "cc").chmod(0o755)
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setenv("CC", str(tmp_path / "cc"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    with pytest.raises(InputError, match="cannot compile"):
+        write_fmu(tmp_path / "beam.fmu", document)
+    assert not list((tmp_path / "temporary").iterdir())
+
+
+class TestRefusals:
+    @pytest.fixture(autouse=True)
+    def writes_nothing(self, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        yield
+        assert [path for path in tmp_path.iterdir() if path.suffix != ".h"] == []
+
+    def test_without_fmpy(self, document, monkeypatch):
+        monkeypatch.setattr(fmu.importlib.util, "find_spec", lambda name: None)
+        with pytest.raises(
+            InputError, match=r"^fmpy: an FMU needs the headers of FMI.*pip install 'ancf-casadi\[fmu\]'$"
+        ):
+            write_fmu("beam.fmu", document)
+
+    def test_without_its_headers(self, document, monkeypatch, tmp_path):
+        found = types.SimpleNamespace(origin=str(tmp_path / "__init__.py"))
+        monkeypatch.setattr(fmu.importlib.util, "find_spec", lambda name: found)
+        with pytest.raises(InputError, match=r"lacks fmi3Functions\.h"):
+            write_fmu("beam.fmu", document)
+
+    def test_without_a_compiler(self, document, monkeypatch):
+        monkeypatch.delenv("CC", raising=False)
+        monkeypatch.setenv("PATH", "")
+        with pytest.raises(InputError, match=r"^CC: an FMU needs a C compiler"):
+            write_fmu("beam.fmu", document)
+
+    @pytest.mark.parametrize(("compiler", "words"), [("false", "cannot compile"), ("/no/such/cc", "cannot be run")])
+    def test_with_a_compiler_that_does_not_work(self, document, monkeypatch, compiler, words):
+        monkeypatch.setenv("CC", compiler)
+        with pytest.raises(InputError, match=f"^{compiler}: {words}"):
+            write_fmu("beam.fmu", document)
+
+    def test_a_marker_beside_the_beam(self, document):
+        with pytest.raises(InputError, match="the point must be on the beam"):
+            write_fmu("beam.fmu", document, markers=(0.6,))

@@ -1,0 +1,913 @@
+"""The command: what it prints, what it writes, and how it refuses."""
+
+import errno
+import hashlib
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import zipfile
+from dataclasses import fields
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    Beam,
+    FitError,
+    HarmonicBase,
+    InputError,
+    Measurement,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    SimulationError,
+    StrainMeasures,
+)
+from ancf_casadi.export import Document, load_functions, read_document, write_document
+from ancf_casadi.export.targets import fmu
+from ancf_casadi.support.interrupts import ENDING
+from ancf_casadi.support.tables import Table
+from ancf_casadi.version import __version__
+from problems import cli
+from problems.cli import main
+from problems.command.study_file import MATCH, MODES, SIMULATION, read_simulation
+from problems.study import report, reproduction
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+RECORD = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam" / "beam_gravity_tip.csv"
+PNG = b"\x89PNG\r\n\x1a\n"
+
+BEAM = (EXAMPLES / "beam.toml").read_text()
+STUDY = (EXAMPLES / "study.toml").read_text()
+SMALL = {"elements = 20": "elements = 4", "duration = 8.0 ": "duration = 0.4 ", "stop = 4.0 ": "stop = 0.2 "}
+
+real_record = pytest.mark.skipif(not RECORD.exists(), reason="the measured records are not part of the repository")
+
+
+def edited(text: str, *changes: tuple[str, str]) -> str:
+    """Return a file with parts replaced, each of which must be there."""
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch) -> Path:
+    """A folder, the current one, with a beam, a small study and a decay."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "beam.toml").write_text(BEAM)
+    (tmp_path / "study.toml").write_text(edited(STUDY, *SMALL.items()))
+    time = np.arange(0.0, 4.0, 0.002)
+    omega, zeta = 2 * np.pi * 3.0, 0.02
+    decay = 5e-3 * np.exp(-zeta * omega * time) * np.cos(omega * np.sqrt(1 - zeta**2) * time)
+    noise = 2e-5 * np.random.default_rng(5).standard_normal(time.size)
+    rows = [f"{t:.6f},{1e3 * y:.9f}" for t, y in zip(time, decay + noise, strict=True)]
+    (tmp_path / "decay.csv").write_text("\n".join(["time_s,tip_mm", *rows]) + "\n")
+    return tmp_path
+
+
+class TestModes:
+    def test_text(self, files, capsys):
+        assert main(["modes", "beam.toml", "--count", "3"]) == 0
+        captured = capsys.readouterr()
+        rows = [line.split() for line in captured.out.splitlines()[4:7]]
+        assert [row[0] for row in rows] == ["1", "2", "3"]
+        assert [float(row[1]) for row in rows] == pytest.approx([1.87613, 10.5785, 29.2588], rel=3e-5)
+        assert captured.err == ""
+
+    def test_json(self, files, capsys):
+        """Hanging, exact: Chebyshev collocation; the tip is the stretched length below the clamp."""
+        assert main(["modes", "beam.toml", "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        exact = [1.87613156, 10.57854292, 29.25877251, 57.14312999, 94.32271386]
+        assert data["frequencies_hz"] == pytest.approx(exact, rel=2e-4)
+        assert data["equilibrium_tip_m"] == pytest.approx([0.0, -0.5], abs=1e-6)
+
+
+class TestMatch:
+    def test_json(self, files, capsys):
+        assert main(["match", "beam.toml", "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["target_hz"] == [1.85, 10.19, 26.84, 53.20, 88.60]
+        assert data["matched_hz"] == pytest.approx(data["target_hz"], rel=1e-6)
+        assert data["max_relative_error"] < 1e-6
+        assert data["at_bound"] == []
+        for name, standard in (
+            ("width_m", 5e-3),
+            ("thickness_m", 0.5e-3),
+            ("density", 8e3),
+            ("elastic_modulus", 2.1e11),
+        ):
+            assert data[name] == pytest.approx([standard] * 20, rel=0.1)
+
+    def test_text(self, files, capsys):
+        (files / "beam.toml").write_text(edited(BEAM, ("elements = 20", "elements = 8"), (", 53.20, 88.60", "")))
+        assert main(["match", "beam.toml"]) == 0
+        frequencies, properties = capsys.readouterr().out.split("\n\n")
+        rows = [[float(cell) for cell in line.split()] for line in frequencies.splitlines()[4:7]]
+        for row, target in zip(rows, (1.85, 10.19, 26.84), strict=True):
+            assert (row[1], row[3]) == (pytest.approx(target), pytest.approx(target, rel=1e-5))
+        assert len(properties.splitlines()) == 4 + 8 + 8 + 2 + 3  # rows, and three lines of notes
+        assert "The data fix 3 of 18 combinations of the unknowns." in properties
+        assert "at a bound: nothing" in properties
+
+    def test_plot_and_unknowns(self, files, capsys):
+        text = edited(
+            BEAM, ("elements = 20", "elements = 6"), (", 53.20, 88.60", ""), ("bounds = 0.10", "bounds = 0.3")
+        )
+        (files / "beam.toml").write_text(text + '\n[match.unknowns]\nthickness = {smooth = 4}\ndensity = "global"\n')
+        assert main(["match", "beam.toml", "--json", "--plot", "change.png"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert [p["name"] for p in data["properties"]] == [*(f"thickness[{k}]" for k in range(1, 7)), "density"]
+        assert data["rank"] == 3
+        assert data["max_relative_error"] < 1e-6
+        assert (files / "change.png").read_bytes().startswith(b"\x89PNG")
+
+    def test_the_matched_beam_as_a_document(self, files, capsys):
+        """Its frequencies are the targets, and the document says what it was matched to."""
+        (files / "beam.toml").write_text(edited(BEAM, ("elements = 20", "elements = 6"), (", 53.20, 88.60", "")))
+        assert main(["match", "beam.toml", "--json", "--out", "new/matched.json"]) == 0
+        printed = json.loads(capsys.readouterr().out)
+        (identification,) = read_document("new/matched.json").identifications
+        assert identification.result["unknowns"] == printed["unknowns"]
+        assert main(["modes", "new/matched.json", "--json", "--count", "3"]) == 0
+        frequencies = json.loads(capsys.readouterr().out)["frequencies_hz"]
+        assert frequencies == pytest.approx([1.85, 10.19, 26.84], rel=1e-6)
+
+
+class TestFitDecay:
+    @pytest.mark.parametrize("law", ["linear", "quadratic"])
+    def test_json(self, files, capsys, law):
+        """3 Hz and 2 % come back, from millimetres; the quadratic law puts the loss down to eta1."""
+        assert main(["fit-decay", "decay.csv", "--law", law, "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["law"] == law
+        assert data["frequency_hz"] == pytest.approx(3.0, abs=max(4 * data["frequency_stderr_hz"], 1e-3))
+        assert data["damping_ratio"] == pytest.approx(0.02, rel=0.01)
+        assert data["amplitude_m"] == pytest.approx(5e-3, rel=0.01)
+
+    def test_text_gives_values_with_their_standard_errors(self, files, capsys):
+        assert main(["fit-decay", "decay.csv"]) == 0
+        lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines()}
+        for name, truth in (("frequency", 3.0), ("damping_ratio", 0.02), ("amplitude", 5e-3)):
+            value, sign, error = lines[name][1:4]
+            assert sign == "+-"
+            assert 0.0 < float(error) < 0.01 * truth
+            assert float(value) == pytest.approx(truth, abs=4 * float(error))
+
+    def test_column_by_name(self, files, capsys):
+        record = Measurement.from_csv(files / "decay.csv")
+        table = np.column_stack([record.time, 0 * record.time, record.displacement])
+        np.savetxt(files / "two.csv", table, delimiter=",", header="t,rest,tip", comments="")
+        assert main(["fit-decay", "two.csv", "--column", "tip", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["frequency_hz"] == pytest.approx(3.0, rel=1e-3)
+
+    def test_the_law_is_chosen_on_request(self, files, capsys):
+        assert main(["fit-decay", "decay.csv", "--law", "auto", "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["law"] == data["comparison"]["best"] == "linear"
+        assert [law["law"] for law in data["comparison"]["laws"]] == ["linear", "quadratic", "friction"]
+        assert main(["fit-decay", "decay.csv", "--law", "auto"]) == 0
+        assert "best by BIC: linear" in capsys.readouterr().out
+        assert "cannot be robust" in refused(["fit-decay", "decay.csv", "--law", "auto", "--robust"], files, capsys)
+
+    def test_drift_and_outliers_are_borne_on_request(self, files, capsys):
+        assert main(["fit-decay", "decay.csv", "--drift", "--robust", "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["frequency_hz"] == pytest.approx(3.0, abs=max(4 * data["frequency_stderr_hz"], 1e-3))
+        assert abs(data["drift_m_per_s"]) < 4 * data["drift_stderr_m_per_s"] + 1e-6
+        low, high = data["damping_ratio_interval"]
+        assert low < data["damping_ratio"] < high
+
+    def test_the_curve_of_damping_against_amplitude_is_written(self, files):
+        assert main(["fit-decay", "decay.csv", "--curve", "new/curve.csv"]) == 0
+        header, first, *_ = (files / "new" / "curve.csv").read_text().splitlines()
+        assert header.startswith("time_s,amplitude_m,damping_ratio")
+        assert float(first.split(",")[2]) == pytest.approx(0.02, rel=0.1)
+
+    def test_plot(self, files):
+        assert main(["fit-decay", "decay.csv", "--plot", "new/fit.png"]) == 0
+        assert (files / "new" / "fit.png").read_bytes().startswith(PNG)
+
+    @real_record
+    def test_measured_release_of_a_silicone_beam(self, capsys):
+        """Motion capture at 100 frames/s (srl-ethz/diffPD_sim2real): 7.77 Hz and 5.5 %."""
+        assert main(["fit-decay", str(RECORD), "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["frequency_hz"] == pytest.approx(7.77, abs=0.03)
+        assert data["damping_ratio"] == pytest.approx(0.055, abs=0.004)
+        assert 0.0 < data["frequency_stderr_hz"] < 0.03
+        assert 0.0 < data["damping_ratio_stderr"] < 0.004
+
+    @real_record
+    def test_measured_release_as_text(self, capsys):
+        assert main(["fit-decay", str(RECORD)]) == 0
+        lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines()}
+        assert float(lines["frequency"][1]) == pytest.approx(7.77, abs=0.03)
+        assert float(lines["damping_ratio"][1]) == pytest.approx(0.055, abs=0.004)
+        assert [lines["frequency"][2], lines["damping_ratio"][2]] == ["+-", "+-"]
+        assert 0.0 < float(lines["frequency"][3]) < 0.03
+
+
+class TestSimulate:
+    def test_json(self, files, capsys):
+        assert main(["simulate", "study.toml", "--json"]) == 0
+        data = json.loads(capsys.readouterr().out)
+        assert data["samples"] == 201
+        assert data["duration_s"] == pytest.approx(0.4)
+        assert data["tip_at_end_m"][1] == pytest.approx(-0.5, abs=1e-3)
+        assert 0.0 < data["tip_travel_m"][0] < 0.05
+        assert data["steps"] > 100
+
+    def test_motion_as_csv(self, files, capsys):
+        """All digits, and the base where it stopped: at its first rest after 0.2 s, three quarters of a period."""
+        assert main(["simulate", "study.toml", "--out", "new/motion.csv", "--plot", "new/motion.png"]) == 0
+        assert "samples" in capsys.readouterr().out
+        header, *rows = (files / "new" / "motion.csv").read_text().splitlines()
+        assert header == "time_s,tip_x_m,tip_y_m,base_x_m,base_y_m"
+        motion = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+        assert motion[:, 0] == pytest.approx(np.arange(201) / 500.0)
+        time = np.minimum(motion[:, 0], 0.75 / 1.876)
+        assert motion[:, 3] == pytest.approx(2e-3 * np.sin(2 * np.pi * 1.876 * time), abs=1e-12)
+        assert motion[:, 4] == pytest.approx(np.zeros(201), abs=1e-12)
+        assert (files / "new" / "motion.png").read_bytes().startswith(PNG)
+
+
+def test_reproduce_writes_and_prints(files, capsys, monkeypatch):
+    """The command's own part; the study has tests of its own."""
+    calls = {}
+
+    def study(**arguments):
+        calls.update(arguments)
+        raise FitError("no minimum was found")
+
+    monkeypatch.setattr(reproduction, "reproduce", study)
+    assert main(["reproduce", "--quick", "--jobs", "3", "--out", "study"]) == 1
+    assert calls == {"effort": reproduction.QUICK, "jobs": 3, "progress": True}
+    assert one_line(capsys) == "ancf-casadi: no minimum was found"
+    assert not (files / "study").exists()
+
+
+def test_version_and_entry_point(capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main(["--version"])
+    assert stopped.value.code == 0
+    assert capsys.readouterr().out == f"ancf-casadi {__version__}\n"
+    (script,) = entry_points(group="console_scripts", name="ancf-casadi")
+    assert script.load() is main
+
+
+@pytest.mark.parametrize("command", ["reproduce", "fit-decay", "modes", "match", "simulate", "export"])
+def test_every_command_has_help_and_json(command, capsys):
+    with pytest.raises(SystemExit) as stopped:
+        main([command, "--help"])
+    assert stopped.value.code == 0
+    assert "--json" in capsys.readouterr().out
+
+
+def test_help_names_every_key_that_a_file_may_have(capsys):
+    with pytest.raises(SystemExit):
+        main(["match", "--help"])
+    told = set(re.findall(r"\w+", capsys.readouterr().out))
+    keys = {field.name for field in fields(Beam)} | {"elements", "document", "targets", *MODES, *MATCH}
+    for kind in (HarmonicBase, RayleighDamping, QuadraticDamping):
+        keys |= {field.name for field in fields(kind)}
+    assert {*keys, "ratios", "frequencies", *SIMULATION} <= told
+
+
+def one_line(capsys) -> str:
+    """Return the one line that was printed, to standard error."""
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    (line,) = captured.err.splitlines()
+    return line
+
+
+class TestExport:
+    def test_json_comes_back_as_the_same_beam_and_law(self, files, capsys):
+        assert main(["export", "study.toml", "--format", "json", "--out", "new/beam.json", "--json"]) == 0
+        written = json.loads(capsys.readouterr().out)
+        assert written["format"] == "json"
+        assert written["files"] == [{"path": "new/beam.json", "bytes": (files / "new/beam.json").stat().st_size}]
+        study, found = read_simulation("study.toml"), read_document("new/beam.json")
+        assert found.model == study.model
+        assert np.array_equal(found.damping.projection(found.model), study.damping.projection(study.model))
+        assert found.damping.parameters == study.damping.parameters
+
+    def test_a_document_is_a_beam_for_the_other_commands(self, files, capsys):
+        """The same numbers to the last digit as from the TOML file, whose damping travels with it."""
+        assert main(["export", "study.toml", "--format", "json", "--out", "beam.json"]) == 0
+        (files / "part").mkdir()
+        beam = BEAM.partition("[match]")[0]
+        tables = STUDY[STUDY.index("[base]") :]
+        short = edited(tables, *list(SMALL.items())[1:])
+        (files / "part/study.toml").write_text(f'[beam]\ndocument = "../beam.json"\n{short}')
+        (files / "beam.toml").write_text(edited(beam, ("elements = 20", "elements = 4")))
+        (files / "match.toml").write_text('[beam]\ndocument = "beam.json"\n[match]\ntargets = [1.85, 10.19]\n')
+        capsys.readouterr()
+        for commands in (
+            (["modes", "beam.toml"], ["modes", "beam.json"], ["modes", "match.toml"]),
+            (["simulate", "study.toml"], ["simulate", "part/study.toml"]),
+        ):
+            texts = []
+            for command in commands:
+                assert main(command) == 0
+                texts.append(capsys.readouterr().out.split("seconds")[0])
+            assert len(set(texts)) == 1
+        assert main(["match", "match.toml", "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["matched_hz"] == pytest.approx([1.85, 10.19], rel=1e-6)
+
+    def test_an_identification_goes_along_with_the_hash_of_its_data(self, files, capsys):
+        for name, command in (("decay", ["fit-decay", "decay.csv"]), ("match", ["match", "beam.toml"])):
+            assert main([*command, "--json"]) == 0
+            (files / f"{name}.json").write_text(capsys.readouterr().out)
+        call = ["export", "beam.toml", "--format", "json", "--out", "first.json"]
+        assert main([*call, "--identification", "decay.json", "--data", "decay.csv"]) == 0
+        again = ["export", "first.json", "--format", "json", "--out", "second.json"]
+        assert main([*again, "--identification", "match.json"]) == 0
+        decay, match = read_document("second.json").identifications
+        assert (decay.kind, match.kind) == ("decay", "frequency matching")
+        assert decay.result == json.loads((files / "decay.json").read_text())
+        assert match.result["matched_hz"] == json.loads((files / "match.json").read_text())["matched_hz"]
+        digest = hashlib.sha256((files / "decay.csv").read_bytes()).hexdigest()
+        assert [(file.name, file.sha256) for file in decay.data] == [("decay.csv", digest)]
+
+    def test_casadi_and_c(self, files, capsys):
+        (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
+        call = ["export", "small.toml", "--markers", "0.25", "--json", "--format"]
+        assert main([*call, "casadi", "--out", "beam.casadi"]) == 0
+        assert json.loads(capsys.readouterr().out)["files"][0]["path"] == "beam.casadi"
+        functions = load_functions("beam.casadi")
+        q, base = [state.value for state in functions.states[:8]], np.zeros(9)
+        assert functions.markers(q, base).full().ravel() == pytest.approx([0.0, -0.25], abs=1e-6)
+        assert main([*call, "c", "--out", "source"]) == 0
+        written = json.loads(capsys.readouterr().out)["files"]
+        assert {file["path"]: file["bytes"] for file in written} == {
+            f"source/{name}": (files / "source" / name).stat().st_size for name in ("beam.c", "beam.h", "main.c")
+        }
+        assert "thickness_2" in (files / "source/beam.h").read_text()
+
+    def test_the_reduced_model_as_casadi_and_c(self, files, capsys):
+        (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
+        call = ["export", "small.toml", "--markers", "0.25", "--reduced", "2", "--format"]
+        assert main([*call, "casadi", "--out", "beam.casadi"]) == 0
+        functions = load_functions("beam.casadi")
+        assert [state.name for state in functions.states] == ["q_1", "q_2", "rate_q_1", "rate_q_2"]
+        assert functions.markers(0, 0).full().ravel() == pytest.approx([0.0, -0.25], abs=1e-6)
+        assert main([*call, "c", "--out", "source"]) == 0
+        assert "source/beam.c" in capsys.readouterr().out
+        header = (files / "source/beam.h").read_text()
+        assert "beam_step(const double q[2]" in header and "thickness_2" not in header
+
+    @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+    def test_fmu(self, files, capsys, monkeypatch):
+        (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
+        monkeypatch.setattr(fmu, "FLAGS", ("-O0", *fmu.FLAGS[1:]))
+        assert main(["export", "small.toml", "--format", "fmu", "--out", "beam.fmu", "--markers", "0.1,0.25"]) == 0
+        captured = capsys.readouterr()
+        assert captured.out == f"beam.fmu  {(files / 'beam.fmu').stat().st_size} bytes\n"
+        assert "compiler" in captured.err  # what it is at
+        with zipfile.ZipFile("beam.fmu") as archive:
+            description = archive.read("modelDescription.xml").decode()
+        assert "the point at arc length 0.25 m, y" in description
+        assert main(["export", "small.toml", "--format", "fmu", "--out", "small.fmu", "--reduced", "1"]) == 0
+        with zipfile.ZipFile("small.fmu") as archive:
+            assert "modes kept: 1" in archive.read("modelDescription.xml").decode()
+
+    @pytest.mark.parametrize(
+        ("arguments", "what"),
+        [
+            (["beam.toml", "--format", "exe", "--out", "x"], "invalid choice: 'exe'"),
+            (["beam.toml", "--format", "json"], "required: --out"),
+            (["beam.toml", "--out", "x"], "required: --format"),
+            (["none.toml", "--format", "json", "--out", "x"], "none.toml: cannot be read"),
+            (["none.json", "--format", "json", "--out", "x"], "none.json: cannot be read"),
+            (["bad.json", "--format", "json", "--out", "x"], "bad.json: format: must be 'ancf-casadi'"),
+            (["bad.toml", "--format", "json", "--out", "x"], "bad.json: format: must be 'ancf-casadi'"),
+            (["beam.toml", "--format", "json", "--out", "."], ".: is a folder"),
+            (["beam.toml", "--format", "json", "--out", "beam.toml/x"], "beam.toml: is not a folder"),
+            (["beam.toml", "--format", "json", "--out", "x", "--markers", "0.1"], "--markers: JSON holds the beam"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.1;2"], "must be numbers with commas"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.6"], "--markers: s: the point must be on"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "nan"], "must be a finite number"),
+            (
+                ["beam.toml", "--format", "json", "--out", "x", "--identification", "bad.json"],
+                "bad.json: result: is no",
+            ),
+            (
+                ["beam.toml", "--format", "json", "--out", "x", "--identification", "decay.csv"],
+                "decay.csv: is not JSON",
+            ),
+            (["beam.toml", "--format", "c", "--out", "beam.toml"], "beam.toml: is not a folder"),
+            (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "--markers: s: the point must be on"),
+            (
+                ["beam.toml", "--format", "c", "--out", "x", "--identification", "good.json"],
+                "goes along with json and fmu",
+            ),
+            (["beam.toml", "--format", "json", "--out", "x", "--data", "decay.csv"], "--data: there are 1 for 0"),
+            (["beam.toml", "--format", "json", "--out", "x", "--reduced", "3"], "--reduced: JSON holds the beam"),
+            (["beam.toml", "--format", "c", "--out", "x", "--reduced", "0"], "--reduced: must be a whole number above"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--reduced", "99"], "count: must be 1 to 80"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--reduced", "40"], "modes: mode 23 stretches the beam"),
+        ],
+    )
+    def test_refusals(self, files, capsys, arguments, what):
+        (files / "bad.json").write_text('{"a": 1}')
+        (files / "good.json").write_text('{"unknowns": []}')
+        (files / "bad.toml").write_text('[beam]\ndocument = "bad.json"\n')
+        assert what in refused(["export", *arguments], files, capsys)
+
+    def test_a_document_is_named_by_a_text_and_stands_alone(self, files, capsys):
+        (files / "bad.toml").write_text("[beam]\ndocument = 3\n")
+        assert "[beam]: document: must be the name of a file" in refused(["modes", "bad.toml"], files, capsys)
+        (files / "bad.toml").write_text('[beam]\ndocument = "a.json"\nlength = 1\n')
+        assert "[beam]: unknown key 'length'" in refused(["modes", "bad.toml"], files, capsys)
+
+    def test_a_document_with_other_strain_measures_is_not_matched(self, files, capsys):
+        measures = StrainMeasures(axial="green")
+        write_document("green.json", Document(Model(Beam.from_toml("beam.toml"), measures)))
+        (files / "match.toml").write_text('[beam]\ndocument = "green.json"\n[match]\ntargets = [1.85]\n')
+        assert "strain measures" in refused(["match", "match.toml"], files, capsys)
+
+    def test_an_fmu_without_fmpy(self, files, capsys, monkeypatch):
+        monkeypatch.setattr(fmu.importlib.util, "find_spec", lambda name: None)
+        call = ["export", "beam.toml", "--format", "fmu", "--out", "beam.fmu"]
+        assert "needs the headers of FMI" in refused(call, files, capsys)
+
+
+def refused(arguments: list[str], files: Path, capsys) -> str:
+    """Return the one line with which the command refuses, having written nothing."""
+    before = sorted(path.relative_to(files) for path in files.rglob("*"))
+    try:
+        code = main(arguments)
+    except SystemExit as stopped:  # an option that argparse refuses
+        code = stopped.code
+    assert code == 2
+    assert sorted(path.relative_to(files) for path in files.rglob("*")) == before
+    return one_line(capsys)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [
+        (["match", "beam.toml", "--plot", "beam.toml"], "beam.toml: is an input, which would be lost"),
+        (["fit-decay", "decay.csv", "--curve", "./decay.csv"], "decay.csv: is an input, which would be lost"),
+        (["simulate", "study.toml", "--out", "link.toml"], "link.toml: is an input, which would be lost"),
+        (["export", "beam.toml", "--format", "json", "--out", "beam.toml"], "beam.toml: is an input"),
+        (["simulate", "study.toml", "--out", "x", "--plot", "./x"], "x: is asked for twice; choose two names"),
+        (["simulate", "study.toml", "--out", "pipe"], "pipe: is a device or a pipe; name a file"),
+        (["match", "beam.json"], "beam.json: a document holds beam and damping alone; write a TOML file"),
+        (["simulate", "beam.json"], "beam.json: a document holds beam and damping alone; write a TOML file"),
+        (["modes", "large.toml"], "large.toml: is larger than 64 MiB"),
+    ],
+)
+def test_files_that_are_not_for_it(files, capsys, arguments, what):
+    (files / "link.toml").symlink_to("study.toml")
+    os.mkfifo(files / "pipe")
+    with open("large.toml", "wb") as file:
+        os.truncate(file.fileno(), 64 * 2**20 + 1)
+    before = (files / "decay.csv").read_bytes(), (files / "beam.toml").read_bytes()
+    assert what in refused(arguments, files, capsys)
+    assert before == ((files / "decay.csv").read_bytes(), (files / "beam.toml").read_bytes())
+
+
+class TestUnusableInput:
+    """Exit code 2, and one line that says what and where."""
+
+    @pytest.mark.parametrize(
+        ("old", "new", "what"),
+        [
+            ("thickness = 0.5e-3", "", "[beam]: the key 'thickness' is missing"),
+            (
+                "elements = 20",
+                "elements = 20\ncolour = 1",
+                "[beam]: unknown key 'colour'; known are axis, clamp_stiffness",
+            ),
+            ("[match]", "[mach]", "unknown key 'mach'; known are base, beam, damping, match"),
+            ("[beam]", "[bean]", "the key 'beam' is missing"),
+            ("thickness = 0.5e-3", "thickness = -0.5e-3", "[beam]: thickness: must be positive, got -0.0005"),
+            ("density = 8000.0", "density = nan", "[beam]: density: must be a finite number, got nan"),
+            ("density = 8000.0", "density = 'steel'", "[beam]: density: must be a finite number, got 'steel'"),
+            ("width = 5e-3", "width = [5e-3, 4e-3]", "[beam]: width: has 2 values for 20 elements"),
+            ("elements = 20", "elements = 1", "[beam]: elements: needs at least 2 elements, got 1"),
+            ("elements = 20", "elements = 2.5", "[beam]: elements: must be a whole number, got 2.5"),
+            ("axis = [0.0, -1.0]", "axis = [0, 0]", "[beam]: axis: must not be the zero vector"),
+            ("gravity = [0.0, -9.81]", "gravity = 9.81", "[beam]: gravity: must be a pair of numbers (x, y), got 9.81"),
+            ("length = 0.5 ", "length = = 0.5 ", "is not TOML (Invalid value (at line 4, column 10))"),
+        ],
+    )
+    def test_beam(self, files, capsys, old, new, what):
+        (files / "beam.toml").write_text(edited(BEAM, (old, new)))
+        assert refused(["modes", "beam.toml"], files, capsys).startswith(f"ancf-casadi: beam.toml: {what}")
+
+    @pytest.mark.parametrize(
+        ("old", "new", "what"),
+        [
+            ("1.85, 10.19", "10.19, 1.85", "targets: must be ascending, got 10.19, 1.85, 26.84, 53.2, 88.6 Hz"),
+            ("1.85, 10.19", "1.85, -10.19", "targets: must be positive, got -10.19"),
+            ("[1.85", "1.85 #", "targets: must be a sequence of numbers, got 1.85"),
+            (
+                "[1.85",
+                f"[{', '.join(str(0.01 * k) for k in range(1, 40))}, 1.85",
+                "targets: 44 modes are more than the 40",
+            ),
+            ("bounds = 0.10", "bounds = 0", "bounds: must be positive, got 0"),
+            ("bounds = 0.10", "bounds = 1.5", "bounds: must be at most 1, got 1.5"),
+            ("bounds = 0.10", "bound = 0.10", "unknown key 'bound'; known are bounds, frequency_std"),
+            ("targets = ", "bounds = 0.10 #", None),
+        ],
+    )
+    def test_match(self, files, capsys, old, new, what):
+        text = edited(BEAM, (old, new))
+        if what is None:
+            text, what = text.replace("\nbounds = 0.10\n", "\n", 1), "the key 'targets' is missing"
+        (files / "beam.toml").write_text(text)
+        assert refused(["match", "beam.toml"], files, capsys).startswith(f"ancf-casadi: beam.toml: [match]: {what}")
+
+    def test_match_without_its_table(self, files, capsys):
+        (files / "beam.toml").write_text(BEAM.partition("[match]")[0])
+        line = refused(["match", "beam.toml"], files, capsys)
+        assert line == "ancf-casadi: beam.toml: [match]: the table is missing"
+
+    @pytest.mark.parametrize(
+        ("old", "new", "what"),
+        [
+            (
+                "ratios = [0.0050,",
+                "ratios = [1.0,",
+                "[damping]: ratios: a damping ratio must be at least 0 and below 1",
+            ),
+            (
+                "ratios = [0.0050,",
+                "ratios = [-0.1,",
+                "[damping]: ratios: a damping ratio must be at least 0 and below 1",
+            ),
+            ("ratios = [0.0050,", f"ratios = [{'0.01, ' * 16}", "[damping]: ratios: has 20 values for 16 modes"),
+            ("ratios = [0.0050,", "rations = [0.0050,", "[damping]: the key 'ratios' is missing"),
+            ('"quadratic"', '"cubic"', "[damping]: law must be one of rayleigh, quadratic, modal, got 'cubic'"),
+            ('"quadratic"', '["quadratic"]', "[damping]: law must be one of rayleigh, quadratic, modal, got ['quad"),
+            ("eta2 = 0.11", "eta2 = -0.11", "[damping]: eta2: must not be negative, got -0.11"),
+            ("eta2 = 0.11", "zeta2 = 0.11", "[damping]: unknown key 'zeta2'; known are eta1, eta2, law"),
+            ("frequency = 1.876", "frequency = 0", "[base]: frequency: must be positive, got 0"),
+            ("stop = 0.2 ", "stop_at = 'once'\nstop = 'late' ", "[base]: stop: must be a finite number, got 'late'"),
+            ("duration = 0.4", "duration = 0", "[simulation]: duration: must be positive, got 0"),
+            ("duration = 0.4", "length = 0.4", "[simulation]: the key 'duration' is missing"),
+            ("sample_rate = 500.0", "sample_rate = -1", "[simulation]: sample_rate: must be positive, got -1"),
+            (
+                "sample_rate = 500.0",
+                'start = "running"\nsample_rate = 500.0',
+                "[simulation]: start: must be one of equilibrium, straight, impact",
+            ),
+        ],
+    )
+    def test_simulate(self, files, capsys, old, new, what):
+        (files / "study.toml").write_text(edited((files / "study.toml").read_text(), (old, new)))
+        line = refused(["simulate", "study.toml", "--out", "motion.csv"], files, capsys)
+        assert line.startswith(f"ancf-casadi: study.toml: {what}")
+
+    @pytest.mark.parametrize(
+        ("content", "what"),
+        [
+            ("t,x\n0,1\n0.1,abc\n", "a.csv, line 3: 'abc' is not a finite number"),
+            ("t,x\n0,1\n0.1,nan\n", "a.csv, line 3: 'nan' is not a finite number"),
+            ("t,x\n0,1\n0.1\n", "a.csv, line 3: has 1 columns where the first line has 2"),
+            ("t,x\n0,1\n0,2\n", "a.csv: time: must increase, but sample 2 (0 s) follows 0 s"),
+            ("t,x,y\n0,1,2\n1,2,3\n", "a.csv: has 3 columns, not a time and a displacement; name one of them"),
+            ("", "a.csv: has no rows"),
+            (b"\x00\xff\xfe", "a.csv: is not a CSV file (text, with commas between the columns)"),
+            ("".join(f"{0.01 * k},1\n" for k in range(300)), "a.csv: record: is constant, nothing oscillates"),
+            ("".join(f"{0.01 * k},{k}\n" for k in range(300)), "a.csv: record: has fewer than two periods"),
+        ],
+    )
+    def test_record(self, files, capsys, content, what):
+        (files / "a.csv").write_bytes(content if isinstance(content, bytes) else content.encode())
+        line = refused(["fit-decay", "a.csv", "--plot", "fit.png"], files, capsys)
+        assert line.startswith(f"ancf-casadi: {what}")
+
+    def test_record_of_noise(self, files, capsys):
+        noise = np.random.default_rng(1).standard_normal(500)
+        (files / "a.csv").write_text("".join(f"{0.01 * k},{y}\n" for k, y in enumerate(noise)))
+        assert "nothing oscillates" in refused(["fit-decay", "a.csv"], files, capsys)
+
+    @pytest.mark.parametrize(
+        ("arguments", "what"),
+        [
+            (["modes", "beam.toml", "--count", "0"], "count: must be 1 to 80 for 20 elements, got 0"),
+            (["modes", "beam.toml", "--count", "81"], "count: must be 1 to 80 for 20 elements, got 81"),
+            (["modes", "beam.toml", "--count", "many"], "argument --count: invalid int value: 'many'"),
+            (["modes", "absent.toml"], "absent.toml: cannot be read (No such file or directory)"),
+            (["modes", "."], ".: cannot be read (Is a directory)"),
+            (["modes", "beam.toml/below"], "beam.toml/below: cannot be read (Not a directory)"),
+            (["modes"], "the following arguments are required: BEAM.toml"),
+            (["fit-decay", "absent.csv"], "absent.csv: is not a file"),
+            (["fit-decay", "decay.csv", "--law", "cubic"], "argument --law: invalid choice: 'cubic'"),
+            (["fit-decay", "decay.csv", "--column", "x"], "decay.csv: has 0 columns 'x'; there are tip_mm"),
+            (["fit-decay", "decay.csv", "--plot", "."], ".: is a folder"),
+            (["fit-decay", "decay.csv", "--plot", "beam.toml/fit.png"], "beam.toml: is not a folder"),
+            (["simulate", "beam.toml"], "beam.toml: [simulation]: the table is missing"),
+            (["simulate", "study.toml", "--out", "."], ".: is a folder"),
+            (["simulate", "study.toml", "--out", "beam.toml/motion.csv"], "beam.toml: is not a folder"),
+            (["reproduce", "--quick", "--out", "beam.toml"], "beam.toml: is not a folder"),
+            (["reproduce", "--quick", "--out", "beam.toml/new/folder"], "beam.toml: is not a folder"),
+            (["reproduce", "--jobs", "0"], "argument --jobs: must be a whole number above 0, got '0'"),
+            (["reproduce", "--fast"], "unrecognized arguments: --fast"),
+            (["fly"], "argument COMMAND: invalid choice: 'fly'"),
+            ([], "the following arguments are required: COMMAND"),
+        ],
+    )
+    def test_arguments(self, files, capsys, arguments, what):
+        line = refused(arguments, files, capsys)
+        assert line.startswith("ancf-casadi")
+        assert what in line
+
+
+class TestFailure:
+    """Exit code 1, and one line that says what to try."""
+
+    def test_a_beam_that_cannot_stand(self, files, capsys):
+        slender = edited(
+            BEAM, ("axis = [0.0, -1.0]", "axis = [0.0, 1.0]"), ("thickness = 0.5e-3", "thickness = 0.2e-3")
+        )
+        (files / "beam.toml").write_text(slender)
+        assert main(["modes", "beam.toml"]) == 1
+        assert "unstable" in one_line(capsys)
+
+    def test_a_fit_that_does_not_converge(self, files, capsys, monkeypatch):
+        def fails(*_, **__):
+            raise FitError("no minimum was found;\nstart elsewhere")
+
+        monkeypatch.setattr(cli, "match_frequencies", fails)
+        assert main(["match", "beam.toml", "--json"]) == 1
+        assert one_line(capsys) == "ancf-casadi: no minimum was found; start elsewhere"
+
+    def test_a_simulation_that_fails_writes_nothing(self, files, capsys, monkeypatch):
+        def fails(*_, **__):
+            raise SimulationError("the integrator could not go on: try a larger tolerance", 0.1)
+
+        monkeypatch.setattr(cli, "simulate", fails)
+        assert main(["simulate", "study.toml", "--out", "motion.csv"]) == 1
+        assert one_line(capsys).endswith("try a larger tolerance")
+        assert not (files / "motion.csv").exists()
+
+    def test_an_integrator_that_fails(self, files, capsys):
+        """No step can meet a tolerance below rounding; the bar before the line is progress, not the message."""
+        text = (files / "study.toml").read_text().replace("[simulation]", "[simulation]\ntolerance = 1e-30")
+        (files / "study.toml").write_text(text)
+        assert main(["simulate", "study.toml", "--out", "motion.csv"]) == 1
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert captured.err.splitlines()[-1].startswith("ancf-casadi: the integrator ")
+        assert "Traceback" not in captured.err
+        assert "casadi/" not in captured.err
+        assert not (files / "motion.csv").exists()
+
+    def test_out_of_memory(self, files, capsys, monkeypatch):
+        def fails(*_, **__):
+            raise MemoryError
+
+        monkeypatch.setattr(cli, "simulate", fails)
+        assert main(["simulate", "study.toml"]) == 1
+        assert "out of memory" in one_line(capsys)
+
+
+@pytest.fixture
+def full_disk(monkeypatch):
+    """A disk that takes no further byte."""
+
+    def fails(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "replace", fails)
+
+
+class TestFullDisk:
+    """A result that took long is printed, also where it cannot be written."""
+
+    COMMANDS = (
+        ["simulate", "study.toml", "--out", "motion.csv"],
+        ["simulate", "study.toml", "--plot", "motion.png"],
+        ["match", "beam.toml", "--out", "matched.json"],
+        ["match", "beam.toml", "--plot", "matched.png"],
+        ["fit-decay", "decay.csv", "--curve", "curve.csv"],
+        ["fit-decay", "decay.csv", "--plot", "decay.png"],
+    )
+
+    @pytest.mark.parametrize("form", [[], ["--json"]])
+    @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: "".join(command[::2]))
+    def test_the_result_is_printed_first(self, files, capsys, full_disk, command, form):
+        assert main([*command[:2], *form]) == 0
+        expected = capsys.readouterr().out
+        before = sorted(files.iterdir())
+        assert main([*command, *form]) == 2
+        captured = capsys.readouterr()
+        assert without_times(captured.out) == without_times(expected)
+        (line,) = [line for line in captured.err.splitlines() if line.startswith("ancf-casadi: ")]
+        assert line == f"ancf-casadi: {command[-1]}: cannot be written (No space left on device)"
+        assert sorted(files.iterdir()) == before
+
+    @pytest.mark.parametrize("form", [[], ["--json"]])
+    def test_study(self, files, capsys, monkeypatch, form):
+        def fails(study, folder):
+            raise InputError("cannot be written (No space left on device)", str(folder))
+
+        monkeypatch.setattr(reproduction, "reproduce", lambda **_: None)
+        monkeypatch.setattr(report, "tables", lambda study: [Table("t", "Table 2", ("f_Hz",), [(1.85,)])])
+        monkeypatch.setattr(report, "results", lambda study: {"f_hz": 1.85})
+        monkeypatch.setattr(report, "write_study", fails)
+        assert main(["reproduce", "--out", "study", *form]) == 2
+        captured = capsys.readouterr()
+        assert captured.out == ('{\n  "f_hz": 1.85\n}\n' if form else "Table 2\n----\nf_Hz\n----\n1.85\n")
+        assert captured.err == "ancf-casadi: study: cannot be written (No space left on device)\n"
+        monkeypatch.setattr(report, "write_study", lambda study, folder: [])
+        assert main(["reproduce", "--out", "study", *form]) == 0
+        assert capsys.readouterr().out == captured.out + ("" if form else "\nfiles written to study\n")
+
+    def test_export_leaves_nothing(self, files, capsys, full_disk):
+        before = sorted(files.iterdir())
+        assert main(["export", "beam.toml", "--format", "c", "--out", "c"]) == 2
+        assert one_line(capsys) == "ancf-casadi: c/beam.c: cannot be written (No space left on device)"
+        assert [path for path in files.rglob("*") if path.is_file() and path not in before] == []
+
+    def test_a_limit_of_the_system(self, files):
+        """The real thing: the system lets no file grow beyond a few bytes."""
+        resource = pytest.importorskip("resource")
+        command = [sys.executable, "-m", "problems.cli", "simulate", "study.toml", "--out", "motion.csv", "--json"]
+
+        def limit():
+            resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, preexec_fn=limit)
+        assert done.returncode == 2
+        assert json.loads(done.stdout)["samples"] == 201
+        assert done.stderr.splitlines()[-1] == "ancf-casadi: motion.csv: cannot be written (File too large)"
+        assert "Traceback" not in done.stderr
+        assert not [path for path in files.iterdir() if "motion" in path.name]
+
+    @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
+    def test_standard_output_to_a_full_disk(self, files):
+        with open("/dev/full", "w") as full:
+            command = [sys.executable, "-m", "problems.cli", "modes", "beam.toml"]
+            done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+        assert done.returncode == 2
+        assert done.stderr == "ancf-casadi: the result cannot be printed (No space left on device)\n"
+
+
+def without_times(text: str) -> str:
+    """Return a report without the time that it took."""
+    return re.sub(r"(seconds\"?:?\s+)[\d.e-]+|[\d.]+ s(?=[,.;)]|$)", r"\1", text)
+
+
+class TestInterrupted:
+    """Exit code 128 and the number of the signal, one line, nothing written."""
+
+    @pytest.mark.parametrize("command", ["modes", "match", "simulate", "fit-decay"])
+    def test_anywhere(self, files, capsys, monkeypatch, command):
+        def stopped(*_, **__):
+            raise KeyboardInterrupt
+
+        for name in ("natural_modes", "match_frequencies", "simulate", "fit_decay"):
+            monkeypatch.setattr(cli, name, stopped)
+        file = {"simulate": "study.toml", "fit-decay": "decay.csv"}.get(command, "beam.toml")
+        before = sorted(files.iterdir())
+        assert main([command, file]) == 130
+        assert one_line(capsys) == "ancf-casadi: stopped; nothing was written"
+        assert sorted(files.iterdir()) == before
+
+    @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+    def test_while_an_fmu_is_compiled(self, files, capsys, monkeypatch):
+        def stopped(*_, **__):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(fmu.subprocess, "run", stopped)
+        before = sorted(files.iterdir())
+        assert main(["export", "beam.toml", "--format", "fmu", "--out", "new/beam.fmu"]) == 130
+        assert capsys.readouterr().err.endswith("ancf-casadi: stopped; nothing was written\n")
+        assert (sorted(files.iterdir()), Path.cwd()) == (before, files)
+
+    def test_study(self, files, capsys, monkeypatch):
+        def stopped(**_):
+            raise KeyboardInterrupt
+
+        monkeypatch.setattr(reproduction, "reproduce", stopped)
+        assert main(["reproduce", "--out", "study"]) == 130
+        assert one_line(capsys) == "ancf-casadi: stopped; nothing was written"
+        assert not (files / "study").exists()
+
+    @pytest.mark.parametrize("error", [FitError("NonIpopt_Exception_Thrown"), NotImplementedError("Wrong number")])
+    def test_taken_for_a_failure_by_casadi(self, files, capsys, monkeypatch, error):
+        """IPOPT and IDAS report an exception in their callbacks as their own failure, and calls as wrong arguments."""
+
+        def swallowed(*_, **__):
+            try:
+                signal.raise_signal(signal.SIGINT)
+            except KeyboardInterrupt:
+                raise error from None
+
+        monkeypatch.setattr(cli, "match_frequencies", swallowed)
+        assert main(["match", "beam.toml"]) == 130
+        assert one_line(capsys) == "ancf-casadi: stopped; nothing was written"
+
+    @pytest.mark.parametrize("ending", ENDING)
+    def test_handler_is_put_back(self, files, capsys, ending):
+        before = signal.getsignal(ending)
+        assert main(["modes", "beam.toml"]) == 0
+        assert signal.getsignal(ending) is before
+
+    @pytest.mark.parametrize("ending", ENDING)
+    def test_while_writing(self, files, capsys, monkeypatch, ending):
+        monkeypatch.setattr(os, "replace", lambda *_: signal.raise_signal(ending))
+        before = sorted(files.iterdir())
+        assert main(["fit-decay", "decay.csv", "--plot", "decay.png"]) == 128 + ending
+        assert one_line(capsys) == "ancf-casadi: stopped; not all files were written"
+        assert sorted(files.iterdir()) == before
+
+    @pytest.mark.parametrize(("delay", "ending"), [(0.0, signal.SIGINT), (0.3, signal.SIGINT), (0.1, signal.SIGTERM)])
+    def test_in_the_midst_of_a_simulation(self, files, delay, ending):
+        """A real signal once the integrator is at work, which notices it in one of several ways."""
+        (files / "study.toml").write_text(edited(STUDY, ("duration = 8.0 ", "duration = 200.0 ")))
+        command = [sys.executable, "-m", "problems.cli", "simulate", "study.toml", "--out", "motion.csv"]
+        with subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        ) as process:
+            assert process.stderr is not None
+            while b"/200.00 s" not in process.stderr.read1():
+                assert process.poll() is None
+            try:
+                process.wait(timeout=delay or 1e-3)
+            except subprocess.TimeoutExpired:
+                process.send_signal(ending)
+            output, errors = process.communicate(timeout=60)
+        assert process.returncode == 128 + ending
+        assert output == b""
+        assert errors.splitlines()[-1] == b"ancf-casadi: stopped; nothing was written"
+        assert b"Traceback" not in errors
+        assert not (files / "motion.csv").exists()
+
+
+@pytest.mark.parametrize("arguments", [["modes", "beam.toml"], ["match", "beam.toml", "--json"], ["--help"]])
+def test_a_reader_that_has_left_is_no_error(files, arguments):
+    """As in ``ancf-casadi modes beam.toml | true``."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "problems.cli", *arguments],
+            stdout=writer,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+    finally:
+        os.close(writer)
+    assert done.stderr == ""
+    assert done.returncode == 0
+
+
+@pytest.mark.parametrize(("ending", "send"), [(signal.SIGINT, os.killpg), (signal.SIGTERM, os.kill)])
+def test_a_study_that_is_interrupted_leaves_no_processes(files, ending, send):
+    """Ctrl-C in a terminal reaches the whole group, SIGTERM the command alone; it answers, and no process is left."""
+    command = [sys.executable, "-m", "problems.cli", "reproduce", "--quick", "--jobs", "2", "--out", "study"]
+    with subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    ) as process:
+        assert process.stderr is not None
+        while b"transients:" not in process.stderr.read1():
+            assert process.poll() is None
+        try:
+            process.wait(timeout=3.0)  # the other processes are at work by then
+        except subprocess.TimeoutExpired:
+            send(process.pid, ending)
+        try:
+            output, errors = process.communicate(timeout=30)
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            raise
+    assert process.returncode == 128 + ending
+    assert output == b""
+    assert errors.splitlines()[-1] == b"ancf-casadi: stopped; nothing was written"
+    assert b"Traceback" not in errors
+    assert not (files / "study").exists()
+    left, deadline = True, time.monotonic() + 10.0
+    while left and time.monotonic() < deadline:
+        try:
+            os.killpg(process.pid, 0)
+        except ProcessLookupError:
+            left = False
+        time.sleep(0.05)
+    assert not left

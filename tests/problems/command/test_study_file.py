@@ -1,0 +1,237 @@
+"""Beams, laws, base motions and settings come from TOML as they would from Python, or are refused by name."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    Beam,
+    HarmonicBase,
+    InputError,
+    ModalDamping,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    natural_modes,
+)
+from problems import Global, MeasuredModes, PerElement, Smooth
+from problems.command.study_file import numbers, read_match, read_model, read_simulation
+
+BEAM = """
+[beam]
+length = 0.5
+width = 5e-3
+thickness = 0.5e-3
+density = 8000.0
+elastic_modulus = 210e9
+elements = 4
+"""
+SIMULATION = "[simulation]\nduration = 2.0\n"
+
+
+def beam(**changes) -> Beam:
+    given = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
+    return Beam.uniform(**{**given, "elements": 4, **changes})
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Write a file and return its path as text."""
+
+    def write(*parts: str) -> str:
+        path = tmp_path / "study.toml"
+        path.write_text("".join(parts))
+        return str(path)
+
+    return write
+
+
+class TestBeam:
+    def test_uniform(self, file):
+        assert read_model(file(BEAM)).beam == beam()
+
+    def test_values_of_each_element_axis_and_gravity(self, file):
+        text = BEAM.replace("width = 5e-3", "width = [5e-3, 4e-3, 3e-3, 2e-3]")
+        text += "axis = [2.0, 0.0]\ngravity = [0, -1.62]\n"
+        assert read_model(file(text)).beam == beam(width=(5e-3, 4e-3, 3e-3, 2e-3), axis=(1, 0), gravity=(0, -1.62))
+
+    def test_tables_of_other_commands_do_not_disturb(self, file):
+        assert read_model(file(BEAM, "[match]\ntargets = 1\n[base]\n", SIMULATION)).beam == beam()
+
+    @pytest.mark.parametrize("text", ["", "[base]\n", "beam = 1\n"])
+    def test_missing(self, file, text):
+        with pytest.raises(InputError, match=r"study\.toml: (the key 'beam' is missing|has no table \[beam\])"):
+            read_model(file(text))
+
+    def test_file_that_is_not_there(self, tmp_path):
+        with pytest.raises(InputError, match=r"absent\.toml: cannot be read"):
+            read_model(str(tmp_path / "absent.toml"))
+
+
+class TestMatch:
+    def test_beam_and_request(self, file):
+        read, request = read_match(file(BEAM, "[match]\ntargets = [1.85, 10.19]\nbounds = 0.2\n"))
+        assert read == beam()
+        assert request == {"targets": [1.85, 10.19], "bounds": 0.2}
+
+    def test_unknowns_and_shapes(self, file):
+        text = """
+        [match]
+        targets = [10.19, 1.85]
+        frequency_std = [0.01, 0.002]
+        points = [0.2, 0.5]
+        shapes = [[-1.0, 2.0], [1.0, 4.0]]
+        objective = "worst-error"
+        starts = 2
+        unknowns = {width = "element", density = "global", thickness = {smooth = 2, bounds = 0.05}}
+        """
+        _, request = read_match(file(BEAM, text))
+        assert request == {
+            "targets": MeasuredModes((10.19, 1.85), (0.01, 0.002), (0.2, 0.5), ((-1.0, 2.0), (1.0, 4.0))),
+            "objective": "worst-error",
+            "starts": 2,
+            "unknowns": (PerElement("width"), Global("density"), Smooth("thickness", terms=2, bounds=0.05)),
+        }
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("", "the table is missing"),
+            ("[match]\nbounds = 0.1\n", "the key 'targets' is missing"),
+            ("[match]\ntargets = [1]\nstart = [1]\n", "unknown key 'start'; known are bounds, freq"),
+            ("[match]\ntargets = 1\n", "targets: must be a sequence of numbers, got 1"),
+            ("[match]\ntargets = [2, 1]\nfrequency_std = 0.1\n", "targets: must be ascending"),
+            ("[match]\ntargets = [1]\nunknowns = 3\n", "unknowns: must be a table of properties, got 3"),
+            ("[match]\ntargets = [1]\nunknowns.width = 'all'\n", 'unknowns: width: must be "global", "element"'),
+            ("[match]\ntargets = [1]\nunknowns.width = {smooth = 2, order = 1}\n", "unknowns: width: must be"),
+            ("[match]\ntargets = [1]\nunknowns.width = {element = false}\n", "unknowns: width: must be"),
+            ("[match]\ntargets = [1]\nunknowns.width = 'smooth'\n", 'unknowns: width: must be "global", "element"'),
+            ("[match]\ntargets = [1]\nunknowns.length = 'global'\n", "unknowns: must be one of width"),
+            ("[match]\ntargets = [1]\nunknowns.width = {smooth = 'x'}\n", "unknowns: width: terms: must be a whole"),
+        ],
+    )
+    def test_unusable(self, file, text, message):
+        with pytest.raises(InputError, match=rf"study\.toml: \[match\]: {message}"):
+            read_match(file(BEAM, text))
+
+    def test_table_that_is_none(self, file):
+        with pytest.raises(InputError, match=r"\[match\]: must be a table, got 3"):
+            read_match(file("match = 3\n", BEAM))
+
+
+class TestSimulation:
+    def test_least(self, file):
+        """A beam and a duration: undamped, on a fixed base, all else as ``simulate`` has it."""
+        study = read_simulation(file(BEAM, SIMULATION))
+        assert study.model == Model(beam())
+        assert (study.damping, study.base) == (None, None)
+        assert study.settings == {"duration": 2.0}
+
+    def test_settings(self, file):
+        text = 'sample_rate = 250.0\nstart = "straight"\nmethod = "radau"\ntolerance = 1e-9\n'
+        settings = {"duration": 2.0, "sample_rate": 250.0, "start": "straight", "method": "radau", "tolerance": 1e-9}
+        assert read_simulation(file(BEAM, SIMULATION, text)).settings == settings
+
+    def test_base(self, file):
+        text = '[base]\namplitude = 1e-3\nfrequency = 2.0\nstop = 3\ndirection = [0.0, 2.0]\nstop_at = "once"\n'
+        base = HarmonicBase(1e-3, 2.0, stop=3.0, direction=(0.0, 1.0), stop_at="once")
+        assert read_simulation(file(BEAM, SIMULATION, text)).base == base
+
+    @pytest.mark.parametrize("head", ["[damping]", "[[damping]]"])
+    @pytest.mark.parametrize(
+        ("text", "law"),
+        [
+            ('law = "rayleigh"\nalpha = 0.2\nbeta = 1e-5\n', RayleighDamping(0.2, 1e-5)),
+            ('law = "rayleigh"\nbeta = 1e-5\nstiffness = "tangent"\n', RayleighDamping(0.0, 1e-5, stiffness="tangent")),
+            ('law = "quadratic"\neta1 = 0.15\neta2 = 0.11\n', QuadraticDamping(0.15, 0.11)),
+        ],
+    )
+    def test_one_law(self, file, head, text, law):
+        assert read_simulation(file(BEAM, SIMULATION, head, "\n", text)).damping == law
+
+    def test_modal_law(self, file):
+        text = '[damping]\nlaw = "modal"\nratios = [0.01, 0.02]\nfrequencies = [1.8, 10]\n'
+        law = read_simulation(file(BEAM, SIMULATION, text)).damping
+        assert isinstance(law, ModalDamping)
+        assert (law.ratios, law.frequencies) == ((0.01, 0.02), (1.8, 10.0))
+        assert law.modes.frequencies == pytest.approx(natural_modes(Model(beam()), count=2).frequencies)
+
+    def test_several_laws_add_up(self, file):
+        modal = '[[damping]]\nlaw = "modal"\nratios = [0.01]\n'
+        quadratic = '[[damping]]\nlaw = "quadratic"\neta2 = 0.11\n'
+        modes = natural_modes(Model(beam()), count=1)
+        both, first, second = (
+            read_simulation(file(BEAM, SIMULATION, text)).damping.damping_ratios(modes, np.array([0.05]))
+            for text in (modal + quadratic, modal, quadratic)
+        )
+        assert first == pytest.approx([0.01])
+        assert second > 1e-3
+        assert both == pytest.approx(first + second)
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("[damping]\neta2 = 0.1\n", r"\[damping\]: law must be one of rayleigh, quadratic, modal, got None"),
+            ("[damping]\nlaw = 'air'\n", r"\[damping\]: law must be one of rayleigh, quadratic, modal, got 'air'"),
+            ("[damping]\nlaw = ['modal']\n", r"\[damping\]: law must be one of .*, got \['modal'\]"),
+            (
+                "[damping]\nlaw = 'quadratic'\nalpha = 1\n",
+                r"\[damping\]: unknown key 'alpha'; known are eta1",
+            ),
+            ("[damping]\nlaw = 'rayleigh'\nalpha = -1\n", r"\[damping\]: alpha: must not be negative"),
+            ("[damping]\nlaw = 'modal'\n", r"\[damping\]: the key 'ratios' is missing"),
+            (
+                "[damping]\nlaw = 'modal'\nratios = 0.01\n",
+                r"\[damping\]: ratios: must be a sequence of numbers, got 0.01",
+            ),
+            ("[damping]\nlaw = 'modal'\nratios = []\n", r"\[damping\]: ratios: has 0 values"),
+            ("[damping]\nlaw = 'modal'\nratios = [1.0]\n", r"\[damping\]: ratios: a damping ratio must be at least 0"),
+            (f"[damping]\nlaw = 'modal'\nratios = {[0.01] * 17}\n", r"\[damping\]: ratios: has 17 values for 16 modes"),
+            ("[damping]\nlaw = 'modal'\nratios = [0.01]\nfrequencies = [1, 2]\n", r"frequencies: has 2 values for 1"),
+            ("[base]\namplitude = 1e-3\n", r"\[base\]: the key 'frequency' is missing"),
+            ("[base]\namplitude = 0\nfrequency = 1\n", r"\[base\]: amplitude: must be positive"),
+            ("[base]\namplitude = 1\nfrequency = 1\nphase = 1\n", r"\[base\]: unknown key 'phase'"),
+        ],
+    )
+    def test_unusable(self, file, text, message):
+        with pytest.raises(InputError, match=message):
+            read_simulation(file(BEAM, SIMULATION, text))
+
+    @pytest.mark.parametrize(
+        ("text", "message"),
+        [
+            ("damping = 3\n", "must be a table .damping., or several"),
+            ("damping = [3]\n", "law must be one of"),
+            ("base = 3\n", r"\[base\]: must be a table, got 3"),
+        ],
+    )
+    def test_tables_that_are_none(self, file, text, message):
+        with pytest.raises(InputError, match=message):
+            read_simulation(file(text, BEAM, SIMULATION))
+
+    def test_without_settings(self, file):
+        with pytest.raises(InputError, match=r"\[simulation\]: the table is missing"):
+            read_simulation(file(BEAM))
+
+
+@pytest.mark.parametrize("values", [1.0, "1, 2", {"a": 1}, None])
+def test_numbers_refuse_what_is_no_list(values):
+    with pytest.raises(InputError, match="here: must be a sequence of numbers"):
+        numbers(values, "here")
+
+
+@pytest.mark.parametrize("value", [float("nan"), "1", [1.0], True])
+def test_numbers_refuse_what_is_no_number(value):
+    with pytest.raises(InputError, match="here: must be a finite number"):
+        numbers([1.0, value], "here")
+
+
+@pytest.mark.parametrize("name", ["beam.toml", "study.toml"])
+def test_examples_can_be_read(name):
+    path = str(Path(__file__).parents[3] / "examples" / name)
+    assert read_model(path).beam.elements == 20
+    if name == "beam.toml":
+        assert read_match(path)[1]["targets"] == [1.85, 10.19, 26.84, 53.20, 88.60]
+    else:
+        assert read_simulation(path).settings["sample_rate"] == 500.0

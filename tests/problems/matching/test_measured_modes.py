@@ -1,0 +1,145 @@
+"""Measured modes are checked before any work, and compared whatever their scale."""
+
+import numpy as np
+import pytest
+
+from ancf_casadi import Beam, InputError, Model, natural_modes
+from problems import MeasuredModes, match_frequencies
+from problems.matching.design_space import DesignSpace
+from problems.matching.response import Matching
+
+NAN = float("nan")
+POINTS = (0.12, 0.2, 0.33, 0.5)
+
+
+@pytest.fixture(scope="module")
+def beam() -> Beam:
+    return Beam.uniform(
+        length=0.5, width=5e-3, thickness=0.5e-3, density=8e3, elastic_modulus=210e9, elements=5, axis=(0.3, -1.0)
+    )
+
+
+@pytest.fixture(scope="module")
+def matching(beam) -> Matching:
+    """Three modes, not in order, their shapes disturbed, one point not measured."""
+    modes = natural_modes(Model(beam), count=3)
+    shapes = (MeasuredModes((1.0,), None, POINTS, ((1.0,) * 4,)).observer(modes.model) @ modes.shapes).T
+    shapes = shapes * (1 + 0.05 * np.random.default_rng(1).standard_normal(shapes.shape))
+    shapes[1, 2] = NAN
+    order = [2, 0, 1]
+    frequencies = modes.frequencies * [1.01, 0.99, 1.02]
+    measured = MeasuredModes(
+        tuple(frequencies[order]), tuple(1e-3 * frequencies), POINTS, tuple(map(tuple, shapes[order])), (0.2, 0.1, 0.3)
+    )
+    return Matching(DesignSpace(beam), measured)
+
+
+class TestResiduals:
+    def test_targets_are_told_apart_by_their_shapes(self, matching):
+        assert matching.numbers.tolist() == [2, 0, 1]
+        first = matching.response().residuals(matching.space.standard) / matching.unit
+        assert len(first) == 3 + 3 * 4 - 1
+        relative = matching.standard.frequencies / matching.measured.frequencies - 1
+        assert first[:3] == pytest.approx(relative / matching.measured.relative_std, rel=1e-6)
+
+    def test_residual_of_a_shape_is_what_the_best_multiple_leaves(self, matching):
+        """By least squares of numpy, the deviations as weights."""
+        response, space = matching.response(), matching.space
+        shapes = matching.observer @ response.state(space.standard).shapes
+        expected = []
+        for psi, v, std in zip(matching.measured.shapes, shapes.T, (0.2, 0.1, 0.3), strict=True):
+            known = np.isfinite(psi)
+            expected.append(np.array(psi)[known] / std)
+            factor = np.linalg.lstsq(v[known, None] / std, expected[-1])[0]
+            expected[-1] = expected[-1] - factor * v[known] / std
+        found = response.residuals(space.standard)[3:] / matching.unit
+        assert found == pytest.approx(np.concatenate(expected), rel=1e-6, abs=1e-8)
+
+    def test_derivatives_against_differences(self, matching):
+        response, space = matching.response(), matching.space
+        rng = np.random.default_rng(3)
+        m = 1 + 0.03 * rng.standard_normal(space.size)
+        y = rng.standard_normal(response.size)
+        jacobian, hessian = response.jacobian(m), response.curvature(m, y)
+        step = 1e-4
+        for k in range(space.size):
+            ahead, behind = (m + sign * step * np.eye(space.size)[k] for sign in (1, -1))
+            first = (response.residuals(ahead) - response.residuals(behind)) / (2 * step)
+            second = (response.jacobian(ahead) - response.jacobian(behind)).T @ y / (2 * step)
+            assert first == pytest.approx(jacobian[:, k], abs=3e-6 * np.abs(jacobian).max())
+            assert second == pytest.approx(hessian[k], abs=3e-6 * np.abs(hessian).max())
+
+    def test_scale_and_sign_of_a_computed_shape_do_not_matter(self, matching):
+        measured = matching.measured
+        v = matching.observer @ matching.standard.shapes
+        assert measured.assurance(-7.0 * v) == pytest.approx(measured.assurance(v))
+        assert np.diag(measured.assurance(v)).min() > 0.95
+
+    def test_modes_that_do_not_move_the_points_are_like_none(self, matching):
+        assert matching.measured.assurance(np.zeros((4, 2))) == pytest.approx(np.zeros((3, 2)))
+
+
+class TestUnusable:
+    @pytest.mark.parametrize(
+        ("given", "message"),
+        [
+            ({"frequencies": (2.0, 1.0)}, "targets: must be ascending, got 2, 1 Hz; with shapes any order will do"),
+            ({"frequencies": (1.0, NAN)}, "targets: must be a finite number"),
+            ({"frequencies": ()}, "targets: needs at least one frequency"),
+            ({"frequency_std": 0.0}, "frequency_std: must be positive"),
+            ({"frequency_std": (0.1,)}, "frequency_std: has 1 values for 2"),
+            ({"points": (0.1, 0.2)}, "shapes: are missing"),
+            ({"points": (0.1, 0.2), "shapes": ((1.0, 2.0),)}, "shapes: 1 shapes for 2 frequencies"),
+            (
+                {"points": (0.1, 0.2), "shapes": ((1, 2), (1, 2, 3))},
+                "shapes: shape 2 needs one displacement a point, 2",
+            ),
+            ({"points": (0.1, 0.2), "shapes": ((1, 2), (1, NAN))}, "shapes: shape 2 needs two measured displacements"),
+            ({"points": (0.1, 0.2), "shapes": ((0, 0), (1, 2))}, "shapes: shape 1 needs two measured displacements"),
+            ({"points": (0.1, 0.2), "shapes": ((1, "x"), (1, 2))}, "shapes: shape 1 must be numbers"),
+            ({"points": 0.1}, "points: must be a sequence of numbers, got 0.1"),
+            ({"points": "ab", "shapes": ((1, 2), (1, 2))}, "points: must be a sequence of numbers, got 'ab'"),
+            ({"points": (0.1, 0.2), "shapes": 1.0}, r"shapes: must be a sequence of shapes, got 1\.0"),
+            ({"frequency_std": "ab"}, "frequency_std: must be a finite number, got 'ab'"),
+            ({"frequency_std": 1e-300}, r"frequency_std: must be within 1e-12 to 1e\+12 times the measured value"),
+            ({"frequency_std": 1e300}, r"frequency_std: must be within 1e-12 to 1e\+12 times the measured value"),
+            (
+                {"points": (0.1, 0.2), "shapes": ((1, 2), (1, 3)), "shape_std": 1e-300, "frequency_std": 0.1},
+                "shape_std: must be within 1e-12",
+            ),
+            ({"points": (0.1, NAN), "shapes": ((1, 2), (1, 2))}, "points: must be a finite number"),
+            ({"points": (0.1, 0.2), "shapes": ((1, 2), (1, 3)), "shape_std": 0.1}, "frequency_std: is missing"),
+            (
+                {"points": (0.1, 0.2), "shapes": ((1, 2), (1, 3)), "shape_std": -0.1, "frequency_std": 0.1},
+                "shape_std: must be positive",
+            ),
+            (
+                {"points": (0.1, 0.2), "shapes": ((1, 2), (1, 3)), "shape_std": (0.1,), "frequency_std": 0.1},
+                "shape_std: has 1 values for 2 shapes",
+            ),
+        ],
+    )
+    def test_modes(self, given, message):
+        with pytest.raises(InputError, match=message):
+            MeasuredModes(**{"frequencies": (1.0, 2.0), **given})
+
+    def test_arrays_are_as_good_as_tuples(self):
+        given = MeasuredModes(
+            np.array([1.0, 2.0]),
+            frequency_std=np.array(0.1),
+            points=np.array([0.1, 0.2]),
+            shapes=np.eye(2) + 1,
+            shape_std=np.array(0.2),
+        )
+        tuples = MeasuredModes((1.0, 2.0), 0.1, (0.1, 0.2), ((2.0, 1.0), (1.0, 2.0)), 0.2)
+        assert given == tuples
+
+    def test_points_off_the_beam(self, beam):
+        measured = MeasuredModes((1.8,), points=(0.1, 0.6), shapes=((0.1, 1.0),))
+        with pytest.raises(InputError, match=r"points: must be on the beam, 0 to 0\.5 m, got 0\.6"):
+            match_frequencies(beam, targets=measured)
+
+    def test_a_shape_like_no_mode(self, beam):
+        measured = MeasuredModes((1.8,), points=(0.1, 0.11, 0.12), shapes=((1.0, -1.0, 1.0),))
+        with pytest.raises(InputError, match=r"shapes: no mode of the beam has the shape of target 1 \(1\.8 Hz\)"):
+            match_frequencies(beam, targets=measured)

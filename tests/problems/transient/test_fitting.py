@@ -1,0 +1,335 @@
+"""Damping laws and properties from the large motion of a soft strip, made with known ones and seeded noise."""
+
+import gc
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    Beam,
+    FitError,
+    HarmonicBase,
+    InputError,
+    ModalDamping,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    State,
+    natural_modes,
+    simulate,
+    static_equilibrium,
+)
+from ancf_casadi.dynamics.derivatives.sensitivity import Problem, Run
+from ancf_casadi.estimation.criteria import Candidate, judge
+from problems import MarkerRecord, compare_laws, fit_decay, fit_transient
+from problems.transient import fitting
+from problems.transient.tolerance import ALLOWED, COARSEST, GAIN, TRUST, first_tolerance, noise, travel
+
+BASE = HarmonicBase(0.02, 2.0, stop=0.5)
+NOISE = 0.5e-3  # m
+TRUTH = QuadraticDamping(eta1=0.6, eta2=4.0)
+
+
+@pytest.fixture(scope="module")
+def model():
+    strip = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 264e3}
+    return Model(Beam.uniform(**strip, elements=3))
+
+
+def record(model, law, seed, *, base=BASE, start="equilibrium", points=None, duration=1.5):
+    """A record of some points, the tip if not given."""
+    settings = {"damping": law, "base": base, "start": start, "duration": duration, "sample_rate": 40.0}
+    run = simulate(model, method="radau", tolerance=1e-8, **settings)
+    positions = np.stack([run.position(s) for s in points or (model.beam.length,)], axis=1)
+    noise = NOISE * np.random.default_rng(seed).normal(size=positions.shape)
+    return MarkerRecord(run.time, positions + noise, points=points, base=base, start=start)
+
+
+@pytest.fixture(scope="module")
+def driven(model):
+    return record(model, TRUTH, 1)
+
+
+@pytest.fixture(scope="module")
+def again(model, driven):
+    """The fit that starts from the truth."""
+    return fit_transient(model, driven, TRUTH)
+
+
+@pytest.mark.parametrize("guess", [(0.3, 8.0), (1.5, 1.0)])
+def test_the_truth_is_found_from_two_starts(model, driven, again, guess):
+    found = fit_transient(model, driven, QuadraticDamping(*guess))
+    score = (found.fit.values - [0.6, 4.0]) / found.fit.standard_errors
+    assert found.fit.names == ("eta1", "eta2") and (found.law.eta1, found.law.eta2) == tuple(found.fit.values)
+    assert abs(score).max() < 3.0
+    assert found.fit.residual_rms == pytest.approx(NOISE, rel=0.2)
+    assert found.fit.standard_errors[1] < 2.0
+    np.testing.assert_allclose(found.fit.values, again.fit.values, atol=1e-2 * again.fit.standard_errors.min())
+
+
+def test_each_point_is_integrated_once_and_no_steps_are_kept(model, driven, monkeypatch):
+    solve, points = Problem.solve, []
+
+    def counted(self, values, *given):
+        points.append((self.tolerance, *(f"{value:.10e}" for value in values)))
+        return solve(self, values, *given)
+
+    monkeypatch.setattr(Problem, "solve", counted)
+    gc.collect()
+    before = sum(isinstance(one, Run) for one in gc.get_objects())
+    found = fit_transient(model, driven, QuadraticDamping(0.3, 8.0), tolerance=1e-5)
+    assert len(points) == len(set(points)) <= 2 * found.fit.iterations + 3
+    gc.collect()
+    assert sum(isinstance(one, Run) for one in gc.get_objects()) == before
+
+
+@pytest.fixture(scope="module")
+def exact():
+    """A steel strip whose tip swings 70 mm, with modal damping and drag: model, law, and a record without noise."""
+    steel = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
+    model = Model(Beam.uniform(**steel, elements=3))
+    modes = natural_modes(model, count=2)
+    law = ModalDamping(modes, (0.01, 0.0028))
+    base = HarmonicBase(5e-3, modes.frequencies[0], stop=4.0)
+    settings = {"damping": law + QuadraticDamping(eta2=0.2), "base": base, "start": "equilibrium", "duration": 0.8}
+    run = simulate(model, method="radau", tolerance=1e-10, sample_rate=100.0, **settings)
+    return model, law, MarkerRecord(run.time, run.tip, base=base, start="equilibrium")
+
+
+def drag(exact, noise, **settings):
+    """Fit the drag of a noisy record, the modal ratios known."""
+    model, law, without = exact
+    given = replace(without, positions=without.positions + noise)
+    return fit_transient(model, given, law + QuadraticDamping(eta2=0.1), fixed=("ratio1", "ratio2"), **settings)
+
+
+def test_the_shift_by_the_error_of_integration_is_found_from_one_tighter_integration(exact):
+    """Against a fit with the tighter integration; a coarse tolerance given by the user is used, and told of."""
+    coarse, fine = (drag(exact, 0.0, tolerance=tolerance) for tolerance in (1e-4, 1e-8))
+    assert coarse.problem.tolerance == 1e-4
+    moved = (fine.fit.values - coarse.fit.values) / coarse.fit.standard_errors
+    assert abs(moved[0]) > 0.5
+    np.testing.assert_allclose(coarse.shifts, moved, rtol=0.2)
+    assert len(coarse.warnings) == 2 and "shifts eta2 by" in coarse.warnings[1]
+    assert "let the fit select the tolerance" in coarse.report()
+    assert "integrated at the tolerance 1.0e-04" in coarse.report()
+    assert abs(fine.shifts[0]) < 0.01 and not any("integration" in warning for warning in fine.warnings)
+    assert fine.to_dict()["tolerance"] == 1e-8 and fine.to_dict()["integration_shifts"] == fine.shifts.tolist()
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5])
+def test_the_fit_selects_a_tolerance_at_which_no_estimate_is_shifted(exact, noise):
+    """Without noise what counts is the trust in the record; the truth is within the interval then too."""
+    found = drag(exact, noise * np.random.default_rng(1).normal(size=exact[2].positions.shape))
+    assert found.problem.tolerance <= COARSEST
+    assert abs(found.shifts[0]) <= ALLOWED and not any("integration" in warning for warning in found.warnings)
+    assert abs(found.fit.values[0] - 0.2) < 2 * found.fit.standard_errors[0] < 5e-3
+    assert found.fit.systematic == pytest.approx(TRUST * travel((exact[2],)), rel=1e-3)
+
+
+def test_a_tolerance_that_does_not_do_is_tightened_and_where_it_cannot_be_that_is_said(exact, monkeypatch):
+    monkeypatch.setattr(fitting, "first_tolerance", lambda *_: 1e-3)
+    assert drag(exact, 0.0).problem.tolerance < 1e-5
+    monkeypatch.setattr(fitting, "TIGHTEST", 1e-3)
+    assert "shorten the record" in drag(exact, 0.0).warnings[-1]
+
+
+def test_estimates_scatter_about_the_truth_by_their_standard_errors(exact):
+    """The mean of 8 standardised errors is within 2.6 of its standard deviations, but in one of a hundred studies."""
+    rng = np.random.default_rng(7)
+    scores = []
+    for _ in range(8):
+        found = drag(exact, 2e-4 * rng.normal(size=exact[2].positions.shape))
+        scores.append((found.fit.values[0] - 0.2) / found.fit.standard_errors[0])
+    assert abs(np.mean(scores)) < 2.6 / np.sqrt(8)
+    assert 0.35 < np.std(scores, ddof=1) < 1.8
+
+
+def test_the_noise_of_a_record_is_told_from_its_motion(model, driven):
+    assert travel((driven,)) == pytest.approx(np.sqrt(driven.positions.var(axis=0).mean()))
+    time = np.arange(400) / 100.0
+    swing = 0.02 * np.stack([np.sin(8 * time), np.cos(5 * time)], axis=1)
+    given = NOISE * np.random.default_rng(3).normal(size=swing.shape)
+    assert noise([MarkerRecord(time, swing + given)]) == pytest.approx(NOISE, rel=0.1)
+    assert noise([MarkerRecord(time, swing)]) < 0.02 * NOISE
+
+
+def test_the_first_tolerance_follows_the_noise_and_without_noise_the_travel():
+    time = np.arange(2000) / 1000.0
+    swing = 1e-3 * np.stack([np.sin(8 * time), np.cos(5 * time)], axis=1)
+    white = np.random.default_rng(3).normal(size=swing.shape)
+    quiet, slight, loud = (first_tolerance([MarkerRecord(time, swing + x * white)], 0.5) for x in (0.0, 2e-6, 1e-3))
+    still = np.sqrt(swing.var(axis=0).mean())
+    assert quiet == pytest.approx(ALLOWED * TRUST * still / (GAIN * 0.5), rel=1e-3) and quiet < COARSEST
+    added = ALLOWED * 2e-6 / (np.sqrt(4000) * GAIN * 0.5)
+    assert slight == pytest.approx(np.hypot(quiet, added), rel=0.05) and slight > 1.2 * quiet
+    assert loud == COARSEST
+
+
+def test_a_motion_that_fails_at_the_guess_is_said_to(model, driven):
+    still = replace(driven, base=None, start=State(np.zeros(3), np.zeros(3)))
+    with pytest.raises(FitError, match="are not finite; the last motion tried: start: the coordinates must be"):
+        fit_transient(model, still, TRUTH)
+
+
+def test_residuals_that_are_not_noise_are_told_of_and_so_they_are_of_each_law(model):
+    """A motion damped by drag, fitted by viscous damping; within the trust in a record nothing is said."""
+    exact = record(model, QuadraticDamping(eta2=8.0), 6)
+    exact = replace(exact, positions=exact.positions - NOISE * np.random.default_rng(6).normal(size=(61, 1, 2)))
+    laws = [RayleighDamping(alpha=1.0), QuadraticDamping(eta2=4.0)]
+    comparison = compare_laws(model, exact, laws, tolerance=1e-6)
+    coloured = "they are not noise, the law does not tell all, and the standard errors are too small"
+    wrong, right = comparison.fits
+    assert any(coloured in warning for warning in wrong.warnings) and coloured in wrong.report()
+    assert wrong.to_dict()["warnings"] == list(wrong.warnings)
+    assert right.fit.residual_rms < TRUST * travel((exact,)) and not any(coloured in one for one in right.warnings)
+    assert comparison.warnings == (
+        *comparison.verdict.warnings,
+        *(f"RayleighDamping(alpha): {warning}" for warning in wrong.warnings),
+        *(f"QuadraticDamping(eta2): {warning}" for warning in right.warnings),
+    )
+    assert comparison.to_dict()["warnings"] == list(comparison.warnings)
+
+
+def test_without_damping_none_is_found(model):
+    """A fit that always finds what it hopes for would fail here."""
+    found = fit_transient(model, record(model, None, 2), RayleighDamping(alpha=0.3))
+    assert found.fit.values[0] < 3 * max(found.fit.standard_errors[0], 0.01) or found.fit.at_bound[0]
+
+
+def test_modulus_base_amplitude_and_a_sum_of_laws_from_two_records_and_two_markers(model):
+    """The records: driven; and let go from a load.  The model and the base are guessed 4 % off."""
+    modes = natural_modes(model, count=2)
+    calm = RayleighDamping(beta=3e-4)  # of the higher modes
+    truth = ModalDamping(modes, (0.05, 0.03)) + QuadraticDamping(eta2=2.0) + calm
+    start = static_equilibrium(model, tip_force=(0.003, 0.0))
+    records = [
+        record(model, truth, 3, points=(0.1, 0.2)),
+        record(model, truth, 4, base=None, start=start, points=(0.2,), duration=0.6),
+    ]
+    guessed = Model(model.beam.with_(elastic_modulus=1.04 * 264e3))
+    records[0] = replace(records[0], base=replace(BASE, amplitude=0.0206))
+    guess = ModalDamping(modes, (0.03, 0.03)) + QuadraticDamping(eta2=1.0) + calm
+    found = fit_transient(
+        guessed,
+        records,
+        guess,
+        properties=("elastic_modulus",),
+        base_amplitude=True,
+        fixed=("ratio2", "beta"),
+        tolerance=1e-5,
+    )
+    assert found.fit.names == ("ratio1", "eta2", "elastic_modulus", "base_amplitude_1")
+    score = (found.fit.values - [0.05, 2.0, 1 / 1.04, 0.02]) / found.fit.standard_errors
+    assert abs(score).max() < 3.5
+    assert np.array(found.model.beam.elastic_modulus) == pytest.approx(264e3, rel=1e-2)
+    assert found.fit.standard_errors[3] < 2e-4
+    assert "elastic_modulus" in found.report() and found.to_dict()["unknowns"][3]["unit"] == "m"
+
+
+def test_an_unknown_start_and_the_damping_are_found(model):
+    """A record that begins amid a swing, its guess hanging still; the velocity is a difference of two equilibria."""
+    force, rate = 2e-3, -0.02
+    ends = [static_equilibrium(model, tip_force=(force + h * rate, 0.0)).coordinates for h in (1e-3, -1e-3)]
+    state = State(static_equilibrium(model, tip_force=(force, 0.0)).coordinates, (ends[0] - ends[1]) / 2e-3)
+    cut = record(model, RayleighDamping(alpha=0.8), 7, base=None, start=state, duration=1.0)
+    assert np.linalg.norm(state.velocities[-4:-2]) > 0.25  # m/s
+    unknown = ("force_x", "force_x_rate")
+    guess = RayleighDamping(alpha=0.5)
+    found = fit_transient(model, replace(cut, start="equilibrium"), guess, start=unknown, tolerance=1e-5)
+    assert found.fit.names == ("alpha", "start_force_x_1", "start_force_x_rate_1")
+    assert found.fit.units == ("1/s", "N", "N/s")
+    score = (found.fit.values - [0.8, force, rate]) / found.fit.standard_errors
+    assert abs(score).max() < 3.0
+    np.testing.assert_array_less(found.fit.standard_errors, [0.1, 0.02 * force, 0.02 * abs(rate)])
+    assert found.fit.residual_rms == pytest.approx(NOISE, rel=0.2)
+    start = found.start()
+    assert abs(start.coordinates - state.coordinates).max() < 0.01
+    assert abs(start.velocities - state.velocities)[-4:-2].max() < 0.02
+    copy = pickle.loads(pickle.dumps(found))
+    assert copy.to_dict() == found.to_dict()
+    z = found.fit.values / found.fit.scale
+    assert (copy.fit.model(z)[1].full() == found.fit.model(z)[1].full()).all()
+
+
+def test_the_closed_form_is_wrong_where_this_is_right(model):
+    """A release from 0.8 L: Eq. (27) takes the drag for viscous damping and leaves 7 mm."""
+    start, rest = static_equilibrium(model, tip_force=(0.03, 0.0)), static_equilibrium(model)
+    assert start.tip[0] > 0.8 * model.beam.length
+    calm = RayleighDamping(beta=3e-4)  # of the higher modes
+    released = record(model, QuadraticDamping(eta2=0.5) + calm, 5, base=None, start=start, duration=2.0)
+    found = fit_transient(model, released, QuadraticDamping(eta2=0.3) + calm, fixed=("beta",), tolerance=1e-5)
+    closed = fit_decay(released.time, released.positions[:, 0, 0] - rest.tip[0], law="quadratic", release_time=0.0)
+    assert abs(found.fit.values[0] - 0.5) < 3 * found.fit.standard_errors[0] < 0.01
+    assert abs(closed.eta2 - 0.5) > 0.4
+    assert closed.residual_rms > 10 * found.fit.residual_rms
+
+
+def test_the_right_law_wins_where_the_record_can_tell(model):
+    laws = [RayleighDamping(alpha=1.0), QuadraticDamping(eta2=4.0)]
+    comparison = compare_laws(model, record(model, QuadraticDamping(eta2=8.0), 6), laws, tolerance=1e-5)
+    assert comparison.verdict.best == 1 and comparison.verdict.settled
+    assert comparison.best.law.eta2 == pytest.approx(8.0, rel=0.2)
+    assert "best by BIC: QuadraticDamping(eta2)" in comparison.report()
+    assert comparison.to_dict()["best"] == "QuadraticDamping(eta2)"
+
+
+def test_laws_that_explain_a_record_alike_are_not_told_apart():
+    verdict = judge([Candidate("first", 200, 200.0, 1.00e-3, 1, 0.0), Candidate("second", 200, 200.0, 1.01e-3, 1, 0.0)])
+    assert verdict.best == 0 and not verdict.settled
+    assert "the second law is not clearly worse" in verdict.warnings
+    clear = judge([Candidate("first", 200, 200.0, 1.0e-3, 1, 0.0), Candidate("second", 200, 200.0, 1.2e-3, 1, 0.0)])
+    assert clear.settled and not clear.warnings
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"time": np.arange(5) / 40.0}, "time: needs at least 10 instants"),
+        ({"time": np.arange(61) ** 1.1}, "time: must begin with 0 and go on at equal intervals"),
+        ({"positions": np.zeros((60, 2))}, r"positions: must have the shape \(61, 1, 2\), got \(60, 1, 2\)"),
+        ({"positions": np.full((61, 2), np.nan)}, "positions: must be finite"),
+        ({"positions": np.full((61, 2), 0.1)}, "positions: are constant, nothing moves"),
+        ({"time": np.arange(61)[::-1] / 40.0}, "time: must begin with 0 and go on"),
+    ],
+)
+def test_a_record_that_makes_no_sense_is_refused(changes, message):
+    usual = {"time": np.arange(61) / 40.0, "positions": np.zeros((61, 2))}
+    with pytest.raises(InputError, match=message):
+        MarkerRecord(**usual | changes)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (
+            {"properties": ("colour",)},
+            "properties: must be one of width, thickness, density, elastic_modulus",
+        ),
+        ({"fixed": ("eta3",)}, "fixed: must be one of eta1, eta2, got 'eta3'"),
+        ({"start": ("force",)}, "start: must be one of force_x"),
+        ({"fixed": ("eta1", "eta2")}, "damping: nothing is to be estimated"),
+        ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: beta: not to be estimated"),
+        ({"bounds": {"eta1": (1.0, 2.0)}}, "eta1: the guess 0.6 is not within"),
+    ],
+)
+def test_unknowns_that_make_no_sense_are_refused(model, driven, settings, message):
+    with pytest.raises(InputError, match=message):
+        fit_transient(model, driven, TRUTH, **settings)
+
+
+def test_a_load_is_estimated_only_where_a_record_starts_from_an_equilibrium(model, driven):
+    with pytest.raises(InputError, match="start: must be an equilibrium, for its load"):
+        fit_transient(model, replace(driven, start="impact"), TRUTH, start=("force_x",))
+
+
+def test_no_record_or_law_or_a_point_off_the_beam_is_refused(model, driven):
+    with pytest.raises(InputError, match="records: there are none"):
+        fit_transient(model, [], TRUTH)
+    with pytest.raises(InputError, match="laws: there are none"):
+        compare_laws(model, driven, [])
+    off = MarkerRecord(driven.time, driven.positions, points=(0.3,))
+    with pytest.raises(InputError, match="the point must be on the beam"):
+        fit_transient(model, off, TRUTH)

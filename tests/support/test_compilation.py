@@ -1,0 +1,305 @@
+"""Compiled functions: the same digits, one program for all beams, a cache that is safe, and no compiler at all."""
+
+import os
+import pwd
+import shutil
+import subprocess
+import sys
+import time
+import warnings
+from importlib.machinery import ModuleSpec
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    Beam,
+    ModalDamping,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    motion,
+    natural_modes,
+    simulate,
+    static_equilibrium,
+)
+from ancf_casadi.support import compilation
+from ancf_casadi.support.compilation import c_compiler, cache_folder, compiled, interpreted
+
+needs_compiler = pytest.mark.skipif(not (shutil.which("cc") or shutil.which("gcc")), reason="no C compiler")
+X = np.array([0.3, -1.2, 2.0])
+LAWS = {
+    "rayleigh": lambda model: RayleighDamping(alpha=0.5, beta=1e-4),
+    "quadratic": lambda model: QuadraticDamping(eta1=0.5, eta2=1.0),
+    "modal": lambda model: ModalDamping(natural_modes(model, count=2), (0.01, 0.02)),
+}
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("ANCF_CASADI_CACHE", str(tmp_path / "cache"))
+    monkeypatch.delenv("ANCF_CASADI_COMPILE", raising=False)
+    monkeypatch.setattr(compilation, "_failed", set())
+    return tmp_path / "cache"
+
+
+def a_function(factor=2.0):
+    x, p = cs.MX.sym("x", 3), cs.MX.sym("p")
+    return cs.Function("product", [x, p], [factor * p * cs.sin(x) * x[0]], {"is_diff_in": [True, False]})
+
+
+def is_right(function, factor=2.0):
+    return function(X, 1.5).full().ravel() == pytest.approx(factor * 1.5 * np.sin(X) * X[0], rel=1e-15)
+
+
+def a_beam(elements=4, **changes):
+    steel = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8e3, "elastic_modulus": 2.1e11}
+    return Beam.uniform(**steel | changes, elements=elements)
+
+
+def fake_compiler(folder, script):
+    path = folder / "compiler"
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+@needs_compiler
+class TestWithACompiler:
+    def test_a_function_and_its_derivatives_are_those_of_the_virtual_machine(self):
+        function, seed = a_function(), np.array([1.0, -2.0, 0.5])
+        slope = 3.0 * (np.diag(np.cos(X)) * X[0] + np.outer(np.sin(X), [1.0, 0.0, 0.0]))
+        for value in (compiled(function, derivatives=True), interpreted(function)):
+            assert is_right(value)
+            assert value.forward(1)(X, 1.5, 0.0, seed, 0.0).full().ravel() == pytest.approx(slope @ seed, rel=1e-14)
+            assert value.reverse(1)(X, 1.5, 0.0, seed)[0].full().ravel() == pytest.approx(slope.T @ seed, rel=1e-14)
+
+    def test_a_compiled_function_tells_which_outputs_depend_on_which_inputs(self):
+        x = cs.MX.sym("x", 3)
+        function = compiled(cs.Function("squares", [x], [x**2, x[0]]))
+        assert function.jac_sparsity(0, 0) == cs.Sparsity.diag(3)
+        assert function.jac_sparsity(1, 0).nnz() == 1
+
+    def test_a_compiled_function_is_found_again_and_another_compiled_anew(self, cache):
+        compiled(a_function())
+        files = {path: path.stat().st_mtime_ns for path in cache.iterdir()}
+        compiled(a_function())
+        assert {path: path.stat().st_mtime_ns for path in cache.iterdir()} == files
+        compiled(a_function(3.0))
+        assert len(list(cache.iterdir())) == len(files) + 1
+
+    def test_the_compiler_may_be_named_with_options(self, cache, monkeypatch):
+        """``CC="gcc -O1"`` was taken for the name of a program, and silently nothing was compiled."""
+        monkeypatch.setenv("CC", f"{shutil.which('gcc') or shutil.which('cc')} -O1 -DSOME='a b'")
+        assert is_right(compiled(a_function()))
+        assert len(list(cache.glob("product-*.so"))) == 1
+
+    @pytest.mark.parametrize("method", ["idas", "radau"])
+    def test_all_meshes_and_all_beams_share_their_programs(self, cache, method):
+        """Mesh, properties, gravity, axis, coefficients and lumped parts are inputs; only the kind of law is not."""
+        compiled_files = []
+        for changes in (
+            {"elements": 10},
+            {"elements": 30},
+            {"elements": 3, "length": 0.3, "thickness": 0.6e-3, "elastic_modulus": 7e10},
+            {"elements": 10, "gravity": (0.0, 0.0), "axis": (0.6, 0.8)},
+            {"elements": 10, "tip_mass": 1e-3, "clamp_stiffness": 2.0},
+        ):
+            law = RayleighDamping(alpha=1.0 + len(compiled_files), beta=1e-4)
+            simulate(Model(a_beam(**changes)), damping=law, duration=0.01, sample_rate=200.0, method=method)
+            compiled_files.append(sorted(path.name for path in cache.iterdir()))
+        assert compiled_files[0] and compiled_files == [compiled_files[0]] * 5
+
+    @pytest.mark.parametrize("law", LAWS)
+    @pytest.mark.parametrize("method", ["idas", "radau"])
+    def test_a_compiled_motion_is_the_interpreted_one_to_the_last_digit(self, monkeypatch, method, law):
+        model = Model(a_beam(3))
+        start = static_equilibrium(model, tip_force=(0.05, 0.0))
+        settings = {"damping": LAWS[law](model), "start": start, "duration": 0.1, "method": method}
+        with_compiler = simulate(model, **settings)
+        monkeypatch.setenv("ANCF_CASADI_COMPILE", "0")
+        without = simulate(model, **settings)
+        np.testing.assert_array_equal(with_compiler.coordinates, without.coordinates)
+        np.testing.assert_array_equal(with_compiler.dissipated_energy, without.dissipated_energy)
+        assert np.ptp(without.tip[:, 0]) > 1e-2
+
+    def test_compiled_derivatives_of_a_motion_are_the_interpreted_ones(self, monkeypatch):
+        model = Model(a_beam(2))
+        law, start = RayleighDamping(alpha=0.5, beta=1e-4), static_equilibrium(model, tip_force=(0.02, 0.0))
+
+        def slopes():
+            function = motion(model, damping=law, start=start, duration=0.1, sample_rate=40.0)
+            theta, properties = cs.MX.sym("theta", 2), cs.MX.sym("P", 4, 2)
+            tip = cs.vec(function(theta, [], properties)[-4:-2, :])
+            weights = cs.DM(np.arange(1.0, tip.numel() + 1))
+            forward, reverse = cs.jacobian(tip, theta), cs.gradient(cs.dot(weights, tip), properties)
+            values = cs.Function("slopes", [theta, properties], [forward, reverse])([0.5, 1e-4], model.properties)
+            return [value.full() for value in values]
+
+        with_compiler = slopes()
+        monkeypatch.setenv("ANCF_CASADI_COMPILE", "0")
+        for got, expected in zip(with_compiler, slopes(), strict=True):
+            np.testing.assert_allclose(got, expected, rtol=1e-11, atol=1e-11 * abs(expected).max())
+            assert abs(got).max() > 1e-4
+
+
+@needs_compiler
+class TestCache:
+    @pytest.mark.parametrize(
+        "damage",
+        [lambda data: b"", lambda data: data[: len(data) // 3], lambda data: data[:-1] + b"x", lambda data: b"x" * 99],
+        ids=["empty", "truncated", "changed", "nonsense"],
+    )
+    def test_a_damaged_library_is_built_anew(self, cache, damage):
+        """An empty one gave a traceback in every later run, and a truncated one killed the process."""
+        compiled(a_function())
+        (library,) = cache.glob("*.so")
+        whole = library.read_bytes()
+        library.unlink()
+        library.write_bytes(damage(whole))
+        library.chmod(0o700)
+        assert is_right(compiled(a_function()))
+        assert [path.read_bytes() for path in cache.glob("*.so")] == [whole]
+
+    @pytest.mark.parametrize("mode", [0o770, 0o707])
+    def test_a_library_in_a_folder_that_others_can_write_does_not_run(self, cache, mode):
+        """Its name was enough to be loaded."""
+        for factor in (2.0, 3.0):
+            compiled(a_function(factor))
+        two, three = (next(p for p in cache.iterdir() if _factor(p) == factor) for factor in (2.0, 3.0))
+        stem, digest = two.name.rsplit("-", 1)[0], three.name.rsplit("-", 1)[1]
+        os.replace(three, cache / f"{stem}-{digest}")
+        two.unlink()
+        assert is_right(compiled(a_function()), factor=3.0)  # what an intruder could do
+        cache.chmod(mode)
+        with pytest.warns(UserWarning, match=r"cache can be written by others \(chmod go-w\)"):
+            assert is_right(compiled(a_function()))
+        assert len(list(cache.iterdir())) == 1
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            assert is_right(compiled(a_function(4.0)), factor=4.0)  # said once
+
+    def test_nor_one_below_a_folder_that_others_can_write(self, tmp_path, monkeypatch):
+        (tmp_path / "open").mkdir()
+        (tmp_path / "open").chmod(0o777)
+        monkeypatch.setenv("ANCF_CASADI_CACHE", str(tmp_path / "open" / "cache"))
+        with pytest.warns(UserWarning, match="open can be written by others"):
+            assert is_right(compiled(a_function()))
+        assert not list((tmp_path / "open" / "cache").iterdir())
+
+    def test_nor_one_in_the_folder_of_another_user(self, cache, monkeypatch):
+        compiled(a_function())
+        monkeypatch.setattr(os, "geteuid", lambda: 12345)
+        with pytest.warns(UserWarning, match="cache belongs to another user"):
+            assert is_right(compiled(a_function()))
+
+    def test_nor_one_that_others_can_write_itself(self, cache):
+        compiled(a_function())
+        (library,) = cache.iterdir()
+        library.chmod(0o777)
+        assert is_right(compiled(a_function()))
+        assert [path.stat().st_mode & 0o777 for path in cache.iterdir()] == [0o700]
+
+    def test_a_user_without_a_home(self, monkeypatch, tmp_path):
+        """``Path.home()`` raised RuntimeError."""
+
+        def nobody(_):
+            raise KeyError
+
+        for name in ("ANCF_CASADI_CACHE", "XDG_CACHE_HOME", "HOME"):
+            monkeypatch.delenv(name, raising=False)
+        monkeypatch.setattr(pwd, "getpwuid", nobody)
+        compilation._private_folder.cache_clear()
+        with pytest.warns(UserWarning, match="there is no home folder; set ANCF_CASADI_CACHE"):
+            assert is_right(compiled(a_function()))
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+        assert cache_folder() == tmp_path / "ancf-casadi"
+
+    def test_a_cache_that_is_a_file(self, cache):
+        cache.write_text("")
+        with pytest.warns(UserWarning, match="cache: File exists"):
+            assert is_right(compiled(a_function()))
+
+    def test_drafts_of_killed_compilers_are_removed(self, cache):
+        """SIGKILL left them for good."""
+        cache.mkdir(mode=0o700)
+        for name, age in (("tmpold", 3600.0), ("tmpnew", 1.0)):
+            (cache / name).mkdir()
+            (cache / name / "source.c").write_text("")
+            os.utime(cache / name, (time.time() - age,) * 2)
+        compiled(a_function())
+        assert [path.name for path in cache.iterdir() if path.is_dir()] == ["tmpnew"]
+
+
+def _factor(library):
+    return float(cs.external("product", str(library))(np.pi / 2, 1.0)[0] / (np.pi / 2))
+
+
+class TestWithoutACompiler:
+    def test_compilation_can_be_turned_off(self, cache, monkeypatch):
+        monkeypatch.setenv("ANCF_CASADI_COMPILE", "0")
+        monkeypatch.setenv("CC", "no-such-compiler")
+        assert is_right(compiled(a_function()))
+        assert not cache.exists()
+
+    @pytest.mark.parametrize(
+        ("script", "said"),
+        [("echo 'source.c:1: error: no' >&2; exit 1", "source.c:1: error: no"), ("exit 3", "exit code 3")],
+    )
+    def test_a_compiler_that_fails_is_told_of_once_and_not_tried_again(
+        self, cache, monkeypatch, tmp_path, script, said
+    ):
+        command = fake_compiler(tmp_path, f"echo x >> {tmp_path}/calls; {script}")
+        monkeypatch.setenv("CC", command)
+        with pytest.warns(UserWarning, match=f"{command} fails: {said}; .*pip install 'ancf-casadi") as caught:
+            for factor in (2.0, 3.0, 4.0):
+                assert is_right(compiled(a_function(factor)), factor)
+        assert len(caught) == 1
+        assert (tmp_path / "calls").read_text().split() == ["x"]
+        assert not list(cache.iterdir())
+
+    def test_a_compiler_that_is_not_there_is_told_of(self, monkeypatch):
+        monkeypatch.setenv("CC", "no-such-compiler -O1")
+        with pytest.warns(UserWarning, match="no-such-compiler -O1 fails: .*No such file"):
+            assert is_right(compiled(a_function()))
+
+    def test_that_there_is_none_is_told_once_in_a_process(self, cache):
+        code = (
+            "import casadi as cs; from ancf_casadi import *; "
+            "model = Model(Beam.uniform(length=0.5, width=5e-3, thickness=5e-4, density=8e3, elastic_modulus=2.1e11, "
+            "elements=3)); [simulate(model, duration=0.01, sample_rate=200.0, method=m) for m in ('idas', 'radau')]"
+        )
+        environment = {**os.environ, "PATH": "/nonexistent"}
+        environment.pop("CC", None)
+        blocked = f"import sys; sys.modules['ziglang'] = None; {code}"
+        done = subprocess.run(
+            [sys.executable, "-c", blocked], env=environment, capture_output=True, text=True, timeout=60
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stderr.count("UserWarning") == 1
+        assert "no C compiler was found" in done.stderr and "ancf-casadi[compiler]" in done.stderr
+
+    def test_ziglang_serves_if_there_is_no_other(self, monkeypatch):
+        monkeypatch.delenv("CC", raising=False)
+        monkeypatch.setenv("PATH", "/nonexistent")
+        monkeypatch.setattr(compilation.importlib.util, "find_spec", lambda name: ModuleSpec(name, None))
+        assert c_compiler() == (sys.executable, "-m", "ziglang", "cc")
+        monkeypatch.setattr(compilation.importlib.util, "find_spec", lambda name: None)
+        assert c_compiler() == ()
+
+    def test_ziglang_compiles(self, cache, monkeypatch):
+        pytest.importorskip("ziglang")
+        monkeypatch.delenv("CC", raising=False)
+        monkeypatch.setenv("PATH", "/nonexistent")
+        assert is_right(compiled(a_function()))
+        assert len(list(cache.glob("product-*.so"))) == 1
+
+    def test_drafts_of_a_compiler_that_is_stopped_go_with_its_folder(self, tmp_path, monkeypatch, cache):
+        """They stayed in the folder of temporary files."""
+        monkeypatch.setenv("CC", fake_compiler(tmp_path, 'touch "$TMPDIR/draft.s"; exit 1'))
+        (tmp_path / "temporary").mkdir()
+        monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+        with pytest.warns(UserWarning, match="exit code 1"):
+            assert is_right(compiled(a_function()))
+        assert not [*cache.iterdir(), *(tmp_path / "temporary").iterdir()]

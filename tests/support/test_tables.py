@@ -1,0 +1,140 @@
+"""Tables as text and CSV, data as JSON, and files that are there as a whole or not at all."""
+
+import csv
+import io
+import json
+import math
+import os
+import stat
+
+import pytest
+
+from ancf_casadi import InputError
+from ancf_casadi.support.files import check_file, check_folder, remove_file, write_file
+from ancf_casadi.support.tables import Table, to_json
+
+TABLE = Table(
+    "one",
+    "A table",
+    ("name", "value_m"),
+    [("first", 1 / 3), ("second", 12345678.9), ("third", 7), ("nothing", None), ('quoted, "so"', -1e-12)],
+    ("a note", "another"),
+)
+
+
+class TestTable:
+    def test_text_is_aligned(self):
+        lines = TABLE.text().splitlines()
+        assert lines[0] == "A table"
+        assert len({len(line) for line in lines[1:9]}) == 1
+        assert lines[4].split() == ["first", "0.333333"]
+        assert lines[5].split() == ["second", "1.23457e+07"]
+        assert lines[6].split() == ["third", "7"]
+        assert lines[7].split() == ["nothing"]
+        assert lines[9:] == ["  a note", "  another"]
+
+    def test_csv_keeps_all_digits(self):
+        rows = list(csv.reader(io.StringIO(TABLE.csv())))
+        assert rows[0] == ["name", "value_m"]
+        assert float(rows[1][1]) == 1 / 3
+        assert rows[3:] == [["third", "7"], ["nothing", ""], ['quoted, "so"', "-1e-12"]]
+
+    def test_without_rows(self):
+        assert Table("none", "Nothing", ("a", "b"), []).csv() == "a,b\n"
+        assert Table("none", "Nothing", ("a", "b"), []).text().splitlines() == ["Nothing", "----", "a  b", "----"]
+
+
+class TestJson:
+    def test_what_is_not_finite_becomes_null(self):
+        data = {"a": [1.0, math.nan, (math.inf, -math.inf)], "b": {"c": math.nan, "d": "nan", "e": True}}
+        assert json.loads(to_json(data)) == {"a": [1.0, None, [None, None]], "b": {"c": None, "d": "nan", "e": True}}
+
+    def test_numbers_come_back_bit_for_bit(self):
+        values = [0.1, 1 / 3, 5e-324, 1.7976931348623157e308, -0.0, 2**53 + 1]
+        assert [value.hex() for value in map(float, json.loads(to_json(values)))] == [float(v).hex() for v in values]
+
+    def test_what_is_not_plain_is_refused(self):
+        with pytest.raises(TypeError):
+            to_json({"a": {1, 2}})
+
+
+class TestFolder:
+    def test_one_that_is_there_or_can_be_made(self, tmp_path):
+        assert check_folder(tmp_path) == tmp_path
+        assert check_folder(tmp_path / "new" / "folder") == tmp_path / "new" / "folder"
+        assert list(tmp_path.iterdir()) == []
+
+    @pytest.mark.parametrize("below", ["file", "file/folder", "file/folder/deeper"])
+    def test_a_file_is_in_the_way(self, tmp_path, below):
+        (tmp_path / "file").write_text("")
+        with pytest.raises(InputError, match=r"file: is not a folder$"):
+            check_folder(tmp_path / below)
+
+    def test_one_that_cannot_be_written(self, tmp_path, monkeypatch):
+        """The superuser may write anywhere, so that the system's answer is stood in for."""
+        monkeypatch.setattr(os, "access", lambda path, mode: False)
+        with pytest.raises(InputError, match=r"cannot be written$"):
+            check_folder(tmp_path / "new")
+
+
+class TestFile:
+    def test_text_and_bytes(self, tmp_path):
+        write_file(tmp_path / "new" / "a.txt", "zeta ζ\n")
+        write_file(tmp_path / "new" / "a.bin", b"\x00\xff")
+        assert (tmp_path / "new" / "a.txt").read_bytes() == "zeta ζ\n".encode()
+        assert (tmp_path / "new" / "a.bin").read_bytes() == b"\x00\xff"
+        assert stat.S_IMODE((tmp_path / "new" / "a.txt").stat().st_mode) == 0o644
+
+    def test_what_was_there_is_replaced(self, tmp_path):
+        (tmp_path / "a.txt").write_text("a much longer text than the new one")
+        write_file(tmp_path / "a.txt", "short")
+        assert (tmp_path / "a.txt").read_text() == "short"
+        assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
+
+    @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
+    def test_interrupted_it_leaves_what_was_there_and_no_draft(self, tmp_path, monkeypatch, error):
+        (tmp_path / "a.txt").write_text("old")
+
+        def fails(source, target):
+            raise error
+
+        monkeypatch.setattr(os, "replace", fails)
+        with pytest.raises((KeyboardInterrupt, InputError)):
+            write_file(tmp_path / "a.txt", "new")
+        assert (tmp_path / "a.txt").read_text() == "old"
+        assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
+
+    @pytest.mark.parametrize(
+        ("name", "message"), [("file/a.txt", "file: is not a folder"), ("a" * 300, r"a{300}: cannot be written \(")]
+    )
+    def test_one_that_cannot_be_written_is_named(self, tmp_path, name, message):
+        (tmp_path / "file").write_text("")
+        with pytest.raises(InputError, match=message):
+            write_file(tmp_path / name, "new")
+        assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+    def test_a_pipe_or_a_device_is_not_replaced(self, tmp_path):
+        """The superuser's ``--out /dev/null`` made an ordinary file of it."""
+        os.mkfifo(tmp_path / "pipe")
+        for write in (check_file, lambda path: write_file(path, "new")):
+            with pytest.raises(InputError, match="pipe: is a device or a pipe; name a file"):
+                write(tmp_path / "pipe")
+        assert stat.S_ISFIFO((tmp_path / "pipe").stat().st_mode)
+
+    @pytest.mark.parametrize("there", [True, False])
+    def test_a_link_stays_one(self, tmp_path, there):
+        (tmp_path / "link").symlink_to(tmp_path / "file")
+        if there:
+            (tmp_path / "file").write_text("old")
+        write_file(tmp_path / "link", "new")
+        assert (tmp_path / "link").is_symlink()
+        assert (tmp_path / "file").read_text() == "new"
+
+    def test_remove(self, tmp_path):
+        (tmp_path / "a.txt").write_text("")
+        remove_file(tmp_path / "a.txt")
+        remove_file(tmp_path / "a.txt")
+        assert list(tmp_path.iterdir()) == []
+        (tmp_path / "folder").mkdir()
+        with pytest.raises(InputError, match="folder: cannot be removed"):
+            remove_file(tmp_path / "folder")

@@ -21,7 +21,7 @@ from ancf_casadi.reduction import ReducedModel, ReducedTrajectory, reduce_model,
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.version import __version__
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
-from ancf_casadi.vibration.modes import Modes, modal_assurance, natural_modes
+from ancf_casadi.vibration.modes import Modes, mac, natural_modes
 
 __all__ = [
     "AncfError",
@@ -51,7 +51,7 @@ __all__ = [
     "SweepBase",
     "Trajectory",
     "__version__",
-    "modal_assurance",
+    "mac",
     "motion",
     "natural_modes",
     "reduce_model",

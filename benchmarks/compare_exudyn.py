@@ -182,7 +182,7 @@ def signal(case: Case, coordinates: Array) -> Array:
     if case.mode is None:
         return coordinates - static_equilibrium(model).coordinates[-NODE:-2] - held
     relative = coordinates - np.tile([*held, 0.0, 0.0], BEAM.elements + 1)
-    return natural_modes(model, count=case.mode + 1).coordinates_of(relative, case.mode)[:, None]
+    return natural_modes(model, count=case.mode + 1).modal_coordinate(relative, case.mode)[:, None]
 
 
 def distance(first: Array, second: Array) -> float:

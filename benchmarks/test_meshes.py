@@ -42,7 +42,7 @@ def test_natural_modes(benchmark, elements):
     """Five modes and their equilibrium, without gravity, and the error left when that of the cubic is taken off."""
     model = Model(Beam.uniform(**STEEL, elements=elements, gravity=(0.0, 0.0)))
     modes = measured(benchmark, lambda: natural_modes(model))
-    waves = np.sqrt(modes.angular * np.sqrt(modes.model.beam.mass / 0.5 / (210e9 * 5e-3 * 0.5e-3**3 / 12)))
+    waves = np.sqrt(modes.angular_frequencies * np.sqrt(modes.model.beam.mass / 0.5 / (210e9 * 5e-3 * 0.5e-3**3 / 12)))
     error = np.abs(modes.frequencies / EXACT - 1 - (waves * 0.5 / elements) ** 4 / 1440).max()
     benchmark.extra_info["error"] = float(error)
     assert error < 1e-5

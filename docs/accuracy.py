@@ -56,7 +56,7 @@ def bent(modes: Modes, mode: int, amplitude: float) -> State:
     """Return the rest under the load that bends the linear beam like a mode; it stretches nothing."""
     model, free = modes.model, modes.model.free
     shape = modes.shapes[:, mode] / modes.tip_amplitudes()[mode]
-    load = model.mass(model.properties).sparse() @ shape * amplitude * modes.angular[mode] ** 2
+    load = model.mass(model.properties).sparse() @ shape * amplitude * modes.angular_frequencies[mode] ** 2
     e = modes.equilibrium.coordinates.copy()
     rest = model.elastic_force(e, model.properties).full().ravel()
     for share in np.linspace(0.2, 1.0, 5):
@@ -69,8 +69,8 @@ def bent(modes: Modes, mode: int, amplitude: float) -> State:
 
 def decay_and_frequency(run: Trajectory, modes: Modes, mode: int) -> tuple[float, float]:
     """Return damping ratio and frequency (Hz) of a mode, from straight lines through log(q - i q_t/omega)."""
-    rates = modes.coordinates_of(run.velocities + modes.equilibrium.coordinates, mode)
-    share = modes.coordinates_of(run.coordinates, mode) - 1j * rates / modes.angular[mode]
+    rates = modes.modal_coordinate(run.velocities + modes.equilibrium.coordinates, mode)
+    share = modes.modal_coordinate(run.coordinates, mode) - 1j * rates / modes.angular_frequencies[mode]
     omega = np.polyfit(run.time, np.unwrap(np.angle(share)), 1)[0]
     return float(-np.polyfit(run.time, np.log(np.abs(share)), 1)[0] / omega), float(omega / (2 * np.pi))
 

@@ -209,7 +209,7 @@ def monte_carlo(
     runs, seed = whole(runs, "runs", MINIMUM_RUNS, MOST_RUNS), whole(seed, "seed", 0)
     choice(method, get_args(Method), "method")
     check_instance(fit, "fit", DecayFit, TransientFit)
-    if not (fit.fit.freedom > 0 and fit.fit.residual_rms > 0.0):
+    if not (fit.fit.degrees_of_freedom > 0 and fit.fit.residual_rms > 0.0):
         raise InputError("leaves no residuals to make records from", "fit")
     block = block_length(fit.fit) if method == "bootstrap" else 1
     tasks = [partial(_run, fit, child, method, block) for child in np.random.SeedSequence(seed).spawn(runs)]
@@ -242,10 +242,12 @@ def _run(fit: DecayFit | TransientFit, seed: np.random.SeedSequence, method: Met
     one, rng = fit.fit, np.random.default_rng(seed)
     m = len(one.residuals)
     if method == "parametric":
-        noise = math.sqrt(one.residuals @ one.residuals / one.freedom) * rng.standard_normal(m)
+        noise = math.sqrt(one.residuals @ one.residuals / one.degrees_of_freedom) * rng.standard_normal(m)
     else:
         centred = [part - part.mean() for part in np.split(one.residuals, np.cumsum(one.series)[:-1])]
-        noise = math.sqrt(m / one.freedom) * np.concatenate([part[drawn(len(part), block, rng)] for part in centred])
+        noise = math.sqrt(m / one.degrees_of_freedom) * np.concatenate(
+            [part[drawn(len(part), block, rng)] for part in centred]
+        )
     unknowns = [
         Unknown(name, guess, scale, lower, upper, unit)
         for name, guess, scale, lower, upper, unit in zip(

@@ -78,7 +78,7 @@ def bent(modes, mode, amplitude):
     """The rest of the beam without gravity under the load that bends it like a mode."""
     model, free = modes.model, modes.model.free
     shape = modes.shapes[:, mode] / modes.tip_amplitudes()[mode]
-    load = model.mass(model.properties).sparse() @ shape * amplitude * modes.angular[mode] ** 2
+    load = model.mass(model.properties).sparse() @ shape * amplitude * modes.angular_frequencies[mode] ** 2
     e = model.straight.copy()
     for share in np.linspace(0.2, 1.0, 5):
         for _ in range(8):
@@ -96,13 +96,13 @@ def test_defaults_damp_and_detune_no_mode_by_themselves(mode, amplitude):
     settings = {"start": start, "duration": 3 / frequency, "sample_rate": 50 * frequency}
     found = []
     for run in (quietly(modes.model, **settings), simulate(modes.model, method="radau", tolerance=1e-10, **settings)):
-        rates = modes.coordinates_of(run.velocities + modes.equilibrium.coordinates, mode)
-        share = modes.coordinates_of(run.coordinates, mode) - 1j * rates / modes.angular[mode]
+        rates = modes.modal_coordinate(run.velocities + modes.equilibrium.coordinates, mode)
+        share = modes.modal_coordinate(run.coordinates, mode) - 1j * rates / modes.angular_frequencies[mode]
         omega = np.polyfit(run.time, np.unwrap(np.angle(share)), 1)[0]
         found.append((-np.polyfit(run.time, np.log(abs(share)), 1)[0] / omega, omega))
     assert abs(found[0][0] - found[1][0]) < 1e-5
     assert found[0][1] == pytest.approx(found[1][1], rel=3e-5)
-    assert found[1][1] == pytest.approx(modes.angular[mode], rel=2e-3)
+    assert found[1][1] == pytest.approx(modes.angular_frequencies[mode], rel=2e-3)
 
 
 @pytest.mark.slow
@@ -202,7 +202,7 @@ def test_the_expected_travel_is_that_of_base_and_start():
     kick = np.zeros(model.size)
     kick[-4] = 0.1
     assert expected_travel(model, still, State(model.straight, kick)) == pytest.approx(
-        0.1 / natural_modes(model, count=1).angular[0] / L, rel=1e-2
+        0.1 / natural_modes(model, count=1).angular_frequencies[0] / L, rel=1e-2
     )
     shaken = State(pulled.coordinates, rest.velocities)
     assert expected_travel(model, moved, shaken) == pytest.approx(2e-3 / L)

@@ -36,7 +36,7 @@ def thick(rubber_beam):
 def bent(modes, amplitudes):
     """Rest under the load that bends the linear beam like sum A_k phi_k: no stretch, unlike the mode shapes."""
     model, free = modes.model, modes.model.free
-    weights = np.array(amplitudes) * modes.angular**2 / modes.tip_amplitudes()
+    weights = np.array(amplitudes) * modes.angular_frequencies**2 / modes.tip_amplitudes()
     load = model.mass(model.properties).sparse() @ modes.shapes @ weights
     load_at_rest = model.elastic_force(modes.equilibrium.coordinates, model.properties).full().ravel()
     e = modes.equilibrium.coordinates.copy()
@@ -53,8 +53,8 @@ def bent(modes, amplitudes):
 def phasor(run, modes, mode):
     """Complex share q - i q_t/omega of a mode; its argument grows by omega, its logarithm falls by zeta omega."""
     rest = modes.equilibrium.coordinates
-    rates = modes.coordinates_of(run.velocities + rest, mode)
-    return modes.coordinates_of(run.coordinates, mode) - 1j * rates / modes.angular[mode]
+    rates = modes.modal_coordinate(run.velocities + rest, mode)
+    return modes.modal_coordinate(run.coordinates, mode) - 1j * rates / modes.angular_frequencies[mode]
 
 
 def decay_and_frequency(run, modes, mode):

@@ -99,7 +99,9 @@ class ModalDamping(DampingLaw):
         """Return phi^T C phi / (2 omega) for each mode, at any amplitude: the given ratios for the given modes."""
         check_instance(modes, "modes", Modes)
         rates = 4 * math.pi * np.array(self.ratios) * np.array(self.frequencies)
-        return np.asarray(rates @ (self.projection(modes.model).T @ modes.shapes) ** 2 / (2 * modes.angular))
+        return np.asarray(
+            rates @ (self.projection(modes.model).T @ modes.shapes) ** 2 / (2 * modes.angular_frequencies)
+        )
 
 
 def _damping_ratio(value: Any, where: str) -> float:

@@ -87,7 +87,7 @@ class RayleighDamping(DampingLaw):
         gravity adds or takes: 4 % of the beta part in mode 2 of the paper's beam.
         """
         check_instance(modes, "modes", Modes)
-        stiffness = modes.angular**2
+        stiffness = modes.angular_frequencies**2
         if self.stiffness != "tangent":
             model, p, rest = modes.model, modes.model.properties, modes.equilibrium.coordinates
             if self.stiffness == "strain-rate":
@@ -95,4 +95,4 @@ class RayleighDamping(DampingLaw):
             else:
                 forces = list((model.tangent_stiffness(model.straight, p).sparse() @ modes.shapes).T)
             stiffness = np.array([phi @ force for phi, force in zip(modes.shapes.T, forces, strict=True)])
-        return np.asarray((self.alpha + self.beta * stiffness) / (2 * modes.angular))
+        return np.asarray((self.alpha + self.beta * stiffness) / (2 * modes.angular_frequencies))

@@ -90,4 +90,4 @@ class QuadraticDamping(DampingLaw):
             quadratic.append(4 * self.eta2 * DRAG_CONSTANT * shares[1] / (3 * math.pi))
         if len(amplitudes) != modes.count:
             raise InputError(f"has {len(amplitudes)} values for {modes.count} modes", "amplitudes")
-        return np.asarray(np.array(linear) / (2 * modes.angular) + np.array(quadratic) * np.abs(amplitudes))
+        return np.asarray(np.array(linear) / (2 * modes.angular_frequencies) + np.array(quadratic) * np.abs(amplitudes))

@@ -10,7 +10,7 @@ serves them all, and the noise that Newton's method leaves in the positions is n
 error that fails every other step.  The balance of forces is divided by diag(M) S W^2; a sparse factorisation then finds
 its pivots on the diagonal, where they leave the band of the mesh alone.
 
-Time.  Each smooth piece of the base motion is cut into stretches t = start + span s with s from 0 to 1, and IDAS
+Time.  Each smooth piece of the base motion is cut into segments t = start + span s with s from 0 to 1, and IDAS
 restarted on each with consistent accelerations; start and span are parameters, so that one integrator serves all.
 
 Order.  Undamped high modes lie on the imaginary axis, where backward differentiation formulas of order 3 to 5 are
@@ -41,7 +41,7 @@ import numpy as np
 import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.segments import Path, Stretch
+from ancf_casadi.dynamics.segments import Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import NODE
@@ -219,12 +219,12 @@ def integrate_by_idas(
     equations: Equations,
     clamp: cs.Function,
     start: State,
-    stretches: Sequence[Stretch],
+    segments: Sequence[Segment],
     tolerance: float,
     largest_step: float,
     options: Mapping[str, Any],
-) -> Iterator[Path]:
-    """Integrate a smooth piece of the motion, and yield what each stretch of it gives.
+) -> Iterator[SegmentSolution]:
+    """Integrate a smooth piece of the motion, and yield what each segment of it gives.
 
     Parameters
     ----------
@@ -233,9 +233,9 @@ def integrate_by_idas(
     clamp : Function
         (t) -> position, velocity and acceleration of the clamped node, (12,).
     start : State
-        Where the beam is at the start of the first stretch.
-    stretches : sequence of Stretch
-        Stretches of time, one after the other.
+        Where the beam is at the start of the first segment.
+    segments : sequence of Segment
+        Segments of time, one after the other.
     tolerance : float
         Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.
     largest_step : float
@@ -274,31 +274,31 @@ def integrate_by_idas(
             raise InputError(_refusal(str(error)), "options") from None
 
     x0 = form.scaled(start)
-    for stretch in stretches:
-        p = [stretch.start, stretch.length]
+    for segment in segments:
+        p = [segment.start, segment.length]
         constant, matrix = linear(0.0, x0, 0.0, p)
         z0 = -scipy.sparse.linalg.splu(matrix.sparse()).solve(constant.full().ravel())
-        run = solver(stretch.points, stretch.length if largest_step < math.inf else 1.0)
+        run = solver(segment.points, segment.length if largest_step < math.inf else 1.0)
         printed = io.StringIO()
         try:
             with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
                 result = run(x0=x0, z0=z0, p=p)
         except RuntimeError as error:
-            raise _failure(printed.getvalue() + str(error), stretch) from None
+            raise _failure(printed.getvalue() + str(error), segment) from None
         states = np.vstack([x0, result["xf"].full().T])
         unknowns = np.vstack([z0, result["zf"].full().T])
-        clamps = clamp(stretch.instants[None, :]).full().T
+        clamps = clamp(segment.instants[None, :]).full().T
         coordinates, velocities = form.unscaled(states, clamps)
         energies = np.vstack([np.zeros(2), result["qf"].full().T])
-        kept = stretch.kept
-        yield Path(
+        kept = segment.kept
+        yield SegmentSolution(
             coordinates=coordinates[kept],
             velocities=velocities[kept],
-            forces=forces(states.T, unknowns.T, np.linspace(0.0, 1.0, stretch.points + 1)[None, :], p).full().T[kept],
+            forces=forces(states.T, unknowns.T, np.linspace(0.0, 1.0, segment.points + 1)[None, :], p).full().T[kept],
             energies=energies[kept],
-            end=State(coordinates[-1], velocities[-1], stretch.end),
+            end=State(coordinates[-1], velocities[-1], segment.end),
             end_energies=energies[-1],
-            stretch=stretch,
+            segment=segment,
             steps=int(run.stats()["nsteps"]),
         )
         x0 = states[-1]
@@ -318,11 +318,11 @@ def _refusal(message: str) -> str:
     return f"CasADi's IDAS interface refuses them: {said[0] if said else message.strip().splitlines()[0]}"
 
 
-def _failure(message: str, stretch: Stretch) -> SimulationError:
+def _failure(message: str, segment: Segment) -> SimulationError:
     """Say in a line when and how IDAS failed, why that may be, and what to try."""
     said = re.search(r"[Aa]t t = ([-+.\de]+)(?: and h = ([-+.\de]+))?", message)
-    time = stretch.start + stretch.length * (float(said[1]) if said else 0.0)
-    step = f" with a step of {stretch.length * float(said[2]):.1e} s" if said and said[2] else ""
+    time = segment.start + segment.length * (float(said[1]) if said else 0.0)
+    step = f" with a step of {segment.length * float(said[2]):.1e} s" if said and said[2] else ""
     if "TOO_MUCH_WORK" in message:
         what = "took too many steps between two samples"
         why = "modes of the mesh may ring with nothing to damp them, or an impact on the clamp have set them off"

@@ -24,7 +24,7 @@ import numpy as np
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.idas import integrate_by_idas
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
-from ancf_casadi.dynamics.segments import Path, Stretch, cut
+from ancf_casadi.dynamics.segments import Segment, SegmentSolution, cut
 from ancf_casadi.dynamics.tolerance import IDAS_SMALLEST, idas_tolerance, radau_tolerance
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State
 from ancf_casadi.exceptions import SimulationError
@@ -38,8 +38,8 @@ FEWEST_ELEMENTS = 20  # a coarser mesh costs no less a step
 SPARE_STEPS = 10_000  # that it may take early
 BURST = 4  # steps between two samples, over their even share
 RESTART_STEPS = 300  # up to a sample, besides, as a restart takes
-STRETCHES = 25  # of a piece of the base motion; a restart of IDAS costs about a hundred small steps
-MOST_POINTS = 250  # samples of a stretch
+SEGMENTS = 25  # of a piece of the base motion; a restart of IDAS costs about a hundred small steps
+MOST_POINTS = 250  # samples of a segment
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ class Integration:
             needed = IDAS_SMALLEST
         return IntegratorUse(origin, "idas", needed)
 
-    def integrate(self) -> Iterator[tuple[Path, IntegratorUse]]:
+    def integrate(self) -> Iterator[tuple[SegmentSolution, IntegratorUse]]:
         """Integrate, and yield the solution on each time segment with the integrator that found it.
 
         Raises
@@ -124,7 +124,7 @@ class Integration:
         """
         use, state, steps = self.first, self.start, 0
         for piece, after in zip(self.pieces, [*self.pieces[1:], None], strict=True):
-            left = self._stretches(piece)
+            left = self._segments(piece)
             found = self._solve(use, piece, state, left)
             while left:
                 try:
@@ -135,13 +135,13 @@ class Integration:
                     use = self._radau(left[0].start, str(error).partition("; try")[0])
                     found = self._solve(use, piece, state, left)
                     continue
-                stretch = left.pop(0)
+                segment = left.pop(0)
                 state, steps = path.end, steps + path.steps
                 if after is not None and not left:
                     path = _with_blow(self.equations.model, path, after.clamp(after.begin).full().ravel())
                 yield path, use
-                if self._may_change(use) and steps > self._allowance(stretch.end):
-                    use = self._radau(stretch.end, f"IDAS took {steps} steps up to there")
+                if self._may_change(use) and steps > self._allowance(segment.end):
+                    use = self._radau(segment.end, f"IDAS took {steps} steps up to there")
                     found = self._solve(use, piece, state, left)
 
     def _may_change(self, use: IntegratorUse) -> bool:
@@ -152,17 +152,17 @@ class Integration:
         return IntegratorUse(start, "radau", tolerance, reason)
 
     def _solve(
-        self, use: IntegratorUse, piece: SmoothPiece, state: State, stretches: Sequence[Stretch]
-    ) -> Iterator[Path]:
+        self, use: IntegratorUse, piece: SmoothPiece, state: State, segments: Sequence[Segment]
+    ) -> Iterator[SegmentSolution]:
         """Integrate over the time segments, a copy of those given."""
-        given = self.equations, piece.clamp, state, list(stretches), use.tolerance, self.largest_step
+        given = self.equations, piece.clamp, state, list(segments), use.tolerance, self.largest_step
         if use.method == "radau":
             return integrate_by_radau(*given)
         bound = {"max_num_steps": self._most_between_samples} if self.method == "auto" else {}
         return integrate_by_idas(*given, {**bound, **self.options})
 
-    def _stretches(self, piece: SmoothPiece) -> list[Stretch]:
-        points = max(1, math.ceil((piece.end - piece.begin) * self.sample_rate / STRETCHES))
+    def _segments(self, piece: SmoothPiece) -> list[Segment]:
+        points = max(1, math.ceil((piece.end - piece.begin) * self.sample_rate / SEGMENTS))
         return list(cut(piece.begin, piece.end, self.pieces[0].begin, self.sample_rate, min(points, MOST_POINTS)))
 
     @property
@@ -179,7 +179,7 @@ class Integration:
         return SPARE_STEPS + self._rate * (now - self.pieces[0].begin)
 
 
-def _with_blow(model: Model, path: Path, clamp: Array) -> Path:
+def _with_blow(model: Model, path: SegmentSolution, clamp: Array) -> SegmentSolution:
     """Count the work of the blow to the clamped node where its velocity jumps at the end of a time segment."""
     mass = model.mass(model.properties).sparse()
     after = np.concatenate([clamp[NODE : 2 * NODE], path.end.velocities[NODE:]])

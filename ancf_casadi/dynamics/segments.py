@@ -1,7 +1,7 @@
-"""Stretches of time, on which an integrator reports, and what it finds on each.
+"""Segments of time, on which an integrator reports, and what it finds on each.
 
-A smooth piece of the base motion is cut at samples of the result.  Between two stretches progress is shown and Ctrl-C
-acted upon; what the stretches before have found is kept where a run is interrupted or fails.
+A smooth piece of the base motion is cut at samples of the result.  Between two segments progress is shown and Ctrl-C
+acted upon; what the segments before have found is kept where a run is interrupted or fails.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ CLOSE = 1e-9  # of a sampling interval; instants nearer than that are the same
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """A stretch of time.
+class Segment:
+    """A segment of time.
 
     Parameters
     ----------
@@ -57,8 +57,8 @@ class Stretch:
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
-    """What an integrator finds on a stretch.
+class SegmentSolution:
+    """What an integrator finds on a segment.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Path:
         The state at its end.
     end_energies : array (2,)
         The energies at its end.
-    stretch : Stretch
+    segment : Segment
         The time segment.
     steps : int
         Steps of the integrator.
@@ -84,23 +84,23 @@ class Path:
     energies: Array
     end: State
     end_energies: Array
-    stretch: Stretch
+    segment: Segment
     steps: int
 
 
-def cut(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Stretch]:
-    """Cut the time from begin to end at samples, ``size`` samples a stretch; the ends may lie between two samples.
+def cut(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Segment]:
+    """Cut the time from begin to end at samples, ``size`` samples a segment; the ends may lie between two samples.
 
     Samples are taken from ``origin`` on, the start of the motion, at a rate per second.
     """
     first, last = math.ceil((begin - origin) * rate - CLOSE), math.floor((end - origin) * rate + CLOSE)
     if first > last:
-        yield Stretch(begin, end - begin, 1, 0)
+        yield Segment(begin, end - begin, 1, 0)
         return
     if origin + first / rate - begin > CLOSE / rate:
-        yield Stretch(begin, origin + first / rate - begin, 1, 1)
+        yield Segment(begin, origin + first / rate - begin, 1, 1)
     for k in range(first, last, size):
         points = min(size, last - k)
-        yield Stretch(origin + k / rate, points / rate, points, points, first=k == 0)
+        yield Segment(origin + k / rate, points / rate, points, points, first=k == 0)
     if end - origin - last / rate > CLOSE / rate:
-        yield Stretch(origin + last / rate, end - origin - last / rate, 1, 0)
+        yield Segment(origin + last / rate, end - origin - last / rate, 1, 0)

@@ -28,7 +28,7 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.dissipation import warn_of_energy_gain
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.integration import Integration, Method, SmoothPiece
-from ancf_casadi.dynamics.segments import CLOSE, Path
+from ancf_casadi.dynamics.segments import CLOSE, SegmentSolution
 from ancf_casadi.dynamics.start import Start, base_of, initial_state
 from ancf_casadi.dynamics.tolerance import expected_travel
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
@@ -134,7 +134,7 @@ def simulate(
     instants = sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
     tolerance = None if tolerance is None else positive(tolerance, "tolerance")
     length = float(instants[-1] - instants[0])
-    paths: list[Path] = []
+    paths: list[SegmentSolution] = []
     uses: list[IntegratorUse] = []
     interrupted = False
     with noted_interrupts() as interrupts:
@@ -162,7 +162,7 @@ def simulate(
                     if interrupts:
                         interrupted = True
                         break
-                    bar.update(min(path.stretch.length, length - bar.n))
+                    bar.update(min(path.segment.length, length - bar.n))
             except SimulationError as error:
                 error.partial = _trajectory(model, instants, paths, uses, began)
                 raise
@@ -203,9 +203,9 @@ def clamped_nodes(pieces: Sequence[SmoothPiece]) -> Array:
     return np.vstack(found)
 
 
-def _check_steps(paths: Sequence[Path], most: int) -> None:
+def _check_steps(paths: Sequence[SegmentSolution], most: int) -> None:
     """Give up a run that crawls."""
-    steps, last = sum(path.steps for path in paths), paths[-1].stretch
+    steps, last = sum(path.steps for path in paths), paths[-1].segment
     if steps > most:
         raise SimulationError(
             f"the integrator took {steps} steps up to {last.end:g} s, more than {most}, lately of "
@@ -232,9 +232,9 @@ def sample_times(duration: float, sample_rate: float, origin: float = 0.0) -> Ar
 
 
 def _trajectory(
-    model: Model, instants: Array, paths: Sequence[Path], uses: Sequence[IntegratorUse], began: float
+    model: Model, instants: Array, paths: Sequence[SegmentSolution], uses: Sequence[IntegratorUse], began: float
 ) -> Trajectory:
-    """Put the stretches together; there may be fewer than asked for."""
+    """Put the segments together; there may be fewer than asked for."""
     before = np.cumsum([np.zeros(2), *(path.end_energies for path in paths)], axis=0)
     energies = np.vstack(
         [np.empty((0, 2)), *(start + path.energies for start, path in zip(before, paths, strict=False))]

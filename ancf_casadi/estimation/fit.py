@@ -76,7 +76,7 @@ class Fit:
         The changes of them that matter (n,).
     covariance : ndarray
         Covariance (n, n); nan for unknowns at a bound.
-    at_bound : ndarray of bool
+    active_bounds : ndarray of bool
         Which unknowns are at a bound (n,).
     residuals : ndarray
         What the model leaves unexplained (m,).
@@ -107,7 +107,7 @@ class Fit:
     upper: Array
     scale: Array
     covariance: Array
-    at_bound: Mask
+    active_bounds: Mask
     residuals: Array
     series: tuple[int, ...]
     jacobian: Array
@@ -126,10 +126,10 @@ class Fit:
     @property
     def rank(self) -> int:
         """How many unknowns the data determine: those not at a bound."""
-        return int(np.count_nonzero(~self.at_bound))
+        return int(np.count_nonzero(~self.active_bounds))
 
     @property
-    def freedom(self) -> int:
+    def degrees_of_freedom(self) -> int:
         """Degrees of freedom of the residuals, m - n."""
         return len(self.residuals) - self.rank
 
@@ -223,7 +223,7 @@ class Fit:
         """Return what to know before using the estimates: bounds, correlations, intervals that reach a bound."""
         notes = [
             f"{name} is at its bound {value:g}"
-            for name, value, there in zip(self.names, self.values, self.at_bound, strict=True)
+            for name, value, there in zip(self.names, self.values, self.active_bounds, strict=True)
             if there
         ]
         with np.errstate(invalid="ignore"):
@@ -233,7 +233,7 @@ class Fit:
             "them apart"
             for i, j in pairs
         ]
-        for k in np.flatnonzero(~self.at_bound).tolist():
+        for k in np.flatnonzero(~self.active_bounds).tolist():
             low, high = self.intervals()[k]
             for bound, end in ((self.lower[k], low), (self.upper[k], high)):
                 if end == bound:
@@ -255,7 +255,13 @@ class Fit:
                 "at its bound" if there else "",
             )
             for name, value, unit, error, (low, high), there in zip(
-                self.names, self.values, self.units, self.standard_errors, self.intervals(), self.at_bound, strict=True
+                self.names,
+                self.values,
+                self.units,
+                self.standard_errors,
+                self.intervals(),
+                self.active_bounds,
+                strict=True,
             )
         ]
         columns = ("unknown", "value", "unit", "standard_error", "lower_95", "upper_95", "")
@@ -275,7 +281,7 @@ class Fit:
         """Return the result for JSON, with None for what is not known."""
         per_unknown = zip(
             self.names, self.units, self.values, self.standard_errors, self.intervals(), self.lower, self.upper,
-            self.at_bound, strict=True,
+            self.active_bounds, strict=True,
         )  # fmt: skip
         return {
             "unknowns": [
@@ -307,7 +313,7 @@ class Fit:
     @property
     def dispersion(self) -> float:
         """Variance phi of the residuals as the loss sees them; nan if they are not more than the free unknowns."""
-        return dispersion(self.residuals, self.freedom, self.huber, self.systematic)
+        return dispersion(self.residuals, self.degrees_of_freedom, self.huber, self.systematic)
 
     def shifts(self, change: Array) -> Array:
         """Return the shifts (n,) of the estimates that a change of the residuals (m,) causes, in standard errors.
@@ -317,15 +323,15 @@ class Fit:
         """
         weights = (1 + (self.residuals / self.huber) ** 2) ** -0.75
         columns, change = self.jacobian * self.scale * weights[:, None], weights * change
-        free = columns[:, ~self.at_bound]
+        free = columns[:, ~self.active_bounds]
         shifts = np.empty(len(self.names))
-        shifts[~self.at_bound] = -np.linalg.lstsq(free, change)[0]
-        for k in np.flatnonzero(self.at_bound).tolist():
+        shifts[~self.active_bounds] = -np.linalg.lstsq(free, change)[0]
+        for k in np.flatnonzero(self.active_bounds).tolist():
             column = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k])[0]
             shifts[k] = -(column @ change) / (column @ column)
         errors = self.standard_errors
-        own_moves = np.diag(self.moves(LEVEL)[self.at_bound])
-        errors[self.at_bound] = np.abs(own_moves) / quantile(LEVEL, self.freedom)
+        own_moves = np.diag(self.moves(LEVEL)[self.active_bounds])
+        errors[self.active_bounds] = np.abs(own_moves) / quantile(LEVEL, self.degrees_of_freedom)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(shifts * self.scale / errors)
 
@@ -340,28 +346,28 @@ class Fit:
         return values.full().ravel(), slopes.full()
 
     def _errors(self, slopes: Array) -> Array:
-        free = ~self.at_bound
+        free = ~self.active_bounds
         errors = np.sqrt(np.sum((slopes[:, free] @ self.covariance[np.ix_(free, free)]) * slopes[:, free], axis=1))
         return np.where(slopes[:, free].any(axis=1), errors, math.nan)
 
     def _ends(self, values: Array, slopes: Array, level: float) -> Array:
         """Return the intervals (q, 2) of quantities with these values (q,) and derivatives by the unknowns (q, n)."""
-        half = np.nan_to_num(quantile(level, self.freedom) * self._errors(slopes))
+        half = np.nan_to_num(quantile(level, self.degrees_of_freedom) * self._errors(slopes))
         with np.errstate(invalid="ignore"):  # of what may go anywhere, at no slope
             steps = slopes @ self.moves(level)
         below, above = (np.hypot(half, np.linalg.norm(np.fmax(side * steps, 0.0), axis=1)) for side in (-1.0, 1.0))
         ends = np.array([values - below, values + above]).T
-        ends[~slopes.any(axis=1) | (self.freedom == 0)] = math.nan
+        ends[~slopes.any(axis=1) | (self.degrees_of_freedom == 0)] = math.nan
         return ends
 
     def moves(self, level: float) -> Array:
         """Return the changes (n, b) of all unknowns as one of the b at a bound goes inwards as far as it may."""
-        moves = np.zeros((len(self.names), int(np.count_nonzero(self.at_bound))))
+        moves = np.zeros((len(self.names), int(np.count_nonzero(self.active_bounds))))
         slope, curvature = self._influence()
-        room = self.dispersion * quantile(level, self.freedom) ** 2
-        free, scale = ~self.at_bound, self.scale[~self.at_bound]
+        room = self.dispersion * quantile(level, self.degrees_of_freedom) ** 2
+        free, scale = ~self.active_bounds, self.scale[~self.active_bounds]
         scaled = self.jacobian[:, free] * scale
-        for move, k in zip(moves.T, np.flatnonzero(self.at_bound).tolist(), strict=True):
+        for move, k in zip(moves.T, np.flatnonzero(self.active_bounds).tolist(), strict=True):
             inwards = 1.0 if self.values[k] == self.lower[k] else -1.0
             column = inwards * self.jacobian[:, k]
             made_up = np.linalg.lstsq(scaled, column)[0]

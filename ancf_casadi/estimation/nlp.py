@@ -236,7 +236,7 @@ def least_squares(
         upper=upper,
         scale=scale,
         covariance=covariance,
-        at_bound=at_bound,
+        active_bounds=at_bound,
         residuals=remaining,
         series=tuple(series) or (len(remaining),),
         jacobian=jacobian,

@@ -49,11 +49,13 @@ def profile_interval(fit: Fit, quantity: str | Quantities, level: float = LEVEL)
     """
     if isinstance(quantity, str) and quantity not in fit.names:
         raise InputError(f"is no unknown of the fit; there are {', '.join(fit.names)}", quantity)
-    room = fit.dispersion * quantile(level, fit.freedom) ** 2
+    room = fit.dispersion * quantile(level, fit.degrees_of_freedom) ** 2
     if not room > 0.0:
         raise InputError("leaves no residuals; without scatter there is no interval", "fit")
-    free = ~fit.at_bound
-    step = np.where(free, quantile(level, fit.freedom) * fit.standard_errors, np.abs(fit.moves(level)).sum(axis=1))
+    free = ~fit.active_bounds
+    step = np.where(
+        free, quantile(level, fit.degrees_of_freedom) * fit.standard_errors, np.abs(fit.moves(level)).sum(axis=1)
+    )
     step = np.where(np.isfinite(step), step, fit.scale)
     u = cs.MX.sym("u", len(fit.names))  # from the estimate, in steps
     x = cs.DM(fit.values) + cs.DM(step) * u

@@ -233,7 +233,7 @@ def _divide(matrix: cs.MX, vector: cs.MX) -> cs.MX:
 def _step(rhs: cs.Function, modes: Modes) -> cs.Function:
     """Return (q, v, base, p, h) -> q_next, v_next."""
     q, v, p = (cs.MX.sym(name, rhs.numel_in(name)) for name in ("q", "v", "p"))
-    base, h, omega = cs.MX.sym("base", BASE, STAGES), cs.MX.sym("h"), cs.DM(modes.angular)
+    base, h, omega = cs.MX.sym("base", BASE, STAGES), cs.MX.sym("h"), cs.DM(modes.angular_frequencies)
     cosine, sine = cs.cos(omega * h / 2), cs.sin(omega * h / 2)
 
     def half(x: cs.MX) -> cs.MX:

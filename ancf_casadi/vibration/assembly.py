@@ -22,8 +22,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse
-from scipy.linalg.lapack import dgbtrf, dgbtrs
 
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
@@ -120,26 +118,6 @@ class Structure:
             return force[free]
 
         return product
-
-
-def sparse(banded: Array) -> scipy.sparse.dia_array:
-    """Return a banded matrix as a sparse one."""
-    size = banded.shape[1]
-    return scipy.sparse.dia_array((banded, np.arange(BAND, -BAND - 1, -1)), shape=(size, size))
-
-
-def factorised(banded: Array) -> Callable[[Array], Array]:
-    """Return b -> x of A x = b for a banded matrix and a vector or columns, by LU factors.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the matrix is singular.
-    """
-    lu, pivots, info = dgbtrf(np.concatenate([np.zeros((BAND, banded.shape[1])), banded]), BAND, BAND)
-    if info:
-        raise np.linalg.LinAlgError("singular matrix")
-    return lambda right: np.asarray(dgbtrs(lu, BAND, BAND, right, pivots)[0])
 
 
 def refined(solve: Callable[[Array], Array], product: Callable[[Array], Array], right: Array) -> Array:

@@ -30,7 +30,8 @@ import scipy.sparse.linalg
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.vibration.assembly import BAND, ROUNDING, Position, Structure, refined, sparse
+from ancf_casadi.support.banded import sparse
+from ancf_casadi.vibration.assembly import BAND, ROUNDING, Position, Structure, refined
 
 SHIFT = 10.0  # c
 

@@ -29,8 +29,9 @@ import scipy.sparse
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.banded import factorised, sparse
 from ancf_casadi.support.inputs import check_instance, number, vector
-from ancf_casadi.vibration.assembly import Position, Structure, factorised, refined, sparse
+from ancf_casadi.vibration.assembly import Position, Structure, refined
 from ancf_casadi.vibration.eigensolver import lowest_modes
 
 NEWTON_ITERATIONS = 12
@@ -174,7 +175,7 @@ def neighbour(structure: Structure, near: Position, held: Array | float = 0.0) -
         force, stiffness, _ = structure.balance(at)
         update = np.zeros(model.size)
         try:
-            update[free] = -refined(factorised(stiffness), structure.stiffness_product(at), force + held)
+            update[free] = -refined(factorised(stiffness).solve, structure.stiffness_product(at), force + held)
         except np.linalg.LinAlgError:
             return None
         if not np.isfinite(update).all():

@@ -59,7 +59,7 @@ class Modes:
         return len(self.frequencies)
 
     @property
-    def angular(self) -> Array:
+    def angular_frequencies(self) -> Array:
         """Natural frequencies omega, rad/s."""
         return 2 * np.pi * self.frequencies
 
@@ -68,7 +68,7 @@ class Modes:
         tip = self.model.interpolation(self.model.beam.length)
         return np.asarray(np.linalg.norm(tip @ self.shapes, axis=0))
 
-    def coordinates_of(self, coordinates: Array, mode: int) -> Array:
+    def modal_coordinate(self, coordinates: Array, mode: int) -> Array:
         """Return the share of one mode in given motions, as the displacement of the tip in that mode.
 
         The projection phi^T M (e - e_rest) is blind to all the other modes of small motion.
@@ -141,7 +141,7 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
     return Modes(equilibrium, np.sqrt(found[0]) / (2 * np.pi), shapes)
 
 
-def modal_assurance(first: Array, second: Array) -> Array:
+def mac(first: Array, second: Array) -> Array:
     """Return the modal assurance criterion between two sets of shapes, MAC = (a.b)^2 / (a.a b.b).
 
     Parameters

@@ -60,12 +60,12 @@ class Piece:
         return cs.Function("stiffness_product", [e, p, de, x], [product], {"cse": True})
 
     @cached_property
-    def pencil_slopes(self) -> cs.Function:
+    def pencil_jacobians(self) -> cs.Function:
         """(e, p, phi, lambda) -> d(K phi)/de, d((K - lambda M) phi)/dp, 1/2 d(phi^T M phi)/dp."""
         e, p, phi, eigenvalue, pencil, norm = self._mode()
         outputs = [cs.jacobian(pencil, e), cs.jacobian(pencil, p), cs.jacobian(norm, p)]
         return cs.Function(
-            "pencil_slopes", [e, p, phi, eigenvalue], [cs.densify(output) for output in outputs], {"cse": True}
+            "pencil_jacobians", [e, p, phi, eigenvalue], [cs.densify(output) for output in outputs], {"cse": True}
         )
 
     @cached_property

@@ -47,14 +47,15 @@ import scipy.sparse
 
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.vibration.assembly import BAND, Position, Structure, factorised, sparse
+from ancf_casadi.support.banded import factorised, sparse
+from ancf_casadi.vibration.assembly import BAND, Position, Structure
 from ancf_casadi.vibration.parts import Part, blocks
 
 COLUMNS = 128  # directions taken at once, which products of small matrices hold in cache
 
 
 @dataclass(frozen=True, eq=False)
-class Slopes:
+class Sensitivities:
     """Derivatives of an equilibrium and its modes along N directions.
 
     Parameters
@@ -124,16 +125,16 @@ class ModalState:
         """Mass of the free coordinates, sparse."""
         return sparse(self._matrices[1]).tocsr()
 
-    def slopes(self, directions: Array) -> Slopes:
+    def sensitivities(self, directions: Array) -> Sensitivities:
         """Return the derivatives of equilibrium and modes along changes of the properties, (properties, N)."""
         free, count = self.model.free, len(self.eigenvalues)
         size, several = self.model.size, directions.shape[1]
         load, pencil, norm = np.zeros((size, several)), np.zeros((count, size, several)), np.zeros((count, several))
-        for part, force_by_property in self._force_slopes:
+        for part, force_by_property in self._force_jacobians:
             load += _sum(part.coordinates, force_by_property @ directions[part.properties], size)
         coordinates = np.zeros((size, several))
         coordinates[free] = -self._solve(load[free])
-        for part, by_coordinate, by_property, of_norm in self._pencil_slopes:
+        for part, by_coordinate, by_property, of_norm in self._pencil_jacobians:
             moved, changed = coordinates[part.coordinates], directions[part.properties]
             for k in range(count):
                 local = by_coordinate[k] @ moved + by_property[k] @ changed
@@ -145,7 +146,7 @@ class ModalState:
             eigenvalues[k] = phi @ pencil[k, free]
             particular = self._pencils[k].solve(np.outer(inertia, eigenvalues[k]) - pencil[k, free])
             shapes[k, free] = particular - np.outer(phi, inertia @ particular + norm[k])
-        return Slopes(directions, coordinates, eigenvalues, shapes)
+        return Sensitivities(directions, coordinates, eigenvalues, shapes)
 
     def gradient(self, of_eigenvalues: Array, of_shapes: Array) -> Array:
         """Return the derivatives of combinations of eigenvalues and shapes by all the properties.
@@ -188,13 +189,13 @@ class ModalState:
         kept: list[Array] = []
         for begin in range(0, several, COLUMNS):
             columns = slice(begin, begin + COLUMNS)
-            slopes = self.slopes(directions[:, columns])
-            half[:, columns] = np.asarray(along @ self._curvature_along(slopes, blocks_of_u))
-            eigenvalues[:, columns] = slopes.eigenvalues
-            for k, shapes in enumerate(slopes.shapes[:, free]):
+            sensitivities = self.sensitivities(directions[:, columns])
+            half[:, columns] = np.asarray(along @ self._curvature_along(sensitivities, blocks_of_u))
+            eigenvalues[:, columns] = sensitivities.eigenvalues
+            for k, shapes in enumerate(sensitivities.shapes[:, free]):
                 seen[k, columns] = (self.inertia @ a[k, free, 0]) @ shapes
             if beta.any():
-                kept.append(slopes.shapes[:, free])
+                kept.append(sensitivities.shapes[:, free])
         if kept:
             for k, shapes in enumerate(np.concatenate(kept, axis=2)):
                 of_norm -= beta[k] * shapes.T @ (self.inertia @ shapes)
@@ -214,21 +215,21 @@ class ModalState:
             found.append((part, np.concatenate([of_u, *of_modes[:, :, :, shared:]], axis=2)))
         return found
 
-    def _curvature_along(self, slopes: Slopes, of_u: list[tuple[Part, Array]]) -> Array:
+    def _curvature_along(self, sensitivities: Sensitivities, of_u: list[tuple[Part, Array]]) -> Array:
         """Return u_p^T (1/2 L_uu u_p + L_uv v_p) along some directions, by all the properties, (properties, N)."""
-        free, several = self.model.free, slopes.directions.shape[1]
-        of_coordinates, total = np.zeros_like(slopes.coordinates), np.zeros_like(slopes.directions)
+        free, several = self.model.free, sensitivities.directions.shape[1]
+        of_coordinates, total = np.zeros_like(sensitivities.coordinates), np.zeros_like(sensitivities.directions)
         for part, block in of_u:
             d = part.piece.sizes[0]
-            rows = [slopes.coordinates[part.coordinates], slopes.directions[part.properties]]
-            for shape, eigenvalue in zip(slopes.shapes, slopes.eigenvalues, strict=True):
+            rows = [sensitivities.coordinates[part.coordinates], sensitivities.directions[part.properties]]
+            for shape, eigenvalue in zip(sensitivities.shapes, sensitivities.eigenvalues, strict=True):
                 rows += [shape[part.coordinates], np.broadcast_to(eigenvalue, (len(block), 1, several))]
             local = block @ np.concatenate(rows, axis=1)
             of_coordinates += _sum(part.coordinates, local[:, :d], self.model.size)
             total += _sum(part.properties, local[:, d:], len(total))
         z = np.zeros_like(of_coordinates)
         z[free] = -self._solve(of_coordinates[free])
-        for part, force_by_property in self._force_slopes:
+        for part, force_by_property in self._force_jacobians:
             total += _sum(part.properties, force_by_property.transpose(0, 2, 1) @ z[part.coordinates], len(total))
         return total
 
@@ -242,7 +243,7 @@ class ModalState:
             beta[k] = phi @ c[k, free]
             particular = self._pencils[k].solve(np.outer(inertia, beta[k]) - c[k, free])
             a[k, free] = particular + np.outer(phi, b[k] - inertia @ particular)
-        for part, by_coordinate, _, _ in self._pencil_slopes:
+        for part, by_coordinate, _, _ in self._pencil_jacobians:
             for k, block in enumerate(by_coordinate):
                 load += _sum(part.coordinates, block.transpose(0, 2, 1) @ a[k, part.coordinates], len(load))
         z[free] = -self._solve(load[free])
@@ -252,7 +253,7 @@ class ModalState:
         """Return y_p from the multipliers, (properties, C)."""
         total = np.zeros((self.properties.size, beta.shape[1]))
         for (part, force_by_property), (_, _, by_property, of_norm) in zip(
-            self._force_slopes, self._pencil_slopes, strict=True
+            self._force_jacobians, self._pencil_jacobians, strict=True
         ):
             local = force_by_property.transpose(0, 2, 1) @ z[part.coordinates]
             for k in range(len(beta)):
@@ -269,7 +270,7 @@ class ModalState:
 
     @cached_property
     def _solve(self) -> Callable[[Array], Array]:
-        return factorised(self._matrices[0])
+        return factorised(self._matrices[0]).solve
 
     @cached_property
     def _pencils(self) -> list[_Pencil]:
@@ -280,17 +281,17 @@ class ModalState:
         ]
 
     @cached_property
-    def _force_slopes(self) -> list[tuple[Part, Array]]:
+    def _force_jacobians(self) -> list[tuple[Part, Array]]:
         """dR/dp of the pieces, each (pieces, d, k)."""
         return [(part, blocks(part.piece.balance, *self._of(part))[2]) for part in self.structure.parts]
 
     @cached_property
-    def _pencil_slopes(self) -> list[tuple[Part, Array, Array, Array]]:
-        """Outputs of ``pencil_slopes``, each (m, pieces, rows, columns)."""
+    def _pencil_jacobians(self) -> list[tuple[Part, Array, Array, Array]]:
+        """Outputs of ``pencil_jacobians``, each (m, pieces, rows, columns)."""
         found = []
         for part in self.structure.parts:
             shape = len(self.eigenvalues), len(part.coordinates)
-            outputs = blocks(part.piece.pencil_slopes, *self._of_modes(part))
+            outputs = blocks(part.piece.pencil_jacobians, *self._of_modes(part))
             by_coordinate, by_property, of_norm = (output.reshape(*shape, *output.shape[1:]) for output in outputs)
             found.append((part, by_coordinate, by_property, of_norm))
         return found
@@ -325,7 +326,7 @@ class _Pencil:
         banded[rows == held] = 0.0
         banded[:, held] = 0.0
         banded[BAND, held] = 1.0
-        return cls(factorised(banded), scale, held)
+        return cls(factorised(banded).solve, scale, held)
 
     def solve(self, right: Array) -> Array:
         """Return the solution that is zero in the held coordinate, for columns."""

@@ -71,7 +71,7 @@ class DecayComparison:
                 aicc - min(self.aicc) if math.isfinite(aicc) else None,
                 bic - min(self.bic),
                 fit.fit.autocorrelation,
-                ", ".join(fit.at_bound),
+                ", ".join(fit.active_bounds),
             )
             for fit, aicc, bic in zip(self.fits, self.aicc, self.bic, strict=True)
         ]
@@ -100,7 +100,7 @@ class DecayComparison:
                     "bic": bic,
                     "residual_rms_m": fit.residual_rms,
                     "autocorrelation": fit.fit.autocorrelation if math.isfinite(fit.fit.autocorrelation) else None,
-                    "at_bound": list(fit.at_bound),
+                    "at_bound": list(fit.active_bounds),
                 }
                 for fit, aicc, bic in zip(self.fits, self.aicc, self.bic, strict=True)
             ],

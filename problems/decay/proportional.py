@@ -214,7 +214,7 @@ def _least_squares(ω: Array, ζ: Array, σ: Array) -> tuple[Array, Mask]:
             Unknown("beta", beta, beta, lower=0.0, unit="s"),
         ],
     )
-    return fit.values, ~fit.at_bound
+    return fit.values, ~fit.active_bounds
 
 
 def _unit_errors(basis: Array) -> Array:

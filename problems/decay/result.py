@@ -160,9 +160,9 @@ class DecayFit:
         return math.sqrt(np.mean(self.residuals**2))
 
     @property
-    def at_bound(self) -> tuple[str, ...]:
+    def active_bounds(self) -> tuple[str, ...]:
         """Names of the unknowns at a bound."""
-        return tuple(name for name, there in zip(self.fit.names, self.fit.at_bound, strict=True) if there)
+        return tuple(name for name, there in zip(self.fit.names, self.fit.active_bounds, strict=True) if there)
 
     def displacement(self, time: ArrayLike) -> Array:
         """Return the fitted displacement (m) at times (s) of the record, from the release on."""
@@ -216,7 +216,7 @@ class DecayFit:
             "release_reason": self.release_reason,
             "residual_rms_m": self.residual_rms,
             "samples": self.samples,
-            "at_bound": list(self.at_bound),
+            "at_bound": list(self.active_bounds),
             "warnings": list(self.warnings),
             "fit": self.fit.to_dict(),
         }

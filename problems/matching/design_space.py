@@ -171,7 +171,7 @@ class DesignSpace:
         }
         return self.beam.with_(**changes)
 
-    def at_bound(self, m: Array) -> tuple[str, ...]:
+    def active_bounds(self, m: Array) -> tuple[str, ...]:
         """Return the unknowns, and the elements of smooth properties, that are at a bound."""
         values = np.concatenate([m, self.rows @ m])
         lower, upper = (np.concatenate(pair) for pair in zip((self.lower, self.upper), self.row_bounds, strict=True))

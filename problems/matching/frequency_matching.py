@@ -142,9 +142,9 @@ def _result(matching: Matching, optimum: Optimum, build_seconds: float, starts: 
     frequencies = modes.frequencies[state.numbers]
     if np.abs(state.frequencies / frequencies - 1).max() > SAME:
         raise FitError("the modes found are not those of the beam; start nearer to the measured frequencies")
-    assurance = None
+    mac = None
     if matching.measured.shapes:
-        assurance = matching.measured.assurance(matching.observer @ modes.shapes)
+        mac = matching.measured.mac(matching.observer @ modes.shapes)
     noisy = matching.measured.frequency_std is not None
     full = matching.response("least-squares")
     return FrequencyMatch(
@@ -152,14 +152,14 @@ def _result(matching: Matching, optimum: Optimum, build_seconds: float, starts: 
         targets=matching.measured.frequencies,
         standard=tuple(matching.standard.frequencies.tolist()),
         frequencies=tuple(frequencies.tolist()),
-        at_bound=space.at_bound(m),
+        active_bounds=space.active_bounds(m),
         iterations=optimum.iterations,
         build_seconds=build_seconds,
         solve_seconds=optimum.seconds,
         matching=matching,
         unknowns=m,
         modes=tuple((state.numbers + 1).tolist()),
-        assurance=assurance,
+        mac=mac,
         residuals=full.residuals(m) / matching.unit,
         multipliers=optimum.multipliers,
         identifiability=Identifiability(

@@ -128,7 +128,7 @@ class Identifiability:
     @cached_property
     def held(self) -> Mask:
         """Unknowns at a bound, which count as known, (N,)."""
-        at_bound = set(self.space.at_bound(self.values))
+        at_bound = set(self.space.active_bounds(self.values))
         return np.array([name in at_bound for name in self.space.names])
 
     @cached_property

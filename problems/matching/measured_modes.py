@@ -110,7 +110,7 @@ class MeasuredModes:
         rows = [across @ model.interpolation(point) for point in self.points]
         return np.array(rows).reshape(-1, model.size)
 
-    def assurance(self, displacements: Array) -> Array:
+    def mac(self, displacements: Array) -> Array:
         """Return the modal assurance criterion of the measured shapes with computed ones, (m, c).
 
         Parameters

@@ -95,14 +95,14 @@ class Matching:
         """
         if not self.measured.shapes:
             return np.arange(self.measured.count)
-        assurance = self.measured.assurance(self.observer @ self.standard_modes.shapes)
-        targets, modes = linear_sum_assignment(-assurance)
+        mac = self.measured.mac(self.observer @ self.standard_modes.shapes)
+        targets, modes = linear_sum_assignment(-mac)
         for target, mode in zip(targets.tolist(), modes.tolist(), strict=True):
-            if assurance[target, mode] < ALIKE:
+            if mac[target, mode] < ALIKE:
                 raise InputError(
                     f"no mode of the beam has the shape of target {target + 1} "
                     f"({self.measured.frequencies[target]:g} Hz): the nearest has a MAC of "
-                    f"{assurance[target].max():.2f}",
+                    f"{mac[target].max():.2f}",
                     "shapes",
                 )
         return np.asarray(modes, dtype=np.int64)

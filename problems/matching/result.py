@@ -36,7 +36,7 @@ class FrequencyMatch:
         The matched beam.
     targets, standard, frequencies : tuple of float
         Measured frequencies, those of the given beam, and those of the matched beam, Hz.
-    at_bound : tuple of str
+    active_bounds : tuple of str
         Properties at a bound, with their element from 1, such as ``thickness[3]``.
     iterations : int
         Iterations of IPOPT.
@@ -48,7 +48,7 @@ class FrequencyMatch:
         The unknowns, in the order of ``matching.space.names``.
     modes : tuple of int
         Numbers, from 1, of the modes of the matched beam that the targets belong to.
-    assurance : array (m, c) or None
+    mac : array (m, c) or None
         MAC of the measured shapes with the lowest modes of the matched beam.
     residuals : array (R,)
         Differences of frequencies and shapes in units of their deviations; relative ones where none are given.
@@ -64,14 +64,14 @@ class FrequencyMatch:
     targets: tuple[float, ...]
     standard: tuple[float, ...]
     frequencies: tuple[float, ...]
-    at_bound: tuple[str, ...]
+    active_bounds: tuple[str, ...]
     iterations: int
     build_seconds: float
     solve_seconds: float
     matching: Matching
     unknowns: Array
     modes: tuple[int, ...]
-    assurance: Array | None
+    mac: Array | None
     residuals: Array
     multipliers: Array
     identifiability: Identifiability
@@ -101,7 +101,7 @@ class FrequencyMatch:
         """Bounds that hold the answer, and what each costs (``multipliers``), the dearest first."""
         space = self.matching.space
         costs = dict(zip(space.names + space.row_names, self.multipliers.tolist(), strict=True))
-        dear = sorted(((name, costs[name]) for name in self.at_bound), key=lambda pair: -pair[1])
+        dear = sorted(((name, costs[name]) for name in self.active_bounds), key=lambda pair: -pair[1])
         return tuple((name, cost) for name, cost in dear if cost > HOLDING * dear[0][1])
 
     @property
@@ -120,10 +120,10 @@ class FrequencyMatch:
         for target, (mode, was) in enumerate(zip(self.modes, before, strict=True), start=1):
             if mode != was:
                 notes.append(f"target {target} is mode {was} of the given beam, and mode {mode} of the matched one")
-        if self.assurance is None and any(mode != k for k, mode in enumerate(self.modes, start=1)):
+        if self.mac is None and any(mode != k for k, mode in enumerate(self.modes, start=1)):
             notes.append("the modes followed are not the lowest of the matched beam; shapes would tell which is which")
-        if self.assurance is not None:
-            for target, (row, mode) in enumerate(zip(self.assurance, self.modes, strict=True), start=1):
+        if self.mac is not None:
+            for target, (row, mode) in enumerate(zip(self.mac, self.modes, strict=True), start=1):
                 if row.argmax() != mode - 1:
                     notes.append(
                         f"target {target} looks more like mode {row.argmax() + 1} than like mode {mode}, the one "
@@ -138,12 +138,12 @@ class FrequencyMatch:
 
     def tables(self) -> tuple[Table, Table]:
         """Return the frequencies, and the properties with what the data leave open."""
-        shapes = self.assurance is not None
+        shapes = self.mac is not None
         columns = ("mode", "target", "before", "matched", "error_%") + (("MAC",) if shapes else ())
         rows: list[tuple[Cell, ...]] = []
         errors = 100 * self.relative_errors
         for k, values in enumerate(zip(self.modes, self.targets, self.standard, self.frequencies, strict=True)):
-            own = () if self.assurance is None else (float(self.assurance[k, self.modes[k] - 1]),)
+            own = () if self.mac is None else (float(self.mac[k, self.modes[k] - 1]),)
             rows.append((*values, float(errors[k]), *own))
         worst = f"largest relative error {self.max_relative_error:.1e}"
         if self.matching.objective == "worst-error":
@@ -158,7 +158,7 @@ class FrequencyMatch:
                     (p["name"], p["unit"], p["value"], 100 * p["change"], p["lowest"], p["highest"], p["stderr"])
                     for p in self._properties()
                 ],
-                (*self.identifiability.words(), f"at a bound: {', '.join(self.at_bound) or 'nothing'}"),
+                (*self.identifiability.words(), f"at a bound: {', '.join(self.active_bounds) or 'nothing'}"),
             ),
         )
 
@@ -194,12 +194,12 @@ class FrequencyMatch:
             "tip_mass": self.beam.tip_mass,
             "clamp_stiffness": self.beam.clamp_stiffness if math.isfinite(self.beam.clamp_stiffness) else None,
             "max_relative_error": self.max_relative_error,
-            "at_bound": list(self.at_bound),
+            "at_bound": list(self.active_bounds),
             "holding": [{"name": name, "multiplier": cost} for name, cost in self.holding],
             "out_of_reach": self.out_of_reach,
             "objective": self.matching.objective,
             "modes": list(self.modes),
-            "mac": None if self.assurance is None else self.assurance.tolist(),
+            "mac": None if self.mac is None else self.mac.tolist(),
             "unknowns": dict(zip(self.matching.space.names, self.unknowns.tolist(), strict=True)),
             "rank": self.identifiability.rank,
             "identified": list(self.identifiability.words()),

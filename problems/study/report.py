@@ -193,7 +193,7 @@ def _properties(study: Study) -> Table:
         rows,
         (
             f"{study.match.iterations} iterations of IPOPT, {study.match.solve_seconds:.2f} s; at a bound: "
-            f"{', '.join(study.match.at_bound) or 'nothing'}.",
+            f"{', '.join(study.match.active_bounds) or 'nothing'}.",
             "42 properties against 5 frequencies: of all beams that fit, this one is changed least.",
             "As a uniform beam the paper's optimum misses its own Table 10 by up to 13 %; read as means over the",
             "elements it can give it.",

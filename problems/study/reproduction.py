@@ -280,7 +280,7 @@ def plan(modes: Modes, laws: Mapping[str, DampingLaw], effort: Effort) -> list[T
 
 
 def _experiment(modes: Modes, mode: int, name: str, law: DampingLaw | None, effort: Effort) -> Transient:
-    frequency, omega = float(modes.frequencies[mode]), float(modes.angular[mode])
+    frequency, omega = float(modes.frequencies[mode]), float(modes.angular_frequencies[mode])
     ratio = 0.0 if law is None else float(law.damping_ratios(modes, TIP_AMPLITUDES)[mode])
     driving = paper.STOPS[mode] * (effort.driving if law is not None else min(effort.driving, UNDAMPED_DRIVING))
     growth = -math.expm1(-ratio * omega * driving) / (2 * ratio) if ratio else omega * driving / 2
@@ -324,7 +324,7 @@ def run_transient(transient: Transient) -> TransientResult:
     if run.interrupted:
         raise KeyboardInterrupt
     after = run.time >= run.time[-1] - transient.window
-    decay = Measurement(run.time[after], modes.coordinates_of(run.relative_coordinates[after], mode))
+    decay = Measurement(run.time[after], modes.modal_coordinate(run.relative_coordinates[after], mode))
     fit = fit_decay(decay, release_time=float(decay.time[0]), ratio_bounds=(-0.1, 0.9))
     omega = 2 * math.pi * fit.frequency
     half_way = (decay.time[-1] - decay.time[0]) / 2

@@ -79,7 +79,7 @@ def eigenvalue_ratios(law, modes):
 
     Eigenvalues of the inverse, in units of the first natural frequency: the low modes are its largest.
     """
-    model, free, omega = modes.model, modes.model.free, modes.angular[0]
+    model, free, omega = modes.model, modes.model.free, modes.angular_frequencies[0]
     mass, C = model.mass(model.properties).full()[free, free], damping_matrix(law, modes)[free, free]
     K = modes.equilibrium.stiffness.toarray()
     size = len(K)
@@ -101,9 +101,9 @@ def swing(modes, law, amplitudes, duration, **settings):
     The amplitudes are 1e-3 of the length, so the tolerance is a tenth of the default.
     """
     shapes = modes.shapes[:, : len(amplitudes)] / modes.tip_amplitudes()[: len(amplitudes)]
-    start = State(modes.equilibrium.coordinates, shapes @ (modes.angular[: len(amplitudes)] * amplitudes))
+    start = State(modes.equilibrium.coordinates, shapes @ (modes.angular_frequencies[: len(amplitudes)] * amplitudes))
     run = simulate(modes.model, damping=law, start=start, duration=duration, **{"tolerance": 1e-9} | settings)
-    return run.time, [modes.coordinates_of(run.coordinates, mode) for mode in range(len(amplitudes))]
+    return run.time, [modes.modal_coordinate(run.coordinates, mode) for mode in range(len(amplitudes))]
 
 
 def fitted(time, displacement, omega, envelope, guess):
@@ -123,7 +123,7 @@ def simulated_ratios(law, modes, amplitudes=(1e-3, 2e-4), duration=0.95, **setti
     return np.array(
         [
             fitted(time, x, omega, lambda zeta, phase: np.exp(-zeta * phase), 0.005)
-            for x, omega in zip(displacements, modes.angular, strict=False)
+            for x, omega in zip(displacements, modes.angular_frequencies, strict=False)
         ]
     )
 
@@ -157,8 +157,10 @@ def test_at_the_default_tolerance_a_released_beam_keeps_swinging_in_both_modes(m
     held = static_equilibrium(model, tip_force=(6e-3 * bending_stiffness(model.beam) / 0.25, 0.0))
     run = simulate(model, start=held, duration=0.95)
     for mode in (0, 1):
-        displacement = modes.coordinates_of(run.coordinates, mode)
-        zeta = fitted(run.time, displacement, modes.angular[mode], lambda zeta, phase: np.exp(-zeta * phase), 0.005)
+        displacement = modes.modal_coordinate(run.coordinates, mode)
+        zeta = fitted(
+            run.time, displacement, modes.angular_frequencies[mode], lambda zeta, phase: np.exp(-zeta * phase), 0.005
+        )
         assert abs(zeta) < NUMERICAL_DAMPING
 
 
@@ -184,20 +186,22 @@ def test_quadratic_air_drag_gives_a_simulated_decay_whose_ratio_is_proportional_
     amplitudes[mode] = amplitude
     time, displacements = swing(modes, law, amplitudes, periods / modes.frequencies[mode], sample_rate=4000.0)
     predicted = law.damping_ratios(modes, np.full(5, amplitude))[mode]
-    measured = fitted(time, displacements[mode], modes.angular[mode], lambda kA, phase: 1 / (1 + kA * phase), 0.0)
+    measured = fitted(
+        time, displacements[mode], modes.angular_frequencies[mode], lambda kA, phase: 1 / (1 + kA * phase), 0.0
+    )
     assert predicted > 50 * NUMERICAL_DAMPING
     assert measured == pytest.approx(predicted, rel=0.01)
 
 
 def test_without_a_coefficient_a_decay_has_no_ratio_that_grows_with_amplitude(modes):
     time, (displacement,) = swing(modes, QuadraticDamping(eta2=0.0), (2e-3,), 0.95)
-    measured = fitted(time, displacement, modes.angular[0], lambda kA, phase: 1 / (1 + kA * phase), 0.0)
+    measured = fitted(time, displacement, modes.angular_frequencies[0], lambda kA, phase: 1 / (1 + kA * phase), 0.0)
     assert abs(measured) < NUMERICAL_DAMPING
 
 
 def test_drag_takes_as_much_energy_in_a_period_as_its_equivalent_viscous_ratio(modes):
     """4 pi zeta times the energy of the swing, at its mean square amplitude."""
-    law, omega, amplitude = QuadraticDamping(eta1=ETA1, eta2=ETA2), modes.angular[0], 2e-3
+    law, omega, amplitude = QuadraticDamping(eta1=ETA1, eta2=ETA2), modes.angular_frequencies[0], 2e-3
     shape = modes.shapes[:, 0] / modes.tip_amplitudes()[0]
     start = State(modes.equilibrium.coordinates, omega * amplitude * shape)
     period = 1 / modes.frequencies[0]
@@ -233,7 +237,7 @@ def test_proportional_ratios_are_alpha_over_2_omega_plus_beta_omega_over_2(modes
 def test_generic_damping_is_the_matrix_of_eq_32(modes):
     model, shapes, zeta = modes.model, modes.shapes[:, :2], np.array(RATIOS)
     mass = model.mass(model.properties).full()
-    expected = mass @ shapes @ np.diag(2 * zeta * modes.angular[:2]) @ shapes.T @ mass
+    expected = mass @ shapes @ np.diag(2 * zeta * modes.angular_frequencies[:2]) @ shapes.T @ mass
     C = damping_matrix(ModalDamping(modes, RATIOS), modes)
     np.testing.assert_allclose(C, expected, atol=1e-14 * abs(expected).max())
 

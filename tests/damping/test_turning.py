@@ -22,8 +22,8 @@ from ancf_casadi.dynamics.derivatives.tangent import Tangent
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.idas import SemiExplicit
 from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
-from ancf_casadi.dynamics.radau.stepper import Factors
 from ancf_casadi.export import Document, beam_functions, read_document, write_document
+from ancf_casadi.support.banded import Factors, lapack_storage
 
 RATIOS = (0.03, 0.01)
 BOTH = pytest.mark.parametrize("method", ["idas", "radau"])
@@ -82,9 +82,9 @@ def test_the_modes_of_a_turned_beam_decay_with_the_ratios_given(modes, method, d
     held = run.time > 0.53
     back = turned(run.relative_coordinates[held], -angle)
     for mode, ratio in enumerate(RATIOS):
-        displacement = modes.coordinates_of(back, mode)
+        displacement = modes.modal_coordinate(back, mode)
         assert 2e-4 < abs(displacement).max() < 1e-2
-        assert ratio_of(run.time[held], displacement, modes.angular[mode]) == pytest.approx(ratio, rel=5e-3)
+        assert ratio_of(run.time[held], displacement, modes.angular_frequencies[mode]) == pytest.approx(ratio, rel=5e-3)
 
 
 def test_modes_of_a_hanging_beam_damp_the_same_beam_lying(rubber_beam, modes):
@@ -249,15 +249,18 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
     rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).rates).full().ravel()
 
     band = tangent.matrix(Z.T, h, np.concatenate([q, v, clamps.ravel(), p])).full().ravel()
-    factors = Factors.of(band, tangent.bandwidth, *tangent.low_rank(clamps, h, rates))
+    factors = Factors.of(
+        lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *tangent.low_rank(clamps, h, rates)
+    )
     ordered = np.empty_like(jacobian)
     ordered[np.ix_(tangent.order, tangent.order)] = jacobian
     for matrix, solve in ((ordered, factors.solve), (ordered.T, factors.solve_transposed)):
         right = random.normal(size=(3 * free, 2))
         expected = np.linalg.solve(matrix, right)
         np.testing.assert_allclose(solve(right.copy(order="F")), expected, atol=1e-9 * abs(expected).max())
-    plain = Factors.of(tangent.matrix(Z.T, h, np.concatenate([q, v, clamps.ravel(), p])).full().ravel(),
-                       tangent.bandwidth, *(0 * part for part in tangent.low_rank(clamps, h, rates)))  # fmt: skip
+    band = tangent.matrix(Z.T, h, np.concatenate([q, v, clamps.ravel(), p])).full().ravel()
+    none = (0 * part for part in tangent.low_rank(clamps, h, rates))
+    plain = Factors.of(lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *none)
     assert (
         abs(plain.solve(right.copy(order="F")) - factors.solve(right.copy(order="F"))).max()
         > 1e-6 * abs(expected).max()

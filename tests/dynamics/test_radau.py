@@ -104,12 +104,14 @@ def test_small_vibrations_keep_their_frequency():
     model = Model(Beam.uniform(**BEAM, elements=5, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
     modes = natural_modes(model, count=2)
     shape = modes.shapes[:, 1] / modes.tip_amplitudes()[1]
-    velocities = 1e-3 * BEAM["length"] * modes.angular[1] * shape
+    velocities = 1e-3 * BEAM["length"] * modes.angular_frequencies[1] * shape
     start = State(modes.equilibrium.coordinates, velocities)
     settings = {"start": start, "duration": 10 / modes.frequencies[1], "sample_rate": 2000.0, "method": "radau"}
     runs = [simulate(model, tolerance=tolerance, **settings) for tolerance in (1e-7, 1e-10)]
     phases = []
     for run in runs:
-        rates = modes.coordinates_of(run.velocities + modes.equilibrium.coordinates, 1)
-        phases.append(np.unwrap(np.angle(modes.coordinates_of(run.coordinates, 1) - 1j * rates / modes.angular[1])))
+        rates = modes.modal_coordinate(run.velocities + modes.equilibrium.coordinates, 1)
+        phases.append(
+            np.unwrap(np.angle(modes.modal_coordinate(run.coordinates, 1) - 1j * rates / modes.angular_frequencies[1]))
+        )
     assert abs(phases[0] - phases[1]).max() < 1e-6 * 2 * np.pi * 10

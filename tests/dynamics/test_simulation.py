@@ -149,7 +149,7 @@ def test_a_damped_beam_under_a_base_that_moves_and_stops_agrees_with_an_explicit
     modes, stop = natural_modes(rubber, count=2), 1.5 / (2 * FREQUENCY)
     mass = rubber.mass(rubber.properties).full()
     shapes = mass @ modes.shapes
-    C = cs.DM(shapes @ np.diag(2 * np.array(RATIOS) * modes.angular) @ shapes.T + ETA1 * mass)
+    C = cs.DM(shapes @ np.diag(2 * np.array(RATIOS) * modes.angular_frequencies) @ shapes.T + ETA1 * mass)
     tip = explicit(
         rubber,
         [(stop, harmonic(rubber)), (np.inf, lambda t: clamped(rubber, (-AMPLITUDE, 0.0)))],
@@ -358,14 +358,14 @@ def test_a_law_of_low_rank_gives_the_motion_of_the_same_law_written_as_a_dense_f
     assert abs(sparse.tip - undamped.tip).max() > 1e-3
 
 
-@pytest.mark.parametrize("stretches", [1, 7, 60])
-def test_the_motion_does_not_depend_on_how_often_the_integrator_restarts(rubber, monkeypatch, stretches):
+@pytest.mark.parametrize("segments", [1, 7, 60])
+def test_the_motion_does_not_depend_on_how_often_the_integrator_restarts(rubber, monkeypatch, segments):
     def run():
         base = HarmonicBase(AMPLITUDE, FREQUENCY, stop=0.1)
         return simulate(rubber, base=base, duration=0.3, sample_rate=100.0, tolerance=1e-9)
 
     usual = run()
-    monkeypatch.setattr(integration, "STRETCHES", stretches)
+    monkeypatch.setattr(integration, "SEGMENTS", segments)
     other = run()
     np.testing.assert_array_equal(other.time, usual.time)
     assert abs(other.coordinates - usual.coordinates).max() < 1e-6

@@ -126,7 +126,7 @@ class TestStarts:
         with pytest.raises(InputError, match="start: the coordinates must be 36 finite numbers"):
             simulate(hanging, start=State(np.zeros(3), np.zeros(36)), duration=0.1)
 
-    def test_a_start_that_stretches_the_beam_is_refused_and_told_the_right_one(self, hanging):
+    def test_a_start_that_segmentes_the_beam_is_refused_and_told_the_right_one(self, hanging):
         with pytest.raises(InputError, match=r"stretches the beam by 2.0 %.*static_equilibrium"):
             simulate(hanging, start=State(1.02 * hanging.straight, np.zeros(36)), duration=0.1)
 
@@ -191,8 +191,8 @@ class TestBaseMotions:
 
 
 class TestInterruptions:
-    def at_stretch(self, monkeypatch, number, action):
-        """Let something happen as a stretch begins."""
+    def at_segment(self, monkeypatch, number, action):
+        """Let something happen as a segment begins."""
         original = integration.integrate_by_idas
 
         def eventful(*arguments):
@@ -204,10 +204,10 @@ class TestInterruptions:
         monkeypatch.setattr(integration, "integrate_by_idas", eventful)
 
     def test_ctrl_c_ends_a_run_with_what_is_done(self, hanging, monkeypatch):
-        """The signal comes while the integrator is at work on the sixth stretch; the handler before is there again."""
+        """The signal comes while the integrator is at work on the sixth segment; the handler before is there again."""
         start = static_equilibrium(hanging, tip_force=(0.01, 0.0))
         whole = simulate(hanging, start=start, duration=0.1)
-        self.at_stretch(monkeypatch, 6, lambda: os.kill(os.getpid(), signal.SIGINT))
+        self.at_segment(monkeypatch, 6, lambda: os.kill(os.getpid(), signal.SIGINT))
         part = simulate(hanging, start=start, duration=0.1)
         assert part.interrupted
         assert not whole.interrupted
@@ -233,7 +233,7 @@ class TestInterruptions:
         def fail():
             raise SimulationError("the integrator gave up", 0.02)
 
-        self.at_stretch(monkeypatch, 6, fail)
+        self.at_segment(monkeypatch, 6, fail)
         with pytest.raises(SimulationError) as caught:
             simulate(hanging, duration=0.1, method="idas")
         assert len(caught.value.partial.time) == 21

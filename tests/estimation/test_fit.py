@@ -75,7 +75,7 @@ def test_intervals_end_at_bounds_and_the_fit_says_so():
     free = straight()
     bound = float(free.intervals()[0, 0]) + 0.01
     fit = straight(lower=bound)
-    assert not fit.at_bound.any()
+    assert not fit.active_bounds.any()
     assert fit.intervals()[0, 0] == bound
     assert profile_interval(fit, "a") == pytest.approx((bound, free.intervals()[0, 1]), rel=1e-7)
     assert any(note.startswith(f"a cannot be told from its bound {bound:g}") for note in fit.warnings())
@@ -88,7 +88,7 @@ def test_an_interval_at_a_bound_is_one_sided_and_both_ways_agree_for_a_line():
     bound = free["a"] + free.standard_error("a")
     fit = straight(lower=bound)
     low, high = fit.intervals()[0]
-    assert fit.at_bound.tolist() == [True, False]
+    assert fit.active_bounds.tolist() == [True, False]
     assert low == bound
     assert profile_interval(fit, "a") == pytest.approx((low, high), rel=1e-7)
     variance = float(fit.residuals @ fit.residuals) / 39
@@ -150,7 +150,7 @@ def test_rank_condition_and_correlations_are_those_of_the_jacobian():
     fit = straight()
     columns = np.column_stack([np.ones(40), X])
     columns /= np.linalg.norm(columns, axis=0)
-    assert (fit.rank, fit.freedom) == (2, 38)
+    assert (fit.rank, fit.degrees_of_freedom) == (2, 38)
     assert fit.condition == pytest.approx(np.linalg.cond(columns))
     assert fit.correlations[0, 1] == pytest.approx(fit.correlation("a", "b")) == pytest.approx(-0.86, abs=0.01)
     np.testing.assert_allclose(np.diag(fit.correlations), 1.0)
@@ -226,9 +226,9 @@ def test_at_a_bound_the_shift_is_that_without_the_bound_by_the_reach_inwards():
     fit = least_squares(noisy_line, [Unknown("a", -0.5, lower=-0.5), Unknown("b", 0.0)])
     free = least_squares(noisy_line, [Unknown("a", -0.5), Unknown("b", 0.0)])
     change = 1e-3 * X**2
-    assert fit.at_bound.tolist() == [True, False]
+    assert fit.active_bounds.tolist() == [True, False]
     low, high = fit.intervals()[0]
-    error = (high - low) / quantile(0.95, fit.freedom)
+    error = (high - low) / quantile(0.95, fit.degrees_of_freedom)
     expected = free.shifts(change)[0] * free.standard_errors[0] / error
     assert fit.shifts(change)[0] == pytest.approx(expected, rel=1e-9)
     alone = least_squares(lambda b: noisy_line(-0.5, b), [Unknown("b", 0.0)])

@@ -36,7 +36,7 @@ def test_certified_values_and_standard_errors_from_both_published_starts(start):
     np.testing.assert_allclose(fit.standard_errors, MISRA_ERRORS, rtol=1e-9)
     assert fit.residuals @ fit.residuals == pytest.approx(MISRA_RESIDUAL_SUM, rel=1e-9)
     assert fit.residual_rms == pytest.approx(math.sqrt(MISRA_RESIDUAL_SUM / 14), rel=1e-9)
-    assert not fit.at_bound.any()
+    assert not fit.active_bounds.any()
 
 
 def test_a_line_has_the_covariance_of_linear_regression():
@@ -59,7 +59,7 @@ def test_units_of_the_unknowns_do_not_change_the_answer():
 def test_an_unknown_at_its_bound_is_taken_as_known():
     fit = least_squares(line, [Unknown("a", -0.5, lower=-0.5), Unknown("b", 0.0)])
     alone = least_squares(lambda b: line(-0.5, b), [Unknown("b", 0.0)])
-    assert fit.at_bound.tolist() == [True, False]
+    assert fit.active_bounds.tolist() == [True, False]
     assert fit["a"] == -0.5
     assert fit["b"] == pytest.approx(alone["b"], rel=1e-9)
     assert math.isnan(fit.standard_error("a"))
@@ -70,7 +70,7 @@ def test_an_unknown_at_its_bound_is_taken_as_known():
 def test_a_minimum_that_just_touches_a_bound_is_at_the_bound():
     fit = least_squares(lambda a, b: a + b * cs.DM(X) - 2 * cs.DM(X), [Unknown("a", 1.0, lower=0.0), Unknown("b", 0.0)])
     assert fit["a"] == 0.0
-    assert fit.at_bound.tolist() == [True, False]
+    assert fit.active_bounds.tolist() == [True, False]
     assert fit["b"] == pytest.approx(2.0, rel=1e-8)
 
 
@@ -139,7 +139,7 @@ def test_steps_of_gauss_and_newton_stay_within_the_bounds():
     bound = least_squares(line, unknowns)
     early = {"options": {"ipopt.tol": 1e-1, "ipopt.compl_inf_tol": 1e-1}}
     found = least_squares(line, unknowns, gauss_newton=True, **early)
-    assert bound.at_bound.any() and found.at_bound.tolist() == bound.at_bound.tolist()
+    assert bound.active_bounds.any() and found.active_bounds.tolist() == bound.active_bounds.tolist()
     np.testing.assert_allclose(found.values, bound.values, rtol=1e-6)
 
 

@@ -110,7 +110,7 @@ def test_blocks_stay_within_a_record_and_a_coordinate(transient, monkeypatch):
         assert block > 2
         with pytest.raises(FitError, match="seen enough"):
             monte_carlo(labelled, runs=2, seed=1, method="bootstrap")
-        drawn = (noise[-1] + fit.fit.residuals - labels) / math.sqrt(len(labels) / fit.fit.freedom)
+        drawn = (noise[-1] + fit.fit.residuals - labels) / math.sqrt(len(labels) / fit.fit.degrees_of_freedom)
         for part, size, scale in zip(np.split(drawn, [series[0]]), series, (1.0, 1000.0), strict=True):
             numbers = part / scale + (size - 1) / 2
             np.testing.assert_allclose(numbers, numbers.round(), atol=1e-6)

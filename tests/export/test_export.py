@@ -213,7 +213,11 @@ def test_the_step_is_of_order_two(paper_beam):
     """A small swing of mode 1 over a period, x sin(omega t) in closed form."""
     model = Model(paper_beam(3))
     functions, modes = beam_functions(model, modes=1), natural_modes(model, count=1)
-    rest, p, omega = values(functions.states)[: functions.free], values(functions.parameters), modes.angular[0]
+    rest, p, omega = (
+        values(functions.states)[: functions.free],
+        values(functions.parameters),
+        modes.angular_frequencies[0],
+    )
     shape = 1e-5 * modes.shapes[model.free, 0] / modes.tip_amplitudes()[0]
     errors = []
     for steps in (40, 80, 160):

@@ -112,7 +112,7 @@ def test_a_small_release_swings_with_the_natural_frequency_and_its_damping_ratio
     """The linear drag acts on the beam alone, mass-proportional damping on the mass at its tip too."""
     model = Model(paper_beam(4, tip_mass=0.01, clamp_stiffness=0.5))
     modes = natural_modes(model, count=1)
-    omega = modes.angular[0]
+    omega = modes.angular_frequencies[0]
     for law in (QuadraticDamping(eta1=0.8), RayleighDamping(alpha=0.8), RayleighDamping(beta=3e-3)):
         expected = law.damping_ratios(modes, [0.0])
         run = simulate(
@@ -123,7 +123,7 @@ def test_a_small_release_swings_with_the_natural_frequency_and_its_damping_ratio
             method="radau",
             tolerance=1e-10,
         )
-        swing = modes.coordinates_of(run.relative_coordinates, 0)
+        swing = modes.modal_coordinate(run.relative_coordinates, 0)
         peaks = [k for k in range(1, len(swing) - 1) if swing[k - 1] < swing[k] >= swing[k + 1]]
         decrement = np.log(swing[0] / swing[peaks[2]])
         assert decrement / (6 * np.pi) == pytest.approx(float(expected[0]), rel=0.01)

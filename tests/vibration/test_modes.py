@@ -9,7 +9,7 @@ from ancf_casadi import (
     InputError,
     Model,
     StrainMeasures,
-    modal_assurance,
+    mac,
     natural_modes,
     static_equilibrium,
 )
@@ -147,7 +147,7 @@ def test_modes_are_mass_normalised_and_diagonalise_mass_and_stiffness(hanging):
     mass = hanging.mass(hanging.properties).full()
     modal_mass = shapes.T @ mass @ shapes
     modal_stiffness = shapes[free].T @ modes.equilibrium.stiffness @ shapes[free]
-    omega = modes.angular
+    omega = modes.angular_frequencies
     np.testing.assert_allclose(modal_mass, np.eye(6), atol=1e-9)
     np.testing.assert_allclose(modal_stiffness, np.diag(omega**2), atol=1e-8 * omega[-1] ** 2)
     np.testing.assert_allclose(omega, 2 * np.pi * modes.frequencies)
@@ -174,8 +174,8 @@ def test_the_share_of_a_mode_in_a_motion_is_the_tips_displacement_in_it(modes):
     amplitudes = np.array([0.3, -0.2, 0.1, 0.0, 0.5, 0.0]) * 1e-3
     motion = modes.equilibrium.coordinates + modes.shapes @ (amplitudes / modes.tip_amplitudes())
     for mode, amplitude in enumerate(amplitudes):
-        assert modes.coordinates_of(motion, mode) == pytest.approx(amplitude, abs=1e-12)
-    many = modes.coordinates_of(np.array([modes.equilibrium.coordinates, motion]), 1)
+        assert modes.modal_coordinate(motion, mode) == pytest.approx(amplitude, abs=1e-12)
+    many = modes.modal_coordinate(np.array([modes.equilibrium.coordinates, motion]), 1)
     np.testing.assert_allclose(many, [0.0, -0.2e-3], atol=1e-12)
 
 
@@ -183,7 +183,7 @@ def test_modes_about_a_loaded_equilibrium_feel_its_tension(weightless, bending_s
     """Under a pull that outweighs bending, the first is a string's, omega L (mu/T)^1/2 = pi/2 (1 + (EI/T)^1/2/L)."""
     tension = 2000 * bending_stiffness(weightless.beam) / 0.5**2
     pulled = static_equilibrium(weightless, tip_force=(tension, 0.0))
-    omega = natural_modes(weightless, count=1, equilibrium=pulled).angular[0]
+    omega = natural_modes(weightless, count=1, equilibrium=pulled).angular_frequencies[0]
     mu = weightless.beam.mass / 0.5
     pendulum = omega * 0.5 * np.sqrt(mu / tension)
     assert pendulum == pytest.approx(np.pi / 2 * (1 + 1 / np.sqrt(2000)), rel=2e-3)
@@ -192,10 +192,10 @@ def test_modes_about_a_loaded_equilibrium_feel_its_tension(weightless, bending_s
 def test_modal_assurance_is_one_for_the_same_shape_and_zero_for_orthogonal_ones():
     rng = np.random.default_rng(0)
     basis = np.linalg.qr(rng.normal(size=(8, 3)))[0]
-    np.testing.assert_allclose(modal_assurance(basis, -3 * basis), np.eye(3), atol=1e-14)
-    assert modal_assurance(basis[:, :1], basis[:, 1:]).shape == (1, 2)
+    np.testing.assert_allclose(mac(basis, -3 * basis), np.eye(3), atol=1e-14)
+    assert mac(basis[:, :1], basis[:, 1:]).shape == (1, 2)
     mixed = basis[:, [0]] + basis[:, [1]]
-    np.testing.assert_allclose(modal_assurance(basis, mixed), [[0.5], [0.5], [0.0]], atol=1e-14)
+    np.testing.assert_allclose(mac(basis, mixed), [[0.5], [0.5], [0.0]], atol=1e-14)
 
 
 @pytest.mark.parametrize("count", [0, -1, 17, 2.0, True, None])

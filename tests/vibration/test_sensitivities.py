@@ -50,7 +50,7 @@ class TestFirst:
         assert state.coordinates == pytest.approx(modes.equilibrium.coordinates, abs=1e-12)
 
     def test_against_differences(self, state, directions):
-        slopes = state.slopes(directions)
+        slopes = state.sensitivities(directions)
         for k, direction in enumerate(directions.T):
             ahead, behind = neighbours(state, direction)
             for name, exact in (
@@ -74,7 +74,7 @@ class TestSecond:
         hessian = state.curvature(directions, b, c)
 
         def gradient(at: ModalState) -> np.ndarray:
-            slopes = at.slopes(directions)
+            slopes = at.sensitivities(directions)
             return b @ slopes.eigenvalues + np.einsum("ks,ksn->n", c, slopes.shapes)
 
         for k, direction in enumerate(directions.T):
@@ -91,7 +91,7 @@ class TestUniformBeam:
         """Return d ln f/d ln (width, thickness, density, modulus), each of the whole beam, (m, 4)."""
         state = followed_modes(natural_modes(model, count=4), np.arange(4))
         whole = np.eye(6)[:, :4].repeat([model.beam.elements] * 4 + [1, 1], axis=0)
-        slopes = state.slopes(state.properties[:, None] * whole)
+        slopes = state.sensitivities(state.properties[:, None] * whole)
         return slopes.eigenvalues / (2 * state.eigenvalues[:, None])
 
     def test_without_gravity(self, paper_beam):

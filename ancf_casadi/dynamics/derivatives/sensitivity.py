@@ -32,7 +32,7 @@ from ancf_casadi.dynamics.derivatives.release_load import START, held_start, sta
 from ancf_casadi.dynamics.derivatives.tangent import Tangent
 from ancf_casadi.dynamics.equations import Equations, clamped_node
 from ancf_casadi.dynamics.radau.collocation import Collocation
-from ancf_casadi.dynamics.radau.stepper import Factors, Step, Stepper
+from ancf_casadi.dynamics.radau.stepper import Step, Stepper
 from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES
 from ancf_casadi.dynamics.segments import CLOSE
 from ancf_casadi.dynamics.start import Start, initial_state, rigid_motion
@@ -41,6 +41,7 @@ from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.banded import Factors, lapack_storage
 from ancf_casadi.support.compilation import Buffered, compiled
 from ancf_casadi.support.interrupts import interrupted
 from ancf_casadi.vibration.equilibrium import Equilibrium
@@ -195,7 +196,9 @@ class Problem:
                 nodes = np.vstack([passage.slope(step.start + c * step.length) @ db for c in RADAU.nodes.tolist()])
                 given = np.vstack([dq, dv, nodes, dp])
                 right = np.column_stack([product(step, run.parameters, direction) for direction in given.T])
-                dz = -factors.solve(right[self._tangent.inverse_order])[self._tangent.order].reshape(STAGES, free, d)
+                dz = -factors.solve(right[self._tangent.inverse_order], overwrite=True)[self._tangent.order].reshape(
+                    STAGES, free, d
+                )
                 rates = np.einsum("ij,jkl->ikl", RADAU.inverse, dz) / step.length
                 accelerations = np.tensordot(RADAU.inverse[-1], rates - dv, 1) / step.length
                 ends = np.array([dq, dv, da, dq + dz[-1], rates[-1], accelerations])
@@ -363,7 +366,7 @@ class Problem:
             _stop_if_interrupted()
             band = self._matrix(step, run.parameters)
             low_rank = tangent.low_rank(step.clamps, step.length, rates)
-            yield step, samples, Factors.of(band, tangent.bandwidth, *low_rank)
+            yield step, samples, Factors.of(lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *low_rank)
 
     def _expand(self, seeds: Array) -> tuple[Array, Array]:
         """Return the directions of all parameters of the equation of motion, and of b, from those of the values."""

@@ -25,6 +25,7 @@ from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.banded import lapack_place
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +114,7 @@ class Tangent:
         places, entries, values = [], [], []
         for i, j in np.argwhere(weights):
             row, column = self.order[rows[kept] + i * self._free], self.order[columns[kept] + j * self._free]
-            places.append(2 * width + row - column + (3 * width + 1) * column)
+            places.append(lapack_place(row, column, width))
             entries.append(kept + i * rows.size)
             values.append(np.full(kept.size, weights[i, j]))
         whole = scipy.sparse.csc_array(

@@ -16,7 +16,7 @@ instead of one in 3 N.  K changes as the beam turns, by its axial stiffness, tho
 but it nearly turns along.  Residuals are therefore turned back to where the matrices are taken, and corrections forth
 (``corotation``).
 
-Prediction.  The collocation polynomial of the step before is continued, not in coordinates, whose errors would stretch
+Prediction.  The collocation polynomial of the step before is continued, not in coordinates, whose errors would segment
 the beam, but in the logarithms of its slopes.
 
 Error.  The embedded formula of order 3 of Hairer and Wanner, filtered by the real system.
@@ -45,6 +45,7 @@ from ancf_casadi.dynamics.radau.corotation import Corotation
 from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.banded import lapack_place
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,7 +228,7 @@ class Collocation:
         width = self.bandwidth
         rows, columns = (index - NODE for index in self.equations.model.entries)
         kept = np.flatnonzero((rows >= 0) & (columns >= 0))
-        all_places = 2 * width + rows[kept] - columns[kept] + (3 * width + 1) * columns[kept]
+        all_places = lapack_place(rows[kept], columns[kept], width)
         places, target = np.unique(all_places, return_inverse=True)
         pattern = cs.Sparsity.triplet(places.size, rows.size, target.ravel().tolist(), kept.tolist())
         return places, cs.DM(pattern, 1.0)

@@ -21,21 +21,19 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import lapack
 
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
-from ancf_casadi.dynamics.segments import CLOSE, Path, Stretch
+from ancf_casadi.dynamics.segments import CLOSE, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.banded import Factors, lapack_storage
 from ancf_casadi.support.compilation import Buffered
 
 ORDER = 4  # of the error estimate in the step
@@ -59,11 +57,11 @@ def integrate_by_radau(
     equations: Equations,
     clamp: cs.Function,
     start: State,
-    stretches: Sequence[Stretch],
+    segments: Sequence[Segment],
     tolerance: float,
     largest_step: float = math.inf,
-) -> Iterator[Path]:
-    """Integrate a smooth piece of the motion, and yield what each stretch of it gives.
+) -> Iterator[SegmentSolution]:
+    """Integrate a smooth piece of the motion, and yield what each segment of it gives.
 
     Parameters
     ----------
@@ -72,9 +70,9 @@ def integrate_by_radau(
     clamp : Function
         (t) -> position, velocity and acceleration of the clamped node, (12,).
     start : State
-        Where the beam is at the start of the first stretch.
-    stretches : sequence of Stretch
-        Stretches of time, one after the other.
+        Where the beam is at the start of the first segment.
+    segments : sequence of Segment
+        Segments of time, one after the other.
     tolerance : float
         Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.
     largest_step : float
@@ -86,86 +84,31 @@ def integrate_by_radau(
         If no step is small enough, or they are too many.
     """
     form, p = Collocation(equations), equations.parameters
-    span = stretches[0].start, stretches[-1].end
+    span = segments[0].start, segments[-1].end
     stepper = Stepper(form, p, clamp, start, *span, tolerance, largest_step)
     size, steps, energies = equations.model.size, 0, np.zeros(2)
-    for stretch in stretches:
+    for segment in segments:
         samples: list[tuple[Array, ...]] = [tuple(np.empty((0, width)) for width in (size, size, NODE, 2))]
-        ahead = stretch.instants[stretch.kept].tolist() if stretch.samples else []
+        ahead = segment.instants[segment.kept].tolist() if segment.samples else []
         while ahead:
             stepper.reach(ahead[0])
             count = min(max(bisect_right(ahead, stepper.now), 1), AT_ONCE)
             samples.append(stepper.sample(np.array(ahead[:count])))
             ahead = ahead[count:]
-        stepper.reach(stretch.end)
-        end, end_energies = stepper.state, stepper.energies_at(np.array([stretch.end]))[0]
+        stepper.reach(segment.end)
+        end, end_energies = stepper.state, stepper.energies_at(np.array([segment.end]))[0]
         coordinates, velocities, forces, work = (np.vstack(parts) for parts in zip(*samples, strict=True))
-        yield Path(
+        yield SegmentSolution(
             coordinates=coordinates,
             velocities=velocities,
             forces=forces,
             energies=work - energies,
             end=end,
             end_energies=end_energies - energies,
-            stretch=stretch,
+            segment=segment,
             steps=stepper.steps - steps,
         )
         steps, energies = stepper.steps, end_energies
-
-
-@dataclass(frozen=True, eq=False)
-class Factors:
-    """A factorised matrix A + U V^T with banded A.
-
-    Parameters
-    ----------
-    band, pivots : array
-        The triangular factors of A, and their pivots.
-    width : int
-        Number of diagonals of A on either side.
-    rows : array (m, N)
-        V^T.
-    correction : array (N, m)
-        X (1 + V^T X)^-1 with X = A^-1 U.
-    """
-
-    band: NDArray[Any]
-    pivots: NDArray[Any]
-    width: int
-    rows: NDArray[Any]
-    correction: NDArray[Any]
-
-    @staticmethod
-    def of(band: NDArray[Any], width: int, left: NDArray[Any], right: NDArray[Any]) -> Factors:
-        """Factorise; the band, one column of the matrix after the other, is overwritten; ``left`` is U, ``right`` V."""
-        factorise, substitute = ROUTINES[band.dtype.char]
-        factors, pivots, _ = factorise(band.reshape(-1, 3 * width + 1).T, width, width, overwrite_ab=1)
-        if not right.size:
-            return Factors(factors, pivots, width, right.T, right)
-        x, rows = substitute(factors, width, width, left, pivots)[0], right.T.astype(band.dtype)
-        correction = x @ np.linalg.inv(np.eye(len(rows)) + rows @ x)
-        return Factors(factors, pivots, width, rows, correction)
-
-    def solve(self, right: NDArray[Any]) -> NDArray[Any]:
-        """Solve for right-hand sides, which are overwritten."""
-        solution: NDArray[Any] = ROUTINES[self.band.dtype.char][1](
-            self.band, self.width, self.width, right, self.pivots, overwrite_b=1
-        )[0]
-        if self.rows.size:
-            solution -= self.correction.dot(self.rows.dot(solution))
-        return solution
-
-    def solve_transposed(self, right: NDArray[Any]) -> NDArray[Any]:
-        """Solve with the transposed matrix for right-hand sides, which are kept."""
-        if self.rows.size:
-            right = right - self.rows.T @ (self.correction.T @ right)
-        solution: NDArray[Any] = ROUTINES[self.band.dtype.char][1](
-            self.band, self.width, self.width, right, self.pivots, trans=1
-        )[0]
-        return solution
-
-
-ROUTINES = {"d": (lapack.dgbtrf, lapack.dgbtrs), "D": (lapack.zgbtrf, lapack.zgbtrs)}  # factorise a band, and solve
 
 
 @dataclass(frozen=True, eq=False)
@@ -371,8 +314,8 @@ class Stepper:
             right = self._projection()[0].reshape(self._rates.size, self._motion.shape[1]).T
             left = right * (self._rates / h)
             self._factors = (
-                Factors.of(real, self._width, RADAU.gamma * left, right),
-                Factors.of(pair.view(complex), self._width, RADAU.mu * left, right),
+                Factors.of(lapack_storage(real, self._width), self._width, RADAU.gamma * left, right),
+                Factors.of(lapack_storage(pair.view(complex), self._width), self._width, RADAU.mu * left, right),
             )
         return fresh
 
@@ -384,8 +327,8 @@ class Stepper:
         for iteration in range(1, NEWTON_ITERATIONS + 1):
             self.iterations += 1
             residuals, increments[:], self._turns[:] = self._stages()
-            self._corrections[:free] = real.solve(residuals[:free])
-            self._corrections[free:] = pair.solve(residuals[free:].view(complex)).view(float)
+            self._corrections[:free] = real.solve(residuals[:free], overwrite=True)
+            self._corrections[free:] = pair.solve(residuals[free:].view(complex), overwrite=True).view(float)
             off = self._corrections * self._all_weights
             before, size = size, math.sqrt(off.dot(off))
             if iteration == 1:
@@ -406,7 +349,7 @@ class Stepper:
     def _solve(self, right: Array) -> Array:
         """Solve with the real matrix for right-hand sides, which are overwritten."""
         assert self._factors is not None
-        return self._factors[0].solve(right)
+        return self._factors[0].solve(right, overwrite=True)
 
 
 class _Samples:

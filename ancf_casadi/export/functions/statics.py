@@ -97,7 +97,7 @@ def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Fun
         start = iterate(start, K, M)
     newton = _eigenpair(K.sparsity(), M.sparsity())
     squares, errors = [], []
-    for omega, psi in zip(modes.angular, cs.horzsplit(start), strict=True):
+    for omega, psi in zip(modes.angular_frequencies, cs.horzsplit(start), strict=True):
         B = omega**2 * M
         pair = newton(cs.vertcat(psi / omega, cs.bilin(K, psi, psi) / omega**2), K, B)
         psi, mu = pair[:-1], pair[-1]

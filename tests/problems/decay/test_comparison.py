@@ -46,7 +46,7 @@ def test_a_law_with_a_term_at_its_bound_is_the_smaller_law():
     for seed in range(20):
         comparison = compare_decay_laws(TIME, record("linear", seed), laws=("quadratic", "friction"))
         smaller, larger = comparison.fits
-        if larger.at_bound == ("eta0",):
+        if larger.active_bounds == ("eta0",):
             assert comparison.bic[1] == pytest.approx(comparison.bic[0], abs=1e-6)
             assert comparison.best is smaller
             break

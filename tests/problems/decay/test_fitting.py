@@ -248,7 +248,7 @@ def test_intervals_allow_for_a_term_at_its_bound(seed, bounded):
     time = np.linspace(0.0, 7.0, 73)
     η1, η2, e0 = 0.0, 0.43, 0.05374
     fit = fit_decay(time, drag(1.0, η1, η2, e0, time=time) + 1e-3 * noise(seed, len(time)), law="quadratic")
-    assert fit.at_bound == (bounded,)
+    assert fit.active_bounds == (bounded,)
     ratio = float(equivalent_damping_ratio(η1, η2, 2 * math.pi, e0))
     truth = {"frequency": 1.0, "damping_ratio": ratio, "eta1": η1, "eta2": η2, "amplitude": e0}
     for name, value in truth.items():
@@ -273,7 +273,7 @@ def test_the_step_of_an_integrated_law_shifts_no_estimate_by_a_tenth_of_its_erro
          zip(unknowns, fit.fit.values.tolist(), fit.fit.scale.tolist(), fit.fit.lower.tolist(), strict=True)],
         gauss_newton=True,
     )  # fmt: skip
-    free = ~fit.fit.at_bound
+    free = ~fit.fit.active_bounds
     shifts = np.abs(again.values - fit.fit.values)[free] / fit.fit.standard_errors[free]
     assert shifts.max() < 0.1
 
@@ -336,7 +336,7 @@ def test_friction_is_told_from_none():
     assert not any("eta0 cannot be told" in warning for warning in with_friction.warnings)
     without = fit_decay(TIME, rub(1.85, 0.0, 0.15, 0.11, 0.076) + 2e-4 * noise(22), law="friction")
     assert without.intervals.eta0[0] == 0.0
-    assert "eta0" in without.at_bound or any("eta0 cannot be told from zero" in w for w in without.warnings)
+    assert "eta0" in without.active_bounds or any("eta0 cannot be told from zero" in w for w in without.warnings)
 
 
 def test_the_friction_of_the_exact_motion_is_found_to_first_order():
@@ -448,7 +448,7 @@ def test_both_kinds_of_intervals_agree_where_the_record_is_good(law):
 def test_an_interval_at_a_bound_is_one_sided_either_way():
     """The noise is such that the best drag of a record without any is none."""
     records = (drag(1.85, 0.15, 0.0, 0.076) + 2e-4 * noise(seed) for seed in range(30))
-    fit = next(fit for fit in (fit_decay(TIME, y, law="quadratic") for y in records) if "eta2" in fit.at_bound)
+    fit = next(fit for fit in (fit_decay(TIME, y, law="quadratic") for y in records) if "eta2" in fit.active_bounds)
     low, high = fit.intervals.eta2
     assert low == fit.eta2 == 0.0
     assert 0.0 < high < 0.02
@@ -463,7 +463,7 @@ def test_intervals_next_to_a_bound_cover_the_truth():
     for seed in range(120):
         fit = fit_decay(TIME, drag(1.85, 0.15, truth, 0.076) + 2e-4 * noise(500 + seed), law="quadratic")
         covered.append(fit.intervals.eta2[0] <= truth <= fit.intervals.eta2[1])
-        bounded += "eta2" in fit.at_bound
+        bounded += "eta2" in fit.active_bounds
     assert 2 <= bounded <= 24
     assert np.mean(covered) >= 0.92
 

@@ -72,11 +72,11 @@ class TestResiduals:
     def test_scale_and_sign_of_a_computed_shape_do_not_matter(self, matching):
         measured = matching.measured
         v = matching.observer @ matching.standard.shapes
-        assert measured.assurance(-7.0 * v) == pytest.approx(measured.assurance(v))
-        assert np.diag(measured.assurance(v)).min() > 0.95
+        assert measured.mac(-7.0 * v) == pytest.approx(measured.mac(v))
+        assert np.diag(measured.mac(v)).min() > 0.95
 
     def test_modes_that_do_not_move_the_points_are_like_none(self, matching):
-        assert matching.measured.assurance(np.zeros((4, 2))) == pytest.approx(np.zeros((3, 2)))
+        assert matching.measured.mac(np.zeros((4, 2))) == pytest.approx(np.zeros((3, 2)))
 
 
 class TestUnusable:

@@ -62,7 +62,7 @@ class TestDesignSpace:
     def test_bounds_are_told_by_name(self, space):
         m = space.standard.copy()
         m[0], m[2], m[7] = 1.1, 0.95, 0.2
-        assert space.at_bound(m) == (
+        assert space.active_bounds(m) == (
             "elastic_modulus", "thickness[2]", *(f"width[{i}]" for i in range(1, 7))
         )  # fmt: skip
 

@@ -63,7 +63,7 @@ def closed_form(transient: Transient) -> TransientResult:
     modes, mode = transient.modes, transient.mode
     ratio = 0.0 if transient.law is None else float(transient.law.damping_ratios(modes, TIP_AMPLITUDES)[mode])
     time = np.arange(0.0, transient.window, 1 / (SAMPLES * transient.base.frequency))
-    omega, amplitude = float(modes.angular[mode]), TIP_AMPLITUDES[mode]
+    omega, amplitude = float(modes.angular_frequencies[mode]), TIP_AMPLITUDES[mode]
     decay = Measurement(time, linear_decay(*map(cs.DM, (time, omega, ratio, amplitude, 0.0))).full().ravel())
     return TransientResult(
         mode=mode,
@@ -179,7 +179,7 @@ class TestPlan:
             window = WINDOWS[task.mode]
             if task.law is not None:
                 ratio = task.law.damping_ratios(modes, TIP_AMPLITUDES)[task.mode]
-                window = min(window, math.log(2) / (ratio * modes.angular[task.mode]))
+                window = min(window, math.log(2) / (ratio * modes.angular_frequencies[task.mode]))
             assert task.window == pytest.approx(window, rel=1e-12)
             assert task.window * task.base.frequency > 6  # periods: enough to tell a ratio
             assert task.duration >= task.base.stop_time + task.window

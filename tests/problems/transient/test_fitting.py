@@ -196,7 +196,7 @@ def test_residuals_that_are_not_noise_are_told_of_and_so_they_are_of_each_law(mo
 def test_without_damping_none_is_found(model):
     """A fit that always finds what it hopes for would fail here."""
     found = fit_transient(model, record(model, None, 2), RayleighDamping(alpha=0.3))
-    assert found.fit.values[0] < 3 * max(found.fit.standard_errors[0], 0.01) or found.fit.at_bound[0]
+    assert found.fit.values[0] < 3 * max(found.fit.standard_errors[0], 0.01) or found.fit.active_bounds[0]
 
 
 def test_modulus_base_amplitude_and_a_sum_of_laws_from_two_records_and_two_markers(model):

@@ -1,0 +1,112 @@
+"""Banded matrices: their storage, their factors, and a part of low rank.
+
+A matrix A with w diagonals on either side of the main one is stored by diagonals, entry (i, j) in row w + i - j and
+column j of an array (2 w + 1, N).  The LU factors of LAPACK need w more rows above, for their pivots: an array
+(3 w + 1, N) with entry (i, j) in row 2 w + i - j.
+
+Systems with A + U V^T are solved with the factors of A by Woodbury's identity,
+
+    (A + U V^T)^-1 = A^-1 - X (1 + V^T X)^-1 V^T A^-1,    X = A^-1 U.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from ancf_casadi.support.arrays import Array, Index
+
+ROUTINES = {"d": (lapack.dgbtrf, lapack.dgbtrs), "D": (lapack.zgbtrf, lapack.zgbtrs)}  # factorise, and solve
+
+
+def sparse(banded: Array) -> scipy.sparse.dia_array:
+    """Return a matrix stored by diagonals, (2 w + 1, N), as a sparse one."""
+    width, size = len(banded) // 2, banded.shape[1]
+    return scipy.sparse.dia_array((banded, np.arange(width, -width - 1, -1)), shape=(size, size))
+
+
+def lapack_place(rows: Index, columns: Index, width: int) -> Index:
+    """Return the places of entries in the storage of LAPACK, read column by column."""
+    return np.asarray(2 * width + rows - columns + (3 * width + 1) * columns)
+
+
+def lapack_storage(values: NDArray[Any], width: int) -> NDArray[Any]:
+    """Return a view of values, column by column, as an array in the storage of LAPACK, (3 w + 1, N)."""
+    return values.reshape(-1, 3 * width + 1).T
+
+
+def factorised(banded: Array) -> Factors:
+    """Return the factors of a matrix stored by diagonals, (2 w + 1, N).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the matrix is singular.
+    """
+    width, size = len(banded) // 2, banded.shape[1]
+    storage = np.zeros((3 * width + 1, size), order="F")
+    storage[width:] = banded
+    factors = Factors.of(storage, width)
+    if not factors.band[2 * width].all():
+        raise np.linalg.LinAlgError("singular matrix")
+    return factors
+
+
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """The factors of a matrix A + U V^T with banded A; their numbers are not finite if A is singular.
+
+    Parameters
+    ----------
+    band, pivots : array
+        Triangular factors of A in the storage of LAPACK, and their pivots.
+    width : int
+        Number w of diagonals of A on either side.
+    rows : array (m, N)
+        V^T.
+    correction : array (N, m)
+        X (1 + V^T X)^-1.
+    """
+
+    band: NDArray[Any]
+    pivots: NDArray[Any]
+    width: int
+    rows: NDArray[Any]
+    correction: NDArray[Any]
+
+    @staticmethod
+    def of(
+        band: NDArray[Any], width: int, left: NDArray[Any] | None = None, right: NDArray[Any] | None = None
+    ) -> Factors:
+        """Factorise A in the storage of LAPACK, (3 w + 1, N), which is overwritten; ``left`` is U, ``right`` is V."""
+        factorise, substitute = ROUTINES[band.dtype.char]
+        factors, pivots, _ = factorise(band, width, width, overwrite_ab=1)
+        if left is None or right is None or not right.size:
+            none = np.empty((0, band.shape[1]))
+            return Factors(factors, pivots, width, none, none.T)
+        x, rows = substitute(factors, width, width, left, pivots)[0], right.T.astype(band.dtype)
+        correction = x @ np.linalg.inv(np.eye(len(rows)) + rows @ x)
+        return Factors(factors, pivots, width, rows, correction)
+
+    def solve(self, right: NDArray[Any], *, overwrite: bool = False) -> NDArray[Any]:
+        """Return the solutions for right-hand sides, a vector or columns."""
+        solution: NDArray[Any] = ROUTINES[self.band.dtype.char][1](
+            self.band, self.width, self.width, right, self.pivots, overwrite_b=overwrite
+        )[0]
+        if self.rows.size:
+            solution -= self.correction.dot(self.rows.dot(solution))
+        return solution
+
+    def solve_transposed(self, right: NDArray[Any]) -> NDArray[Any]:
+        """Return the solutions with the transposed matrix."""
+        if self.rows.size:
+            right = right - self.rows.T @ (self.correction.T @ right)
+        solution: NDArray[Any] = ROUTINES[self.band.dtype.char][1](
+            self.band, self.width, self.width, right, self.pivots, trans=1
+        )[0]
+        return solution

@@ -22,14 +22,14 @@ eta2 put right (damping on the left; Phi^-T = M Phi; 1/m).
 """
 
 from ancf_casadi.damping.generic import ModalDamping
-from ancf_casadi.damping.law import Body, DampingLaw, SumOfLaws
+from ancf_casadi.damping.law import DampingLaw, Forces, SumOfLaws
 from ancf_casadi.damping.proportional import ProportionalStiffness, RayleighDamping
 from ancf_casadi.damping.quadratic import DRAG_CONSTANT, QuadraticDamping
 
 __all__ = [
     "DRAG_CONSTANT",
-    "Body",
     "DampingLaw",
+    "Forces",
     "ModalDamping",
     "ProportionalStiffness",
     "QuadraticDamping",

@@ -10,7 +10,7 @@ from typing import Any, final
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping.law import Body, DampingLaw, S, named
+from ancf_casadi.damping.law import DampingLaw, Forces, S, named
 from ancf_casadi.damping.turning import turned
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
@@ -70,7 +70,7 @@ class ModalDamping(DampingLaw):
         """Return the law with other ratios."""
         return replace(self, ratios=tuple(named(self, values).values()))
 
-    def local_force(self, body: Body, e: S, e_t: S, properties: S, parameters: S) -> S:
+    def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return zero."""
         return 0 * e_t
 

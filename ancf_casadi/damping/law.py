@@ -22,8 +22,8 @@ from ancf_casadi.vibration.modes import Modes
 S = TypeVar("S", cs.SX, cs.MX)
 
 
-class Body(Protocol):
-    """Something damped: a beam, one of its elements, or a reduced model.
+class Forces(Protocol):
+    """Forces that a damping law combines: those of a beam, of one of its elements, or of a reduced model.
 
     Its Functions are those of ``Element``, of coordinates or rates and properties.
     """
@@ -72,12 +72,12 @@ class DampingLaw(ABC):
         """
 
     @abstractmethod
-    def local_force(self, body: Body, e: S, e_t: S, properties: S, parameters: S) -> S:
+    def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return the part of the force that is a sum over the elements, (d,), N and N m.
 
         Parameters
         ----------
-        body : Body
+        body : Forces
             A whole beam or one element of it: the force of the beam is the sum of those of its elements.
         e, e_t, properties : SX or MX
             Coordinates (d,), rates and properties of the body.
@@ -144,7 +144,7 @@ class SumOfLaws(DampingLaw):
         own = iter(numbers(self, values))
         return SumOfLaws(tuple(law.with_parameters([next(own) for _ in law.parameters]) for law in self.laws))
 
-    def local_force(self, body: Body, e: S, e_t: S, properties: S, parameters: S) -> S:
+    def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return the sum of the local forces."""
         terms = zip(self.laws, self._split(parameters), strict=True)
         return sum((law.local_force(body, e, e_t, properties, own) for law, own in terms), 0 * e_t)

@@ -9,7 +9,7 @@ from typing import Literal, final, get_args
 
 import numpy as np
 
-from ancf_casadi.damping.law import Body, DampingLaw, S, coefficients, named, nonzero, weighted
+from ancf_casadi.damping.law import DampingLaw, Forces, S, coefficients, named, nonzero, weighted
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, choice
 from ancf_casadi.vibration.modes import Modes
@@ -67,7 +67,7 @@ class RayleighDamping(DampingLaw):
         """Return the law with other coefficients."""
         return replace(self, **named(self, values))
 
-    def local_force(self, body: Body, e: S, e_t: S, properties: S, parameters: S) -> S:
+    def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return alpha M e_t and the stiffness-proportional force, Eq. (11) with Eq. (14)."""
         forces = []
         if self.alpha:

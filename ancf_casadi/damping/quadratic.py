@@ -9,7 +9,7 @@ from typing import final
 
 import numpy as np
 
-from ancf_casadi.damping.law import Body, DampingLaw, S, coefficients, named, nonzero, weighted
+from ancf_casadi.damping.law import DampingLaw, Forces, S, coefficients, named, nonzero, weighted
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, numbers
@@ -55,7 +55,7 @@ class QuadraticDamping(DampingLaw):
         """Return the law with other coefficients."""
         return replace(self, **named(self, values))
 
-    def local_force(self, body: Body, e: S, e_t: S, properties: S, parameters: S) -> S:
+    def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return eta1 int S^T mu v dp + eta2 1183/876 int S^T mu |v| v dp, Eq. (23)."""
         forces = []
         if self.eta1:

@@ -28,7 +28,7 @@ from typing import Any, cast
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping import Body, DampingLaw
+from ancf_casadi.damping import DampingLaw, Forces
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.element import STILL
 from ancf_casadi.mechanics.model import Model
@@ -193,7 +193,7 @@ class Projected:
     def damping(self, law: DampingLaw, parameters: cs.MX, modes: Modes) -> cs.MX:
         """Return the modal damping force of a law of the full model, (m,)."""
         model = modes.model
-        local = law.local_force(cast(Body, self), self.q, self.v, cs.MX(cs.DM(model.properties)), parameters)
+        local = law.local_force(cast(Forces, self), self.q, self.v, cs.MX(cs.DM(model.properties)), parameters)
         shape, B = self.projection.slopes.shape, law.projection(model)
         both = [cs.DM(shape.T @ B[component::2]) for component in (0, 1)]
         whole = [cs.DM(B[component::4].sum(axis=0)) for component in (0, 1)]

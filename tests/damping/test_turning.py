@@ -249,7 +249,8 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
     rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).rates).full().ravel()
 
     band = tangent.matrix(Z.T, h, np.concatenate([q, v, clamps.ravel(), p])).full().ravel()
-    factors = Factors.of(
+    low_rank = tangent.low_rank(clamps, h, rates)
+    factors = Factors.of(lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *low_rank)
         lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *tangent.low_rank(clamps, h, rates)
     )
     ordered = np.empty_like(jacobian)

@@ -251,8 +251,6 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
     band = tangent.matrix(Z.T, h, np.concatenate([q, v, clamps.ravel(), p])).full().ravel()
     low_rank = tangent.low_rank(clamps, h, rates)
     factors = Factors.of(lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *low_rank)
-        lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *tangent.low_rank(clamps, h, rates)
-    )
     ordered = np.empty_like(jacobian)
     ordered[np.ix_(tangent.order, tangent.order)] = jacobian
     for matrix, solve in ((ordered, factors.solve), (ordered.T, factors.solve_transposed)):

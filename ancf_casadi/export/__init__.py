@@ -2,7 +2,8 @@
 
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values
 from ancf_casadi.export.document.identification import DataFile, Identification, Provenance
-from ancf_casadi.export.document.model_document import Document, read_document, schema, write_document
+from ancf_casadi.export.document.layout import schema
+from ancf_casadi.export.document.model_document import Document, read_document, write_document
 from ancf_casadi.export.functions.motion_functions import BeamFunctions, beam_functions
 from ancf_casadi.export.targets.c import write_c
 from ancf_casadi.export.targets.fmu import write_fmu

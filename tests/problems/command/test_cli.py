@@ -390,8 +390,8 @@ class TestExport:
             (["beam.toml", "--out", "x"], "required: --format"),
             (["none.toml", "--format", "json", "--out", "x"], "none.toml: cannot be read"),
             (["none.json", "--format", "json", "--out", "x"], "none.json: cannot be read"),
-            (["bad.json", "--format", "json", "--out", "x"], "bad.json: format: must be 'ancf-casadi'"),
-            (["bad.toml", "--format", "json", "--out", "x"], "bad.json: format: must be 'ancf-casadi'"),
+            (["bad.json", "--format", "json", "--out", "x"], "bad.json: $.format: must be 'ancf-casadi'"),
+            (["bad.toml", "--format", "json", "--out", "x"], "bad.json: $.format: must be 'ancf-casadi'"),
             (["beam.toml", "--format", "json", "--out", "."], ".: is a folder"),
             (["beam.toml", "--format", "json", "--out", "beam.toml/x"], "beam.toml: is not a folder"),
             (["beam.toml", "--format", "json", "--out", "x", "--markers", "0.1"], "--markers: JSON holds the beam"),
@@ -400,7 +400,7 @@ class TestExport:
             (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "nan"], "must be a finite number"),
             (
                 ["beam.toml", "--format", "json", "--out", "x", "--identification", "bad.json"],
-                "bad.json: result: is no",
+                "bad.json: result: is not",
             ),
             (
                 ["beam.toml", "--format", "json", "--out", "x", "--identification", "decay.csv"],

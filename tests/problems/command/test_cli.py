@@ -410,7 +410,7 @@ class TestExport:
             (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "--markers: s: the point must be on"),
             (
                 ["beam.toml", "--format", "c", "--out", "x", "--identification", "good.json"],
-                "goes along with json and fmu",
+                "--identification: cannot be kept in c; choose json or fmu",
             ),
             (["beam.toml", "--format", "json", "--out", "x", "--data", "decay.csv"], "--data: there are 1 for 0"),
             (["beam.toml", "--format", "json", "--out", "x", "--reduced", "3"], "--reduced: JSON holds the beam"),

@@ -1,4 +1,11 @@
-"""The model for other programs: CasADi Functions, C and FMU; and its durable form, a JSON document."""
+"""Export of a model to other programs.
+
+``functions`` holds the equation of motion, Eq. (6) with damping, as CasADi Functions of all parameters: residual,
+accelerations, one time step, equilibrium and natural frequencies, Eq. (30).  ``targets`` writes these Functions, or
+those of the reduced model, as C code, as an FMU, or to a CasADi file.  ``document`` writes and reads the durable form,
+a JSON document with the beam, its damping law, its identifications and its provenance.  No other folder of the package
+imports this one.
+"""
 
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values
 from ancf_casadi.export.document.identification import DataFile, Identification, Provenance

@@ -48,7 +48,7 @@ from ancf_casadi.support.compilation import LIBRARY, SECONDS, c_compiler
 from ancf_casadi.support.files import write_file
 from ancf_casadi.support.tables import to_json
 
-NAME = "beam"  # of the model in C
+MODEL = "beam"  # of the model in C
 FLAGS = ("-O3", *LIBRARY)
 PLATFORMS = {"Linux": ("linux", "so"), "Darwin": ("darwin", "dylib"), "Windows": ("windows", "dll")}
 BAR = "{desc} {bar}| [{elapsed}]"
@@ -92,8 +92,8 @@ def write_fmu(
         description = described(folder / "modelDescription.xml", Path(path).stem, functions, document)
         _advance(bar, "compiler")
         system, suffix = PLATFORMS.get(platform.system(), ("linux", "so"))
-        library = folder / f"{NAME}.{suffix}"
-        _compile(compiler, [folder / f"{NAME}.c", folder / f"{NAME}_wrap.c"], library, headers)
+        library = folder / f"{MODEL}.{suffix}"
+        _compile(compiler, [folder / f"{MODEL}.c", folder / f"{MODEL}_wrap.c"], library, headers)
         _advance(bar, "done")
         machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(platform.machine(), platform.machine())
         content = {archived.removeprefix("./"): (folder / name).read_bytes() for name, archived in files.items()}
@@ -134,7 +134,7 @@ def _fmi_headers() -> Path:
 
 def _dae_builder(functions: MotionFunctions) -> cs.DaeBuilder:
     """Return the equation of motion as a DaeBuilder, with one scalar variable per signal."""
-    dae = cs.DaeBuilder(NAME)
+    dae = cs.DaeBuilder(MODEL)
 
     def add(signals: Sequence[Signal], causality: str = "local", variability: str = "continuous") -> list[cs.MX]:
         labels = [{"description": s.description, "unit": "" if s.unit == "1" else s.unit} for s in signals]

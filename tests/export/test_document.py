@@ -386,6 +386,8 @@ class TestParts:
             (lambda: Identification("decay", {"a": {1: 2}}), "result.a: must be a text, got 1"),
             (lambda: Identification("decay", {"a": "\ud800"}), "result.a: holds half a character"),
             (lambda: DataFile("a", "A" * 64), "sha256: expected `str` matching regex"),
+            (lambda: DataFile("a", "a" * 64 + "\n"), "sha256: expected `str` of length <= 64"),
+            (lambda: Provenance(WRITTEN + "\n", {}), "written: expected `str` of length <= 20"),
             (lambda: DataFile("a\udc80", "a" * 64), "name: holds half a character"),
             (lambda: Provenance("2025-02-31T12:00:00Z", {}), "written: must be a time such as"),
             (lambda: DataFile(3, "a" * 64), "name: expected `str`, got `int`"),

@@ -34,8 +34,6 @@ from ancf_casadi.mechanics.element import AxialStrain, Curvature
 FORMAT: Final = "ancf-casadi"
 VERSION: Final = 1  # of the layout: it changes when the meaning of a key does
 LONGEST_MESSAGE = 300
-TIME = "[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}Z"
-HASH = "[0-9a-f]{64}"
 
 Data = TypeVar("Data")
 
@@ -47,6 +45,10 @@ Frequencies = Annotated[tuple[Positive, ...], Meta(min_length=1, description="Na
 Ratio = Annotated[float, Meta(ge=0.0, lt=1.0)]
 Points = Annotated[int, Meta(ge=1, le=9, description="Number of Gauss points.")]
 NotEmpty = Annotated[str, Meta(min_length=1)]
+Hash = Annotated[str, Meta(pattern="^[0-9a-f]{64}$", max_length=64)]  # $ also matches before a last line feed
+Time = Annotated[
+    str, Meta(pattern="^[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}Z$", max_length=20, description="UTC")
+]
 
 
 class BeamData(Struct, frozen=True, forbid_unknown_fields=True):
@@ -141,7 +143,7 @@ class DataFileData(Struct, frozen=True, forbid_unknown_fields=True):
     """Name and SHA-256 of a file of measurements."""
 
     name: NotEmpty
-    sha256: Annotated[str, Meta(pattern=f"^{HASH}$")]
+    sha256: Hash
 
 
 class IdentificationData(Struct, frozen=True, forbid_unknown_fields=True):
@@ -155,7 +157,7 @@ class IdentificationData(Struct, frozen=True, forbid_unknown_fields=True):
 class ProvenanceData(Struct, frozen=True, forbid_unknown_fields=True):
     """Time of writing (UTC), versions of the programs, and a note."""
 
-    written: Annotated[str, Meta(pattern=f"^{TIME}$")]
+    written: Time
     versions: dict[str, str]
     note: str
 

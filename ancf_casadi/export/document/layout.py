@@ -52,7 +52,7 @@ Time = Annotated[
 
 
 class BeamData(Struct, frozen=True, forbid_unknown_fields=True):
-    """The fields of ``Beam`` in SI units; the stiffness of a rigid clamp is null."""
+    """Fields of ``Beam`` (m, kg/m^3, Pa, m/s^2, kg, N m/rad); the axis is a unit vector, a rigid clamp is null."""
 
     length: Positive
     width: PerElement
@@ -98,7 +98,7 @@ class ModesData(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class RayleighData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="rayleigh"):
-    """Rayleigh (proportional) damping, alpha M + beta K."""
+    """Rayleigh (proportional) damping, alpha M + beta K; alpha in 1/s, beta in s."""
 
     alpha: NotNegative
     beta: NotNegative
@@ -106,7 +106,7 @@ class RayleighData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="l
 
 
 class QuadraticData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="quadratic"):
-    """Air drag, linear and quadratic in the velocity."""
+    """Air drag, linear (eta1 in 1/s) and quadratic (eta2 in 1/m) in the velocity."""
 
     eta1: NotNegative
     eta2: NotNegative

@@ -141,7 +141,7 @@ class SemiExplicit:
         k, d, mass = (model.matrix(values, NODE) for values in balance.tangents(e, e_t))
         length, B, identity = model.beam.length, balance.turned_projection(e)[NODE:, :], cs.DM.eye(free)
         none = cs.DM(free, free)
-        w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.rates * length * rate
+        w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.modal_coefficients * length * rate
         jacobians = [
             cs.horzcat(cs.DM(2 * free, free), cs.vertcat(rate * identity, none)),
             cs.horzcat(cs.vertcat(none, rate * identity), cs.DM(2 * free, m)),
@@ -189,7 +189,7 @@ class SemiExplicit:
         if w.numel():
             further = balance.modal_damping(e, w)
             forces, lost = forces + further, lost + cs.dot(e_t, further)
-        excess = balance.modal_rates(e, e_t) - w
+        excess = balance.modal_velocities(e, e_t) - w
         return _Outputs(
             x_t=cs.vertcat(rate * x[free:], rate * z[:free]),
             forces=forces,

@@ -150,7 +150,7 @@ class Stepper:
         self.now, self._end, self._width, self._largest = begin, end, form.bandwidth, largest_step
         weights = 1 / (model.scale[model.free] * tolerance * math.sqrt(free))
         self._weights, self._all_weights = weights, np.concatenate([weights, np.repeat(weights, 2)]) / math.sqrt(STAGES)
-        self._rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).rates).full().ravel()
+        self._rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).modal_coefficients).full().ravel()
 
         self._motion = np.zeros((3, free))  # q, v and a at the end of the last step
         self._before = np.zeros((3, free))  # at its start

@@ -21,7 +21,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.integration import FEWEST_ELEMENTS, IDAS_WORK, SPARE_STEPS
-from ancf_casadi.dynamics.tolerance import IDAS_LARGEST, IDAS_SHARE, RADAU_SHARE, expected_travel
+from ancf_casadi.dynamics.tolerance import IDAS_LARGEST, IDAS_PER_TRAVEL, RADAU_PER_TRAVEL, expected_travel
 from ancf_casadi.dynamics.trajectory import State
 
 L = 0.5
@@ -160,7 +160,7 @@ def test_a_motion_too_small_for_idas_is_left_to_radau(modes):
     with pytest.warns(UserWarning, match=r"2\.0e-05 of the length, is so small"):
         run = simulate(modes.model, base=base, duration=0.2)
     assert [use.method for use in run.integrators] == ["radau"]
-    assert run.integrators[0].tolerance == pytest.approx(RADAU_SHARE * 1e-5 / L)
+    assert run.integrators[0].tolerance == pytest.approx(RADAU_PER_TRAVEL * 1e-5 / L)
 
 
 def test_strict_methods_do_not_change(modes):
@@ -176,7 +176,7 @@ def test_the_default_follows_the_motion_and_an_explicit_tolerance_is_used_as_giv
     base = HarmonicBase(5e-3, modes.frequencies[0])
     run = simulate(modes.model, base=base, duration=0.2)
     assert run.integrators[0].method == "idas"
-    assert run.integrators[0].tolerance == pytest.approx(IDAS_SHARE * 5e-3 / L)
+    assert run.integrators[0].tolerance == pytest.approx(IDAS_PER_TRAVEL * 5e-3 / L)
     resting = simulate(modes.model, duration=0.02)
     assert resting.integrators[0].tolerance == IDAS_LARGEST
     given = simulate(modes.model, base=base, duration=0.02, tolerance=3e-7)

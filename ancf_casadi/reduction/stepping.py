@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.segments import CLOSE
-from ancf_casadi.dynamics.simulation import sample_times
-from ancf_casadi.dynamics.start import Start, base_of, initial_state
+from ancf_casadi.dynamics.start import Start, base_of, initial_state, sample_times
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.reduction.projection import BASE

@@ -19,7 +19,7 @@ from ancf_casadi import (
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.radau import stepper as radau
 from ancf_casadi.dynamics.radau.collocation import Collocation
-from ancf_casadi.dynamics.simulation import initial_state
+from ancf_casadi.dynamics.start import initial_state
 
 BEAM = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)

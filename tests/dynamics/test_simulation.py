@@ -574,14 +574,14 @@ class Endless(BaseMotion):
     [
         ({"duration": 0.0}, "duration: must be positive, got 0"),
         ({"duration": np.inf}, "duration: must be a finite number, got inf"),
-        ({"duration": 1e-3, "sample_rate": 10.0}, "duration: must be one sampling interval at least, 0.1 s, got 0.001"),
+        ({"duration": 1e-3, "sample_rate": 10.0}, "duration: must be at least one sampling interval, 0.1 s, got 0.001"),
         ({"sample_rate": -1.0}, "sample_rate: must be positive, got -1"),
         ({"tolerance": 0.0}, "tolerance: must be positive, got 0"),
         ({"method": "bdf"}, "method: must be one of auto, idas, radau, got 'bdf'"),
         ({"method": "radau", "options": {"reltol": 1.0}}, "options: are those of IDAS; method='radau' has none"),
         ({"largest_step": 0.0}, "largest_step: must be positive, got 0"),
-        ({"most_steps": 0}, "most_steps: must be positive, got 0"),
-        ({"base": Endless()}, "base: its position, speed or acceleration is not finite at 0.05 s"),
+        ({"most_steps": 0}, "most_steps: must be a whole number, 1 or more, got 0"),
+        ({"base": Endless()}, "base: its position, velocity or acceleration is not finite at 0.05 s"),
         ({"tolerance": "tight"}, "tolerance: must be a finite number, got 'tight'"),
         (
             {"start": "rest"},

@@ -3,7 +3,6 @@
 import os
 import pickle
 import signal
-import sys
 
 import numpy as np
 import pytest
@@ -24,11 +23,10 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics import integration
+from ancf_casadi.dynamics import integration, start
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 BENDING_STIFFNESS = 210e9 * 5e-3 * 0.5e-3**3 / 12
-SIMULATE = sys.modules["ancf_casadi.dynamics.simulation"]
 
 
 def steel(elements=8, **changes):
@@ -126,7 +124,7 @@ class TestStarts:
         with pytest.raises(InputError, match="start: the coordinates must be 36 finite numbers"):
             simulate(hanging, start=State(np.zeros(3), np.zeros(36)), duration=0.1)
 
-    def test_a_start_that_segmentes_the_beam_is_refused_and_told_the_right_one(self, hanging):
+    def test_a_start_that_stretches_the_beam_is_refused_and_told_the_right_one(self, hanging):
         with pytest.raises(InputError, match=r"stretches the beam by 2.0 %.*static_equilibrium"):
             simulate(hanging, start=State(1.02 * hanging.straight, np.zeros(36)), duration=0.1)
 
@@ -216,15 +214,15 @@ class TestInterruptions:
         assert np.array_equal(part.base_work, whole.base_work[: len(part.time)])
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
-    def test_ctrl_c_before_the_first_stretch_waits_for_it(self, hanging, monkeypatch):
+    def test_ctrl_c_before_the_first_segment_waits_for_it(self, hanging, monkeypatch):
         """Raised there, within a call of CasADi, it would surface as some error of that call."""
-        original = SIMULATE.clamped_nodes
+        original = start.clamped_nodes
 
         def check(*arguments):
             os.kill(os.getpid(), signal.SIGINT)
             return original(*arguments)
 
-        monkeypatch.setattr(SIMULATE, "clamped_nodes", check)
+        monkeypatch.setattr(start, "clamped_nodes", check)
         part = simulate(hanging, duration=0.1)
         assert part.interrupted
         assert len(part.time) == 5

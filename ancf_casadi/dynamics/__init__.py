@@ -7,14 +7,14 @@ a motion, and ``signals`` names the inputs and outputs of exported models.
 
 The project has five time steppers, each for a task that the others do not serve:
 
-    IDAS, order 2 (``idas``)              the full beam, undamped or nearly so: adds the least numerical damping per
-                                          unit of computing time while no mode of the mesh vibrates
-    Radau IIA, order 5 (``radau``)        the full beam in large, fast or struck motion: passes over vibrations of the
-                                          mesh, takes longer steps, and yields exact derivatives of its steps
-    steps of the reduced model            a few modal coordinates without fast modes: explicit steps without Newton's
-    (``reduction.stepping``)              method, compiled as one loop
-    one mode (``decay.one_mode``)         Eq. (26) in the variables of its free oscillation, with sensitivities, for
-                                          fits that integrate thousands of decays
-    exported step                         one implicit step of order 2 as a Function without an integrator, because
-    (``export.functions.step``)           C code and controllers cannot call one
+    IDAS (``idas``)                   full beam whose mesh does not vibrate: many cheap steps of order 2, by an
+                                      established solver against which Radau is checked
+    Radau IIA (``radau``)             full beam in large, fast or struck motion: few long steps of order 5, which damp
+                                      vibrations of the mesh and have exact derivatives (``derivatives``)
+    reduced model                     a few modal coordinates without stiff modes: explicit exponential steps of order 4
+    (``reduction.stepping``)          (Lawson), exact for small undamped motion, without a nonlinear system to solve
+    one mode (``decay.one_mode``)     Eq. (26) in the variables of its free oscillation, with sensitivities, for fits
+                                      that integrate one decay after another
+    exported step                     full beam outside the toolkit: one implicit step of order 2 as a plain Function,
+    (``export.functions.step``)       because C code and controllers cannot call an integrator
 """

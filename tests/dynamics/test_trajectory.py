@@ -82,7 +82,7 @@ class TestEnergy:
 
     @pytest.mark.parametrize("name", ["undamped", "proportional", "tangent", "quadratic", "generic", "sum"])
     def test_work_of_the_base_is_stored_or_lost(self, hanging, name):
-        """T + U + V grows by the work of the base less what damping takes, to 1 part in 1000 of that work."""
+        """The change of T + U + V is the work of the base minus the energy lost, within 1/1000 of the work."""
         base = HarmonicBase(amplitude=5e-3, frequency=1.9, stop=0.5)
         run = simulate(hanging, damping=self.laws(hanging)[name], base=base, duration=0.9)
         scale = np.abs(run.base_work).max()
@@ -94,7 +94,7 @@ class TestEnergy:
             assert np.diff(run.dissipated_energy).min() >= -1e-9 * scale
 
     def test_the_balance_closes_with_the_tolerance(self, hanging):
-        """Not a property of the sampling: the error falls at least threefold as the tolerance falls a hundredfold."""
+        """The error does not come from the sampling: it falls at least threefold for a hundredth of the tolerance."""
         start = static_equilibrium(hanging, tip_force=(0.05, 0.0))
         errors = [
             np.abs(simulate(hanging, start=start, duration=0.5, tolerance=tolerance, method="idas").balance_error).max()
@@ -135,7 +135,7 @@ class TestStarts:
 
 class TestBaseMotions:
     def test_a_sampled_motion_is_that_of_its_samples(self, hanging):
-        """A sine of the base, sampled 200 times a second, moves the beam as the sine itself."""
+        """A sine of the base, sampled 200 times per second, moves the beam like the exact sine."""
         exact = HarmonicBase(amplitude=5e-3, frequency=3.0, direction=(1.0, 0.5))
         time = np.arange(0.0, 0.5, 0.005)
         sampled = SampledBase(time, 5e-3 * np.outer(np.sin(6 * np.pi * time), exact.direction))
@@ -144,7 +144,7 @@ class TestBaseMotions:
         assert np.ptp(runs[0].tip[:, 0]) > 5e-3
 
     def test_a_slow_turn_of_the_base_turns_the_beam(self):
-        """Without gravity, and slowly against the first mode: the tip follows the clamp's direction."""
+        """Without gravity, and slowly compared with the first mode, the tip follows the direction of the clamp."""
         model = steel(gravity=(0.0, 0.0), axis=(1.0, 0.0))
         time = np.linspace(0.0, 20.0, 401)
         angle = 0.6 * (time / 20.0 - np.sin(2 * np.pi * time / 20.0) / (2 * np.pi))
@@ -161,7 +161,7 @@ class TestBaseMotions:
         assert run.base[-1] == pytest.approx([1e-5, 0.0], abs=1e-9)
 
     def test_a_sweep_runs_through_its_frequencies(self):
-        """u = A sin(2 pi (f0 t + (f1 - f0) t^2/(2 T))): its slope gives f(t)."""
+        """u = A sin(2 pi (f0 t + (f1 - f0) t^2/(2 T))): the derivative of its phase gives f(t)."""
         model = steel(2)
         base = SweepBase(amplitude=1e-4, frequencies=(2.0, 6.0), stop=1.0)
         run = simulate(model, base=base, duration=1.0, damping=RayleighDamping(beta=1e-3), method="radau")
@@ -190,7 +190,7 @@ class TestBaseMotions:
 
 class TestInterruptions:
     def at_segment(self, monkeypatch, number, action):
-        """Let something happen as a segment begins."""
+        """Do something when the given segment is finished."""
         original = integration.integrate_by_idas
 
         def eventful(*arguments):
@@ -202,7 +202,7 @@ class TestInterruptions:
         monkeypatch.setattr(integration, "integrate_by_idas", eventful)
 
     def test_ctrl_c_ends_a_run_with_what_is_done(self, hanging, monkeypatch):
-        """The signal comes while the integrator is at work on the sixth segment; the handler before is there again."""
+        """The signal arrives during the sixth segment; afterwards the previous handler is restored."""
         start = static_equilibrium(hanging, tip_force=(0.01, 0.0))
         whole = simulate(hanging, start=start, duration=0.1)
         self.at_segment(monkeypatch, 6, lambda: os.kill(os.getpid(), signal.SIGINT))
@@ -215,7 +215,7 @@ class TestInterruptions:
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
     def test_ctrl_c_before_the_first_segment_waits_for_it(self, hanging, monkeypatch):
-        """Raised there, within a call of CasADi, it would surface as some error of that call."""
+        """Raised within a call of CasADi, it would appear as an error of that call."""
         original = start.clamped_nodes
 
         def check(*arguments):

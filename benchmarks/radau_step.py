@@ -86,7 +86,7 @@ def clocks(parts: dict[str, float]) -> Iterator[None]:
     with (
         patch.object(radau, "Buffered", Clocked),
         patch.object(radau.Factors, "of", staticmethod(clocked("factorise", of))),
-        patch.object(radau.Factors, "solve", lambda *arguments: solve(*arguments)),
+        patch.object(radau.Factors, "solve", lambda *arguments, **options: solve(*arguments, **options)),
     ):
         yield
 

@@ -27,7 +27,10 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.radau import stepper as radau
+from ancf_casadi.dynamics.radau import newton, samples, stepper
+from ancf_casadi.dynamics.radau.stepper import Stepper
+from ancf_casadi.support.banded import Factors
+from ancf_casadi.support.compilation import Buffered
 
 BEAM: dict[str, Any] = {
     "length": 0.5,
@@ -77,29 +80,31 @@ def clocks(parts: dict[str, float]) -> Iterator[None]:
 
         return call
 
-    class Clocked(radau.Buffered):
+    class Clocked(Buffered):
         def __init__(self, function: Any, *inputs: Any) -> None:
             super().__init__(function, *inputs)
             self._evaluate = clocked(function.name(), self._evaluate)
 
-    of, solve = radau.Factors.of, clocked("solve", radau.Factors.solve)
+    of, solve = Factors.of, clocked("solve", Factors.solve)
     with (
-        patch.object(radau, "Buffered", Clocked),
-        patch.object(radau.Factors, "of", staticmethod(clocked("factorise", of))),
-        patch.object(radau.Factors, "solve", lambda *arguments, **options: solve(*arguments, **options)),
+        patch.object(newton, "Buffered", Clocked),
+        patch.object(samples, "Buffered", Clocked),
+        patch.object(stepper, "Buffered", Clocked),
+        patch.object(Factors, "of", staticmethod(clocked("factorise", of))),
+        patch.object(Factors, "solve", lambda *arguments, **options: solve(*arguments, **options)),
     ):
         yield
 
 
-def steppers(found: list[radau.Stepper]) -> Any:
-    """Keep the steppers that a run makes."""
-    init = radau.Stepper.__init__
+def noted(found: list[Stepper]) -> Any:
+    """Note the steppers that a run makes."""
+    init = Stepper.__init__
 
-    def noting(stepper: radau.Stepper, *arguments: Any, **options: Any) -> None:
-        init(stepper, *arguments, **options)
-        found.append(stepper)
+    def noting(one: Stepper, *arguments: Any, **options: Any) -> None:
+        init(one, *arguments, **options)
+        found.append(one)
 
-    return patch.object(radau.Stepper, "__init__", noting)
+    return patch.object(Stepper, "__init__", noting)
 
 
 def seconds(model: Model, repeats: int = 3, **settings: Any) -> float:
@@ -116,10 +121,14 @@ def main() -> None:
     """Print the cost of each motion."""
     for name, model, settings in motions():
         simulate(model, method="radau", **{**settings, "duration": 0.3})  # compiles
-        found: list[radau.Stepper] = []
-        with steppers(found):
+        found: list[Stepper] = []
+        with noted(found):
             simulate(model, method="radau", **settings)
-        counts = {what: sum(getattr(one, what) for one in found) for what in ("steps", "iterations", "factorisations")}
+        counts = {
+            "steps": sum(one.steps for one in found),
+            "iterations": sum(one.newton.iterations for one in found),
+            "factorisations": sum(one.newton.factorisations for one in found),
+        }
         everything = seconds(model, **settings)
         bare = seconds(model, **{**settings, "sample_rate": 2.0 / settings["duration"]})
         steps = counts["steps"]

@@ -34,7 +34,7 @@ from ancf_casadi.dynamics.equations import Equations, clamped_node
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import Step, Stepper
 from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES
-from ancf_casadi.dynamics.segments import CLOSE
+from ancf_casadi.dynamics.segments import CLOSE, InitialValueProblem, Segment
 from ancf_casadi.dynamics.start import Start, initial_state, rigid_motion
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError
@@ -328,7 +328,9 @@ class Problem:
     ) -> tuple[Passage, State]:
         """Compute a smooth piece of the motion, and the state at its end, in no more than ``most_steps``."""
         node, slope, clamp = self._clamp(piece, b)
-        stepper = Stepper(self._form, parameters, clamp, state, begin, end, self.tolerance)
+        segments = [Segment(begin, end - begin, 1, 0)]
+        problem = InitialValueProblem(self._form.equations, clamp, state, segments, self.tolerance)
+        stepper = Stepper(self._form, parameters, problem)
         steps: list[Step] = []
         while not steps or stepper.now < end - CLOSE * steps[-1].length:
             if len(steps) >= most_steps:
@@ -338,7 +340,7 @@ class Problem:
                 )
             _stop_if_interrupted()
             stepper.advance()
-            steps.append(stepper.last)
+            steps.append(stepper.last_step)
         first = steps[0]
         slopes = self._force_slopes(first.q, first.v, first.a, node(begin), parameters)
         mass = self._form.mass(parameters)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, InputError, Model, QuadraticDamping, State, motion, simulate, static_equilibrium
-from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_slopes
+from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_jacobians
 
 LOAD = np.array([4e-3, -1e-3, 1e-4, 0.03, 0.01, 2e-3])  # N, N, N m, and a second
 
@@ -22,7 +22,7 @@ def rest(model, load):
 
 
 def held(model, load=LOAD):
-    return held_start(model, start_slopes(model), load)
+    return held_start(model, start_jacobians(model), load)
 
 
 def test_the_velocity_is_that_of_the_equilibria_as_the_load_changes(model):

@@ -20,7 +20,8 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.derivatives import differentiable as module
-from ancf_casadi.dynamics.derivatives.sensitivity import Problem, Run
+from ancf_casadi.dynamics.derivatives.run import Run
+from ancf_casadi.dynamics.derivatives.sensitivity import Problem
 from ancf_casadi.exceptions import SimulationError
 
 BASE = HarmonicBase(0.02, 3.0, stop=0.15)

@@ -24,7 +24,8 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.derivatives.sensitivity import MOST_STEPS, Problem, Run
+from ancf_casadi.dynamics.derivatives.run import Run
+from ancf_casadi.dynamics.derivatives.sensitivity import MOST_KEPT_STEPS, Problem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.simulation import clamped_nodes, sample_times, smooth_pieces
 from ancf_casadi.dynamics.start import Start, base_of, check_start, initial_state
@@ -51,7 +52,7 @@ def motion(
     start: Start | Equilibrium | State = "equilibrium",
     tolerance: float | None = None,
     start_load: bool = False,
-    most_steps: int = MOST_STEPS,
+    most_steps: int = MOST_KEPT_STEPS,
 ) -> cs.Function:
     """Return the motion as a differentiable CasADi Function.
 
@@ -127,7 +128,7 @@ class Runs:
     @property
     def shapes(self) -> list[cs.Sparsity]:
         """Shapes of the inputs and of the output."""
-        law, base, _, start = self.problem.sizes
+        (_, law), (_, base), _, (_, start) = self.problem.layout.sizes
         model = self.problem.equations.model
         shapes = [(law, 1), (base, 1), model.properties.shape, *[(start, 1)] * self.problem.held]
         shapes.append((model.size, self.problem.times.size))
@@ -286,7 +287,7 @@ class _Derivative(cs.Callback):
     def _of_sums(self, run: Run, weights: Array) -> list[Array]:
         """Return the derivatives by the inputs of weighted sums of the coordinates."""
         problem = self._runs.problem
-        parts = problem.split(problem.reverse(run, weights))
+        parts = problem.layout.split(problem.reverse(run, weights))
         sizes = [(shape.size2(), shape.size1(), self._count) for shape in self._inputs]
         return [part.reshape(size) for part, size in zip(parts, sizes, strict=False)]
 

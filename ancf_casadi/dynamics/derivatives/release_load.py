@@ -47,15 +47,15 @@ class HeldStart:
     by_load: Array
 
 
-def held_start(model: Model, slopes: cs.Function, load: Array) -> HeldStart:
+def held_start(model: Model, jacobians: cs.Function, load: Array) -> HeldStart:
     """Return the start from a load and its rate.
 
     Parameters
     ----------
     model : Model
         The beam.
-    slopes : Function
-        ``start_slopes`` of it, or of one that differs in its properties.
+    jacobians : Function
+        ``start_jacobians`` of it, or of one that differs in its properties.
     load : array (6,)
         Load and rate, in the order of ``START``.
 
@@ -69,17 +69,17 @@ def held_start(model: Model, slopes: cs.Function, load: Array) -> HeldStart:
     force_x, force_y, moment = load[: len(LOAD)].tolist()
     coordinates = static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment).coordinates
     given = model.properties, np.array(model.beam.gravity), load[: len(LOAD)], load[len(LOAD) :]
-    stiffness, by_p, by_P, *_ = slopes(coordinates, np.zeros(model.size), *given)
+    stiffness, by_p, by_P, *_ = jacobians(coordinates, np.zeros(model.size), *given)
     factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
     q_p, q_P = -factors.solve(by_p.full()), -factors.solve(by_P.full())
     velocities = np.concatenate([np.zeros(NODE), q_p @ load[len(LOAD) :]])
-    h_q, h_p, h_P = (part.full() for part in slopes(coordinates, velocities, *given)[3:])
+    h_q, h_p, h_P = (part.full() for part in jacobians(coordinates, velocities, *given)[3:])
     v_p, v_P = -factors.solve(h_q @ q_p + h_p), -factors.solve(h_q @ q_P + h_P)
     by_load = np.block([[q_p, np.zeros_like(q_p)], [v_p, q_p]])
     return HeldStart(coordinates, velocities, np.vstack([q_P, v_P]), by_load)
 
 
-def start_slopes(model: Model) -> cs.Function:
+def start_jacobians(model: Model) -> cs.Function:
     """(e, e_t, P, g, p, p') -> K, R_p, R_P, h_q, h_p, h_P of the free coordinates."""
     e, e_t = cs.MX.sym("e", model.size), cs.MX.sym("e_t", model.size)
     properties, gravity = cs.MX.sym("P", *model.properties.shape), cs.MX.sym("g", 2)
@@ -92,4 +92,4 @@ def start_slopes(model: Model) -> cs.Function:
     outputs = [cs.jacobian(part[free], x) for part in (forces, change) for x in (e, load, properties)]
     for k in (0, 3):
         outputs[k] = outputs[k][:, free]
-    return cs.Function("start_slopes", [e, e_t, properties, gravity, load, rate], outputs)
+    return cs.Function("start_jacobians", [e, e_t, properties, gravity, load, rate], outputs)

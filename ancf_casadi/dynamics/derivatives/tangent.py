@@ -21,6 +21,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
+from ancf_casadi.dynamics.layout import Layout
 from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
@@ -41,6 +42,12 @@ class Tangent:
     """
 
     form: Collocation
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Layout of u."""
+        parameters = self.form.equations.layout.size
+        return Layout.of(q=self._free, v=self._free, clamps=STAGES * 3 * NODE, parameters=parameters)
 
     @cached_property
     def order(self) -> Index:
@@ -129,13 +136,11 @@ class Tangent:
 
     @cached_property
     def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        given = 2 * self._free + STAGES * 3 * NODE + self.form.equations.parameters.size
-        return cs.MX.sym("Z", self._free, STAGES), cs.MX.sym("h"), cs.MX.sym("u", given)
+        return cs.MX.sym("Z", self._free, STAGES), cs.MX.sym("h"), cs.MX.sym("u", self.layout.size)
 
     def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
         """Return e, e_t and e_tt at the stages, (4 n + 4, 3), and the parameters."""
-        ends = np.cumsum([0, self._free, self._free, STAGES * 3 * NODE]).tolist()
-        q, v, clamps, parameters = cs.vertsplit(u, [*ends, u.numel()])
+        q, v, clamps, parameters = cs.vertsplit(u, self.layout.offsets)
         return *stage_motion(z, q, v, h, cs.reshape(clamps, 3 * NODE, STAGES)), parameters
 
     def _residual(self, z: cs.MX, h: cs.MX, u: cs.MX) -> cs.MX:

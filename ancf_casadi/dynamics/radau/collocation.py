@@ -175,7 +175,7 @@ class Collocation:
     def mass(self, parameters: Array) -> scipy.sparse.csc_array:
         """Return the mass matrix of the free coordinates."""
         model = self.equations.model
-        properties = parameters[2 : 2 + model.properties.size].reshape(model.properties.shape, order="F")
+        properties = parameters[self.equations.layout["properties"]].reshape(model.properties.shape, order="F")
         return scipy.sparse.csc_array(model.mass(properties).sparse()[model.free, model.free])
 
     def _frames(self, configurations: int) -> Corotation:

@@ -30,7 +30,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.element_forces import mapped, side_by_side
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import NODE, Group, Model
 from ancf_casadi.mechanics.shape import gauss, hermite_slope
 from ancf_casadi.support.arrays import Array
 
@@ -87,16 +87,10 @@ class Corotation:
 
     def back(self, residuals: cs.MX, turns: cs.MX) -> cs.MX:
         """Return X^T R for residuals of the free coordinates (N, c)."""
-        c, links = self.configurations, self._links
-        order = np.arange(NODE * links * c).reshape(c, links, NODE).transpose(1, 0, 2)
-        behind = cs.reshape(cs.vec(residuals).nz[order.ravel().tolist()], NODE * c, links)
-        shares = self._scaled(self._mapped("back", self._scaled(_running_sum(behind, back=True), 1), turns), -1)
-        places = np.arange(2 * NODE * c * links).reshape(links, c, 2, NODE)
-        right, left = places[:, :, 1], places[1:, :, 0]
-        none = cs.MX(cs.DM.zeros(NODE * c))
-        values = cs.vec(shares)
-        sums = values.nz[right.ravel().tolist()] + cs.vertcat(values.nz[left.ravel().tolist()], none)
-        return self._nodes(cs.reshape(sums, NODE * c, links))
+        behind = cs.vertcat(*(cs.reshape(column, NODE, -1) for column in cs.horzsplit(residuals)))
+        weighted = self._mapped("back", self._scaled(_running_sum(behind, back=True), 1), turns)
+        by_link = cs.horzcat(*cs.vertsplit(self._scaled(weighted, -1), 2 * NODE))
+        return self._chain.scatter(by_link, self.model.size)[NODE:, :]
 
     def continued(self, shares: cs.MX, motion: cs.MX, clamped: cs.MX) -> cs.MX:
         """Continue a motion in the logarithms of the slopes, and return the free coordinates (N, c).
@@ -105,7 +99,7 @@ class Corotation:
         the logarithms from the first of them to the others is in configuration i, of which ``clamped`` (4, c) is the
         clamped node.
         """
-        found = self._mapped("continued", self._gathered(motion), cs.repmat(cs.vec(shares), 1, self._links))
+        found = self._mapped("continued", self._gathered(motion), cs.repmat(cs.vec(shares), 1, self._chain.count))
         steps = self._scaled(found, 1)
         first = steps[:, 0] + cs.vec(clamped)
         if self.model.root:  # whose step is the slope itself
@@ -113,9 +107,11 @@ class Corotation:
             first -= still
         return self._nodes(_running_sum(cs.horzcat(first, steps[:, 1:])))
 
-    @property
-    def _links(self) -> int:
-        return self.model.size // NODE - 1
+    @cached_property
+    def _chain(self) -> Group:
+        """The links as a group, for the coordinates that they see."""
+        links = np.arange(self.model.size // NODE - 1)
+        return Group(self.model.element, NODE * links + np.arange(2 * NODE)[:, None], links.size, ())
 
     @cached_property
     def _element(self) -> Link:
@@ -146,12 +142,9 @@ class Corotation:
 
         Those of the clamped node are 0 if missing.
         """
-        size, columns = vectors.shape
-        missing = self.model.size - size
-        coordinates = NODE * np.arange(self._links)[:, None, None] + np.arange(2 * NODE) - missing
-        places = np.where(coordinates < 0, 0, 1 + coordinates + size * np.arange(columns)[:, None])
-        gathered = cs.reshape(cs.vertcat(0.0, cs.vec(vectors)).nz[places.ravel().tolist()], 2 * NODE * columns, -1)
-        return self._scaled(gathered, -1)
+        missing = cs.MX(cs.DM.zeros(self.model.size - vectors.shape[0], vectors.shape[1]))
+        gathered = self._chain.gather(cs.vertcat(missing, vectors))
+        return self._scaled(cs.vertcat(*cs.horzsplit(gathered, self._chain.count)), -1)
 
     def _scaled(self, columns: cs.MX, power: int) -> cs.MX:
         """Multiply positions, or what is conjugate to slopes divided by positions, by a power of l."""
@@ -161,9 +154,7 @@ class Corotation:
 
     def _nodes(self, columns: cs.MX) -> cs.MX:
         """Return the free coordinates (N, c) from those of each node as columns (4 c, links)."""
-        c, links = self.configurations, self._links
-        order = np.arange(NODE * c * links).reshape(links, c, NODE).transpose(1, 0, 2)
-        return cs.reshape(cs.vec(columns).nz[order.ravel().tolist()], NODE * links, c)
+        return cs.horzcat(*(cs.vec(part) for part in cs.vertsplit(columns, NODE)))
 
 
 def _link(to_pair: Array, to_angles: Array, to_step: Array, count: int, continued: Array | None = None) -> Link:

@@ -37,8 +37,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.dynamics.derivatives.differentiable import Runs
 from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_jacobians
+from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import Problem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.trajectory import State

@@ -19,9 +19,10 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.derivatives import differentiable as module
+from ancf_casadi.dynamics.derivatives import runs as module
 from ancf_casadi.dynamics.derivatives.run import Run
 from ancf_casadi.dynamics.derivatives.sensitivity import Problem
+from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.exceptions import SimulationError
 
 BASE = HarmonicBase(0.02, 3.0, stop=0.15)
@@ -203,7 +204,7 @@ def test_a_trial_is_given_up_by_the_steps_of_the_first_run(model, monkeypatch):
     """A clamp that moves 100 times as far and is followed as closely takes more than twice the steps."""
     monkeypatch.setattr(module, "FEW_STEPS", 1)
     problem = Problem(
-        equations=module.Equations(model, RayleighDamping(alpha=0.1)),
+        equations=Equations(model, RayleighDamping(alpha=0.1)),
         base=BASE,
         start="equilibrium",
         times=np.arange(6) / 100,

@@ -17,6 +17,7 @@ E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -64,6 +65,8 @@ class Problem:
         The samples, s.
     tolerance : float
         Tolerance of the steps.
+    largest_step : float
+        Largest step, s.
     held : bool
         Whether s, the load at the start and its rate in the order of ``START``, are parameters.
     most_steps : int
@@ -75,6 +78,7 @@ class Problem:
     start: Start | Equilibrium | State
     times: Array
     tolerance: float
+    largest_step: float = math.inf
     held: bool = False
     most_steps: int = MOST_KEPT_STEPS
 
@@ -155,7 +159,14 @@ class Problem:
     ) -> tuple[Passage, State]:
         """Compute a smooth piece of the motion in at most ``most_steps``, and the state at its end."""
         segments = [Segment(begin, end - begin, 1, 0)]
-        problem = InitialValueProblem(self._form.equations, clamp.function, state, segments, self.tolerance)
+        problem = InitialValueProblem(
+            equations=self._form.equations,
+            clamp=clamp.function,
+            start=state,
+            segments=segments,
+            tolerance=self.tolerance,
+            largest_step=self.largest_step,
+        )
         stepper = Stepper(self._form, parameters, problem)
         steps: list[Step] = []
         while not steps or stepper.now < end - CLOSE * steps[-1].length:

@@ -2,10 +2,10 @@
 
     python benchmarks/radau_step.py
 
-prints, for some motions of 20 elements sampled 1000 times per second, the steps, the iterations of Newton's method and
-the factorisations that they took, and processor time in ms per step: all of it, and without samples.  Then follow the
-parts, in microseconds per step: calls of the compiled Functions, factorisations, triangular solutions; what is left is
-Python.  Clocks around the parts take some time themselves; the first two numbers are taken without.
+For several motions of 20 elements sampled 1000 times per second, it prints the numbers of steps, Newton iterations and
+factorisations, and the processor time in ms per step, with and without samples.  Then follow the parts in microseconds
+per step: calls of the compiled Functions, factorisations and triangular solutions; the rest is Python.  The clocks
+around the parts take some time themselves; the first two times are measured without them.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)
 
 
 def motions() -> Iterator[tuple[str, Model, dict[str, Any]]]:
-    """Yield the motions: what they are, the model, and the settings of ``simulate``."""
+    """Yield description, model and settings of ``simulate`` of each motion."""
     hanging = Model(Beam.uniform(**BEAM))
     swing = {"base": SWING, "start": "equilibrium", "duration": 10.0}
     law = ModalDamping(natural_modes(hanging, count=len(RATIOS)), RATIOS)
@@ -108,7 +108,7 @@ def noted(found: list[Stepper]) -> Any:
 
 
 def seconds(model: Model, repeats: int = 3, **settings: Any) -> float:
-    """Return the least processor time of some runs."""
+    """Return the least processor time of several runs, s."""
     least = float("inf")
     for _ in range(repeats):
         began = time.process_time()

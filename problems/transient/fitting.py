@@ -37,8 +37,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.dynamics.derivatives.differentiable import Runs
-from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_slopes
+from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_jacobians
+from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import Problem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.trajectory import State
@@ -185,7 +185,7 @@ class TransientFit:
             raise InputError("was not estimated", "start")
         found = dict(zip(self.fit.names, self.fit.values.tolist(), strict=True))
         load = [found.get(load_name(record, name), value) for name, value in loads(self.problem.records[record])]
-        held = held_start(self.model, start_slopes(self.model), np.array(load))
+        held = held_start(self.model, start_jacobians(self.model), np.array(load))
         return State(held.coordinates, held.velocities)
 
     def report(self) -> str:

@@ -22,7 +22,7 @@ from ancf_casadi.dynamics.radau import stepper as radau
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.newton import Newton
 from ancf_casadi.dynamics.segments import InitialValueProblem, Segment
-from ancf_casadi.dynamics.simulation import initial_state
+from ancf_casadi.dynamics.start import initial_state
 
 BEAM = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)

@@ -9,22 +9,19 @@ and in reverse for few results.
 from __future__ import annotations
 
 import math
-from types import NoneType
 
 import casadi as cs
 
-from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import MOST_KEPT_STEPS, Problem
-from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.simulation import clamped_nodes, sample_times, smooth_pieces
-from ancf_casadi.dynamics.start import Start, base_of, check_start, initial_state
-from ancf_casadi.dynamics.tolerance import expected_travel, radau_tolerance
+from ancf_casadi.dynamics.start import Start, set_up
+from ancf_casadi.dynamics.tolerance import radau_tolerance
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import check_instance, flag, physical, positive, positive_or_infinite
+from ancf_casadi.support.inputs import flag, positive, positive_or_infinite
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 
@@ -65,27 +62,16 @@ def motion(
     InputError
         If a number is not positive, or ``start_load`` is set and ``start`` is not an equilibrium.
     """
-    check_instance(model, "model", Model)
-    check_instance(damping, "damping", DampingLaw, NoneType)
-    check_instance(base, "base", BaseMotion, NoneType)
-    check_instance(start, "start", str, Equilibrium, State)
+    setup = set_up(model, duration=duration, damping=damping, base=base, sample_rate=sample_rate, start=start)
     start_load = flag(start_load, "start_load")
     if start_load and not (isinstance(start, Equilibrium) or start == "equilibrium"):
         raise InputError("has no load; with start_load it must be 'equilibrium' or an Equilibrium", "start")
-    duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
-    check_start(model, start)
-    base, equations = base_of(model, base, start), Equations(model, RayleighDamping() if damping is None else damping)
-    times = sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
-    pieces = smooth_pieces(equations, base, float(times[0]), float(times[-1]))
-    nodes, state = clamped_nodes(pieces), initial_state(model, pieces[0].clamp, start)
-    if tolerance is None:
-        tolerance = radau_tolerance(expected_travel(model, nodes, state))
     problem = Problem(
-        equations=equations,
-        base=base,
+        equations=setup.equations,
+        base=setup.base,
         start=start,
-        times=times,
-        tolerance=positive(tolerance, "tolerance"),
+        times=setup.times,
+        tolerance=radau_tolerance(setup.travel) if tolerance is None else positive(tolerance, "tolerance"),
         largest_step=positive_or_infinite(largest_step, "largest_step"),
         held=start_load,
         most_steps=round(positive(most_steps, "most_steps")),

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, Model, natural_modes
-from ancf_casadi.vibration.assembly import Position, Structure
+from ancf_casadi.vibration.assembly import Position, Structure, structure_properties
 from ancf_casadi.vibration.following import follow, followed_modes
-from ancf_casadi.vibration.modal_state import modal_state
-from ancf_casadi.vibration.parts import structure_properties
-from ancf_casadi.vibration.sensitivities import ModalState
+from ancf_casadi.vibration.modal_state import ModalState, modes_near
+from ancf_casadi.vibration.second_derivatives import hessian
+from ancf_casadi.vibration.sensitivities import gradient, sensitivities
 
 ELEMENTS = 5
 COUNT = 3
@@ -50,13 +50,13 @@ class TestFirst:
         assert state.coordinates == pytest.approx(modes.equilibrium.coordinates, abs=1e-12)
 
     def test_against_differences(self, state, directions):
-        slopes = state.sensitivities(directions)
+        first = sensitivities(state, directions)
         for k, direction in enumerate(directions.T):
             ahead, behind = neighbours(state, direction)
             for name, exact in (
-                ("coordinates", slopes.coordinates[:, k]),
-                ("eigenvalues", slopes.eigenvalues[:, k]),
-                ("shapes", slopes.shapes[:, :, k].T),
+                ("coordinates", first.coordinates[:, k]),
+                ("eigenvalues", first.eigenvalues[:, k]),
+                ("shapes", first.shapes[:, :, k].T),
             ):
                 found = (getattr(ahead, name) - getattr(behind, name)) / (2 * STEP)
                 largest = np.abs(getattr(state, name)).max(axis=0)
@@ -71,17 +71,19 @@ class TestSecond:
         rng = np.random.default_rng(seed)
         b = rng.standard_normal(COUNT) / state.eigenvalues
         c = rng.standard_normal((COUNT, state.model.size)) / np.abs(state.shapes).max()
-        hessian = state.curvature(directions, b, c)
+        second = hessian(state, directions, b, c)
 
-        def gradient(at: ModalState) -> np.ndarray:
-            slopes = at.sensitivities(directions)
-            return b @ slopes.eigenvalues + np.einsum("ks,ksn->n", c, slopes.shapes)
+        def derivatives(at: ModalState) -> np.ndarray:
+            first = sensitivities(at, directions)
+            return b @ first.eigenvalues + np.einsum("ks,ksn->n", c, first.shapes)
 
         for k, direction in enumerate(directions.T):
             ahead, behind = neighbours(state, direction)
-            found = (gradient(ahead) - gradient(behind)) / (2 * STEP)
-            assert found == pytest.approx(hessian[k], abs=2e-6 * np.abs(hessian).max())
-        assert hessian == pytest.approx(hessian.T, abs=1e-10 * np.abs(hessian).max())
+            found = (derivatives(ahead) - derivatives(behind)) / (2 * STEP)
+            assert found == pytest.approx(second[k], abs=2e-6 * np.abs(second).max())
+        assert second == pytest.approx(second.T, abs=1e-10 * np.abs(second).max())
+        along = directions.T @ gradient(state, b[:, None], c[:, :, None])[:, 0]
+        assert along == pytest.approx(derivatives(state), rel=1e-8, abs=1e-9 * np.abs(along).max())
 
 
 class TestUniformBeam:
@@ -91,8 +93,8 @@ class TestUniformBeam:
         """Return d ln f/d ln (width, thickness, density, modulus), each of the whole beam, (m, 4)."""
         state = followed_modes(natural_modes(model, count=4), np.arange(4))
         whole = np.eye(6)[:, :4].repeat([model.beam.elements] * 4 + [1, 1], axis=0)
-        slopes = state.sensitivities(state.properties[:, None] * whole)
-        return slopes.eigenvalues / (2 * state.eigenvalues[:, None])
+        first = sensitivities(state, state.properties[:, None] * whole)
+        return first.eigenvalues / (2 * state.eigenvalues[:, None])
 
     def test_without_gravity(self, paper_beam):
         """f ~ (E/rho)^(1/2) h/L^2: exponents 0, 1, -1/2, 1/2."""
@@ -145,7 +147,7 @@ class TestFollowing:
         for seed in range(8):
             near = rest.copy()
             near[model.free] += 1e-9 * np.random.default_rng(seed).standard_normal(model.size - 4)
-            state = modal_state(Structure.of(model), Position.of(near), 3)
+            state = modes_near(Structure.of(model), Position.of(near), 3)
             assert state is not None
             found.append(state.frequencies)
         assert (np.ptp(found, axis=0) < 2e-11 * found[0]).all()
@@ -162,4 +164,4 @@ class TestFollowing:
         slender = structure.properties.copy()
         slender[6:12] *= 0.4
         near = natural_modes(standing, count=1).equilibrium.exact
-        assert modal_state(replace(structure, properties=slender), near, 3) is None
+        assert modes_near(replace(structure, properties=slender), near, 3) is None

@@ -5,15 +5,15 @@ Length and axis of the element are properties like its width, so one set of Func
 The eight coordinates e = (r_0, tau_0, r_l, tau_l), Eq. (1), are positions and slopes in the laboratory frame.
 With r = S e, Eq. (2), and line density mu, the energies are
 
-    kinetic   T = 1/2 int mu r_t . r_t dp,                    Eq. (5)
-    strain    U = 1/2 int E A eps^2 dp + 1/2 int E I kappa^2 dp,   Eq. (8)
+    kinetic   T = 1/2 int mu r_t . r_t dp,                            Eq. (5)
+    strain    U = 1/2 int E A eps^2 dp + 1/2 int E I kappa^2 dp,      Eq. (8)
 
 and differentiation gives the mass matrix M = d2T/de_t2, Eq. (7), the elastic force Q_e = dU/de, Eq. (6), and the
 tangent stiffness K = d2U/de2.  U is a weighted sum of squared strains at Gauss points, U = 1/2 sum_i d_i s_i(e)^2.
 With J = ds/de and D = diag(d_i),
 
-    elastic force                                         Q_e = J^T D s,
-    strain-rate (Kelvin-Voigt) force per unit time constant   Q_v = J^T D J e_t.
+    elastic force                                               Q_e = J^T D s,
+    strain-rate (Kelvin-Voigt) force per unit time constant     Q_v = J^T D J e_t.
 
 Q_v is objective: a rigid motion has no strain rate, hence no damping force.
 

@@ -30,9 +30,9 @@ class Group:
     columns : int
         Number of columns of P that belong to these elements, from the first: k, or 0.
     constants : tuple of float
-        Properties that no one varies: length and axis.
+        The fixed properties: length and axis.
     lumped : mapping of str to float
-        Names (of ``beam.LUMPED``) and values of properties that the beam has once.
+        Names, from ``beam.LUMPED``, and values of the properties that the beam has only once.
     """
 
     element: Element

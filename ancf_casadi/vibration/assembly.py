@@ -26,7 +26,7 @@ import casadi as cs
 import numpy as np
 import scipy.sparse
 
-from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES
+from ancf_casadi.mechanics.beam import LUMPED
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import Buffered
@@ -85,13 +85,12 @@ def structure_properties(model: Model) -> Array:
 
 def beam_parts(model: Model) -> tuple[Part, ...]:
     """Return the groups of a model as parts with the properties of ``structure_properties``."""
-    n, parts = model.beam.elements, []
+    places, parts = np.arange(model.properties.size).reshape(model.properties.shape), []
     for group in model.groups:
         balance = element_balance(group.element, group.constants, len(group.lumped), model.beam.gravity)
-        of_columns = n * np.arange(len(PROPERTIES) if group.columns else 0) + np.arange(group.count)[:, None]
-        lumped = np.array([n * len(PROPERTIES) + LUMPED.index(name) for name in group.lumped], dtype=np.int64)
-        properties = np.hstack([of_columns, np.tile(lumped, (group.count, 1))])
-        parts.append(Part(balance, group.coordinates, properties))
+        own = places[:, : group.columns].T.reshape(group.count, -1)
+        lumped = np.array([places.size + LUMPED.index(name) for name in group.lumped], dtype=np.int64)
+        parts.append(Part(balance, group.coordinates, np.hstack([own, np.tile(lumped, (group.count, 1))])))
     return tuple(parts)
 
 

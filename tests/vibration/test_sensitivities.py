@@ -1,4 +1,4 @@
-"""Derivatives of frequencies and shapes against differences, and against what a uniform beam must have."""
+"""Derivatives of frequencies and mode shapes against differences and the scaling laws of a uniform beam."""
 
 from dataclasses import replace
 
@@ -19,7 +19,7 @@ STEP = 1e-4
 
 @pytest.fixture(scope="module", params=[{}, {"tip_mass": 2e-3, "clamp_stiffness": 0.3}], ids=["plain", "lumped"])
 def state(request) -> ModalState:
-    """A beam bent by gravity, its properties different in all elements, so that nothing is zero by symmetry."""
+    """A beam bent by gravity with different properties in all elements, so no derivative vanishes by symmetry."""
     rng = np.random.default_rng(5)
     spread = 1 + 0.2 * rng.uniform(-1, 1, (4, ELEMENTS))
     values = spread * np.array([5e-3, 0.5e-3, 8e3, 210e9])[:, None]
@@ -43,7 +43,7 @@ def neighbours(state, direction) -> tuple[ModalState, ModalState]:
 
 
 class TestFirst:
-    def test_state_is_that_of_natural_modes(self, state):
+    def test_the_state_agrees_with_natural_modes(self, state):
         modes = natural_modes(state.model, count=COUNT)
         assert state.frequencies == pytest.approx(modes.frequencies, rel=1e-8)
         assert state.shapes == pytest.approx(modes.shapes, abs=1e-7 * np.abs(modes.shapes).max())
@@ -87,7 +87,7 @@ class TestSecond:
 
 
 class TestUniformBeam:
-    """In a uniform beam, f sees E h^2/rho alone, and the width never."""
+    """The frequencies of a uniform beam depend on E h^2/rho alone, never on the width."""
 
     def logarithmic(self, model: Model) -> np.ndarray:
         """Return d ln f/d ln (width, thickness, density, modulus), each of the whole beam, (m, 4)."""
@@ -102,7 +102,7 @@ class TestUniformBeam:
         assert found == pytest.approx(np.tile([0.0, 1.0, -0.5, 0.5], (4, 1)), abs=1e-8)
 
     def test_hanging(self, paper_beam):
-        """Gravity holds a part of the first frequency, so its exponents are less, but in the same proportion."""
+        """Gravity adds to the stiffness, so the exponents are smaller, but in the same proportion."""
         found = self.logarithmic(Model(paper_beam(8)))
         of_modulus = found[:, 3]
         assert 0.3 < of_modulus[0] < 0.45
@@ -110,7 +110,7 @@ class TestUniformBeam:
 
 
 class TestFollowing:
-    """Half a metre of steel without gravity: bending rises with the thickness, the axial modes do not."""
+    """A steel beam without gravity: bending frequencies rise with the thickness, axial ones do not."""
 
     def thick(self, paper_beam, thickness: float) -> Model:
         return Model(paper_beam(12, thickness=thickness, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
@@ -127,20 +127,20 @@ class TestFollowing:
         assert end.frequencies == pytest.approx([1.25 * bending, axial], rel=1e-7)
         assert end.frequencies == pytest.approx(natural_modes(thicker, count=6).frequencies[[4, 3]], rel=1e-9)
 
-    def test_the_way_does_not_matter(self, paper_beam):
+    def test_the_path_does_not_matter(self, paper_beam):
         thin, thicker = self.thick(paper_beam, 20e-3), self.thick(paper_beam, 25e-3)
         start = followed_modes(natural_modes(thin, count=6), np.array([3, 4]))
         by_itself = follow(start, structure_properties(thicker))
         in_steps = start
-        for share in np.linspace(0.1, 1.0, 10):
+        for factor in np.linspace(0.1, 1.0, 10):
             in_steps = follow(
-                in_steps, (1 - share) * structure_properties(thin) + share * structure_properties(thicker)
+                in_steps, (1 - factor) * structure_properties(thin) + factor * structure_properties(thicker)
             )
         assert in_steps.numbers.tolist() == by_itself.numbers.tolist()
         assert in_steps.shapes == pytest.approx(by_itself.shapes, abs=1e-8 * np.abs(by_itself.shapes).max())
 
     def test_rounding_of_positions_does_not_show(self, paper_beam):
-        """Newton's method from eight places near by: the first frequency is the same to 2e-11."""
+        """Newton's method from eight neighbouring positions gives the same frequencies to 2e-11."""
         model = Model(paper_beam(20))
         rest = natural_modes(model, count=3).equilibrium.coordinates
         found = []
@@ -153,7 +153,7 @@ class TestFollowing:
         assert (np.ptp(found, axis=0) < 2e-11 * found[0]).all()
 
     def test_a_fine_mesh_has_the_frequencies_of_natural_modes(self, paper_beam):
-        """400 elements, from another beam's equilibrium and from the straight one: 3.5e-7 apart with two solvers."""
+        """400 elements, from another beam's equilibrium; two different solvers once differed by 3.5e-7."""
         thin, bent = (Model(paper_beam(400, axis=(1.0, -1.0), thickness=t)) for t in (0.5e-3, 0.52e-3))
         followed = follow(followed_modes(natural_modes(thin), np.arange(5)), structure_properties(bent))
         assert followed.frequencies == pytest.approx(natural_modes(bent).frequencies, rel=1e-10)

@@ -14,19 +14,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from numbers import Real
 from pathlib import Path
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import read_toml
-from ancf_casadi.support.inputs import check_keys, is_sequence, number, positive, vector, whole
+from ancf_casadi.support.inputs import check_keys, is_sequence, number, positive, positive_or_infinite, vector, whole
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 LUMPED = ("tip_mass", "clamp_stiffness")
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is a typing error
-SMALLEST, LARGEST = 1e-100, 1e100  # in SI units; products of values outside overflow
+SMALLEST, LARGEST = 1e-100, 1e100  # in SI units; products of values outside overflow or vanish
 UNIT_TOLERANCE = 1e-15  # deviation from 1 of the length of a unit vector
 
 
@@ -132,10 +131,7 @@ class Beam:
         if number(self.tip_mass, "tip_mass") < 0.0:
             raise InputError(f"must not be negative, got {self.tip_mass:g}", "tip_mass")
         object.__setattr__(self, "tip_mass", float(self.tip_mass))
-        rigid = isinstance(self.clamp_stiffness, Real) and self.clamp_stiffness == math.inf
-        object.__setattr__(
-            self, "clamp_stiffness", math.inf if rigid else positive(self.clamp_stiffness, "clamp_stiffness")
-        )
+        object.__setattr__(self, "clamp_stiffness", positive_or_infinite(self.clamp_stiffness, "clamp_stiffness"))
 
     @classmethod
     def uniform(
@@ -203,7 +199,7 @@ class Beam:
         if not isinstance(table, dict):
             raise InputError("has no table [beam]", where)
         required = {"length", "elements", *PROPERTIES}
-        check_keys(table, required, {"axis", "gravity", "tip_mass", "clamp_stiffness"}, f"{where}: [beam]")
+        check_keys(table, required, {"axis", "gravity", *LUMPED}, f"{where}: [beam]")
         try:
             return cls.uniform(**table)
         except InputError as error:
@@ -246,7 +242,7 @@ class Beam:
         return replace(self, **changes)
 
     def _check_range(self) -> None:
-        """Refuse values whose products overflow or vanish, mostly because of a wrong unit."""
+        """Reject values whose products overflow or vanish, mostly because of a wrong unit."""
         l = self.element_length
         if l == 0.0:
             raise InputError(f"{self.length:g} m is beyond the range of numbers; check the units", "length")

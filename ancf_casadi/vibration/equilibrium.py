@@ -12,7 +12,7 @@ straight, in steps that keep the rotation of every slope small.  A step that fai
 so the solver follows the path instead of jumping to another equilibrium.  The path of the discrete beam ends where an
 element bends by about 0.6 rad, because two Gauss points do not control a cubic with more curvature (measured for a
 pure end moment with 5 to 10 elements).  An unstable equilibrium, such as a standing beam beyond buckling, is returned
-too; ``Equilibrium.is_stable`` tells.
+too; ``Equilibrium.is_stable`` marks it.
 
 The Newton steps are refined iteratively.  A last step, too small to be added to the coordinates, is kept beside them
 (``ancf_casadi.vibration.assembly``), so the balance holds to the rounding error of the forces on any mesh.
@@ -104,14 +104,14 @@ class Equilibrium:
 
     @cached_property
     def is_stable(self) -> bool:
-        """Whether the tangent stiffness is positive definite."""
+        """Stability: True if the tangent stiffness is positive definite."""
         return lowest_modes(self.structure, self.exact, 1) is not None
 
 
 def static_equilibrium(
     model: Model, *, tip_force: tuple[float, float] = (0.0, 0.0), tip_moment: float = 0.0
 ) -> Equilibrium:
-    """Follow the equilibrium from the straight beam while gravity and the tip loads grow together.
+    """Return the equilibrium reached from the straight beam as gravity and the tip loads grow together.
 
     Parameters
     ----------

@@ -29,8 +29,8 @@ from ancf_casadi.dynamics.segments import CLOSE
 from ancf_casadi.dynamics.tolerance import expected_travel
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.element import axial_strain
 from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.strain import axial_strain
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, physical, shown
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium

@@ -20,7 +20,7 @@ from ancf_casadi import (
     simulate_reduced,
     static_equilibrium,
 )
-from ancf_casadi.reduction.kinematics import slopes_of
+from ancf_casadi.reduction.kinematics import nodal_slopes
 from ancf_casadi.reduction.stepping import project
 
 RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
@@ -61,8 +61,8 @@ def uneven(elements=20):
 def test_small_motion_has_the_frequencies_and_the_rest_of_the_full_beam(paper_beam, changes):
     model = Model(paper_beam(**changes))
     modes = natural_modes(model)
-    for points, limit in ((41, 1.2e-5), (None, 3e-5)):
-        reduced = reduce_model(model, modes=modes, points=points)
+    for slope_points, limit in ((41, 1.2e-5), (None, 3e-5)):
+        reduced = reduce_model(model, modes=modes, slope_points=slope_points)
         frequencies, ratios = linearised(reduced)
         np.testing.assert_allclose(frequencies, modes.angular_frequencies, rtol=limit)
         assert np.abs(ratios).max() < 1e-12
@@ -180,7 +180,7 @@ def test_the_acceleration_balances_the_forces_of_the_full_model(hanging, modes):
 
 
 def test_energies_are_those_of_the_full_model_and_constant_without_damping(hanging, modes):
-    reduced = reduce_model(hanging, modes=modes, points=41)
+    reduced = reduce_model(hanging, modes=modes, slope_points=41)
     e, e_t = (part.full().ravel() for part in reduced.coordinates(Q, V, BASE))
     kinetic, strain, potential = (float(part) for part in reduced.energies(Q, V, BASE, reduced.values))
     p = hanging.properties
@@ -188,7 +188,7 @@ def test_energies_are_those_of_the_full_model_and_constant_without_damping(hangi
     assert potential == pytest.approx(-float(e @ hanging.gravity_force(p, hanging.beam.gravity).full().ravel()))
     slopes = e.reshape(-1, 4)[:, 2:]
     np.testing.assert_allclose(np.linalg.norm(slopes, axis=1), 1.0, atol=1e-6)
-    whole = slopes_of(modes)
+    whole = nodal_slopes(modes)
     angles, stiffness = whole.angles + whole.rotations @ Q, 210e9 * hanging.beam.sections[0].second_moment
     steps = ((k, k * hanging.beam.element_length / 2) for k in (1, 2))
     fine, coarse = (stiffness * (np.diff(angles[::k]) ** 2).sum() / h / 2 for k, h in steps)
@@ -320,9 +320,9 @@ def test_what_cannot_be_reduced_is_refused(hanging, rubber_beam, modes):
         reduce_model(Model(rubber_beam(elements=4)), modes=6)
     with pytest.raises(InputError, match="another model"):
         reduce_model(Model(rubber_beam(elements=4)), modes=modes)
-    for points in (5, 42, 12.5, "many"):
-        with pytest.raises(InputError, match=r"^points: must be a whole number, 6 to 41, got"):
-            reduce_model(hanging, modes=modes, points=points)
+    for slope_points in (5, 42, 12.5, "many"):
+        with pytest.raises(InputError, match=r"^slope_points: must be a whole number, 6 to 41, got"):
+            reduce_model(hanging, modes=modes, slope_points=slope_points)
     for points in (0, 101, 2.5):
         with pytest.raises(InputError, match=r"^drag_points: must be a whole number, 1 to 100, got"):
             reduce_model(hanging, modes=modes, drag_points=points)
@@ -331,7 +331,7 @@ def test_what_cannot_be_reduced_is_refused(hanging, rubber_beam, modes):
     with pytest.raises(InputError, match="on the beam"):
         reduce_model(hanging, modes=modes, markers=(0.6,))
     reduced = reduce_model(hanging, modes=1)
-    with pytest.raises(InputError, match="steps_a_period"):
-        simulate_reduced(reduced, duration=1.0, steps_a_period=0.0)
+    with pytest.raises(InputError, match="steps_per_period"):
+        simulate_reduced(reduced, duration=1.0, steps_per_period=0.0)
     with pytest.raises(InputError, match="start"):
         simulate_reduced(reduced, duration=1.0, start="sideways")

@@ -1,4 +1,4 @@
-"""Time of the reduced model in C; target: 10 ms for 1 s of mode 5.  Run like ``test_speed.py``; ``-s`` prints errors."""
+"""Time of the reduced model in C (target: 10 ms for 1 s of mode 5); run like ``test_speed.py``, ``-s`` shows errors."""
 
 import ctypes
 import shutil

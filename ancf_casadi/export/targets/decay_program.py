@@ -1,7 +1,7 @@
 """A C program that integrates a decay with the exported step: how the Functions are called, and a first check of them.
 
 The full beam is let go from its equilibrium under a pull across, which gravity makes; the reduced one from a bend in
-mode 1, with ``STEPS_A_PERIOD`` steps in a period of its highest mode.
+mode 1, with ``STEPS_PER_PERIOD`` steps in a period of its highest mode.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from ancf_casadi.dynamics.signals import MotionFunctions, values
 from ancf_casadi.export.functions.motion_functions import BeamFunctions
-from ancf_casadi.reduction.stepping import STEPS_A_PERIOD
+from ancf_casadi.reduction.stepping import STEPS_PER_PERIOD
 from ancf_casadi.support.arrays import Array
 
 SAMPLE, SAMPLES = 5e-3, 400  # s between two lines, and how many follow the first
@@ -26,7 +26,7 @@ def decay_program(name: str, functions: MotionFunctions) -> str:
     if isinstance(functions, BeamFunctions):
         every, start = FULL_STEPS, _pulled(name, functions)
     else:
-        every, start = math.ceil(SAMPLE * STEPS_A_PERIOD * _highest_frequency(functions)), _bent(functions)
+        every, start = math.ceil(SAMPLE * STEPS_PER_PERIOD * _highest_frequency(functions)), _bent(functions)
     upper, stages = name.upper(), functions.step.size2_in("base")
     return f"""the decay of a beam that is held aside and let go.
  *

@@ -41,7 +41,7 @@ from problems.command import match as match_command
 from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
 from problems.command.study_file import MATCH, MODES, SIMULATION, read_simulation
-from problems.study import report, reproduction
+from problems.study import report, reproduction, transients
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 RECORD = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam" / "beam_gravity_tip.csv"
@@ -254,7 +254,7 @@ def test_reproduce_writes_and_prints(files, capsys, monkeypatch):
 
     monkeypatch.setattr(reproduction, "reproduce", study)
     assert main(["reproduce", "--quick", "--jobs", "3", "--out", "study"]) == 1
-    assert calls == {"effort": reproduction.QUICK, "jobs": 3, "progress": True}
+    assert calls == {"effort": transients.QUICK, "jobs": 3, "progress": True}
     assert one_line(capsys) == "ancf-casadi: no minimum was found"
     assert not (files / "study").exists()
 

@@ -393,8 +393,8 @@ class TestExport:
             (["beam.toml", "--out", "x"], "required: --format"),
             (["none.toml", "--format", "json", "--out", "x"], "none.toml: cannot be read"),
             (["none.json", "--format", "json", "--out", "x"], "none.json: cannot be read"),
-            (["bad.json", "--format", "json", "--out", "x"], "bad.json: format: must be 'ancf-casadi'"),
-            (["bad.toml", "--format", "json", "--out", "x"], "bad.json: format: must be 'ancf-casadi'"),
+            (["bad.json", "--format", "json", "--out", "x"], "bad.json: $.format: must be 'ancf-casadi'"),
+            (["bad.toml", "--format", "json", "--out", "x"], "bad.json: $.format: must be 'ancf-casadi'"),
             (["beam.toml", "--format", "json", "--out", "."], ".: is a folder"),
             (["beam.toml", "--format", "json", "--out", "beam.toml/x"], "beam.toml: is not a folder"),
             (["beam.toml", "--format", "json", "--out", "x", "--markers", "0.1"], "--markers: JSON holds the beam"),
@@ -406,7 +406,7 @@ class TestExport:
             (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "nan"], "must be a finite number"),
             (
                 ["beam.toml", "--format", "json", "--out", "x", "--identification", "bad.json"],
-                "bad.json: result: is no",
+                "bad.json: result: is not",
             ),
             (
                 ["beam.toml", "--format", "json", "--out", "x", "--identification", "decay.csv"],
@@ -416,7 +416,7 @@ class TestExport:
             (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "--markers: s: the point must be on"),
             (
                 ["beam.toml", "--format", "c", "--out", "x", "--identification", "good.json"],
-                "goes along with json and fmu",
+                "--identification: cannot be kept in c; choose json or fmu",
             ),
             (["beam.toml", "--format", "json", "--out", "x", "--data", "decay.csv"], "--data: there are 1 for 0"),
             (["beam.toml", "--format", "json", "--out", "x", "--reduced", "3"], "--reduced: JSON holds the beam"),

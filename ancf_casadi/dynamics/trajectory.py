@@ -17,17 +17,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Integral
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.element import axial_strain, curvature
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.shape import gauss
+from ancf_casadi.mechanics.strain import axial_strain, curvature
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, number, shown
+from ancf_casadi.support.inputs import array, number, whole
 
 AT_ONCE = 1000  # samples whose energy is computed together, to limit memory
 
@@ -152,8 +150,7 @@ class Trajectory:
         InputError
             If the sample does not exist.
         """
-        if not isinstance(index, Integral) or not -len(self.time) <= index < len(self.time):
-            raise InputError(f"there are {len(self.time)} samples, got {shown(index)}", "index")
+        index = whole(index, "index", -len(self.time), len(self.time) - 1)
         return State(self.coordinates[index], self.velocities[index], float(self.time[index]))
 
     def position(self, s: float) -> Array:

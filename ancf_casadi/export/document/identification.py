@@ -18,7 +18,7 @@ import scipy
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document.strict_json import MOST_LEVELS, check_key, check_text, is_finite, place
-from ancf_casadi.support.inputs import is_sequence, shown
+from ancf_casadi.support.inputs import is_sequence, matches, shown
 from ancf_casadi.version import __version__
 
 KINDS = {"frequency_hz": "decay", "matched_hz": "frequency matching", "unknowns": "transient"}
@@ -51,7 +51,7 @@ class DataFile:
     def __post_init__(self) -> None:
         """Validate."""
         _check_text(self.name, "name")
-        if not isinstance(self.sha256, str) or not re.fullmatch(HASH, self.sha256):
+        if not matches(self.sha256, HASH):
             raise InputError("must be 64 digits from 0 to 9 and a to f", "sha256")
 
     @classmethod

@@ -30,16 +30,18 @@ from __future__ import annotations
 import math
 import warnings
 from collections import Counter
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import LEVEL, Fit
 from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, choice, number, whole
@@ -48,6 +50,9 @@ from ancf_casadi.support.tables import Table
 from problems.decay.laws import LAWS
 from problems.decay.result import QUANTITIES, UNITS, DecayFit
 from problems.transient.fitting import OPTIONS, TransientFit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Method = Literal["parametric", "bootstrap"]
 
@@ -64,8 +69,10 @@ class MonteCarlo:
     ----------
     names, units : tuple of str
         The p quantities, and their units.
-    estimates, standard_errors : ndarray
-        What the fit itself says (p,); an error is nan where it says none.
+    estimates : ndarray
+        Estimates of the fit (p,).
+    standard_errors : mapping of str to float
+        Standard errors of the fit by name; nan where it gives none.
     samples : ndarray
         What the runs that converged found (runs, p).
     failures : tuple of str
@@ -79,7 +86,7 @@ class MonteCarlo:
     names: tuple[str, ...]
     units: tuple[str, ...]
     estimates: Array
-    standard_errors: Array
+    standard_errors: Mapping[str, float]
     samples: Array
     failures: tuple[str, ...]
     method: Method
@@ -112,16 +119,21 @@ class MonteCarlo:
             raise InputError(f"must be between 0 and 1, got {level:g}", "level")
         return np.asarray(np.quantile(self.samples, [(1 - level) / 2, (1 + level) / 2], axis=0)).T
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Number of failed runs for each reason."""
+        return tuple(f"{count} runs failed: {reason}" for reason, count in Counter(self.failures).items())
+
     def table(self) -> Table:
         """Return the quantities with estimates, standard errors, and what the runs say of both."""
         columns = ("quantity", "estimate", "unit", "standard_error", "mean", "deviation", "lower_95", "upper_95")
         rows = [
-            (name, float(value), unit, error if math.isfinite(error) else None, mean, deviation, low, high)
+            (name, float(value), unit, known(error), mean, deviation, low, high)
             for name, value, unit, error, mean, deviation, (low, high) in zip(
                 self.names,
                 self.estimates.tolist(),
                 self.units,
-                self.standard_errors.tolist(),
+                self.standard_errors.values(),
                 self.means.tolist(),
                 self.deviations.tolist(),
                 self.intervals().tolist(),
@@ -132,13 +144,20 @@ class MonteCarlo:
         notes = [
             f"{self.runs} runs, {len(self.failures)} failed; "
             + ("white noise" if self.method == "parametric" else f"bootstrap of {drawn}"),
-            *(f"note: {count} runs failed: {reason}" for reason, count in Counter(self.failures).items()),
+            *(f"note: {warning}" for warning in self.warnings),
         ]
         return Table("monte_carlo", "Estimates of many records", columns, rows, notes)
 
     def report(self) -> str:
         """Return the table as text."""
         return self.table().text()
+
+    def figure(self) -> Figure:
+        """Draw the distribution of each quantity over the runs, and the normal one of the fit."""
+        from ancf_casadi.estimation.figures import scatter_figure  # matplotlib is slow to import
+
+        labels = [f"{name}, {unit}".removesuffix(", ") for name, unit in zip(self.names, self.units, strict=True)]
+        return scatter_figure(labels, self.samples, self.estimates, list(self.standard_errors.values()))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for what is not known."""
@@ -152,7 +171,7 @@ class MonteCarlo:
                     "name": name,
                     "unit": unit,
                     "estimate": estimate,
-                    "standard_error": error if math.isfinite(error) else None,
+                    "standard_error": known(error),
                     "mean": mean,
                     "deviation": deviation,
                     "interval_95": interval,
@@ -161,7 +180,7 @@ class MonteCarlo:
                     self.names,
                     self.units,
                     self.estimates.tolist(),
-                    self.standard_errors.tolist(),
+                    self.standard_errors.values(),
                     self.means.tolist(),
                     self.deviations.tolist(),
                     self.intervals().tolist(),
@@ -272,13 +291,12 @@ def _run(fit: DecayFit | TransientFit, seed: np.random.SeedSequence, method: Met
     return _values(fit, again.values)
 
 
-def _quantities(fit: DecayFit | TransientFit) -> tuple[tuple[str, ...], tuple[str, ...], Array, Array]:
+def _quantities(fit: DecayFit | TransientFit) -> tuple[tuple[str, ...], tuple[str, ...], Array, dict[str, float]]:
     """Return names, units, estimates and standard errors of what a fit tells."""
     if isinstance(fit, TransientFit):
         return fit.fit.names, fit.fit.units, fit.fit.values, fit.fit.standard_errors
-    names = _told(fit)
-    errors = [getattr(fit.standard_errors, name) for name in names]
-    return names, tuple(UNITS[name] for name in names), _values(fit, fit.fit.values), np.array(errors)
+    errors = {name: fit.standard_errors[name] for name in fit.estimated}
+    return fit.estimated, tuple(UNITS[name] for name in fit.estimated), _values(fit, fit.fit.values), errors
 
 
 def _values(fit: DecayFit | TransientFit, x: Array) -> Array:
@@ -286,9 +304,4 @@ def _values(fit: DecayFit | TransientFit, x: Array) -> Array:
     if isinstance(fit, TransientFit):
         return x
     found = np.asarray(cs.evalf(fit.model.quantities(*(cs.MX(x[i]) for i in fit.indices)))).ravel()
-    return np.asarray(found[[QUANTITIES.index(name) for name in _told(fit)]])
-
-
-def _told(fit: DecayFit) -> tuple[str, ...]:
-    """Return the quantities that a law estimates."""
-    return tuple(name for name in QUANTITIES if not math.isnan(getattr(fit.intervals, name)[0]))
+    return np.asarray(found[[QUANTITIES.index(name) for name in fit.estimated]])

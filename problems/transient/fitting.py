@@ -160,7 +160,7 @@ class TransientFit:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Notes on what to know before using the estimates."""
-        notes = [*self.fit.warnings(), colour_warning(self.fit.residuals, noise_free=self.fit.systematic)]
+        notes = [*self.fit.warnings, colour_warning(self.fit.residuals, noise_free=self.fit.systematic)]
         tolerance, worst = self.problem.tolerance, float(np.abs(self.shifts).max())
         if math.isnan(worst):
             notes.append(f"the error of the integration at the tolerance {tolerance:.1e} could not be checked")

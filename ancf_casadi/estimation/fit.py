@@ -128,6 +128,11 @@ class Fit:
         return float(self.values[self.names.index(name)])
 
     @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of the unknowns at a bound."""
+        return tuple(name for name, active in zip(self.names, self.active_bounds, strict=True) if active)
+
+    @property
     def rank(self) -> int:
         """How many unknowns the data determine: those not at a bound."""
         return int(np.count_nonzero(~self.active_bounds))

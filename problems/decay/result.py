@@ -9,7 +9,7 @@ length^(-3/2); from this the length that would do is found.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.estimation.fit import LEVEL, Fit, colour_warning
 from ancf_casadi.estimation.profile import profile_interval
+from ancf_casadi.estimation.resampling import refit
 from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
@@ -122,9 +123,20 @@ class DecayFit:
         return len(self.residuals)
 
     @property
-    def estimated(self) -> tuple[str, ...]:
-        """Names of the quantities that the law estimates."""
-        return tuple(name for name in QUANTITIES if not math.isnan(self.intervals[name][0]))
+    def estimates(self) -> dict[str, float]:
+        """Quantities that the law estimates, by name."""
+        return {name: getattr(self, name) for name in QUANTITIES if not math.isnan(self.intervals[name][0])}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each estimated quantity."""
+        return {name: UNITS[name] for name in self.estimates}
+
+    def refit(self, noise: Array) -> Array:
+        """Return the estimated quantities from a fit to the fitted curve plus noise (m)."""
+        x = refit(self.fit, noise, gauss_newton=LAWS[self.law].integrated)
+        found = np.asarray(cs.evalf(quantities(self.model, self.indices, cs.vertsplit(cs.MX(cs.DM(x)))))).ravel()
+        return np.asarray(found[[QUANTITIES.index(name) for name in self.estimates]])
 
     @property
     def residual_rms(self) -> float:
@@ -134,7 +146,7 @@ class DecayFit:
     @property
     def active_bounds(self) -> tuple[str, ...]:
         """Names of the unknowns at a bound."""
-        return tuple(name for name, there in zip(self.fit.names, self.fit.active_bounds, strict=True) if there)
+        return self.fit.at_bound
 
     def displacement(self, time: ArrayLike) -> Array:
         """Return the fitted displacement (m) at times (s) of the record, from the release on."""
@@ -159,8 +171,8 @@ class DecayFit:
         FitError
             If a program for an end does not converge.
         """
-        if name not in self.estimated:
-            raise InputError(f"is not estimated by this fit; there are {', '.join(self.estimated)}", name)
+        if name not in self.estimates:
+            raise InputError(f"is not estimated by this fit; there are {', '.join(self.estimates)}", name)
         which = QUANTITIES.index(name)
         return profile_interval(self.fit, lambda *x: quantities(self.model, self.indices, x)[which], level)
 
@@ -218,7 +230,7 @@ class DecayFit:
         return "\n".join([*lines, *(f"  note: {warning}" for warning in self.warnings)])
 
 
-def quantities(model: DecayModel, indices: tuple[int, ...], x: tuple[cs.MX, ...]) -> cs.MX:
+def quantities(model: DecayModel, indices: tuple[int, ...], x: Sequence[cs.MX]) -> cs.MX:
     """Return the quantities of a decay, in the order of ``QUANTITIES``, from all unknowns of a fit."""
     return model.quantities(*(x[i] for i in indices))
 

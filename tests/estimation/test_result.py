@@ -12,7 +12,6 @@ from ancf_casadi.estimation.nlp import Unknown, least_squares
 from ancf_casadi.estimation.result import Result
 from ancf_casadi.plot import png
 from problems import (
-    DecayComparison,
     DecayFit,
     FrequencyMatch,
     LawComparison,
@@ -28,14 +27,14 @@ from problems import (
 TIME = np.arange(0.0, 4.0, 0.02)
 RECORD = 0.05 * np.exp(-0.2 * TIME) * np.cos(12.0 * TIME) + 1e-3 * np.random.default_rng(1).standard_normal(len(TIME))
 
-CLASSES = [Fit, DecayFit, RayleighFit, MonteCarlo]
-LATER = [FrequencyMatch, TransientFit, DecayComparison, LawComparison]
+CLASSES = [Fit, DecayFit, RayleighFit, MonteCarlo, LawComparison]
+LATER = [FrequencyMatch, TransientFit]
 MAKERS = {
     Fit: lambda: least_squares(lambda a: a * TIME - RECORD, [Unknown("a", 0.1, unit="m/s")]),
     DecayFit: lambda: fit_decay(TIME, RECORD),
     RayleighFit: lambda: fit_rayleigh((1.0, 5.0, 9.0), (0.01, 0.02, 0.04), ratio_std=0.001),
     MonteCarlo: lambda: monte_carlo(fit_decay(TIME, RECORD), runs=3),
-    DecayComparison: lambda: compare_decay_laws(TIME, RECORD),
+    LawComparison: lambda: compare_decay_laws(TIME, RECORD),
 }
 
 

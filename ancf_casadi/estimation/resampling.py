@@ -248,7 +248,7 @@ def monte_carlo(
     runs, seed = whole(runs, "runs", MINIMUM_RUNS, MOST_RUNS), whole(seed, "seed", 0)
     choice(method, get_args(Method), "method")
     if not isinstance(fit, Refittable):
-        raise InputError(f"must be a DecayFit, a TransientFit or alike, with a method refit, got a {type(fit).__name__}", "fit")
+        raise InputError(f"must be a DecayFit or a TransientFit, got a {type(fit).__name__}", "fit")
     if not (fit.fit.degrees_of_freedom > 0 and fit.fit.residual_rms > 0.0):
         raise InputError("leaves no residuals to make records from", "fit")
     block = block_length(fit.fit) if method == "bootstrap" else 1

@@ -178,7 +178,7 @@ def test_settings_that_make_no_sense_are_refused(decay, settings, message):
 
 
 def test_a_fit_without_residuals_or_no_fit_is_refused(decay):
-    with pytest.raises(InputError, match="fit: must be a DecayFit, a TransientFit or alike, with a method refit, got a Fit"):
+    with pytest.raises(InputError, match="fit: must be a DecayFit or a TransientFit, got a Fit"):
         monte_carlo(decay.fit)
     with pytest.raises(InputError, match="level: must be between 0 and 1"):
         monte_carlo(decay, runs=2).intervals(1.0)

@@ -27,8 +27,8 @@ from problems import (
 TIME = np.arange(0.0, 4.0, 0.02)
 RECORD = 0.05 * np.exp(-0.2 * TIME) * np.cos(12.0 * TIME) + 1e-3 * np.random.default_rng(1).standard_normal(len(TIME))
 
-CLASSES = [Fit, DecayFit, RayleighFit, MonteCarlo, LawComparison]
-LATER = [FrequencyMatch, TransientFit]
+CLASSES = [Fit, DecayFit, RayleighFit, MonteCarlo, LawComparison, TransientFit]
+LATER = [FrequencyMatch]
 MAKERS = {
     Fit: lambda: least_squares(lambda a: a * TIME - RECORD, [Unknown("a", 0.1, unit="m/s")]),
     DecayFit: lambda: fit_decay(TIME, RECORD),

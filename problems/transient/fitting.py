@@ -42,8 +42,9 @@ from ancf_casadi.dynamics.derivatives.release_load import START, held_start, sta
 from ancf_casadi.dynamics.derivatives.sensitivity import Problem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.trajectory import State
-from ancf_casadi.estimation.fit import Fit, colour_warning
-from ancf_casadi.estimation.nlp import Unknown, least_squares, residual_function
+from ancf_casadi.estimation.autocorrelation import colour_warning
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.least_squares import Unknown, least_squares, residual_function
 from ancf_casadi.estimation.resampling import refit
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.beam import PROPERTIES
@@ -164,7 +165,8 @@ class TransientFit:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Notes on what to know before using the estimates."""
-        notes = [*self.fit.warnings, colour_warning(self.fit.residuals, noise_free=self.fit.systematic)]
+        coloured = colour_warning(self.fit.residuals, self.fit.series, noise_free=self.fit.systematic)
+        notes = [*self.fit.warnings, coloured]
         tolerance, worst = self.problem.tolerance, float(np.abs(self.shifts).max())
         if math.isnan(worst):
             notes.append(f"the error of the integration at the tolerance {tolerance:.1e} could not be checked")
@@ -346,6 +348,7 @@ def _fit(problem: TransientProblem, unknowns: Sequence[Unknown], robust: float) 
             noise=spread(problem.records),
             systematic=TRUST * travel(problem.records),
             options=OPTIONS,
+            advice="start from other guesses, set bounds, or fix some unknowns",
         )
     except FitError as error:
         reasons = [f"; the last motion tried: {one.failure}" for one in runs if one.failure]

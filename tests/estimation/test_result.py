@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.estimation.result import Result
 from ancf_casadi.plot import png
 from problems import (

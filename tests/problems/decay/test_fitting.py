@@ -483,7 +483,7 @@ def test_a_short_record_says_so():
     assert any(w.startswith("the record is short: 4.1 periods of free decay") for w in fit.warnings)
     vague = fit_decay(TIME[:1500], swing(1.85, 0.003, 0.05, time=TIME[:1500]) + 5e-3 * noise(31, 1500))
     (warning,) = [w for w in vague.warnings if w.startswith("the damping ratio is known to ")]
-    needed = float(warning.split("one of ")[1].split(" s would do")[0])
+    needed = float(warning.split("too short; ")[1].split(" s would give 10%")[0])
     time = np.arange(0.0, needed, 0.002)
     longer = fit_decay(time, swing(1.85, 0.003, 0.05, time=time) + 5e-3 * noise(32, len(time)))
     assert longer.standard_errors["damping_ratio"] == pytest.approx(0.1 * vague.damping_ratio, rel=0.2)

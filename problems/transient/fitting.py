@@ -31,7 +31,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import NoneType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as cs
 import numpy as np
@@ -42,8 +42,10 @@ from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import Problem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.trajectory import State
-from ancf_casadi.estimation.fit import Fit, colour_warning
-from ancf_casadi.estimation.nlp import Unknown, least_squares, residual_function
+from ancf_casadi.estimation.autocorrelation import colour_warning
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.least_squares import Unknown, least_squares, residual_function
+from ancf_casadi.estimation.resampling import refit
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
@@ -53,6 +55,9 @@ from ancf_casadi.support.interrupts import delayed_interrupts
 from problems.transient.marker_record import MarkerRecord
 from problems.transient.tolerance import ALLOWED, CHECK, TIGHTEST, TRUST, first_tolerance, spread, tighter, travel
 from problems.transient.unknowns import amplitude_name, load_name, loads, transient_unknowns
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PATIENCE = 20.0  # of a run, in steps of the first
 OPTIONS: Mapping[str, Any] = {
@@ -160,7 +165,8 @@ class TransientFit:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Notes on what to know before using the estimates."""
-        notes = [*self.fit.warnings(), colour_warning(self.fit.residuals, noise_free=self.fit.systematic)]
+        coloured = colour_warning(self.fit.residuals, self.fit.series, noise_free=self.fit.systematic)
+        notes = [*self.fit.warnings, coloured]
         tolerance, worst = self.problem.tolerance, float(np.abs(self.shifts).max())
         if math.isnan(worst):
             notes.append(f"the error of the integration at the tolerance {tolerance:.1e} could not be checked")
@@ -172,6 +178,31 @@ class TransientFit:
                 f"errors; {advice}"
             )
         return tuple(note for note in notes if note)
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Estimated unknowns by name."""
+        return dict(zip(self.fit.names, self.fit.values.tolist(), strict=True))
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each unknown."""
+        return dict(zip(self.fit.names, self.fit.units, strict=True))
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each unknown by name; nan at a bound."""
+        return self.fit.standard_errors
+
+    def refit(self, noise: Array) -> Array:
+        """Return the unknowns from a fit to the fitted motion plus noise (m)."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a trial without a motion is stepped back from
+            return refit(self.fit, noise, gauss_newton=True, forward=True, options=OPTIONS)
+
+    def figure(self) -> Figure:
+        """Draw the residuals and their autocorrelation."""
+        return self.fit.figure()
 
     def start(self, record: int = 0) -> State:
         """Return the state that a record starts from, where its load was estimated.
@@ -317,6 +348,7 @@ def _fit(problem: TransientProblem, unknowns: Sequence[Unknown], robust: float) 
             noise=spread(problem.records),
             systematic=TRUST * travel(problem.records),
             options=OPTIONS,
+            advice="start from other guesses, set bounds, or fix some unknowns",
         )
     except FitError as error:
         reasons = [f"; the last motion tried: {one.failure}" for one in runs if one.failure]

@@ -39,17 +39,21 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as cs
 import numpy as np
 from scipy.special import stdtrit
 
 from ancf_casadi.estimation.autocorrelation import autocorrelation, effective_samples
+from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import number
 from ancf_casadi.support.tables import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Quantities = Callable[..., cs.MX]
 
@@ -124,6 +128,11 @@ class Fit:
         return float(self.values[self.names.index(name)])
 
     @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of the unknowns at a bound."""
+        return tuple(name for name, active in zip(self.names, self.active_bounds, strict=True) if active)
+
+    @property
     def rank(self) -> int:
         """How many unknowns the data determine: those not at a bound."""
         return int(np.count_nonzero(~self.active_bounds))
@@ -150,18 +159,19 @@ class Fit:
         return effective_samples(self.residuals, self.series)
 
     @property
-    def standard_errors(self) -> Array:
+    def errors(self) -> Array:
         """Standard errors (n,); nan for unknowns at a bound."""
         return np.sqrt(np.diag(self.covariance))
 
-    def standard_error(self, name: str) -> float:
-        """Return the standard error of an unknown; nan at a bound."""
-        return float(self.standard_errors[self.names.index(name)])
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each unknown by name; nan at a bound."""
+        return dict(zip(self.names, self.errors.tolist(), strict=True))
 
     @property
     def correlations(self) -> Array:
         """Correlations (n, n); nan for unknowns at a bound, or where there is no residual."""
-        error = self.standard_errors
+        error = self.errors
         with np.errstate(invalid="ignore"):
             return self.covariance / np.outer(error, error)
 
@@ -219,8 +229,9 @@ class Fit:
         total = float(sizes @ np.abs(self.values[chosen]))
         return float((sizes * wide).max()) / total if total > 0.0 else math.inf
 
+    @property
     def warnings(self) -> tuple[str, ...]:
-        """Return what to know before using the estimates: bounds, correlations, intervals that reach a bound."""
+        """Unknowns at a bound, strong correlations, and intervals that reach a bound."""
         notes = [
             f"{name} is at its bound {value:g}"
             for name, value, there in zip(self.names, self.values, self.active_bounds, strict=True)
@@ -251,14 +262,14 @@ class Fit:
                 name,
                 float(value),
                 unit,
-                *(_known(number) for number in (error, low, high)),
+                *(known(number) for number in (error, low, high)),
                 "at its bound" if there else "",
             )
             for name, value, unit, error, (low, high), there in zip(
                 self.names,
                 self.values,
                 self.units,
-                self.standard_errors,
+                self.errors,
                 self.intervals(),
                 self.active_bounds,
                 strict=True,
@@ -275,12 +286,12 @@ class Fit:
 
     def report(self) -> str:
         """Return the result as text."""
-        return "\n".join([self.table().text(), *(f"  note: {note}" for note in self.warnings())])
+        return "\n".join([self.table().text(), *(f"  note: {note}" for note in self.warnings)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for what is not known."""
         per_unknown = zip(
-            self.names, self.units, self.values, self.standard_errors, self.intervals(), self.lower, self.upper,
+            self.names, self.units, self.values, self.errors, self.intervals(), self.lower, self.upper,
             self.active_bounds, strict=True,
         )  # fmt: skip
         return {
@@ -289,26 +300,32 @@ class Fit:
                     "name": name,
                     "unit": unit,
                     "value": float(value),
-                    "standard_error": _known(error),
-                    "interval_95": [_known(low), _known(high)],
-                    "bounds": [_known(lower), _known(upper)],
+                    "standard_error": known(error),
+                    "interval_95": [known(low), known(high)],
+                    "bounds": [known(lower), known(upper)],
                     "at_bound": bool(there),
                 }
                 for name, unit, value, error, (low, high), lower, upper, there in per_unknown
             ],
-            "covariance": [[_known(value) for value in row] for row in self.covariance],
-            "correlations": [[_known(value) for value in row] for row in self.correlations],
+            "covariance": [[known(value) for value in row] for row in self.covariance],
+            "correlations": [[known(value) for value in row] for row in self.correlations],
             "rank": self.rank,
-            "condition": _known(self.condition),
+            "condition": known(self.condition),
             "residuals": len(self.residuals),
             "residual_rms": self.residual_rms,
-            "autocorrelation": _known(self.autocorrelation),
+            "autocorrelation": known(self.autocorrelation),
             "effective_samples": self.effective_samples,
             "status": self.status,
             "iterations": self.iterations,
             "solve_seconds": self.solve_seconds,
-            "warnings": list(self.warnings()),
+            "warnings": list(self.warnings),
         }
+
+    def figure(self) -> Figure:
+        """Draw the residuals and their autocorrelation."""
+        from ancf_casadi.estimation.figures import residual_figure  # matplotlib is slow to import
+
+        return residual_figure(self.residuals, self.series)
 
     @property
     def dispersion(self) -> float:
@@ -329,7 +346,7 @@ class Fit:
         for k in np.flatnonzero(self.active_bounds).tolist():
             column = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k])[0]
             shifts[k] = -(column @ change) / (column @ column)
-        errors = self.standard_errors
+        errors = self.errors
         own_moves = np.diag(self.moves(LEVEL)[self.active_bounds])
         errors[self.active_bounds] = np.abs(own_moves) / quantile(LEVEL, self.degrees_of_freedom)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -409,7 +426,3 @@ def quantile(level: float, freedom: int) -> float:
     if not 0.0 < number(level, "level") < 1.0:
         raise InputError(f"must be between 0 and 1, got {level:g}", "level")
     return float(stdtrit(freedom, 0.5 + level / 2)) if freedom else math.nan
-
-
-def _known(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

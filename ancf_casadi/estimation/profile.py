@@ -53,9 +53,7 @@ def profile_interval(fit: Fit, quantity: str | Quantities, level: float = LEVEL)
     if not room > 0.0:
         raise InputError("leaves no residuals; without scatter there is no interval", "fit")
     free = ~fit.active_bounds
-    step = np.where(
-        free, quantile(level, fit.degrees_of_freedom) * fit.standard_errors, np.abs(fit.moves(level)).sum(axis=1)
-    )
+    step = np.where(free, quantile(level, fit.degrees_of_freedom) * fit.errors, np.abs(fit.moves(level)).sum(axis=1))
     step = np.where(np.isfinite(step), step, fit.scale)
     u = cs.MX.sym("u", len(fit.names))  # from the estimate, in steps
     x = cs.DM(fit.values) + cs.DM(step) * u

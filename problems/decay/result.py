@@ -9,7 +9,8 @@ length^(-3/2); from this the length that would do is found.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import casadi as cs
@@ -18,6 +19,8 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.estimation.fit import LEVEL, Fit, colour_warning
 from ancf_casadi.estimation.profile import profile_interval
+from ancf_casadi.estimation.resampling import refit
+from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array
@@ -35,6 +38,7 @@ UNITS = {
     "frequency": "Hz", "damping_ratio": "", "eta1": "1/s", "eta2": "1/m", "eta0": "m/s^2", "amplitude": "m",
     "offset": "m", "drift": "m/s",
 }  # fmt: skip
+QUANTITIES = tuple(UNITS)
 SUFFIXES = {
     "frequency": "_hz",
     "eta2": "_per_m",
@@ -43,43 +47,6 @@ SUFFIXES = {
     "offset": "_m",
     "drift": "_m_per_s",
 }
-
-
-@dataclass(frozen=True)
-class DecayErrors:
-    """Standard errors of a decay fit, each in the unit of its quantity; unknowns at a bound are taken as known.
-
-    Nan where the quantity is at a bound, or not one the law estimates.
-    """
-
-    frequency: float
-    damping_ratio: float
-    eta1: float
-    eta2: float
-    eta0: float
-    amplitude: float
-    offset: float
-    drift: float
-
-
-@dataclass(frozen=True)
-class DecayIntervals:
-    """Intervals that hold the truth with 95 %, each in the unit of its quantity; one-sided at a bound.
-
-    Nan where the quantity is not one the law estimates.
-    """
-
-    frequency: Interval
-    damping_ratio: Interval
-    eta1: Interval
-    eta2: Interval
-    eta0: Interval
-    amplitude: Interval
-    offset: Interval
-    drift: Interval
-
-
-QUANTITIES = tuple(field.name for field in fields(DecayErrors))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,10 +77,11 @@ class DecayFit:
         Why there: the first sample, the end of rest, an excitation that ends before, or as given.
     correlation : float
         Correlation of eta1 and eta2; nan under the linear law.
-    standard_errors : DecayErrors
-        How sure these are.
-    intervals : DecayIntervals
-        Where they are with 95 %.
+    standard_errors : mapping of str to float
+        Standard error of each quantity by name, unknowns at a bound taken as known; nan for a quantity that is at a
+        bound or not estimated.
+    intervals : mapping of str to (float, float)
+        95 % interval of each quantity by name, one-sided at a bound; nan for a quantity that is not estimated.
     warnings : tuple of str
         What to know before using them.
     time : ndarray
@@ -140,8 +108,8 @@ class DecayFit:
     release_time: float
     release_reason: str
     correlation: float
-    standard_errors: DecayErrors
-    intervals: DecayIntervals
+    standard_errors: Mapping[str, float]
+    intervals: Mapping[str, Interval]
     warnings: tuple[str, ...]
     time: Array
     residuals: Array
@@ -155,6 +123,22 @@ class DecayFit:
         return len(self.residuals)
 
     @property
+    def estimates(self) -> dict[str, float]:
+        """Quantities that the law estimates, by name."""
+        return {name: getattr(self, name) for name in QUANTITIES if not math.isnan(self.intervals[name][0])}
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each estimated quantity."""
+        return {name: UNITS[name] for name in self.estimates}
+
+    def refit(self, noise: Array) -> Array:
+        """Return the estimated quantities from a fit to the fitted curve plus noise (m)."""
+        x = refit(self.fit, noise, gauss_newton=LAWS[self.law].integrated)
+        found = np.asarray(cs.evalf(quantities(self.model, self.indices, cs.vertsplit(cs.MX(cs.DM(x)))))).ravel()
+        return np.asarray(found[[QUANTITIES.index(name) for name in self.estimates]])
+
+    @property
     def residual_rms(self) -> float:
         """R of Eq. (10), m."""
         return math.sqrt(np.mean(self.residuals**2))
@@ -162,7 +146,7 @@ class DecayFit:
     @property
     def active_bounds(self) -> tuple[str, ...]:
         """Names of the unknowns at a bound."""
-        return tuple(name for name, there in zip(self.fit.names, self.fit.active_bounds, strict=True) if there)
+        return self.fit.at_bound
 
     def displacement(self, time: ArrayLike) -> Array:
         """Return the fitted displacement (m) at times (s) of the record, from the release on."""
@@ -187,9 +171,8 @@ class DecayFit:
         FitError
             If a program for an end does not converge.
         """
-        if name not in QUANTITIES or math.isnan(getattr(self.intervals, name)[0]):
-            known = [name for name in QUANTITIES if not math.isnan(getattr(self.intervals, name)[0])]
-            raise InputError(f"is not estimated by this fit; there are {', '.join(known)}", name)
+        if name not in self.estimates:
+            raise InputError(f"is not estimated by this fit; there are {', '.join(self.estimates)}", name)
         which = QUANTITIES.index(name)
         return profile_interval(self.fit, lambda *x: quantities(self.model, self.indices, x)[which], level)
 
@@ -202,16 +185,15 @@ class DecayFit:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for what is not known."""
-        errors, intervals = asdict(self.standard_errors), asdict(self.intervals)
         table: dict[str, Any] = {"law": self.law}
         for name in QUANTITIES:
             suffix = SUFFIXES.get(name, "")
-            low, high = intervals[name]
-            table[f"{name}{suffix}"] = _known(getattr(self, name))
-            table[f"{name}_stderr{suffix}"] = _known(errors[name])
-            table[f"{name}_interval{suffix}"] = [_known(low), _known(high)]
+            low, high = self.intervals[name]
+            table[f"{name}{suffix}"] = known(getattr(self, name))
+            table[f"{name}_stderr{suffix}"] = known(self.standard_errors[name])
+            table[f"{name}_interval{suffix}"] = [known(low), known(high)]
         table |= {
-            "correlation": _known(self.correlation),
+            "correlation": known(self.correlation),
             "release_time_s": self.release_time,
             "release_reason": self.release_reason,
             "residual_rms_m": self.residual_rms,
@@ -224,7 +206,6 @@ class DecayFit:
 
     def report(self) -> str:
         """Return the result as text, a line each."""
-        errors, intervals = asdict(self.standard_errors), asdict(self.intervals)
         shown = (
             "frequency",
             "damping_ratio",
@@ -235,8 +216,10 @@ class DecayFit:
         )
         lines = [f"{self.law} decay, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
         for name in shown:
-            low, high = (_precise(end, intervals[name]) for end in intervals[name])
-            value = f"  {name:<14}{getattr(self, name):>13.6g} +- {errors[name]:.2g} {UNITS[name]}".rstrip()
+            low, high = (_precise(end, self.intervals[name]) for end in self.intervals[name])
+            value = (
+                f"  {name:<14}{getattr(self, name):>13.6g} +- {self.standard_errors[name]:.2g} {UNITS[name]}".rstrip()
+            )
             lines.append(f"{value}  [{low}, {high}]")
         lines.append(f"  {'release':<14}{self.release_time:>13.6g} s  ({self.release_reason})")
         lines.append(f"  {'residual_rms':<14}{self.residual_rms:>13.3g} m")
@@ -247,8 +230,8 @@ class DecayFit:
         return "\n".join([*lines, *(f"  note: {warning}" for warning in self.warnings)])
 
 
-def quantities(model: DecayModel, indices: tuple[int, ...], x: tuple[cs.MX, ...]) -> cs.MX:
-    """Return the quantities of a decay, in the order of ``DecayErrors``, from all unknowns of a fit."""
+def quantities(model: DecayModel, indices: tuple[int, ...], x: Sequence[cs.MX]) -> cs.MX:
+    """Return the quantities of a decay, in the order of ``QUANTITIES``, from all unknowns of a fit."""
     return model.quantities(*(x[i] for i in indices))
 
 
@@ -288,7 +271,7 @@ def decay_result(
     most[1] = upper
     ends = np.clip(fit.derived_intervals(lambda *x: quantities(model, indices, x)).T, least, most).T
     named = dict(zip(QUANTITIES, values.tolist(), strict=True))
-    standard_errors = DecayErrors(*errors.tolist())
+    standard_errors = dict(zip(QUANTITIES, errors.tolist(), strict=True))
     residuals = fit.residuals[rows]
     return DecayFit(
         law=model.law,
@@ -297,8 +280,8 @@ def decay_result(
         release_reason=reason,
         correlation=math.nan if model.law == "linear" else float(fit.correlations[indices[1], indices[2]]),
         standard_errors=standard_errors,
-        intervals=DecayIntervals(*((float(low), float(high)) for low, high in ends)),
-        warnings=(*fit.warnings(), *_warnings(named, standard_errors, time[-1] - time[0], residuals)),
+        intervals={name: (float(low), float(high)) for name, (low, high) in zip(QUANTITIES, ends, strict=True)},
+        warnings=(*fit.warnings, *_warnings(named, standard_errors, time[-1] - time[0], residuals)),
         time=time,
         residuals=residuals,
         model=model,
@@ -307,7 +290,7 @@ def decay_result(
     )
 
 
-def _warnings(named: dict[str, float], errors: DecayErrors, length: float, r: Array) -> list[str]:
+def _warnings(named: dict[str, float], errors: Mapping[str, float], length: float, r: Array) -> list[str]:
     """Return what the record tells of itself, beyond what its fit does."""
     warnings = []
     periods = length * named["frequency"]
@@ -316,7 +299,7 @@ def _warnings(named: dict[str, float], errors: DecayErrors, length: float, r: Ar
             f"the record is short: {periods:.1f} periods of free decay; {FEW_PERIODS} or more tell apart more"
         )
     noisy = math.sqrt(np.mean(r**2)) > ROUNDING * named["amplitude"]
-    ζ, error = named["damping_ratio"], errors.damping_ratio
+    ζ, error = named["damping_ratio"], errors["damping_ratio"]
     if noisy and error > VAGUE * abs(ζ):
         share = f"to {error / abs(ζ):.0%} only" if error < abs(ζ) else "no better than to be zero"
         advice = "less noise, or a larger release, would help"
@@ -326,10 +309,6 @@ def _warnings(named: dict[str, float], errors: DecayErrors, length: float, r: Ar
         warnings.append(f"the damping ratio is known {share}: {advice}")
     coloured = colour_warning(r, noise_free=ROUNDING * named["amplitude"])
     return [*warnings, coloured] if coloured else warnings
-
-
-def _known(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def _precise(end: float, interval: Interval) -> str:

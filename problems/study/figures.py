@@ -13,7 +13,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ancf_casadi.plot import MEASURED, png
+from ancf_casadi.estimation.figures import MEASURED
+from ancf_casadi.plot import png
 from ancf_casadi.support.arrays import Array
 from problems.study import paper
 from problems.study.reproduction import LAWS, Study

@@ -53,9 +53,9 @@ def results(study: Study) -> dict[str, Any]:
             {
                 "mode": mode,
                 "frequency_hz": fit.frequency,
-                "frequency_stderr_hz": fit.standard_errors.frequency,
+                "frequency_stderr_hz": fit.standard_errors["frequency"],
                 "damping_ratio": fit.damping_ratio,
-                "damping_ratio_stderr": fit.standard_errors.damping_ratio,
+                "damping_ratio_stderr": fit.standard_errors["damping_ratio"],
             }
             for mode, fit in zip(MODES, study.identification, strict=True)
         ],
@@ -64,9 +64,9 @@ def results(study: Study) -> dict[str, Any]:
             {
                 "mode": mode,
                 "eta1": fit.eta1,
-                "eta1_stderr": fit.standard_errors.eta1,
+                "eta1_stderr": fit.standard_errors["eta1"],
                 "eta2_per_m": fit.eta2,
-                "eta2_stderr_per_m": fit.standard_errors.eta2,
+                "eta2_stderr_per_m": fit.standard_errors["eta2"],
                 "correlation": fit.correlation,
                 "amplitude_m": fit.amplitude,
                 "equivalent_damping_ratio": fit.damping_ratio,
@@ -125,8 +125,8 @@ def _transient(result: TransientResult) -> dict[str, Any]:
 
 def _identification(study: Study) -> Table:
     rows = [
-        (mode, fit.frequency, fit.standard_errors.frequency, f, 100 * fit.damping_ratio,
-         100 * fit.standard_errors.damping_ratio, 100 * zeta)
+        (mode, fit.frequency, fit.standard_errors["frequency"], f, 100 * fit.damping_ratio,
+         100 * fit.standard_errors["damping_ratio"], 100 * zeta)
         for mode, fit, f, zeta in zip(
             MODES, study.identification, paper.FREQUENCIES, paper.DAMPING_RATIOS, strict=True
         )
@@ -156,8 +156,8 @@ def _proportional(study: Study) -> Table:
 def _quadratic(study: Study) -> Table:
     columns = zip(MODES, study.quadratic, paper.ETA1, paper.ETA2, paper.EQUIVALENT_RATIOS, strict=True)
     rows = [
-        (mode, fit.eta1, fit.standard_errors.eta1, eta1, fit.eta2, fit.standard_errors.eta2, eta2, fit.correlation,
-         1e3 * fit.amplitude, 100 * fit.damping_ratio, 100 * zeta)
+        (mode, fit.eta1, fit.standard_errors["eta1"], eta1, fit.eta2, fit.standard_errors["eta2"], eta2,
+         fit.correlation, 1e3 * fit.amplitude, 100 * fit.damping_ratio, 100 * zeta)
         for mode, fit, eta1, eta2, zeta in columns
     ]  # fmt: skip
     return Table(

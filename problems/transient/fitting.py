@@ -31,7 +31,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import NoneType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as cs
 import numpy as np
@@ -44,6 +44,7 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.estimation.fit import Fit, colour_warning
 from ancf_casadi.estimation.nlp import Unknown, least_squares, residual_function
+from ancf_casadi.estimation.resampling import refit
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
@@ -53,6 +54,9 @@ from ancf_casadi.support.interrupts import delayed_interrupts
 from problems.transient.marker_record import MarkerRecord
 from problems.transient.tolerance import ALLOWED, CHECK, TIGHTEST, TRUST, first_tolerance, spread, tighter, travel
 from problems.transient.unknowns import amplitude_name, load_name, loads, named_parameters, transient_unknowns
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PATIENCE = 20.0  # of a run, in steps of the first
 OPTIONS: Mapping[str, Any] = {
@@ -160,7 +164,7 @@ class TransientFit:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Notes on what to know before using the estimates."""
-        notes = [*self.fit.warnings(), colour_warning(self.fit.residuals, noise_free=self.fit.systematic)]
+        notes = [*self.fit.warnings, colour_warning(self.fit.residuals, noise_free=self.fit.systematic)]
         tolerance, worst = self.problem.tolerance, float(np.abs(self.shifts).max())
         if math.isnan(worst):
             notes.append(f"the error of the integration at the tolerance {tolerance:.1e} could not be checked")
@@ -172,6 +176,31 @@ class TransientFit:
                 f"errors; {advice}"
             )
         return tuple(note for note in notes if note)
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Estimated unknowns by name."""
+        return dict(zip(self.fit.names, self.fit.values.tolist(), strict=True))
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each unknown."""
+        return dict(zip(self.fit.names, self.fit.units, strict=True))
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each unknown by name; nan at a bound."""
+        return self.fit.standard_errors
+
+    def refit(self, noise: Array) -> Array:
+        """Return the unknowns from a fit to the fitted motion plus noise (m)."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a trial without a motion is stepped back from
+            return refit(self.fit, noise, gauss_newton=True, forward=True, options=OPTIONS)
+
+    def figure(self) -> Figure:
+        """Draw the residuals and their autocorrelation."""
+        return self.fit.figure()
 
     def start(self, record: int = 0) -> State:
         """Return the state that a record starts from, where its load was estimated.

@@ -31,7 +31,7 @@ import functools
 import io
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -41,7 +41,7 @@ import numpy as np
 import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.segments import Segment, SegmentSolution
+from ancf_casadi.dynamics.segments import InitialValueProblem, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import NODE
@@ -141,7 +141,7 @@ class SemiExplicit:
         k, d, mass = (model.matrix(values, NODE) for values in balance.tangents(e, e_t))
         length, B, identity = model.beam.length, balance.turned_projection(e)[NODE:, :], cs.DM.eye(free)
         none = cs.DM(free, free)
-        w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.rates * length * rate
+        w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.modal_coefficients * length * rate
         jacobians = [
             cs.horzcat(cs.DM(2 * free, free), cs.vertcat(rate * identity, none)),
             cs.horzcat(cs.vertcat(none, rate * identity), cs.DM(2 * free, m)),
@@ -189,7 +189,7 @@ class SemiExplicit:
         if w.numel():
             further = balance.modal_damping(e, w)
             forces, lost = forces + further, lost + cs.dot(e_t, further)
-        excess = balance.modal_rates(e, e_t) - w
+        excess = balance.modal_velocities(e, e_t) - w
         return _Outputs(
             x_t=cs.vertcat(rate * x[free:], rate * z[:free]),
             forces=forces,
@@ -215,33 +215,10 @@ def _scaled(matrix: cs.MX, left: cs.MX, right: cs.MX) -> cs.MX:
     return cs.MX(matrix.sparsity(), cs.vec(matrix.nz[:]) * factors)
 
 
-def integrate_by_idas(
-    equations: Equations,
-    clamp: cs.Function,
-    start: State,
-    segments: Sequence[Segment],
-    tolerance: float,
-    largest_step: float,
-    options: Mapping[str, Any],
-) -> Iterator[SegmentSolution]:
-    """Integrate a smooth piece of the motion, and yield what each segment of it gives.
+def integrate_by_idas(problem: InitialValueProblem) -> Iterator[SegmentSolution]:
+    """Integrate over a smooth piece of the base motion, and yield the solution on each segment.
 
-    Parameters
-    ----------
-    equations : Equations
-        The equation of motion.
-    clamp : Function
-        (t) -> position, velocity and acceleration of the clamped node, (12,).
-    start : State
-        Where the beam is at the start of the first segment.
-    segments : sequence of Segment
-        Segments of time, one after the other.
-    tolerance : float
-        Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.
-    largest_step : float
-        No step is longer, s.
-    options : mapping
-        Options of CasADi's IDAS interface; they override ``DEFAULTS``.
+    The options of the problem override ``DEFAULTS``.
 
     Raises
     ------
@@ -250,9 +227,10 @@ def integrate_by_idas(
     SimulationError
         If IDAS fails.
     """
-    form = SemiExplicit(equations)
+    clamp, largest_step = problem.clamp, problem.largest_step
+    form = SemiExplicit(problem.equations)
     residual, energetics = form.residual, form.energetics
-    settings = {**DEFAULTS, "abstol": tolerance, **options}
+    settings = {**DEFAULTS, "abstol": problem.tolerance, **problem.options}
     s, time_span = cs.MX.sym("s"), cs.MX.sym("time", 2)
     x, z = cs.MX.sym("x", residual.size1_in(0)), cs.MX.sym("z", residual.size1_in(1))
     begin, span = cs.vertsplit(time_span)
@@ -273,8 +251,8 @@ def integrate_by_idas(
         except RuntimeError as error:
             raise InputError(_refusal(str(error)), "options") from None
 
-    x0 = form.scaled(start)
-    for segment in segments:
+    x0 = form.scaled(problem.start)
+    for segment in problem.segments:
         p = [segment.start, segment.length]
         constant, matrix = linear(0.0, x0, 0.0, p)
         z0 = -scipy.sparse.linalg.splu(matrix.sparse()).solve(constant.full().ravel())

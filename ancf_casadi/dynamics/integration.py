@@ -24,7 +24,7 @@ import numpy as np
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.idas import integrate_by_idas
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
-from ancf_casadi.dynamics.segments import Segment, SegmentSolution, cut
+from ancf_casadi.dynamics.segments import InitialValueProblem, Segment, SegmentSolution, cut
 from ancf_casadi.dynamics.tolerance import IDAS_SMALLEST, idas_tolerance, radau_tolerance
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State
 from ancf_casadi.exceptions import SimulationError
@@ -155,11 +155,17 @@ class Integration:
         self, use: IntegratorUse, piece: SmoothPiece, state: State, segments: Sequence[Segment]
     ) -> Iterator[SegmentSolution]:
         """Integrate over the time segments, a copy of those given."""
-        given = self.equations, piece.clamp, state, list(segments), use.tolerance, self.largest_step
-        if use.method == "radau":
-            return integrate_by_radau(*given)
         bound = {"max_num_steps": self._most_between_samples} if self.method == "auto" else {}
-        return integrate_by_idas(*given, {**bound, **self.options})
+        problem = InitialValueProblem(
+            equations=self.equations,
+            clamp=piece.clamp,
+            start=state,
+            segments=list(segments),
+            tolerance=use.tolerance,
+            largest_step=self.largest_step,
+            options={**bound, **self.options},
+        )
+        return (integrate_by_radau if use.method == "radau" else integrate_by_idas)(problem)
 
     def _segments(self, piece: SmoothPiece) -> list[Segment]:
         points = max(1, math.ceil((piece.end - piece.begin) * self.sample_rate / SEGMENTS))

@@ -1,17 +1,21 @@
-"""Segments of time, on which an integrator reports, and what it finds on each.
+"""Time segments between integrator restarts, and the solution on each segment.
 
-A smooth piece of the base motion is cut at samples of the result.  Between two segments progress is shown and Ctrl-C
-acted upon; what the segments before have found is kept where a run is interrupted or fails.
+Each smooth piece of the base motion is divided into segments that end at samples of the result.  After each segment,
+progress is shown and Ctrl-C takes effect; the solution on the finished segments is kept if a run is interrupted or
+fails.  Both integrators take an ``InitialValueProblem`` and yield one ``SegmentSolution`` per segment.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
+import casadi as cs
 import numpy as np
 
+from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.support.arrays import Array
 
@@ -86,6 +90,37 @@ class SegmentSolution:
     end_energies: Array
     segment: Segment
     steps: int
+
+
+@dataclass(frozen=True, eq=False)
+class InitialValueProblem:
+    """The motion on a smooth piece of the base motion, or on its rest, as an integrator takes it.
+
+    Parameters
+    ----------
+    equations : Equations
+        The equation of motion.
+    clamp : Function
+        (t) -> position, velocity and acceleration of the clamped node, (12,).
+    start : State
+        The state at the start of the first segment.
+    segments : sequence of Segment
+        Consecutive time segments.
+    tolerance : float
+        Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.
+    largest_step : float
+        Largest step, s.
+    options : mapping
+        Options of CasADi's IDAS interface; Radau has none.
+    """
+
+    equations: Equations
+    clamp: cs.Function
+    start: State
+    segments: Sequence[Segment]
+    tolerance: float
+    largest_step: float = math.inf
+    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 def cut(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Segment]:

@@ -239,7 +239,7 @@ def _steps(now: float, inside: Array, end: float, longest: float) -> tuple[Array
 def _curve(piece: Piece, base: BaseMotion) -> cs.Function:
     """(t) -> motion of the clamp, (9,)."""
     t = cs.MX.sym("t")
-    where = cs.densify(piece.motion(t, cs.MX(cs.DM([value for _, value in base.parameters]))))
+    where = cs.densify(piece.motion(t, cs.MX(cs.DM([own.value for own in base.parameters]))))
     rate = cs.densify(cs.jacobian(where, t))
     return cs.Function("curve", [t], [cs.vertcat(where, rate, cs.densify(cs.jacobian(rate, t)))])
 

@@ -181,7 +181,7 @@ def law(strip):
 def test_derivatives_are_those_of_differences_and_reverse_ones_the_transposed(strip, law):
     settings = {"damping": law, "base": TURNING, "duration": 0.5, "sample_rate": 50.0}
     coarse, tight = (motion(strip, **settings, tolerance=tolerance) for tolerance in (1e-7, 1e-9))
-    at = [np.array([value for _, value in law.parameters]), np.zeros(0), strip.properties]
+    at = [np.array([parameter.value for parameter in law.parameters]), np.zeros(0), strip.properties]
     symbols = [cs.MX.sym(name, *coarse.size_in(k)) for k, name in enumerate("abc")]
     tip = cs.vec(coarse(*symbols)[-4:-2, :])
     directions = [np.array([1.0, 0.0]), np.array([0.0, 1.0])], [strip.properties * (np.arange(4) == 1)[:, None]]
@@ -246,7 +246,7 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
     motion = stage_motion(unknowns, cs.DM(q), cs.DM(v), cs.MX(h), cs.DM(clamps.T))
     forces, _ = form.balance.map(3)(*motion, cs.repmat(cs.DM(p), 1, 3))
     jacobian = cs.Function("G", [unknowns], [cs.jacobian(cs.vec(forces[4:, :]), cs.vec(unknowns))])(Z.T).full()
-    rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).rates).full().ravel()
+    rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).modal_coefficients).full().ravel()
 
     band = tangent.matrix(Z.T, h, np.concatenate([q, v, clamps.ravel(), p])).full().ravel()
     low_rank = tangent.low_rank(clamps, h, rates)

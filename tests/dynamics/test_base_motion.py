@@ -11,7 +11,7 @@ from ancf_casadi import FixedBase, HarmonicBase, InputError, SampledBase, SweepB
 def motion(base, instants, order=0):
     """Displacement and rotation (k, 3) of a base, or their derivatives, from the piece that holds at each instant."""
     t, result = cs.MX.sym("t"), []
-    values = cs.DM([value for _, value in base.parameters])
+    values = cs.DM([parameter.value for parameter in base.parameters])
     functions = []
     for piece in base.pieces():
         u = cs.densify(piece.motion(t, values))

@@ -42,7 +42,7 @@ def law(model):
 
 
 def values(law, model):
-    return [np.array([value for _, value in law.parameters]), np.array([BASE.amplitude]), model.properties]
+    return [np.array([parameter.value for parameter in law.parameters]), np.array([BASE.amplitude]), model.properties]
 
 
 @pytest.fixture(scope="module", params=["equilibrium", "straight", "impact", "released"])

@@ -273,7 +273,7 @@ class Problem:
     @cached_property
     def _rates(self) -> cs.Function:
         p = cs.MX.sym("p", self.equations.parameters.size)
-        return cs.Function("rates", [p], [self.equations.balance(p).rates])
+        return cs.Function("rates", [p], [self.equations.balance(p).modal_coefficients])
 
     @cached_property
     def _force_slopes(self) -> cs.Function:

@@ -18,17 +18,16 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
-from ancf_casadi.dynamics.segments import CLOSE, Segment, SegmentSolution
+from ancf_casadi.dynamics.segments import CLOSE, InitialValueProblem, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.model import NODE
@@ -53,39 +52,18 @@ AT_ONCE = 8  # samples of a step
 LEAST_ERROR, LEAST_TREND = 1e-10, 1e-2  # of a step, and as that of the step before
 
 
-def integrate_by_radau(
-    equations: Equations,
-    clamp: cs.Function,
-    start: State,
-    segments: Sequence[Segment],
-    tolerance: float,
-    largest_step: float = math.inf,
-) -> Iterator[SegmentSolution]:
-    """Integrate a smooth piece of the motion, and yield what each segment of it gives.
-
-    Parameters
-    ----------
-    equations : Equations
-        The equation of motion.
-    clamp : Function
-        (t) -> position, velocity and acceleration of the clamped node, (12,).
-    start : State
-        Where the beam is at the start of the first segment.
-    segments : sequence of Segment
-        Segments of time, one after the other.
-    tolerance : float
-        Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.
-    largest_step : float
-        No step is longer, s.
+def integrate_by_radau(problem: InitialValueProblem) -> Iterator[SegmentSolution]:
+    """Integrate over a smooth piece of the base motion, and yield the solution on each segment.
 
     Raises
     ------
     SimulationError
-        If no step is small enough, or they are too many.
+        If no step is small enough, or the steps are too many.
     """
+    equations, segments = problem.equations, problem.segments
     form, p = Collocation(equations), equations.parameters
     span = segments[0].start, segments[-1].end
-    stepper = Stepper(form, p, clamp, start, *span, tolerance, largest_step)
+    stepper = Stepper(form, p, problem.clamp, problem.start, *span, problem.tolerance, problem.largest_step)
     size, steps, energies = equations.model.size, 0, np.zeros(2)
     for segment in segments:
         samples: list[tuple[Array, ...]] = [tuple(np.empty((0, width)) for width in (size, size, NODE, 2))]
@@ -150,7 +128,7 @@ class Stepper:
     parameters : array
         The parameters of the equation of motion.
     clamp, start, tolerance, largest_step
-        As of ``integrate_by_radau``.
+        As of ``InitialValueProblem``.
     begin, end : float
         First and last instant, s.
     """
@@ -172,7 +150,7 @@ class Stepper:
         self.now, self._end, self._width, self._largest = begin, end, form.bandwidth, largest_step
         weights = 1 / (model.scale[model.free] * tolerance * math.sqrt(free))
         self._weights, self._all_weights = weights, np.concatenate([weights, np.repeat(weights, 2)]) / math.sqrt(STAGES)
-        self._rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).rates).full().ravel()
+        self._rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).modal_coefficients).full().ravel()
 
         self._motion = np.zeros((3, free))  # q, v and a at the end of the last step
         self._before = np.zeros((3, free))  # at its start

@@ -99,6 +99,11 @@ class FrequencyMatch:
         return bool(np.abs(self.relative_errors / self.matching.measured.relative_std).max() > NOISE)
 
     @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each property that may change, SI units; nan if the data do not determine it."""
+        return {p["name"]: math.nan if p["stderr"] is None else p["stderr"] for p in self._properties}
+
+    @property
     def holding(self) -> tuple[tuple[str, float], ...]:
         """Active bounds that keep the beam from fitting better, with their multipliers in descending order."""
         costs = dict(zip(self.matching.space.bounded_names, self.multipliers.tolist(), strict=True))

@@ -12,8 +12,9 @@ from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import instances
 from ancf_casadi.support.parallel import run_all
-from problems.transient.fitting import TransientFit, fit_transient
+from problems.transient.fitting import fit_transient
 from problems.transient.marker_record import MarkerRecord
+from problems.transient.result import TransientFit
 
 
 def compare_laws(

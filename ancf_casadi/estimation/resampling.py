@@ -38,8 +38,9 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args, runtime_chec
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.fit import LEVEL, Fit
-from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.estimation.estimates import LEVEL
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.support.arrays import Array, Index

@@ -33,7 +33,7 @@ from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.decay.one_mode import longest_step
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.nlp import least_squares
+from ancf_casadi.estimation.least_squares import least_squares
 from ancf_casadi.estimation.robust import HUBER, noise_of
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import choice, flag, instances, number, numbers, vector

@@ -28,7 +28,7 @@ from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, linear_deca
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.friction import friction_decay
 from ancf_casadi.decay.one_mode import one_mode_decay
-from ancf_casadi.estimation.nlp import Unknown
+from ancf_casadi.estimation.least_squares import Unknown
 from ancf_casadi.support.arrays import Array
 
 Law = Literal["linear", "quadratic", "friction", "one-mode"]

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.decay.measurement import Measurement
-from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import flag, number, whole

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Mask

@@ -17,7 +17,9 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.estimation.fit import LEVEL, Fit, colour_warning
+from ancf_casadi.estimation.autocorrelation import colour_warning
+from ancf_casadi.estimation.estimates import LEVEL
+from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.estimation.resampling import refit
 from ancf_casadi.estimation.result import known

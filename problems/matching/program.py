@@ -182,6 +182,7 @@ def _minimise(matching: Matching, response: Response, program: Program, start: A
             "jac_g": cs.Function("jac_g", [x, no_parameter], [g, g_jacobian]),
             "hess_lag": cs.Function("hess_lag", [x, no_parameter, sigma, y], [cs.triu(hessian)]),
         },
+        advice="give another guess, more starts or other bounds, or let fewer properties change",
     )
     of_rows = solution.constraint_multipliers[len(program.lower) :]
     return Optimum(

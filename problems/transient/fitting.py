@@ -41,7 +41,7 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.derivatives.release_load import START
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
@@ -156,6 +156,7 @@ def _fit(problem: TransientProblem, unknowns: Sequence[Unknown], robust: bool) -
         "noise": spread(records),
         "systematic": TRUST * travel(records),
         "options": OPTIONS,
+        "advice": "start from other guesses, set bounds, or fix some unknowns",
     }
     try:
         fit = least_squares(residuals, unknowns, huber=huber_threshold(records) if robust else math.inf, **settings)

@@ -13,8 +13,9 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.derivatives.release_load import held_start, start_slopes
 from ancf_casadi.dynamics.trajectory import State
-from ancf_casadi.estimation.fit import Fit, colour_warning
-from ancf_casadi.estimation.nlp import residual_function
+from ancf_casadi.estimation.autocorrelation import colour_warning
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.least_squares import residual_function
 from ancf_casadi.estimation.resampling import refit
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
@@ -54,7 +55,8 @@ class TransientFit:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
-        notes = [*self.fit.warnings, colour_warning(self.fit.residuals, noise_free=self.fit.systematic)]
+        coloured = colour_warning(self.fit.residuals, self.fit.series, noise_free=self.fit.systematic)
+        notes = [*self.fit.warnings, coloured]
         tolerance, worst = self.problem.tolerance, float(np.abs(self.shifts).max())
         if math.isnan(worst):
             notes.append(f"the integration error at the tolerance {tolerance:.1e} could not be checked")

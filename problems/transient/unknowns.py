@@ -19,7 +19,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, Parameter
 from ancf_casadi.dynamics.derivatives.release_load import LOAD, START
-from ancf_casadi.estimation.nlp import Unknown
+from ancf_casadi.estimation.least_squares import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model

@@ -6,7 +6,8 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi.estimation.nlp import Unknown, least_squares, solve_nlp
+from ancf_casadi.estimation.least_squares import Unknown, least_squares
+from ancf_casadi.estimation.nlp import solve_nlp
 from ancf_casadi.exceptions import FitError, InputError
 
 # NIST StRD, Misra1a (Misra 1978): y = b1 (1 - exp(-b2 x)), with certified estimates and standard deviations.
@@ -46,7 +47,7 @@ def test_a_line_has_the_covariance_of_linear_regression():
     np.testing.assert_allclose(fit.covariance, covariance[::-1, ::-1], rtol=1e-9)
     assert fit["b"] == fit.values[1]
     assert fit.standard_errors["b"] == math.sqrt(fit.covariance[1, 1])
-    assert fit.correlation("a", "b") == pytest.approx(covariance[0, 1] / math.sqrt(np.prod(np.diag(covariance))))
+    assert fit.correlations[0, 1] == pytest.approx(covariance[0, 1] / math.sqrt(np.prod(np.diag(covariance))))
 
 
 def test_units_of_the_unknowns_do_not_change_the_answer():
@@ -63,7 +64,7 @@ def test_an_unknown_at_its_bound_is_taken_as_known():
     assert fit["a"] == -0.5
     assert fit["b"] == pytest.approx(alone["b"], rel=1e-9)
     assert math.isnan(fit.standard_errors["a"])
-    assert math.isnan(fit.correlation("a", "b"))
+    assert math.isnan(fit.correlations[0, 1])
     assert fit.standard_errors["b"] == pytest.approx(alone.standard_errors["b"], rel=1e-9)
 
 

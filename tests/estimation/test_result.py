@@ -9,7 +9,7 @@ import pytest
 
 from ancf_casadi import Beam
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.estimation.result import Result
 from ancf_casadi.plot import png
 from problems import (

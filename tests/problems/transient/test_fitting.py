@@ -207,7 +207,7 @@ def test_residuals_that_are_not_noise_are_told_of_and_so_they_are_of_each_law(mo
     exact = replace(exact, positions=exact.positions - NOISE * np.random.default_rng(6).normal(size=(61, 1, 2)))
     laws = [RayleighDamping(alpha=1.0), QuadraticDamping(eta2=4.0)]
     comparison = compare_laws(model, exact, laws, tolerance=1e-6)
-    coloured = "they are not noise, the law does not tell all, and the standard errors are too small"
+    coloured = "they are not noise, the law does not explain all of the motion, and the standard errors are too small"
     wrong, right = comparison.fits
     assert any(coloured in warning for warning in wrong.warnings) and coloured in wrong.report()
     assert wrong.to_dict()["warnings"] == list(wrong.warnings)

@@ -19,8 +19,8 @@ import numpy as np
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.element import axial_strain
 from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.strain import axial_strain
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import shown
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium

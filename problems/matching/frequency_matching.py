@@ -30,8 +30,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, choice, whole
 from ancf_casadi.support.parallel import run_all
-from ancf_casadi.vibration.modal_state import modal_state
-from ancf_casadi.vibration.sensitivities import ModalState
+from ancf_casadi.vibration.modal_state import ModalState, modes_near
 from problems.matching.design_space import DesignSpace
 from problems.matching.identifiability import Identifiability
 from problems.matching.measured_modes import MeasuredModes
@@ -170,6 +169,6 @@ def _result(matching: Matching, optimum: Optimum, build_seconds: float, starts: 
 def _mac(matching: Matching, state: ModalState) -> Array:
     """Return the MAC of the measured shapes with all the lowest modes at the optimum, also those not followed."""
     free = matching.model.size - matching.model.free.start
-    lowest = modal_state(state.structure, state.at, min(int(state.numbers.max()) + 1 + SPARE, free))
+    lowest = modes_near(state.structure, state.at, min(int(state.numbers.max()) + 1 + SPARE, free))
     assert lowest is not None  # the equilibrium of the optimum is stable
     return matching.measured.mac(matching.observer @ lowest.shapes)

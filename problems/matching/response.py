@@ -26,8 +26,10 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.following import follow, followed_modes
+from ancf_casadi.vibration.modal_state import ModalState
 from ancf_casadi.vibration.modes import Modes, natural_modes
-from ancf_casadi.vibration.sensitivities import ModalState
+from ancf_casadi.vibration.second_derivatives import hessian
+from ancf_casadi.vibration.sensitivities import gradient
 from problems.matching.design_space import DesignSpace
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.preference import WEIGHT, LeastChange, Preference
@@ -183,7 +185,7 @@ class Response:
         x, x_m = self._observations(state), self._observation_jacobian(state)
         weights = self._r_x(x).full().T @ y
         of_shapes = weights[count:].reshape(count, -1) @ self.matching.observer
-        of_observations = state.curvature(self.matching.space.directions, weights[:count], of_shapes)
+        of_observations = hessian(state, self.matching.space.directions, weights[:count], of_shapes)
         return np.asarray(of_observations + x_m.T @ self._r_xx(x, y).full() @ x_m)
 
     def _observations(self, state: ModalState) -> Array:
@@ -199,7 +201,7 @@ class Response:
         for k in range(count):
             first = count + k * points
             of_shapes[k, :, first : first + points] = observer.T
-        return np.asarray((self._directions @ state.gradient(of_eigenvalues, of_shapes)).T)
+        return np.asarray((self._directions @ gradient(state, of_eigenvalues, of_shapes)).T)
 
 
 def _residual_functions(matching: Matching, worst: bool) -> tuple[cs.Function, cs.Function, cs.Function]:

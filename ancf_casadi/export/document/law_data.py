@@ -26,8 +26,8 @@ from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, Rayl
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document.strict_json import list_at, number_at, numbers_at, object_at, place, text_at
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.element import StrainMeasures
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import vector
 from ancf_casadi.vibration.equilibrium import Equilibrium

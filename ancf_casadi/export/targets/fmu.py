@@ -106,7 +106,7 @@ def write_fmu(
         If the beam has no stable equilibrium under gravity.
     """
     for s in numbers(markers, "markers"):
-        document.model.element_of(s)
+        document.model.element_at(s)
     headers, compiler = fmi_headers(), c_compiler()
     if not compiler:
         raise InputError("an FMU needs a C compiler, and there is none; install one, or name it in CC", "CC")

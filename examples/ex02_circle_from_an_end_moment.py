@@ -1,6 +1,6 @@
-"""Cantilever bent to a full circle by an end moment M = 2 pi E I/L.
+"""A cantilever bent to a full circle by the moment M = 2 pi E I/L at its end.
 
-The curvature is M/(E I) everywhere, so that the tip returns to the clamp: 20 elements close the circle to 8e-5 L.
+The curvature is M/(E I) everywhere, so the tip comes back to the clamp: 20 elements close the circle to 8e-5 L.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ beam = Beam.uniform(
 bending_stiffness = beam.elastic_modulus[0] * beam.sections[0].second_moment
 circle = static_equilibrium(Model(beam), tip_moment=2 * np.pi * bending_stiffness / beam.length)
 gap = float(np.linalg.norm(circle.tip)) / beam.length
-top = circle.position(beam.length / 2)  # a circle of circumference L has the height L/pi
+top = circle.position(beam.length / 2)  # a circle of circumference L is L/pi high
 
 if __name__ == "__main__":
     import matplotlib.pyplot as plt

@@ -1,9 +1,9 @@
-"""Base motion that moves a hanging strip by 0.1 m in 0.9 s and leaves it at rest, by shooting and IPOPT.
+"""The base motion that carries a hanging strip 0.1 m aside in 0.9 s and leaves it at rest, by shooting and IPOPT.
 
-The base follows x = 0.1 m (t'^3 (10 - 15 t' + 6 t'^2) + t'^4 (1 - t')^4 c(t')), t' = t/0.9 s: a smooth step and a
-term with four free coefficients in c.  The exported time step integrates the motion.  The optimum has the first mode at
-rest at the end and the least mean square acceleration of the base.  ``simulate``, an independent integration, shows
-the remaining swing: tens of times less than after the smooth step alone.
+The base follows x = 0.1 m (t'^3 (10 - 15 t' + 6 t'^2) + t'^4 (1 - t')^4 c(t')), t' = t/0.9 s: a smooth step, and four
+coefficients of c to choose.  The exported step of time goes through the motion; its first mode is to be at rest at
+the end, with the least mean square acceleration of the base.  ``simulate``, which knows nothing of this, shows what
+swing remains: tens of times less than after the smooth step alone.
 """
 
 import math
@@ -21,7 +21,7 @@ DISTANCE, TIME, STEPS, COEFFICIENTS = 0.1, 0.9, 120, 4  # m, s
 
 
 def position(t, c):
-    """Return the displacement of the base, m."""
+    """Displacement of the base, m."""
     s = t / TIME
     more = sum(c[k] * cs.cos(math.pi * k * s) for k in range(COEFFICIENTS))
     return DISTANCE * (s**3 * (10 - 15 * s + 6 * s**2) + 256 * (s * (1 - s)) ** 4 * more)
@@ -29,7 +29,7 @@ def position(t, c):
 
 @dataclass(frozen=True)
 class PlannedBase(BaseMotion):
-    """Motion with given coefficients, then a hold."""
+    """The motion with given coefficients, then the hold."""
 
     coefficients: tuple[float, ...]
 
@@ -47,14 +47,14 @@ model, damping = Model(beam), RayleighDamping(beta=1e-5)
 functions = beam_functions(model, damping, modes=1)
 p, start = values(functions.parameters), values(functions.states)
 
-# input of the step: displacement and rotation of the base with their first and second derivatives, at the stages
+# the base, as the step takes it: displacement and rotation with their first and second rates, at the stages
 t, c = cs.SX.sym("t"), cs.SX.sym("c", COEFFICIENTS)
 x = position(t, c)
 x_t = cs.jacobian(x, t)
 x_tt = cs.jacobian(x_t, t)
 clamp = cs.Function("clamp", [t, c], [cs.vertcat(x, 0, 0, x_t, 0, 0, x_tt, 0, 0)])
 
-# final state as a Function of the coefficients
+# the state at the end, as a Function of the coefficients
 h = TIME / STEPS
 state, base = cs.MX.sym("state", start.size), cs.MX.sym("base", 9, len(STAGES))
 following = functions.step(*cs.vertsplit(state, functions.free), base, p, h)
@@ -63,7 +63,7 @@ c = cs.MX.sym("c", COEFFICIENTS)
 motion = cs.horzcat(*(clamp((k + stage) * h, c) for k in range(STEPS) for stage in STAGES))
 end = march(start, motion)[:, -1]
 
-# first mode at rest at the new position
+# at rest in the first mode, carried by the distance
 modes = natural_modes(model, count=1)
 mass = model.mass(model.properties).sparse()[model.free, model.free]
 projector = cs.DM(modes.shapes[model.free].T @ mass) / modes.tip_amplitudes().max()

@@ -1,4 +1,4 @@
-"""The first call of a newcomer, with all defaults: right, quick, and honest about the integrator it used."""
+"""First calls with all defaults: correct, fast, and clear about the integrator used."""
 
 import warnings
 
@@ -41,7 +41,7 @@ def modes():
 
 
 def quietly(model, **settings):
-    """A run with all defaults, without the warning that tells of a change of the integrator."""
+    """Run with all defaults; the warning of a change of integrator is ignored."""
     with warnings.catch_warnings(action="ignore"):
         return simulate(model, **settings)
 
@@ -52,7 +52,7 @@ def quietly(model, **settings):
 @pytest.mark.slow
 @pytest.mark.parametrize(("mode", "amplitude"), [(0, 5e-3), (1, 0.5e-3)])
 def test_a_driven_beam_is_followed_to_a_ten_thousandth_of_its_travel_within_few_steps(modes, mode, amplitude):
-    """The impact at the start used to set the mesh ringing: millions of steps of IDAS, and a failure at 3.8 s."""
+    """Regression: an impact at the start excited the mesh: millions of IDAS steps, and a failure at 3.8 s."""
     law, base = ModalDamping(modes, RATIOS), HarmonicBase(amplitude, modes.frequencies[mode], stop=0.6)
     settings = {"damping": law, "base": base, "duration": 1.0}
     run = quietly(modes.model, **settings)
@@ -75,7 +75,7 @@ def test_an_undamped_release_from_four_fifths_of_the_length_keeps_its_energy():
 
 
 def bent(modes, mode, amplitude):
-    """The rest of the beam without gravity under the load that bends it like a mode."""
+    """Rest of the weightless beam under the load that bends it like a mode."""
     model, free = modes.model, modes.model.free
     shape = modes.shapes[:, mode] / modes.tip_amplitudes()[mode]
     load = model.mass(model.properties).sparse() @ shape * amplitude * modes.angular_frequencies[mode] ** 2
@@ -90,7 +90,7 @@ def bent(modes, mode, amplitude):
 
 @pytest.mark.parametrize(("mode", "amplitude"), [(0, 1e-4), (4, 1e-4), (1, 1e-3), (0, 1e-2), (2, 3e-3)])
 def test_defaults_damp_and_detune_no_mode_by_themselves(mode, amplitude):
-    """Numerical damping below 1e-5 and the frequency within 3e-5, against a motion integrated to 1e-10."""
+    """Numerical damping below 1e-5 and frequency within 3e-5 of a motion integrated to 1e-10."""
     modes = natural_modes(steel(axis=(1.0, 0.0), gravity=(0.0, 0.0)))
     frequency, start = modes.frequencies[mode], bent(modes, mode, amplitude * L)
     settings = {"start": start, "duration": 3 / frequency, "sample_rate": 50 * frequency}
@@ -145,7 +145,7 @@ def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
 
 
 def test_a_beam_that_rings_is_handed_to_radau_with_one_warning_that_says_when_and_why(modes):
-    """An impact on the clamp sets off modes of the mesh that nothing damps."""
+    """An impact on the clamp excites modes of the mesh that no law damps."""
     base = HarmonicBase(1e-2, modes.frequencies[0])
     with pytest.warns(UserWarning, match=r"^radau was used from \S+ s on: .*IDAS.*method='radau'") as caught:
         run = simulate(modes.model, base=base, start="impact", duration=0.3)
@@ -225,7 +225,7 @@ def whole():
 @pytest.mark.parametrize("sample", [1, 50, 106, -20])
 @pytest.mark.parametrize("method", ["idas", "radau"])
 def test_going_on_from_any_sample_of_a_driven_run_gives_the_uninterrupted_run(whole, sample, method):
-    """While the base moves, after its stop, and off the samples' grid of the first run."""
+    """While the base moves, after its stop, and between samples of the first run."""
     state = whole.state(sample)
     assert state.time == whole.time[sample]
     duration = whole.time[-1] - state.time
@@ -239,7 +239,7 @@ def test_going_on_from_any_sample_of_a_driven_run_gives_the_uninterrupted_run(wh
 
 
 def test_without_a_base_motion_the_clamp_stays_where_the_state_has_it(whole):
-    """It used to jump back to 0: 100 times the strain energy, and 34 m/s."""
+    """Regression: the base jumped back to 0, with 100 times the strain energy and 34 m/s."""
     assert abs(whole.base[-1, 0]) > 1e-3
     run = simulate(whole.model, damping=DAMPED, start=whole.state(-1), duration=0.1, sample_rate=200.0, tolerance=1e-9)
     np.testing.assert_allclose(run.base, np.tile(whole.base[-1], (len(run.time), 1)), atol=1e-15)

@@ -1,7 +1,7 @@
-"""Simulations of whatever a user may reasonably choose end well, or say why not.
+"""Simulations with any reasonable input succeed, or say why not.
 
-With nothing to damp the modes of the mesh, a large motion keeps them ringing.  ``radau`` passes over them and always
-ends within its steps; ``idas`` follows them, and may say that it takes too many.
+If nothing damps the modes of the mesh, a large motion keeps them ringing.  ``radau`` does not resolve them and always
+finishes within its steps; ``idas`` resolves them, and may report that it takes too many steps.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ PERIODS = 1.5
 
 @st.composite
 def experiments(draw):
-    """A model, and keyword arguments of ``simulate``, scaled to its first mode."""
+    """Model and keyword arguments of ``simulate``, scaled to its first mode."""
     density, elastic_modulus = MATERIALS[draw(st.sampled_from(sorted(MATERIALS)))]
     thickness = 10 ** draw(st.floats(-4, np.log10(0.02)))
     slenderness = 10 ** draw(st.floats(1.2, 3.0))
@@ -89,7 +89,7 @@ def experiments(draw):
 @settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_every_reasonable_experiment_ends_within_its_steps_and_balances_its_energy(data):
-    """Or there is no equilibrium to start from, or ``idas`` says that its steps are too many."""
+    """Otherwise there is no equilibrium to start from, or ``idas`` reports too many steps."""
     try:
         model, arguments = data.draw(experiments())
         run = simulate(model, **arguments)

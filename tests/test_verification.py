@@ -1,4 +1,4 @@
-"""Both integrators against exact solutions, balances of energy, reference values, and each other."""
+"""Both integrators against exact solutions, energy balances, reference values, and each other."""
 
 from itertools import pairwise
 
@@ -29,12 +29,12 @@ BOTH = pytest.mark.parametrize("method", ["idas", "radau"])
 
 @pytest.fixture(scope="module")
 def thick(rubber_beam):
-    """Horizontal beam whose axial waves are slow, so that an undamped run need not resolve 100 kHz."""
+    """Horizontal beam with slow axial waves, so that an undamped run need not resolve 100 kHz."""
     return Model(rubber_beam(6, axis=(1.0, 0.0)))
 
 
 def bent(modes, amplitudes):
-    """Rest under the load that bends the linear beam like sum A_k phi_k: no stretch, unlike the mode shapes."""
+    """Rest under the load that bends the linear beam like sum A_k phi_k; unlike mode shapes, it does not stretch."""
     model, free = modes.model, modes.model.free
     weights = np.array(amplitudes) * modes.angular_frequencies**2 / modes.tip_amplitudes()
     load = model.mass(model.properties).sparse() @ modes.shapes @ weights
@@ -51,7 +51,7 @@ def bent(modes, amplitudes):
 
 
 def phasor(run, modes, mode):
-    """Complex share q - i q_t/omega of a mode; its argument grows by omega, its logarithm falls by zeta omega."""
+    """Complex modal signal q - i q_t/omega: its phase grows at omega, its log magnitude falls at zeta omega."""
     rest = modes.equilibrium.coordinates
     rates = modes.modal_coordinate(run.velocities + rest, mode)
     return modes.modal_coordinate(run.coordinates, mode) - 1j * rates / modes.angular_frequencies[mode]
@@ -65,7 +65,7 @@ def decay_and_frequency(run, modes, mode):
 
 
 def released(model, load, **settings):
-    """Weightless beam let go from rest under a tip force of load E I/L^2 across it."""
+    """Weightless beam, released from rest under a transverse tip force of load E I/L^2."""
     stiffness = model.beam.elastic_modulus[0] * model.beam.sections[0].second_moment
     start = static_equilibrium(model, tip_force=(0.0, load * stiffness / LENGTH**2))
     return simulate(model, start=start, **settings)
@@ -124,7 +124,7 @@ def test_the_frequency_of_a_large_swing_is_that_of_harmonic_balance(paper_beam, 
 
 
 def test_the_frequency_of_a_large_swing_rises_with_the_square_of_its_amplitude(paper_beam):
-    """By 0.0193835 (A/L)^2, inextensible: 0.30668 by curvature less 0.28730 by inertia; 0.3 % more at 0.1 L."""
+    """By 0.0193835 (A/L)^2 if inextensible: 0.30668 (curvature) - 0.28730 (inertia); 0.3 % more at 0.1 L."""
     shift, reached = backbone(Model(paper_beam(8, **WEIGHTLESS)), 0.1, 1, "radau", 1e-8)
     assert shift / reached**2 == pytest.approx(0.0193835, rel=0.01)
 
@@ -136,7 +136,7 @@ def test_the_frequency_of_a_hanging_beam_hardly_depends_on_its_amplitude(paper_b
 
 
 def backbone(model, amplitude, across, method, tolerance):
-    """Shift of the frequency of mode 1 and its mean tip amplitude/L, from upward crossings; the others are damped."""
+    """Frequency shift of mode 1 and its mean tip amplitude/L, from upward crossings; other modes are damped."""
     modes = natural_modes(model, count=6)
     others = ModalDamping(modes, (0.0, 0.1, 0.1, 0.1, 0.1, 0.1)) + RayleighDamping(beta=3e-5)
     run = simulate(
@@ -274,7 +274,7 @@ def test_damping_by_the_reference_stiffness_resists_the_turn(paper_beam, method)
 
 
 def turned(model, law, speed, method):
-    """Motion of a beam under a clamp that turns evenly, begun with its motion."""
+    """Motion under a uniformly rotating clamp; the beam starts with its velocity."""
     t = np.linspace(0.0, 0.25, 101)
     base = SampledBase(t, np.zeros((101, 2)), speed * t)
     return simulate(model, base=base, damping=law, duration=0.12, sample_rate=500.0, method=method, tolerance=1e-8)
@@ -286,7 +286,7 @@ def turned(model, law, speed, method):
 @pytest.mark.parametrize("law", ["rayleigh", "quadratic", "modal"])
 @pytest.mark.parametrize("struck", [False, True], ids=["let go", "struck"])
 def test_both_integrators_find_the_same_motion_forces_and_energies_also_within_their_steps(thick, law, struck):
-    """Let go horizontally; or driven, and the clamp stopped at speed between two samples."""
+    """Released horizontally; or driven, with the clamp stopped at nonzero velocity between two samples."""
     damping = {
         "rayleigh": RayleighDamping(alpha=0.2, beta=3e-5),
         "quadratic": QuadraticDamping(eta1=0.2, eta2=1.0) + RayleighDamping(beta=3e-5),
@@ -311,7 +311,7 @@ def test_both_integrators_find_the_same_motion_forces_and_energies_also_within_t
 
 @BOTH
 def test_the_power_of_the_clamps_force_is_the_work_of_the_base(thick, method):
-    """Samples ten times as dense as the steps of radau: Simpson's rule."""
+    """Samples ten times as dense as the radau steps, integrated by Simpson's rule."""
     run = simulate(
         thick,
         base=HarmonicBase(0.02, 4.0, direction=(0.6, 0.8)),

@@ -1,5 +1,6 @@
 """Beams that several tests share, and the surroundings that all tests have."""
 
+import os
 import signal
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -7,16 +8,21 @@ from typing import Any
 import pytest
 
 from ancf_casadi import Beam, Model
+from ancf_casadi.support.compilation import c_compiler
 
 PAPER = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}  # Table 1
 
 
 @pytest.fixture(scope="session", autouse=True)
-def interpreted(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Run the equations without a C compiler, which a test that is about it turns on; keep off the user's cache."""
+def private_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep compiled functions away from the cache of the user, in one folder for all processes of a run."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "ancf-casadi-cache"
+    folder.mkdir(mode=0o700, exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ANCF_CASADI_COMPILE", "0")
-        patch.setenv("ANCF_CASADI_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("ANCF_CASADI_CACHE", str(folder))
+        if not c_compiler():
+            patch.setenv("ANCF_CASADI_COMPILE", "0")
         yield
 
 

@@ -470,8 +470,8 @@ def refused(arguments: list[str], files: Path, capsys) -> str:
         (["export", "beam.toml", "--format", "json", "--out", "beam.toml"], "beam.toml: is an input"),
         (["simulate", "study.toml", "--out", "x", "--plot", "./x"], "x: is named for two outputs; choose two names"),
         (["simulate", "study.toml", "--out", "pipe"], "pipe: is a device or a pipe; name a file"),
-        (["match", "beam.json"], "beam.json: a document holds beam and damping alone; write a TOML file"),
-        (["simulate", "beam.json"], "beam.json: a document holds beam and damping alone; write a TOML file"),
+        (["match", "beam.json"], "beam.json: a document holds only beam and damping; write a TOML file"),
+        (["simulate", "beam.json"], "beam.json: a document holds only beam and damping; write a TOML file"),
         (["modes", "large.toml"], "large.toml: is larger than 64 MiB"),
     ],
 )

@@ -163,7 +163,7 @@ def orders() -> Iterator[str]:
                 try:
                     run = simulate(model, method="idas", tolerance=1e-8, options=options, **settings)
                 except SimulationError as error:
-                    cells.append(f"stuck at {error.time:.2g} s")
+                    cells.append(f"stalls at {error.time:.2g} s")
                 else:
                     cells.append(f"{abs(run.tip - exact.tip).max() / SMALL:.1e}, {run.steps}")
             yield row(mode + 1, f"beta {beta:g} s" if beta else "none", *cells)

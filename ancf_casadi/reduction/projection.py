@@ -199,7 +199,7 @@ class Projected:
         whole = [cs.DM(B[component::4].sum(axis=0)) for component in (0, 1)]
         back = _rotated(-self.base[2], *self.slope_rate), _rotated(-self.base[2], self.base[3], self.base[4])
         rates = [part.T @ slope + total * speed for part, total, slope, speed in zip(both, whole, *back, strict=True)]
-        force = law.rates(parameters) * sum(rates, cs.MX.zeros(B.shape[1]))
+        force = law.modal_coefficients(parameters) * sum(rates, cs.MX.zeros(B.shape[1]))
         return local + self.on_modes(*_rotated(self.base[2], both[0] @ force, both[1] @ force))
 
     def inertia_force(self, rates: cs.MX, properties: cs.MX) -> cs.MX:

@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.segments import CLOSE
-from ancf_casadi.dynamics.simulation import sample_times
-from ancf_casadi.dynamics.start import Start, base_of, initial_state
+from ancf_casadi.dynamics.start import Start, base_of, initial_state, sample_times
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.reduction.projection import BASE
@@ -239,7 +238,7 @@ def _steps(now: float, inside: Array, end: float, longest: float) -> tuple[Array
 def _curve(piece: Piece, base: BaseMotion) -> cs.Function:
     """(t) -> motion of the clamp, (9,)."""
     t = cs.MX.sym("t")
-    where = cs.densify(piece.motion(t, cs.MX(cs.DM([value for _, value in base.parameters]))))
+    where = cs.densify(piece.motion(t, cs.MX(cs.DM([own.value for own in base.parameters]))))
     rate = cs.densify(cs.jacobian(where, t))
     return cs.Function("curve", [t], [cs.vertcat(where, rate, cs.densify(cs.jacobian(rate, t)))])
 

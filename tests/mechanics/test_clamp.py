@@ -141,7 +141,7 @@ def test_derivatives_of_a_motion_are_those_of_differences():
     symbols = [cs.MX.sym(name, *coarse.size_in(k)) for k, name in enumerate("abc")]
     tip = coarse(*symbols)[-4:-2, :]
     slopes = cs.Function("J", symbols, [cs.jacobian(tip, symbols[0]), cs.jacobian(tip, symbols[2])])
-    at = [np.array([0.6]), np.array([value for _, value in base.parameters]), model.properties]
+    at = [np.array([0.6]), np.array([own.value for own in base.parameters]), model.properties]
     by_law, by_properties = (part.full() for part in slopes(*at))
     thicker = at[2] * np.array([0.0, 1.0, 0.0, 0.0])[:, None]
     for k, found, direction in ((0, by_law @ [0.1], np.array([0.1])), (2, by_properties @ thicker.ravel("F"), thicker)):

@@ -120,7 +120,7 @@ def beam_functions(
     dr_dq, dr_dv = stiffness + _jacobian(local, q), _jacobian(local, v)
     if B.numel():
         turned = balance.turned_projection(e)[free, :]
-        dr_dv += turned @ cs.diag(balance.rates) @ turned.T
+        dr_dv += turned @ cs.diag(balance.modal_coefficients) @ turned.T
 
     def function(name: str, inputs: Sequence[str], **outputs: cs.MX) -> cs.Function:
         return cs.Function(name, [symbols[key] for key in inputs], [*outputs.values()], [*inputs], [*outputs])

@@ -363,7 +363,7 @@ class TestExport:
         call = ["export", "small.toml", "--markers", "0.25", "--reduced", "2", "--format"]
         assert main([*call, "casadi", "--out", "beam.casadi"]) == 0
         functions = load_functions("beam.casadi")
-        assert [state.name for state in functions.states] == ["q_1", "q_2", "rate_q_1", "rate_q_2"]
+        assert [state.name for state in functions.states] == ["q_1", "q_2", "velocity_q_1", "velocity_q_2"]
         assert functions.markers(0, 0).full().ravel() == pytest.approx([0.0, -0.25], abs=1e-6)
         assert main([*call, "c", "--out", "source"]) == 0
         assert "source/beam.c" in capsys.readouterr().out

@@ -317,7 +317,7 @@ class _System:
         )
 
     def _drag(self) -> None:
-        """Add the drag of 2 Gauss points an element; ours has 4, which is the same to 1e-6."""
+        """Add drag at 2 Gauss points per element; ours uses 4, which agrees to 1e-6."""
         law, name = self.given.law, "ObjectConnectorCartesianSpringDamper"
         share = BEAM.density[0] * BEAM.sections[0].area * BEAM.element_length / 2
         linear = law.eta1 * share

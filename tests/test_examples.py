@@ -1,4 +1,4 @@
-"""Every example runs, and shows what its first lines promise."""
+"""Every example runs and gives the results that its docstring states."""
 
 import runpy
 from pathlib import Path

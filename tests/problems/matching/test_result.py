@@ -1,4 +1,4 @@
-"""What a match tells: truth recovered, deviations that cover it, limits of the bounds, and what the data leave open."""
+"""Results of a match: recovered truth, coverage of the deviations, limiting bounds, undetermined properties."""
 
 from dataclasses import replace
 

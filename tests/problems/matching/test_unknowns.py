@@ -1,4 +1,4 @@
-"""Unknowns stand for the beam they say, and keep it within their bounds."""
+"""Unknowns give the stated beam, and keep it within their bounds."""
 
 import numpy as np
 import pytest

@@ -26,8 +26,8 @@ from ancf_casadi.export.document.layout import (
 )
 from ancf_casadi.export.document.strict_json import place
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.element import StrainMeasures
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes

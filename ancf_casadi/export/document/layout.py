@@ -29,7 +29,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 
 from ancf_casadi.damping import ProportionalStiffness
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.element import AxialStrain, Curvature
+from ancf_casadi.mechanics.strain import AxialStrain, Curvature
 
 FORMAT: Final = "ancf-casadi"
 VERSION: Final = 1  # of the layout: it changes when the meaning of a key does

@@ -207,7 +207,7 @@ class _SymbolicMotion:
         dr_dv = _jacobian(local, self.symbols["v"])
         if balance.projection.numel():
             turned = balance.turned_projection(self.e)[free, :]
-            dr_dv += turned @ cs.diag(balance.rates) @ turned.T
+            dr_dv += turned @ cs.diag(balance.modal_coefficients) @ turned.T
         return {"dr_dq": self.stiffness + _jacobian(local, self.symbols["q"]), "dr_dv": dr_dv, "dr_da": self.mass}
 
 

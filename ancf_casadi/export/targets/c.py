@@ -6,7 +6,6 @@ contains an integrator with adaptive steps, or calls Python, has no translation 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from ancf_casadi.export.targets.c_source import TABLE_NAMES, header, source
 from ancf_casadi.export.targets.decay_program import decay_program
 from ancf_casadi.export.targets.overwriting import check_ours
 from ancf_casadi.support.files import check_folder, remove_file, write_file
-from ancf_casadi.support.inputs import shown
+from ancf_casadi.support.inputs import matches, shown
 
 MARK = "/* Written by ancf-casadi"
 NAME_PATTERN = r"[a-z][a-z0-9]*(_[a-z0-9]+)*"
@@ -57,7 +56,7 @@ def write_c(
         If the name cannot be used in C, a Function cannot be translated or has the name of another one, another
         program's file would be overwritten, or a file cannot be written.
     """
-    if not isinstance(name, str) or not re.fullmatch(NAME_PATTERN, name) or len(name) > LONGEST_NAME or name == "main":
+    if not matches(name, NAME_PATTERN) or len(name) > LONGEST_NAME or name == "main":
         raise InputError(
             f"must be small letters, digits and single underscores, {LONGEST_NAME} at most, and not main, got "
             f"{shown(name)}",

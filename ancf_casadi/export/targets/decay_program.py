@@ -1,7 +1,7 @@
 """C program that integrates a decay with the exported step: an example of the calls, and a first check of the export.
 
 The full beam is released from its equilibrium under a sideways pull, which is added to gravity.  The reduced beam is
-released from a deflection in mode 1, with ``STEPS_A_PERIOD`` steps per period of its highest mode.
+released from a deflection in mode 1, with ``STEPS_PER_PERIOD`` steps per period of its highest mode.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from ancf_casadi.dynamics.signals import MotionFunctions, values
 from ancf_casadi.export.functions.motion_functions import BeamFunctions
-from ancf_casadi.reduction.stepping import STEPS_A_PERIOD
+from ancf_casadi.reduction.stepping import STEPS_PER_PERIOD
 from ancf_casadi.support.arrays import Array
 
 SAMPLE, SAMPLES = 5e-3, 400  # seconds between two lines of output, and number of lines after the first
@@ -26,7 +26,7 @@ def decay_program(name: str, functions: MotionFunctions) -> str:
     if isinstance(functions, BeamFunctions):
         every, start = FULL_STEPS, _pull(name, functions)
     else:
-        every, start = math.ceil(SAMPLE * STEPS_A_PERIOD * _highest_frequency(functions)), _deflection(functions)
+        every, start = math.ceil(SAMPLE * STEPS_PER_PERIOD * _highest_frequency(functions)), _deflection(functions)
     upper, stages = name.upper(), functions.step.size2_in("base")
     return f"""the free decay of a beam after its release.
  *

@@ -9,8 +9,8 @@ imports this one.
 
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values
 from ancf_casadi.export.document.identification import DataFile, Identification, Provenance
-from ancf_casadi.export.document.layout import schema
 from ancf_casadi.export.document.model_document import Document, read_document, write_document
+from ancf_casadi.export.document.structs import schema
 from ancf_casadi.export.functions.motion_functions import BeamFunctions, beam_functions
 from ancf_casadi.export.targets.c import write_c
 from ancf_casadi.export.targets.fmu import write_fmu

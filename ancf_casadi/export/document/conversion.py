@@ -12,7 +12,8 @@ from msgspec.structs import asdict, replace
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.layout import (
+from ancf_casadi.export.document.strict_json import place
+from ancf_casadi.export.document.structs import (
     BeamData,
     EquilibriumData,
     LawData,
@@ -24,7 +25,6 @@ from ancf_casadi.export.document.layout import (
     SumData,
     data_of,
 )
-from ancf_casadi.export.document.strict_json import place
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures

@@ -1,7 +1,7 @@
 """The durable form of a beam: a JSON document with its damping law, its identifications and its provenance.
 
 A document is data: reading it runs no code from the file.  The model that is read equals the one that was written, to
-the last bit.  ``layout`` describes the document.
+the last bit.  ``structs`` describes its layout.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from ancf_casadi.damping import DampingLaw, ModalDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document.conversion import beam_data, law_data, law_from, made, model_from
 from ancf_casadi.export.document.identification import DataFile, Identification, Provenance
-from ancf_casadi.export.document.layout import (
+from ancf_casadi.export.document.strict_json import place, read_json
+from ancf_casadi.export.document.structs import (
     FORMAT,
     VERSION,
     DocumentData,
@@ -27,7 +28,6 @@ from ancf_casadi.export.document.layout import (
     data_of,
     read,
 )
-from ancf_casadi.export.document.strict_json import place, read_json
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.files import write_file
 from ancf_casadi.support.inputs import is_sequence, shown

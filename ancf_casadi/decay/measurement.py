@@ -24,7 +24,7 @@ from tqdm import tqdm
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_path
-from ancf_casadi.support.inputs import physical
+from ancf_casadi.support.inputs import located, physical
 
 MAXIMUM_BYTES = 2**30
 BLOCK = 100_000  # lines that NumPy reads at once
@@ -105,10 +105,8 @@ class Measurement:
         time, displacement = np.concatenate([np.reshape(part, (-1, 2)) for part in (above, below)]).T
         if not len(time):
             raise InputError("has no rows below its header", str(path))
-        try:
+        with located(str(path)):
             return cls(time * _unit(names[0]), displacement * _unit(names[chosen]), Path(path).name)
-        except InputError as error:
-            raise InputError(str(error), str(path)) from None
 
 
 def _series(values: ArrayLike, where: str) -> Array:

@@ -19,7 +19,16 @@ from typing import Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import read_toml
-from ancf_casadi.support.inputs import check_keys, is_sequence, number, positive, positive_or_infinite, vector, whole
+from ancf_casadi.support.inputs import (
+    check_keys,
+    is_sequence,
+    located,
+    number,
+    positive,
+    positive_or_infinite,
+    vector,
+    whole,
+)
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 LUMPED = ("tip_mass", "clamp_stiffness")
@@ -200,10 +209,8 @@ class Beam:
             raise InputError("has no table [beam]", where)
         required = {"length", "elements", *PROPERTIES}
         check_keys(table, required, {"axis", "gravity", *LUMPED}, f"{where}: [beam]")
-        try:
+        with located(f"{where}: [beam]"):
             return cls.uniform(**table)
-        except InputError as error:
-            raise InputError(str(error), f"{where}: [beam]") from None
 
     @property
     def elements(self) -> int:

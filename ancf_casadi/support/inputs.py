@@ -5,10 +5,11 @@ Each check returns the value in the form that the toolkit uses, or raises an ``I
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from numbers import Integral
 from types import NoneType
 from typing import Any
@@ -41,6 +42,15 @@ INSTEAD: Mapping[tuple[str, str], str] = {
     ("ndarray", "Measurement"): "Measurement(time, displacement)",
 }  # (class given, class needed) -> the expression to use instead
 IN_WORDS = {"str": "a text", "PathLike": "a path", "Mapping": "a mapping", "ndarray": "an array"}
+
+
+@contextlib.contextmanager
+def located(where: str) -> Iterator[None]:
+    """Put the place of a value, such as a file, a table or an option, in front of the message of an ``InputError``."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(str(error), where) from None
 
 
 def number(value: Any, where: str) -> float:

@@ -7,8 +7,9 @@ import time
 from pathlib import Path
 
 from ancf_casadi.support.files import check_folder
+from ancf_casadi.support.inputs import located
 from problems.command.exporting import FORMATS, export, read_identifications
-from problems.command.output import Output, Subcommands, json_text, located, new_files, positive_count
+from problems.command.output import Output, Subcommands, json_text, new_files, positive_count
 from problems.command.study_file import TABLE_KEYS, read_source
 
 

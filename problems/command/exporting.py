@@ -24,6 +24,7 @@ from ancf_casadi.export import (
     write_fmu,
 )
 from ancf_casadi.export.document.strict_json import read_json
+from ancf_casadi.support.inputs import located
 
 Format = Literal["json", "casadi", "c", "fmu"]
 
@@ -108,10 +109,8 @@ def read_identifications(results: Sequence[str], records: Sequence[str]) -> list
     found = []
     for path, data in pairs:
         result = read_json(path)
-        try:
+        with located(path):
             found.append(Identification.of(result, data=data))
-        except InputError as error:
-            raise InputError(str(error), path) from None
     return found
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from ancf_casadi.export import Document, Identification, write_document
 from ancf_casadi.mechanics.model import Model
-from problems.command.output import Output, Subcommands, file_writer, json_text, located, new_files
+from ancf_casadi.support.inputs import located
+from problems.command.output import Output, Subcommands, file_writer, json_text, new_files
 from problems.command.study_file import TABLE_KEYS, read_match
 from problems.matching.frequency_matching import match_frequencies
 

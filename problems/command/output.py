@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -77,15 +76,6 @@ def json_text(value: Any) -> str:
 def file_writer(path: Path, content: Callable[[], str | bytes]) -> Callable[[], None]:
     """Return a function that makes a content and writes it to a file."""
     return lambda: write_file(path, content())
-
-
-@contextlib.contextmanager
-def located(where: str) -> Iterator[None]:
-    """Prefix the message of an ``InputError`` with the file or option that holds the value."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(str(error), where) from None
 
 
 def new_files(inputs: Sequence[str], *outputs: Path | None) -> tuple[Path | None, ...]:

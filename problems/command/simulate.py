@@ -10,8 +10,9 @@ import numpy as np
 
 from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
+from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import Table
-from problems.command.output import Output, Subcommands, file_writer, json_text, located, new_files
+from problems.command.output import Output, Subcommands, file_writer, json_text, new_files
 from problems.command.study_file import TABLE_KEYS, read_simulation
 
 

@@ -7,11 +7,9 @@ tables and keys are listed in ``TABLE_KEYS``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
 from ancf_casadi.dynamics.base_motion import HarmonicBase
@@ -21,12 +19,10 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.files import read_toml
-from ancf_casadi.support.inputs import check_keys, numbers, shown
+from ancf_casadi.support.inputs import check_keys, located, numbers, shown
 from ancf_casadi.vibration.modes import natural_modes
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.unknowns import Global, PerElement, PropertyUnknown, Smooth
-
-Made = TypeVar("Made")
 
 MODES = ("frequency_std", "points", "shapes", "shape_std")  # keys of [match] that belong to MeasuredModes
 MATCH = ("bounds", "objective", "starts", "seed", "unknowns")
@@ -118,10 +114,9 @@ def read_match(path: str) -> tuple[Beam, dict[str, Any]]:
     where = f"{path}: [match]"
     request = dict(_table(tables.get("match"), {"targets"}, {*MODES, *MATCH}, where))
     measured = {key: request.pop(key) for key in MODES if key in request}
-    targets = _made(lambda: list(numbers(request["targets"], "targets")), where)
-    request["targets"] = (
-        _made(lambda: MeasuredModes(frequencies=tuple(targets), **measured), where) if measured else targets
-    )
+    with located(where):
+        targets = list(numbers(request["targets"], "targets"))
+        request["targets"] = MeasuredModes(frequencies=tuple(targets), **measured) if measured else targets
     if "unknowns" in request:
         request["unknowns"] = _unknowns(request["unknowns"], where)
     return model.beam, request
@@ -178,7 +173,8 @@ def _beam(tables: dict[str, Any], path: str) -> Document:
 def _unknowns(table: Any, where: str) -> tuple[PropertyUnknown, ...]:
     if not isinstance(table, dict):
         raise InputError(f"must be a table of properties, got {shown(table)}", f"{where}: unknowns")
-    return tuple(_made(partial(_unknown, name, given), where) for name, given in table.items())
+    with located(where):
+        return tuple(_unknown(name, given) for name, given in table.items())
 
 
 def _unknown(name: str, given: Any) -> PropertyUnknown:
@@ -211,7 +207,8 @@ def _base(table: Any, path: str) -> HarmonicBase | None:
         return None
     where = f"{path}: [base]"
     given = _table(table, {"amplitude", "frequency"}, {"stop", "direction", "stop_at"}, where)
-    return _made(lambda: HarmonicBase(**given), where)
+    with located(where):
+        return HarmonicBase(**given)
 
 
 def _damping(tables: Any, model: Model, path: str) -> DampingLaw | None:
@@ -238,19 +235,12 @@ def _law(table: Any, model: Model, where: str) -> DampingLaw:
     required = {"law", "ratios"} if kind == "modal" else {"law"}
     given = _table(table, required, known[kind], where)
     arguments = {key: value for key, value in given.items() if key != "law"}
-    if kind == "rayleigh":
-        return _made(lambda: RayleighDamping(**arguments), where)
-    if kind == "quadratic":
-        return _made(lambda: QuadraticDamping(**arguments), where)
+    if kind != "modal":
+        with located(where):
+            return RayleighDamping(**arguments) if kind == "rayleigh" else QuadraticDamping(**arguments)
     ratios = numbers(arguments.pop("ratios"), f"{where}: ratios")
     if "frequencies" in arguments:
         arguments["frequencies"] = numbers(arguments["frequencies"], f"{where}: frequencies")
     count = min(max(1, len(ratios)), model.size - model.free.start)
-    return _made(lambda: ModalDamping(natural_modes(model, count=count), ratios, **arguments), where)
-
-
-def _made(make: Callable[[], Made], where: str) -> Made:
-    try:
-        return make()
-    except InputError as error:
-        raise InputError(str(error), where) from None
+    with located(where):
+        return ModalDamping(natural_modes(model, count=count), ratios, **arguments)

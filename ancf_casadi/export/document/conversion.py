@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TypeVar, assert_never
+from typing import assert_never
 
 import numpy as np
 from msgspec import UNSET
@@ -29,10 +28,9 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import located
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
-
-Made = TypeVar("Made")
 
 
 def beam_data(beam: Beam) -> BeamData:
@@ -72,10 +70,10 @@ def model_from(beam: BeamData, measures: StrainMeasuresData, where: str) -> Mode
         If the values do not make a beam.
     """
     given = asdict(beam) | {"clamp_stiffness": math.inf if beam.clamp_stiffness is None else beam.clamp_stiffness}
-    return Model(
-        made(lambda: Beam(**given), place(where, "beam")),
-        made(lambda: StrainMeasures(**asdict(measures)), place(where, "strain_measures")),
-    )
+    with located(place(where, "beam")):
+        known = Beam(**given)
+    with located(place(where, "strain_measures")):
+        return Model(known, StrainMeasures(**asdict(measures)))
 
 
 def law_from(data: LawData, model: Model, where: str) -> DampingLaw:
@@ -88,24 +86,19 @@ def law_from(data: LawData, model: Model, where: str) -> DampingLaw:
     """
     match data:
         case RayleighData():
-            return made(lambda: RayleighDamping(**asdict(data)), where)
+            with located(where):
+                return RayleighDamping(**asdict(data))
         case QuadraticData():
-            return made(lambda: QuadraticDamping(**asdict(data)), where)
+            with located(where):
+                return QuadraticDamping(**asdict(data))
         case ModalData():
             modes = _modes_from(data.modes, model, place(where, "modes"))
-            return made(lambda: ModalDamping(modes, data.ratios, frequencies=data.frequencies), where)
+            with located(where):
+                return ModalDamping(modes, data.ratios, frequencies=data.frequencies)
         case SumData():
             at = place(where, "laws")
             return SumOfLaws(tuple(law_from(term, model, place(at, k)) for k, term in enumerate(data.laws)))
     assert_never(data)
-
-
-def made(make: Callable[[], Made], where: str) -> Made:
-    """Return the result of a call; its ``InputError`` gets the place in front."""
-    try:
-        return make()
-    except InputError as error:
-        raise InputError(str(error), where) from None
 
 
 def _modes_data(modes: Modes, model: Model) -> ModesData:

@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec.structs import asdict
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.conversion import beam_data, law_data, law_from, made, model_from
+from ancf_casadi.export.document.conversion import beam_data, law_data, law_from, model_from
 from ancf_casadi.export.document.identification import DataFile, Identification, Provenance
 from ancf_casadi.export.document.strict_json import place, read_json
 from ancf_casadi.export.document.structs import (
@@ -30,7 +31,7 @@ from ancf_casadi.export.document.structs import (
 )
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.files import write_file
-from ancf_casadi.support.inputs import is_sequence, shown
+from ancf_casadi.support.inputs import is_sequence, located, shown
 from ancf_casadi.support.tables import to_json
 
 
@@ -112,7 +113,8 @@ def read_document(path: str | Path) -> Document:
         If the file cannot be read or is no document; the message names the file and the place in it.
     """
     data = read_json(path)
-    return made(lambda: _document(read(data)), str(path))
+    with located(str(path)):
+        return _document(read(data))
 
 
 def _check_mesh(law: DampingLaw | None, model: Model) -> None:
@@ -127,11 +129,11 @@ def _document(data: DocumentData) -> Document:
     model = model_from(data.beam, data.strain_measures, "$")
     law = None if data.damping is None else law_from(data.damping, model, "$.damping")
     found = [_identification(item, place("$.identifications", k)) for k, item in enumerate(data.identifications)]
-    origin = data.provenance
-    provenance = made(lambda: Provenance(origin.written, origin.versions, origin.note), "$.provenance")
+    with located("$.provenance"):
+        provenance = Provenance(**asdict(data.provenance))
     return Document(model, law, found, provenance)
 
 
 def _identification(data: IdentificationData, where: str) -> Identification:
-    files = made(lambda: [DataFile(file.name, file.sha256) for file in data.data], place(where, "data"))
-    return made(lambda: Identification(data.kind, data.result, files), where)
+    with located(where):
+        return Identification(data.kind, data.result, [DataFile(file.name, file.sha256) for file in data.data])

@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import read_bytes
-from ancf_casadi.support.inputs import shown
+from ancf_casadi.support.inputs import located, shown
 
 MOST_LEVELS = 24
 LONGEST_KEY = 200
@@ -45,10 +45,8 @@ def read_json(path: str | Path) -> dict[str, Any]:
         raise InputError(f"is not JSON ({error})", str(path)) from None
     if not isinstance(value, dict):
         raise InputError("must hold a JSON object", str(path))
-    try:
+    with located(str(path)):
         check(value, "$")
-    except InputError as error:
-        raise InputError(str(error), str(path)) from None
     return value
 
 

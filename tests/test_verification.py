@@ -19,7 +19,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.mechanics.element import StrainMeasures
+from ancf_casadi.mechanics.strain import StrainMeasures
 
 LENGTH = 0.5
 WEIGHTLESS = {"gravity": (0.0, 0.0), "axis": (1.0, 0.0)}

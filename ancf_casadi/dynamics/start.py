@@ -29,10 +29,10 @@ from ancf_casadi.dynamics.segments import CLOSE
 from ancf_casadi.dynamics.tolerance import expected_travel
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.element import axial_strain
 from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.strain import axial_strain
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, physical, shown
+from ancf_casadi.support.inputs import check_instance, is_one_of, physical, shown
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
 Start = Literal["equilibrium", "straight", "impact"]
@@ -244,7 +244,7 @@ def check_start(model: Model, start: Start | Equilibrium | State) -> None:
     if isinstance(start, Equilibrium):
         if start.model != model:
             raise InputError("the equilibrium belongs to another model", "start")
-    elif not isinstance(start, State) and not (isinstance(start, str) and start in get_args(Start)):
+    elif not isinstance(start, State) and not is_one_of(start, get_args(Start)):
         known = ", ".join(get_args(Start))
         raise InputError(f"must be one of {known}, an Equilibrium or a State, got {shown(start)}", "start")
 

@@ -17,17 +17,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Integral
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.element import axial_strain, curvature
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.shape import gauss
+from ancf_casadi.mechanics.strain import axial_strain, curvature
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, number, shown
+from ancf_casadi.support.inputs import array, number, whole
 
 AT_ONCE = 1000  # samples whose energy is computed together, to limit memory
 
@@ -152,8 +150,7 @@ class Trajectory:
         InputError
             If the sample does not exist.
         """
-        if not isinstance(index, Integral) or not -len(self.time) <= index < len(self.time):
-            raise InputError(f"there are {len(self.time)} samples, got {shown(index)}", "index")
+        index = whole(index, "index", -len(self.time), len(self.time) - 1)
         return State(self.coordinates[index], self.velocities[index], float(self.time[index]))
 
     def position(self, s: float) -> Array:
@@ -206,7 +203,7 @@ class Trajectory:
         InputError
             If the point is not on the beam.
         """
-        self.model.element_of(s)
+        self.model.element_at(s)
         place = s / self.model.beam.element_length - 0.5
         index = min(max(int(place), 0), self.model.beam.elements - 2)
         first, second = self._mean_axial_force(index), self._mean_axial_force(index + 1)
@@ -220,7 +217,7 @@ class Trajectory:
         InputError
             If the point is not on the beam.
         """
-        width, thickness, _, modulus = self.model.properties[:, self.model.element_of(s)]
+        width, thickness, _, modulus = self.model.properties[:, self.model.element_at(s)]
         return np.asarray(float(modulus * width * thickness**3 / 12) * self.curvature(s))
 
     @cached_property
@@ -263,7 +260,7 @@ class Trajectory:
 
     def _from_gauss_points(self, s: float, strain: Callable[[Array, Array], Array]) -> Array:
         """Return a strain, a function of r' and r'', at arc length s from the line through the two Gauss points."""
-        l, index = self.model.beam.element_length, self.model.element_of(s)
+        l, index = self.model.beam.element_length, self.model.element_at(s)
         first, second = ((index + gauss(2)[0]) * l).tolist()
         values = [
             strain(

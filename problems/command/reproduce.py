@@ -22,15 +22,15 @@ def add_reproduce(commands: Subcommands) -> None:
 
 
 def _run(options: argparse.Namespace) -> Output:
-    from problems.study import report, reproduction  # loaded for this command alone, and by its processes
+    from problems.study import report, reproduction, tables, transients  # for this command and its processes alone
 
     folder = check_folder(options.out)
-    effort = reproduction.QUICK if options.quick else reproduction.FULL
+    effort = transients.QUICK if options.quick else transients.FULL
     study = reproduction.reproduce(effort=effort, jobs=options.jobs, progress=True)
     files = [partial(report.write_study, study, folder)]
     if options.json:
         return Output(json_text(report.results(study)), files)
-    texts = [table.text() for table in report.tables(study)]
+    texts = [table.text() for table in tables.tables(study)]
     if options.quick:
         texts.append(
             "Quick look: the excitations last a tenth as long and the tolerances are looser, so Table 11 is off by a "

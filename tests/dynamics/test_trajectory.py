@@ -129,7 +129,7 @@ class TestStarts:
             simulate(hanging, start=State(1.02 * hanging.straight, np.zeros(36)), duration=0.1)
 
     def test_no_sample_no_state(self, hanging):
-        with pytest.raises(InputError, match="there are 3 samples, got 3"):
+        with pytest.raises(InputError, match="must be a whole number, -3 to 2, got 3"):
             simulate(hanging, duration=0.002).state(3)
 
 

@@ -29,7 +29,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.element_forces import mapped, side_by_side
-from ancf_casadi.mechanics.model import NODE, Group, Model
+from ancf_casadi.mechanics.group import Group
+from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.shape import gauss, hermite_slope
 from ancf_casadi.support.arrays import Array
 
@@ -110,7 +111,7 @@ class Corotation:
     def _chain(self) -> Group:
         """The links as a group, for the coordinates that they see."""
         links = np.arange(self.model.size // NODE - 1)
-        return Group(self.model.element, NODE * links + np.arange(2 * NODE)[:, None], links.size, ())
+        return Group(self.model.element, NODE * links[:, None] + np.arange(2 * NODE), links.size, (), {})
 
     @cached_property
     def _element(self) -> Link:

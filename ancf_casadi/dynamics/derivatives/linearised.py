@@ -91,12 +91,12 @@ class Linearisation:
             If there is a Ctrl-C that ``noted_interrupts`` has noted.
         """
         order = -1 if backwards else 1
-        damping_rates = self._damping_rates(run.parameters).full().ravel()
+        modal_coefficients = self._modal_coefficients(run.parameters).full().ravel()
         width = self.tangent.bandwidth
         for step, samples in zip(passage.steps[::order], passage.samples[::order], strict=True):
             stop_if_interrupted()
             band = lapack_storage(self._matrix(step, run.parameters), width)
-            factors = Factors.of(band, width, *self.tangent.low_rank(step.clamps, step.length, damping_rates))
+            factors = Factors.of(band, width, *self.tangent.low_rank(step.clamps, step.length, modal_coefficients))
             yield LinearisedStep(step, samples, factors, self, run.parameters)
 
     @cached_property
@@ -104,9 +104,9 @@ class Linearisation:
         return StepFunction(self.tangent.matrix)
 
     @cached_property
-    def _damping_rates(self) -> cs.Function:
+    def _modal_coefficients(self) -> cs.Function:
         p = cs.MX.sym("p", self.form.equations.layout.size)
-        return cs.Function("damping_rates", [p], [self.form.equations.balance(p).modal_coefficients])
+        return cs.Function("modal_coefficients", [p], [self.form.equations.balance(p).modal_coefficients])
 
 
 class StepFunction:

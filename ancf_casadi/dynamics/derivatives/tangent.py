@@ -21,12 +21,12 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
-from ancf_casadi.dynamics.layout import Layout
 from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.banded import lapack_place
+from ancf_casadi.support.layout import Layout
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class Tangent:
         """Number of diagonals of G on either side of the main one."""
         return min(2 * STAGES * NODE - 1, STAGES * self._free - 1)
 
-    def low_rank(self, clamps: Array, h: float, damping_rates: Array) -> tuple[Array, Array]:
+    def low_rank(self, clamps: Array, h: float, modal_coefficients: Array) -> tuple[Array, Array]:
         """Return U and V (3 N, 3 m) of the low-rank part U V^T of G, in the order of G.
 
         Parameters
@@ -75,11 +75,11 @@ class Tangent:
             The clamped nodes at the stages.
         h : float
             Length of the step, s.
-        damping_rates : array (m,)
+        modal_coefficients : array (m,)
             d, 1/s.
         """
         B = [self.form.equations.turned_projection(clamp).full() for clamp in clamps]
-        U = scipy.linalg.block_diag(*(one * damping_rates for one in B))
+        U = scipy.linalg.block_diag(*(one * modal_coefficients for one in B))
         V = np.hstack([np.kron(row[:, None] / h, one) for row, one in zip(RADAU.inverse, B, strict=True)])
         return U[self.inverse_order], V[self.inverse_order]
 

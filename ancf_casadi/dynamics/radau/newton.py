@@ -54,8 +54,9 @@ class Newton:
         self._weights = 1 / (model.scale[model.free] * tolerance * math.sqrt(form.equations.free))
         every = np.concatenate([self._weights, np.repeat(self._weights, 2)])
         self._stage_weights = every / math.sqrt(STAGES)
-        balance = form.equations.balance(cs.MX(cs.DM(parameters)))
-        self._damping_rates = cs.evalf(balance.modal_coefficients).full().ravel()
+        self._modal_coefficients = (
+            cs.evalf(form.equations.balance(cs.MX(cs.DM(parameters))).modal_coefficients).full().ravel()
+        )
         reference = buffers.reference
         v, h = buffers.last.end[1], buffers.trial.length
         self._stages = Buffered(form.stages, *buffers.of_stages)
@@ -73,8 +74,8 @@ class Newton:
         reference.coordinates[:NODE] = reference.clamp[:NODE]
         reference.coordinates[NODE:] = q + trial.increments[MIDDLE]
         real, pair = self._matrices()
-        right = self._projection()[0].reshape(self._damping_rates.size, free).T
-        left = right * (self._damping_rates / trial.length)
+        right = self._projection()[0].reshape(self._modal_coefficients.size, free).T
+        left = right * (self._modal_coefficients / trial.length)
         self._real = Factors.of(lapack_storage(real, self._width), self._width, RADAU.gamma * left, right)
         self._pair = Factors.of(lapack_storage(pair.view(complex), self._width), self._width, RADAU.mu * left, right)
 

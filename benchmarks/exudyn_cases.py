@@ -300,7 +300,7 @@ class _System:
             )
 
     def _mass(self) -> None:
-        model, alpha = self.given.model, dict(self.given.law.parameters)["alpha"]
+        model, alpha = self.given.model, self.given.law.alpha
         properties = model.groups[0].properties(model.properties).full()
         for k in range(BEAM.elements):
             matrix = alpha * model.element.mass(properties[:, k]).full()
@@ -319,10 +319,10 @@ class _System:
 
     def _drag(self) -> None:
         """Add the drag of 2 Gauss points an element; ours has 4, which is the same to 1e-6."""
-        coefficients, name = dict(self.given.law.parameters), "ObjectConnectorCartesianSpringDamper"
+        law, name = self.given.law, "ObjectConnectorCartesianSpringDamper"
         share = BEAM.density[0] * BEAM.sections[0].area * BEAM.element_length / 2
-        linear = coefficients["eta1"] * share
-        quadratic = coefficients["eta2"] * DRAG_CONSTANT * share
+        linear = law.eta1 * share
+        quadratic = law.eta2 * DRAG_CONSTANT * share
         sym = self.exu.symbolic
 
         def force(

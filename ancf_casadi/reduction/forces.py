@@ -148,7 +148,7 @@ class ReducedMotion:
     def _low_rank_damping(self, law: DampingLaw, parameters: cs.SX, model: Model) -> cs.SX:
         """Return the modal force of R B diag(d) B^T R^T e_t, where R rotates by phi."""
         symbols = cs.MX.sym("parameters", parameters.numel())
-        d = cs.Function("d", [symbols], [law.rates(symbols)])(parameters)
+        d = cs.Function("d", [symbols], [law.modal_coefficients(symbols)])(parameters)
         B, angle = law.projection(model), self.base[2]
         slopes = [cs.DM(self.projection.slopes.shape.T @ B[component::2]) for component in (0, 1)]
         clamp = [cs.DM(B[component::4].sum(axis=0)) for component in (0, 1)]

@@ -24,8 +24,7 @@ import numpy as np
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.segments import CLOSE
-from ancf_casadi.dynamics.simulation import sample_times
-from ancf_casadi.dynamics.start import Start, base_of, initial_state
+from ancf_casadi.dynamics.start import Start, base_of, initial_state, sample_times
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.reduction.forces import BASE_SIZE
@@ -251,7 +250,7 @@ def _check_finite(path: Array, starts: Array) -> None:
 def _clamp_motion(piece: Piece, base: BaseMotion) -> cs.Function:
     """Return the Function (t) -> displacement and rotation of the clamp, velocities and accelerations, (9,)."""
     t = cs.MX.sym("t")
-    position = cs.densify(piece.motion(t, cs.MX(cs.DM([value for _, value in base.parameters]))))
+    position = cs.densify(piece.motion(t, cs.MX(cs.DM([own.value for own in base.parameters]))))
     velocity = cs.densify(cs.jacobian(position, t))
     return cs.Function("clamp", [t], [cs.vertcat(position, velocity, cs.densify(cs.jacobian(velocity, t)))])
 

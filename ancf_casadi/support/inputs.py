@@ -6,6 +6,7 @@ Each check returns the value in the form that the toolkit uses, or raises an ``I
 from __future__ import annotations
 
 import math
+import re
 import reprlib
 from collections.abc import Mapping, Sequence
 from numbers import Integral
@@ -110,9 +111,19 @@ def choice(value: Any, known: Sequence[str], where: str) -> str:
     InputError
         If it is anything else.
     """
-    if not isinstance(value, str) or value not in known:
+    if not is_one_of(value, known):
         raise InputError(f"must be one of {', '.join(known)}, got {shown(value)}", where)
-    return value
+    return str(value)
+
+
+def is_one_of(value: Any, known: Sequence[str]) -> bool:
+    """Return whether a value is one of some names."""
+    return isinstance(value, str) and value in known
+
+
+def matches(value: Any, pattern: str) -> bool:
+    """Return whether a value is a text that matches a regular expression as a whole."""
+    return isinstance(value, str) and re.fullmatch(pattern, value) is not None
 
 
 def _mistaken(value: Any, kinds: tuple[type, ...]) -> str:

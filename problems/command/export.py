@@ -43,7 +43,7 @@ def _run(options: argparse.Namespace) -> Output:
         new_files([options.file, *options.identification, *options.data], options.out)
     with located("--markers"):
         for marker in options.markers:
-            source.model.element_of(marker)
+            source.model.element_at(marker)
     found = read_identifications(options.identification, options.data)
     written = export(
         source, options.format, options.out, markers=options.markers, modes=options.reduced, identifications=found

@@ -18,8 +18,8 @@ from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document.model_document import Document, read_document
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.element import StrainMeasures
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.files import read_toml
 from ancf_casadi.support.inputs import check_keys, numbers, shown
 from ancf_casadi.vibration.modes import natural_modes

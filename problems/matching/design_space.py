@@ -15,7 +15,7 @@ from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_sequence, numbers, shown
-from ancf_casadi.vibration.parts import structure_properties
+from ancf_casadi.vibration.assembly import structure_properties
 from problems.matching.unknowns import PAPER, Global, PerElement, PropertyUnknown, Smooth, check_bounds
 
 SMALLEST = 1e-7  # factor: a property never vanishes

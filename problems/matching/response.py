@@ -23,8 +23,10 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.following import follow, followed_modes
+from ancf_casadi.vibration.modal_state import ModalState
 from ancf_casadi.vibration.modes import Modes, natural_modes
-from ancf_casadi.vibration.sensitivities import ModalState
+from ancf_casadi.vibration.second_derivatives import hessian
+from ancf_casadi.vibration.sensitivities import gradient
 from problems.matching.design_space import DesignSpace
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.preference import WEIGHT, LeastChange, Preference
@@ -172,7 +174,7 @@ class Response:
         seen, count = self._seen(state), self.matching.measured.count
         of_seen = self._slopes(seen).full().T @ y
         of_shapes = of_seen[count:].reshape(count, -1) @ self.matching.observer
-        curved = state.curvature(space.directions, of_seen[:count], of_shapes)
+        curved = hessian(state, space.directions, of_seen[:count], of_shapes)
         own = self._seen_slopes(state)
         return np.asarray(curved + own.T @ self._curvature(seen, y).full() @ own)
 
@@ -189,7 +191,7 @@ class Response:
         for k in range(count):
             first = count + k * points
             of_shapes[k, :, first : first + points] = observer.T
-        return np.asarray((self._along @ state.gradient(of_eigenvalues, of_shapes)).T)
+        return np.asarray((self._along @ gradient(state, of_eigenvalues, of_shapes)).T)
 
 
 def _residual_functions(matching: Matching, worst: bool) -> tuple[cs.Function, cs.Function, cs.Function]:

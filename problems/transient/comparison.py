@@ -20,7 +20,6 @@ from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.tables import Table
 from problems.transient.fitting import TransientFit, fit_transient
 from problems.transient.marker_record import MarkerRecord
-from problems.transient.unknowns import named_parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +42,7 @@ class LawComparison:
         """What the criteria say."""
         return judge(
             [
-                Candidate.of(name, one.fit, [own for own, _ in named_parameters(one.law)])
+                Candidate.of(name, one.fit, [own.name for own in one.law.parameters])
                 for name, one in zip(self.names, self.fits, strict=True)
             ]
         )
@@ -141,4 +140,4 @@ def compare_laws(
 def _name(law: DampingLaw) -> str:
     """Return what a law is called in a table."""
     terms = law.laws if isinstance(law, SumOfLaws) else (law,)
-    return " + ".join(f"{type(term).__name__}({', '.join(name for name, _ in term.parameters)})" for term in terms)
+    return " + ".join(f"{type(term).__name__}({', '.join(own.name for own in term.parameters)})" for term in terms)

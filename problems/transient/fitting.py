@@ -37,8 +37,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.dynamics.derivatives.differentiable import Runs
-from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_slopes
+from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_jacobians
+from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import Problem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.trajectory import State
@@ -52,7 +52,7 @@ from ancf_casadi.support.inputs import check_instance, choices, flag, instances,
 from ancf_casadi.support.interrupts import delayed_interrupts
 from problems.transient.marker_record import MarkerRecord
 from problems.transient.tolerance import ALLOWED, CHECK, TIGHTEST, TRUST, first_tolerance, spread, tighter, travel
-from problems.transient.unknowns import amplitude_name, load_name, loads, named_parameters, transient_unknowns
+from problems.transient.unknowns import amplitude_name, load_name, loads, transient_unknowns
 
 PATIENCE = 20.0  # of a run, in steps of the first
 OPTIONS: Mapping[str, Any] = {
@@ -118,12 +118,12 @@ class TransientProblem:
         given : mapping
             Unknowns by name.
         """
-        theta = [given.get(name, cs.MX(value)) for name, value in named_parameters(self.damping)]
+        theta = [given.get(own.name, cs.MX(own.value)) for own in self.damping.parameters]
         own_rows = zip(PROPERTIES, self.model.properties.tolist(), strict=True)
         rows = [given.get(name, cs.MX(1.0)) * cs.DM(row).T for name, row in own_rows]
         parts = []
         for k, (record, motion) in enumerate(zip(self.records, motions, strict=True)):
-            b = [given.get(amplitude_name(k, name), cs.MX(value)) for name, value in record.own_base.parameters]
+            b = [given.get(amplitude_name(k, own.name), cs.MX(own.value)) for own in record.own_base.parameters]
             inputs = [cs.vertcat(cs.MX(0, 1), *theta), cs.vertcat(cs.MX(0, 1), *b), cs.vertcat(*rows)]
             if self.starts:
                 inputs.append(cs.vertcat(*(given.get(load_name(k, name), cs.MX(p)) for name, p in loads(record))))
@@ -185,7 +185,7 @@ class TransientFit:
             raise InputError("was not estimated", "start")
         found = dict(zip(self.fit.names, self.fit.values.tolist(), strict=True))
         load = [found.get(load_name(record, name), value) for name, value in loads(self.problem.records[record])]
-        held = held_start(self.model, start_slopes(self.model), np.array(load))
+        held = held_start(self.model, start_jacobians(self.model), np.array(load))
         return State(held.coordinates, held.velocities)
 
     def report(self) -> str:
@@ -294,7 +294,7 @@ def fit_transient(
         chosen = tighter(chosen, shift)
         unknowns = [replace(unknown, guess=value) for unknown, value in zip(unknowns, fit.values.tolist(), strict=True)]
     found = dict(zip(fit.names, fit.values.tolist(), strict=True))
-    law = damping.with_parameters([found.get(name, value) for name, value in named_parameters(damping)])
+    law = damping.with_parameters([found.get(own.name, own.value) for own in damping.parameters])
     factors = {name: found.get(name, 1.0) for name in PROPERTIES}
     rows = zip(PROPERTIES, model.properties, strict=True)
     beam = model.beam.with_(**{name: (factors[name] * row).tolist() for name, row in rows})

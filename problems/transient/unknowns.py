@@ -12,12 +12,11 @@ frequency of the first mode.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping import DampingLaw, Parameter
 from ancf_casadi.dynamics.derivatives.release_load import LOAD, START
 from ancf_casadi.estimation.nlp import Unknown
 from ancf_casadi.exceptions import InputError
@@ -27,11 +26,9 @@ from ancf_casadi.support.inputs import choices
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.transient.marker_record import MarkerRecord
 
-NEAR = 0.10  # bounds of a property or an amplitude, on either side
-LARGEST_RATIO = 1.0 - 1e-6
+NEAR = 0.10  # bounds of a property, on either side
 SLIGHT = 0.1  # of the load that bends a beam by about its length
 FIRST_MODE = 3.516  # angular frequency of a cantilever by (E I/(mu L^4))^1/2
-UNITS = {"alpha": "1/s", "beta": "s", "eta1": "1/s", "eta2": "1/m"}
 
 Bounds = Mapping[str, tuple[float, float]]
 
@@ -54,8 +51,7 @@ def transient_unknowns(
         If a name is unknown, nothing is to be estimated, a guess is not within its bounds, or a record whose load is
         to be estimated does not start from an equilibrium.
     """
-    law = named_parameters(damping)
-    _check(fixed, [name for name, _ in law], "fixed")
+    _check(fixed, [parameter.name for parameter in damping.parameters], "fixed")
     _check(properties, PROPERTIES, "properties")
     _check(start, START, "start")
     unknowns = []
@@ -64,16 +60,19 @@ def transient_unknowns(
         lower, upper = bounds.get(name, usual)
         unknowns.append(Unknown(name, guess, scale or abs(guess) or 1.0, lower=lower, upper=upper, unit=unit))
 
-    for name, value in law:
-        if name not in fixed:
-            highest = LARGEST_RATIO if name.startswith("ratio") else math.inf
-            add(name, value, (0.0, highest), UNITS.get(name.split("_")[0], ""))
+    def add_parameter(name: str, parameter: Parameter) -> None:
+        unit = "" if parameter.unit == "1" else parameter.unit
+        add(name, parameter.value, (parameter.lower, parameter.upper), unit)
+
+    for parameter in damping.parameters:
+        if parameter.name not in fixed:
+            add_parameter(parameter.name, parameter)
     for name in properties:
         add(name, 1.0, (1.0 - NEAR, 1.0 + NEAR), "")
     for k, record in enumerate(records):
         if base_amplitude:
-            for name, value in record.own_base.parameters:
-                add(amplitude_name(k, name), value, ((1.0 - NEAR) * value, (1.0 + NEAR) * value), "m")
+            for parameter in record.own_base.parameters:
+                add_parameter(amplitude_name(k, parameter.name), parameter)
         if start:
             if not (isinstance(record.start, Equilibrium) or record.start == "equilibrium"):
                 raise InputError("must be an equilibrium, for its load to be estimated", "start")
@@ -88,16 +87,6 @@ def transient_unknowns(
     if strange:
         raise InputError(f"{', '.join(sorted(strange))}: not to be estimated", "bounds")
     return unknowns
-
-
-def named_parameters(damping: DampingLaw) -> list[tuple[str, float]]:
-    """Return the parameters of a law; the second of a name in a sum is called ``name_2``."""
-    seen: Counter[str] = Counter()
-    named = []
-    for name, value in damping.parameters:
-        seen[name] += 1
-        named.append((f"{name}_{seen[name]}" if seen[name] > 1 else name, value))
-    return named
 
 
 def amplitude_name(record: int, name: str) -> str:

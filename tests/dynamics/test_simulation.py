@@ -45,7 +45,7 @@ def rubber(rubber_beam):
 
 @pytest.fixture(scope="module")
 def released(paper_beam):
-    """A horizontal beam let go under gravity, by number of elements."""
+    """A horizontal beam released under gravity, by number of elements."""
     return {
         elements: simulate(
             Model(paper_beam(elements, axis=(1.0, 0.0))), duration=0.3, start="straight", sample_rate=200.0
@@ -56,7 +56,7 @@ def released(paper_beam):
 
 @pytest.fixture(scope="module")
 def driven(rubber):
-    """A damped beam under a base that moves, and stops between two samples."""
+    """A damped beam on a base that moves and stops between two samples."""
     modes = natural_modes(rubber, count=2)
     law = ModalDamping(modes, RATIOS) + QuadraticDamping(ETA1, ETA2)
     base = HarmonicBase(AMPLITUDE, FREQUENCY, stop=0.3)
@@ -64,14 +64,14 @@ def driven(rubber):
 
 
 def clamped(model, displacement=(0.0, 0.0), velocity=(0.0, 0.0), acceleration=(0.0, 0.0)):
-    """Clamped node of a base that does not turn: position, slope, their rates and accelerations."""
+    """Clamped node of a base that does not turn: position, slope, velocities and accelerations."""
     return np.array([*displacement, *model.beam.axis, *velocity, 0.0, 0.0, *acceleration, 0.0, 0.0])
 
 
 def explicit(model, pieces, instants, coordinates, velocities, damping=None):
     """Solve M e_tt = Q_g - Q_e - Q_damp by Dormand and Prince's explicit method of order 8; return the tip.
 
-    ``pieces`` are pairs of an end and a function from time to the clamped node, as ``clamped``.
+    ``pieces`` are pairs of an end time and a function from time to the clamped node, as ``clamped``.
     """
     free, size = model.free, model.size - 4
     mass = model.mass(model.properties).full()
@@ -114,14 +114,14 @@ def harmonic(model):
 
 
 def rigid(model, speed):
-    """Rates of a beam that moves along x as a whole."""
+    """Velocities of a beam that moves along x as a rigid body."""
     return np.tile([speed, 0.0, 0.0, 0.0], model.beam.elements + 1)
 
 
 # ---------------------------------------------------------------------------------------- against exact solutions
 
 
-def test_a_beam_let_go_swings_as_the_sum_of_its_exact_modes(paper_beam, bending_stiffness):
+def test_a_released_beam_swings_as_the_sum_of_its_exact_modes(paper_beam, bending_stiffness):
     """Released from a small tip force F: tip = sum 4 F/(m omega_k^2) cos omega_k t, with the mass m of the beam."""
     model = Model(paper_beam(16, **WEIGHTLESS))
     stiffness, mass = bending_stiffness(model.beam), model.beam.mass
@@ -145,7 +145,7 @@ def test_a_beam_at_rest_stays_at_rest(small):
 
 
 def test_a_damped_beam_under_a_base_that_moves_and_stops_agrees_with_an_explicit_integrator(rubber, driven):
-    """The law is written out here: C = M Phi diag(2 zeta omega) Phi^T M + eta1 M, and the drag of Eq. (23)."""
+    """With the law written out: C = M Phi diag(2 zeta omega) Phi^T M + eta1 M, and the drag of Eq. (23)."""
     modes, stop = natural_modes(rubber, count=2), 1.5 / (2 * FREQUENCY)
     mass = rubber.mass(rubber.properties).full()
     shapes = mass @ modes.shapes
@@ -187,11 +187,11 @@ def test_a_base_that_stops_at_once_strikes_the_beam_too(rubber):
     )
     assert abs(run.tip - tip).max() < 2e-7
     assert not run.velocities[run.time > stop, :4].any()
-    assert abs(run.balance_error).max() < 1e-4 * np.ptp(run.energy)  # the blow does work
+    assert abs(run.balance_error).max() < 1e-4 * np.ptp(run.energy)  # the impact does work
 
 
 def test_a_base_that_shifts_and_turns_carries_the_beam_as_an_explicit_integrator_has_it(rubber):
-    """U = 20 mm (sin 7t, 1 - cos 5t), phi = 0.3 sin 6t: recorded every millisecond, started with the base's motion."""
+    """U = 20 mm (sin 7t, 1 - cos 5t), phi = 0.3 sin 6t, sampled every millisecond; the beam starts with the base."""
     t = np.arange(0.0, 0.301, 1e-3)
     shift = 0.02 * np.column_stack([np.sin(7 * t), 1 - np.cos(5 * t)])
     run = simulate(
@@ -219,9 +219,9 @@ def test_a_base_that_shifts_and_turns_carries_the_beam_as_an_explicit_integrator
         )
 
     rest = static_equilibrium(rubber).coordinates
-    rates = 1.8 * (rest.reshape(-1, 2) @ np.array([[0.0, 1.0], [-1.0, 0.0]])).ravel() + rigid(rubber, 0.14)
-    tip = explicit(rubber, [(np.inf, node)], run.time, rest, rates)
-    np.testing.assert_allclose(run.velocities[0], rates, atol=1e-9)
+    velocities = 1.8 * (rest.reshape(-1, 2) @ np.array([[0.0, 1.0], [-1.0, 0.0]])).ravel() + rigid(rubber, 0.14)
+    tip = explicit(rubber, [(np.inf, node)], run.time, rest, velocities)
+    np.testing.assert_allclose(run.velocities[0], velocities, atol=1e-9)
     assert abs(run.tip - tip).max() < 5e-7
 
 
@@ -237,7 +237,7 @@ def test_an_undamped_beam_under_gravity_keeps_its_energy(released, elements):
 
 
 def test_a_falling_beam_converges_with_the_elements(released):
-    """Free release of the horizontal beam under gravity: 20 elements are 1e-6 m from 40 while the tip falls 0.25 m."""
+    """Released horizontally under gravity: 20 and 40 elements differ by 1e-6 m while the tip falls 0.25 m."""
     assert released[20].tip[:, 1].min() < -0.24
     coarse, fine = (abs(released[n].tip - released[40].tip).max() for n in (10, 20))
     assert fine < 3e-6
@@ -274,7 +274,7 @@ def test_every_law_lets_the_energy_only_fall_and_accounts_for_what_is_gone(paper
 
 
 def test_work_of_the_base_and_energy_lost_account_for_the_change_of_energy(driven):
-    """Also across the stop; the work is the integral of the clamp's force times its speed."""
+    """Also across the stop; the work is the integral of the clamp force times the clamp velocity."""
     scale = np.ptp(driven.energy)
     moving = driven.time < 1.5 / (2 * FREQUENCY)
     power = (driven.clamp_force[moving] * driven.velocities[moving, :4]).sum(axis=1)
@@ -300,7 +300,7 @@ def test_the_clamps_force_and_the_weight_change_the_momentum(rubber):
 
 
 def test_forces_in_a_sagging_beam_are_those_of_statics_to_second_order_in_the_element_length(paper_beam):
-    """What lies beyond a section pulls and bends it: N = w . t, M = int (r - r(s)) x mu g ds."""
+    """The weight w beyond a section loads it: N = w . t, M = int (r - r(s)) x mu g ds."""
     errors = []
     for elements in (10, 20):
         model = Model(paper_beam(elements, axis=(1.0, 0.0)))
@@ -385,7 +385,7 @@ def test_the_motion_does_not_depend_on_the_sampling_nor_on_where_the_stop_falls_
 
 @pytest.mark.parametrize("stop", [0.02, 0.25, 15.0, np.inf])
 def test_the_clamp_follows_the_base_to_the_last_sample_wherever_the_stop_is(small, stop):
-    """A stop after the end once put the last sample of the clamp where the base would have stopped."""
+    """With a stop after the end, the last sample of the clamp was once at the position of the stop."""
     base = HarmonicBase(5e-3, FREQUENCY, stop=stop, direction=(0.6, 0.8))
     run = simulate(small, base=base, duration=0.3, sample_rate=100.0, tolerance=1e-7)
     u = 5e-3 * np.sin(OMEGA * np.minimum(run.time, base.stop_time))
@@ -505,7 +505,7 @@ def test_a_failing_integration_is_one_line_of_advice_and_nothing_else_is_printed
 
 
 def test_a_run_that_fails_on_the_way_keeps_what_it_has(small):
-    """The blow of a sudden stop takes more steps than allowed."""
+    """The impact of a sudden stop takes more steps than allowed."""
     base = HarmonicBase(AMPLITUDE, FREQUENCY, stop=0.2, stop_at="once")
     settings = {"base": base, "duration": 0.3, "sample_rate": 100.0, "tolerance": 1e-7, "method": "idas"}
     with pytest.raises(SimulationError) as caught:
@@ -552,7 +552,7 @@ def test_a_run_that_crawls_is_given_up_and_keeps_what_it_has(small, method):
 
 @pytest.mark.parametrize("method", ["idas", "radau"])
 def test_no_step_is_longer_than_allowed(small, method):
-    """A beam at rest would otherwise be passed in a few steps."""
+    """A beam at rest needs only a few steps otherwise."""
     free = simulate(small, duration=0.1, method=method)
     bounded = simulate(small, duration=0.1, method=method, largest_step=1e-4)
     assert free.steps < 500 and bounded.steps >= 999
@@ -564,7 +564,7 @@ def test_radau_below_rounding_says_so_with_time_and_step(small):
 
 
 class Endless(BaseMotion):
-    """A motion that leaves for infinity."""
+    """A motion that becomes infinite."""
 
     def pieces(self):
         return (Piece(np.inf, lambda t, parameters: cs.vertcat(cs.log(0.05 - t), 0.0, 0.0)),)
@@ -575,14 +575,14 @@ class Endless(BaseMotion):
     [
         ({"duration": 0.0}, "duration: must be positive, got 0"),
         ({"duration": np.inf}, "duration: must be a finite number, got inf"),
-        ({"duration": 1e-3, "sample_rate": 10.0}, "duration: must be one sampling interval at least, 0.1 s, got 0.001"),
+        ({"duration": 1e-3, "sample_rate": 10.0}, "duration: must be at least one sampling interval, 0.1 s, got 0.001"),
         ({"sample_rate": -1.0}, "sample_rate: must be positive, got -1"),
         ({"tolerance": 0.0}, "tolerance: must be positive, got 0"),
         ({"method": "bdf"}, "method: must be one of auto, idas, radau, got 'bdf'"),
         ({"method": "radau", "options": {"reltol": 1.0}}, "options: are those of IDAS; method='radau' has none"),
         ({"largest_step": 0.0}, "largest_step: must be positive, got 0"),
-        ({"most_steps": 0}, "most_steps: must be positive, got 0"),
-        ({"base": Endless()}, "base: its position, speed or acceleration is not finite at 0.05 s"),
+        ({"most_steps": 0}, "most_steps: must be a whole number, 1 or more, got 0"),
+        ({"base": Endless()}, "base: its position, velocity or acceleration is not finite at 0.05 s"),
         ({"tolerance": "tight"}, "tolerance: must be a finite number, got 'tight'"),
         (
             {"start": "rest"},
@@ -612,7 +612,7 @@ def test_a_linear_mode_shape_of_finite_amplitude_is_no_start_since_it_stretches_
 
 
 def test_a_sample_or_a_point_that_is_not_there_is_refused(driven):
-    with pytest.raises(InputError, match=r"^index: there are 583 samples, got 583$"):
+    with pytest.raises(InputError, match=r"^index: must be a whole number, -583 to 582, got 583$"):
         driven.state(583)
     for quantity in ("position", "velocity", "slope", "curvature", "axial_force", "bending_moment"):
         with pytest.raises(InputError, match=r"^s: the point must be on the beam, 0 to 0\.5 m, got 0\.6$"):

@@ -23,7 +23,7 @@ from ancf_casadi import (
 from ancf_casadi.export import beam_functions, values, write_c
 from ancf_casadi.export.targets import c
 from ancf_casadi.export.targets.decay_program import SAMPLE, SAMPLES
-from ancf_casadi.support import tables
+from ancf_casadi.support import files
 
 LAW = RayleighDamping(alpha=0.5, beta=3e-5) + QuadraticDamping(eta2=0.2)
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2", "-fPIC")
@@ -195,7 +195,7 @@ def test_interrupted_it_leaves_none_of_its_files(functions, tmp_path, monkeypatc
     def interrupted(path, content):
         if path.name == "main.c":
             raise KeyboardInterrupt
-        tables.write_file(path, content)
+        files.write_file(path, content)
 
     monkeypatch.setattr(c, "write_file", interrupted)
     with pytest.raises(KeyboardInterrupt):

@@ -68,22 +68,27 @@ def document(paper_beam) -> Document:
     return Document(model, law, found, Provenance.of_this(written="2025-01-31T12:00:00Z"))
 
 
-def quickly(path, document, **settings) -> str:
+@pytest.fixture(scope="module")
+def functions(document):
+    return beam_functions(document.model, document.damping, markers=MARKERS, modes=1)
+
+
+def quickly(functions, path, document=None) -> str:
     """Write an FMU, compiled without optimisation, which takes a fifth of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fmu, "FLAGS", ("-O0", *fmu.FLAGS[1:]))
-        write_fmu(path, document, markers=MARKERS, **settings)
+        write_fmu(functions, path, document=document)
     return str(path)
 
 
 @pytest.fixture(scope="module")
-def exported(document, tmp_path_factory) -> str:
-    return quickly(tmp_path_factory.mktemp("fmu") / "my beam.fmu", document)
+def exported(functions, document, tmp_path_factory) -> str:
+    return quickly(functions, tmp_path_factory.mktemp("fmu") / "my beam.fmu", document)
 
 
 def run_fmu(path, start_values, size=1.0):
     """Simulate the FMU under the shove; return the samples at the instants of ``simulate``."""
-    names = [f"base_{c}_rate2" for c in ("x", "y", "angle")]
+    names = [f"base_{c}_acceleration" for c in ("x", "y", "angle")]
     steps = [(0.0, 1), (PHASE, 1), (PHASE, -1), (2 * PHASE, -1), (2 * PHASE, 0), (DURATION, 0)]
     given = np.array(
         [(t, *(sign * size * ACCELERATION)) for t, sign in steps],
@@ -137,7 +142,7 @@ def test_in_fmpy_it_moves_as_simulate_says(exported, reference):
     check(run_fmu(exported, {}), reference, (reference.kinetic_energy, reference.strain_energy))
 
 
-def test_another_beam_and_law_by_parameters(exported, document, reference):
+def test_another_beam_and_law_by_parameters(exported, functions, document, reference):
     """Parameters are changed before the start, and the states to the new equilibrium, which gravity has moved."""
     beam = document.model.beam
     beam = beam.with_(thickness=(0.6e-3, 0.55e-3, 0.45e-3, 0.4e-3), elastic_modulus=1.9e11, gravity=(1.0, -8.0))
@@ -147,7 +152,7 @@ def test_another_beam_and_law_by_parameters(exported, document, reference):
               "beta": 2e-5}  # fmt: skip
     values |= {f"thickness_{k}": h for k, h in enumerate(beam.thickness, start=1)}
     values |= {f"elastic_modulus_{k}": 1.9e11 for k in range(1, 5)}
-    names = [state.name for state in beam_functions(document.model).states[:16]]
+    names = [state.name for state in functions.states[:16]]
     values |= dict(zip(names, static_equilibrium(model).coordinates[4:], strict=True))
     run = truth(model, law)
     check(run_fmu(exported, values), run, (run.kinetic_energy, run.strain_energy))
@@ -212,11 +217,11 @@ def check_declared(about, functions):
     assert not [name for name in variables if "__" in name]
 
 
-def test_what_it_declares(exported, document):
+def test_what_it_declares(exported, functions):
     about = fmpy.read_model_description(exported)
-    check_declared(about, beam_functions(document.model, document.damping, markers=MARKERS))
+    check_declared(about, functions)
     variables = {variable.name: variable for variable in about.modelVariables}
-    assert variables["der(rate_x_1)"].unit == "m/s2"
+    assert variables["der(velocity_x_1)"].unit == "m/s2"
     assert variables["der(slope_x_1)"].unit == "1/s"
     units = {unit.name: unit.baseUnit for unit in about.unitDefinitions}
     assert (units["Pa"].kg, units["Pa"].m, units["Pa"].s) == (1, -1, -2)
@@ -240,6 +245,17 @@ def test_it_says_what_it_is_and_where_it_comes_from(exported, document, tmp_path
     assert read_document(tmp_path / "resources" / "beam.json").to_dict() == document.to_dict()
 
 
+def test_without_a_document_it_describes_the_functions_alone(reduced, tmp_path, monkeypatch):
+    """A document changes the description and the resources, and nothing else."""
+    monkeypatch.setattr(fmu, "_compile", lambda compiler, sources, library, headers: library.write_bytes(b""))
+    for name, document in (("alone", None), ("described", Document(reduced.model, reduced.law))):
+        write_fmu(reduced, tmp_path / f"{name}.fmu", document=document)
+    with zipfile.ZipFile(tmp_path / "alone.fmu") as alone, zipfile.ZipFile(tmp_path / "described.fmu") as described:
+        assert {*described.namelist()} - {*alone.namelist()} == {"resources/beam.json"}
+        assert alone.read("sources/beam.c") == described.read("sources/beam.c")
+        assert b'description="Beam in 4 modes"' in alone.read("modelDescription.xml")
+
+
 @pytest.fixture(scope="module")
 def reduced(paper_beam):
     model = Model(paper_beam(8, axis=(0.6, -0.8)))
@@ -250,7 +266,7 @@ def reduced(paper_beam):
 @pytest.fixture(scope="module")
 def small(reduced, tmp_path_factory) -> str:
     document = Document(reduced.model, reduced.law)
-    return quickly(tmp_path_factory.mktemp("fmu") / "small.fmu", document, modes=MODES)
+    return quickly(reduced, tmp_path_factory.mktemp("fmu") / "small.fmu", document)
 
 
 @pytest.fixture(scope="module")
@@ -298,14 +314,14 @@ def test_what_the_reduced_model_declares(small, reduced):
     assert units["m/s2"].s == -2
 
 
-def test_drafts_of_a_compiler_that_is_stopped_do_not_stay(document, tmp_path, monkeypatch):
+def test_drafts_of_a_compiler_that_is_stopped_do_not_stay(functions, tmp_path, monkeypatch):
     (tmp_path / "cc").write_text('#!/bin/sh\ntouch "$TMPDIR/draft.s"\nexit 1\n')
     (tmp_path / "cc").chmod(0o755)
     (tmp_path / "temporary").mkdir()
     monkeypatch.setenv("CC", str(tmp_path / "cc"))
     monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
     with pytest.raises(InputError, match="cannot compile"):
-        write_fmu(tmp_path / "beam.fmu", document)
+        write_fmu(functions, tmp_path / "beam.fmu")
     assert not list((tmp_path / "temporary").iterdir())
 
 
@@ -316,31 +332,37 @@ class TestRefusals:
         yield
         assert [path for path in tmp_path.iterdir() if path.suffix != ".h"] == []
 
-    def test_without_fmpy(self, document, monkeypatch):
+    def test_without_fmpy(self, functions, monkeypatch):
         monkeypatch.setattr(fmu.importlib.util, "find_spec", lambda name: None)
         with pytest.raises(
             InputError, match=r"^fmpy: an FMU needs the headers of FMI.*pip install 'ancf-casadi\[fmu\]'$"
         ):
-            write_fmu("beam.fmu", document)
+            write_fmu(functions, "beam.fmu")
 
-    def test_without_its_headers(self, document, monkeypatch, tmp_path):
+    def test_without_its_headers(self, functions, monkeypatch, tmp_path):
         found = types.SimpleNamespace(origin=str(tmp_path / "__init__.py"))
         monkeypatch.setattr(fmu.importlib.util, "find_spec", lambda name: found)
         with pytest.raises(InputError, match=r"lacks fmi3Functions\.h"):
-            write_fmu("beam.fmu", document)
+            write_fmu(functions, "beam.fmu")
 
-    def test_without_a_compiler(self, document, monkeypatch):
+    def test_without_a_compiler(self, functions, monkeypatch):
         monkeypatch.delenv("CC", raising=False)
         monkeypatch.setenv("PATH", "")
         with pytest.raises(InputError, match=r"^CC: an FMU needs a C compiler"):
-            write_fmu("beam.fmu", document)
+            write_fmu(functions, "beam.fmu")
 
     @pytest.mark.parametrize(("compiler", "words"), [("false", "cannot compile"), ("/no/such/cc", "cannot be run")])
-    def test_with_a_compiler_that_does_not_work(self, document, monkeypatch, compiler, words):
+    def test_with_a_compiler_that_does_not_work(self, functions, monkeypatch, compiler, words):
         monkeypatch.setenv("CC", compiler)
         with pytest.raises(InputError, match=f"^{compiler}: {words}"):
-            write_fmu("beam.fmu", document)
+            write_fmu(functions, "beam.fmu")
 
     def test_a_marker_beside_the_beam(self, document):
         with pytest.raises(InputError, match="the point must be on the beam"):
-            write_fmu("beam.fmu", document, markers=(0.6,))
+            beam_functions(document.model, document.damping, markers=(0.6,))
+
+    def test_a_document_of_another_beam_or_law(self, functions, document):
+        thicker = Model(document.model.beam.with_(thickness=1e-3))
+        for other in (Document(thicker, document.damping), Document(document.model, RayleighDamping(beta=1e-5))):
+            with pytest.raises(InputError, match=r"^document: describes another beam or damping law"):
+                write_fmu(functions, "beam.fmu", document=other)

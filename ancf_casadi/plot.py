@@ -15,14 +15,12 @@ from numpy.typing import ArrayLike
 from ancf_casadi.decay.envelope import DampingCurve
 from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.dynamics.trajectory import Trajectory
+from ancf_casadi.estimation.figures import COMPUTED, MEASURED, draw_autocorrelation
 from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.support.arrays import Array
 
-MEASURED = "#222222"
-COMPUTED = "#1b7f5c"
 RESOLUTION = 130  # dots an inch
 FINE = 4000  # points of a drawn curve
-LAGS = 200  # of a drawn autocorrelation
 
 
 def png(figure: Figure) -> bytes:
@@ -59,13 +57,7 @@ def fit_figure(time: Array, measured: Array, fitted: Array) -> Figure:
     residuals = measured - fitted
     left.plot(time, 1e3 * residuals, lw=0.5, color=MEASURED)
     left.set(xlabel="time, s", ylabel="residual, mm")
-    lags = min(len(time) - 1, LAGS)
-    spectrum = np.abs(np.fft.rfft(residuals, 2 * len(residuals))) ** 2
-    correlation = np.fft.irfft(spectrum)[: lags + 1] / (np.sum(residuals**2) or 1.0)
-    repeated.plot(np.arange(lags + 1), correlation, lw=1, color=COMPUTED)
-    for edge in (-1.96, 1.96):
-        repeated.axhline(edge / len(time) ** 0.5, ls=":", lw=0.8, color=MEASURED)
-    repeated.set(xlabel="lag, samples", ylabel="autocorrelation")
+    draw_autocorrelation(repeated, residuals)
     return figure
 
 

@@ -75,7 +75,7 @@ def study(name: str, elements: int, seed: int) -> tuple[np.ndarray, np.ndarray, 
     record = MarkerRecord(run.time, run.tip + noise, base=one.base)
     found = fit_transient(one.model, record, one.guess, fixed=one.fixed)
     low, high = found.fit.intervals().T
-    scores = (found.fit.values - one.truth) / found.fit.standard_errors
+    scores = (found.fit.values - one.truth) / found.fit.errors
     return (low <= one.truth) & (one.truth <= high), scores, float(np.abs(found.shifts).max())
 
 

@@ -1,6 +1,8 @@
 """The estimation problems of the paper, and beyond it, stated on the tools of ``ancf_casadi``."""
 
-from problems.decay.comparison import DecayComparison, compare_decay_laws
+from ancf_casadi.estimation.comparison import LawComparison
+from ancf_casadi.estimation.resampling import MonteCarlo, monte_carlo
+from problems.decay.comparison import compare_decay_laws
 from problems.decay.fitting import fit_decay, fit_decays
 from problems.decay.mode_separation import fit_modes
 from problems.decay.proportional import RayleighFit, fit_rayleigh
@@ -10,13 +12,12 @@ from problems.matching.measured_modes import MeasuredModes
 from problems.matching.preference import LeastChange, Smoothness
 from problems.matching.result import FrequencyMatch
 from problems.matching.unknowns import Global, PerElement, Smooth
-from problems.resampling import MonteCarlo, monte_carlo
-from problems.transient.comparison import LawComparison, compare_laws
-from problems.transient.fitting import TransientFit, fit_transient
+from problems.transient.comparison import compare_laws
+from problems.transient.fitting import fit_transient
 from problems.transient.marker_record import MarkerRecord
+from problems.transient.result import TransientFit
 
 __all__ = [
-    "DecayComparison",
     "DecayFit",
     "FrequencyMatch",
     "Global",

@@ -1,4 +1,4 @@
-"""Autocorrelation of residuals, and the number of independent ones that they are worth.
+"""Autocorrelation of residuals, and their number of independent residuals.
 
 The residuals r of several series (a series is one coordinate of one record, in the order of time) have the
 autocorrelation
@@ -6,18 +6,18 @@ autocorrelation
     rho_k = sum r_i r_(i+k) / sum r_i^2,
 
 both sums over all series, and products within a series only.  At the frequency f, in cycles per sample, the noise has
-the power s^2 (1 + 2 sum_k rho_k cos(2 pi f k)), and m samples tell of a signal there as much as
+the power s^2 (1 + 2 sum_k rho_k cos(2 pi f k)), and m samples contain as much information on a signal there as
 
     m/(1 + 2 sum_k rho_k cos(2 pi f k))
 
-samples with white noise do.  Since a misfit and the motion that it is part of have the same frequencies, whatever these
-are, the effective number of samples is here the least over all frequencies that the autocorrelation permits,
+samples with white noise.  A misfit has the frequencies of the motion that it is part of, whatever these are.  The
+effective number of samples is therefore the least over all frequencies that the autocorrelation permits,
 
     n = m/(1 + 2 sum_(k <= M) |rho_k|).
 
 For an autoregressive process of order 1 this is the familiar m (1 - rho)/(1 + rho).  Estimates of rho_k are noise
 beyond some lag: M is the last lag before five successive ones within 2 (log10 m/m)^1/2, about 3.7 standard deviations
-of white noise where m = 2500.  White residuals nearly always have M = 0, and so count in full.
+of white noise for m = 2500.  White residuals nearly always have M = 0, and so count in full.
 
 References
 ----------
@@ -35,8 +35,9 @@ import numpy as np
 
 from ancf_casadi.support.arrays import Array
 
-QUIET_LAGS = 5  # successive insignificant ones that end the sum
+QUIET_LAGS = 5  # successive insignificant lags that end the sum
 SIGNIFICANT = 2.0  # times (log10 m/m)^1/2
+COLOURED = 1 / 3  # ratio n/m below which residuals are not noise; that of successive ones that correlate at 0.5
 
 
 def autocorrelation(residuals: Array, series: Sequence[int] = ()) -> Array:
@@ -47,7 +48,7 @@ def autocorrelation(residuals: Array, series: Sequence[int] = ()) -> Array:
     residuals : ndarray
         Residuals (m,), one series after the other.
     series : sequence of int
-        Lengths of the series, m in all; a single one if not given.
+        Lengths of the series, m in all; one series if not given.
     """
     lengths = tuple(series) or (len(residuals),)
     products = np.zeros(max(lengths))
@@ -58,12 +59,12 @@ def autocorrelation(residuals: Array, series: Sequence[int] = ()) -> Array:
 
 
 def effective_samples(residuals: Array, series: Sequence[int] = ()) -> float:
-    """Return how many independent residuals tell as much as these; all of them where they are zero.
+    """Return the number of independent residuals with the same information as these; all of them if they are zero.
 
     Parameters
     ----------
     residuals, series
-        As of ``autocorrelation``.
+        As in ``autocorrelation``.
     """
     m = len(residuals)
     size = np.abs(autocorrelation(residuals, series)[1:])
@@ -72,3 +73,14 @@ def effective_samples(residuals: Array, series: Sequence[int] = ()) -> float:
     quiet = np.append(size < SIGNIFICANT * math.sqrt(math.log10(m) / m), np.ones(QUIET_LAGS, dtype=bool))
     last = int(np.argmax(np.lib.stride_tricks.sliding_window_view(quiet, QUIET_LAGS).all(axis=1)))
     return m / (1 + 2 * float(size[:last].sum()))
+
+
+def colour_warning(residuals: Array, series: Sequence[int] = (), *, noise_free: float = 0.0) -> str | None:
+    """Return a warning if residuals are not noise, and their root mean square is above ``noise_free``."""
+    m, n = len(residuals), effective_samples(residuals, series)
+    if n >= COLOURED * m or not residuals @ residuals > m * noise_free**2:
+        return None
+    return (
+        f"{m} residuals are worth {n:.0f} independent ones: they are not noise, the law does not explain all of the "
+        "motion, and the standard errors are too small"
+    )

@@ -1,12 +1,13 @@
 """Intervals by profile likelihood: the range of a quantity over all unknowns that explain the data nearly as well.
 
-The quantity q of the unknowns x has the interval from min q to max q over
+The quantity q of the unknowns x has the interval from min q to max q over the region
 
     { x : 2 (L(x) - L_min) <= phi t^2,  lower <= x <= upper },
 
-the region of ``fit``.  Its two ends are two nonlinear programs, each started from where the covariance
-puts its solution.  The interval does not depend on how the unknowns are stated, needs not be symmetric, and ends at a
-bound by itself.
+with L, phi and t as in ``estimates``.  Its ends are two nonlinear programs, each started at the end that the covariance
+predicts.  The interval does not depend on the parametrisation, need not be symmetric, and ends at a bound by itself.
+The same level is used at a bound, where one end is certain: an interval there covers the truth at least as often as
+stated.
 
 References
 ----------
@@ -23,27 +24,28 @@ import math
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.fit import LEVEL, Fit, Quantities, quantile
-from ancf_casadi.estimation.nlp import loss, solve_nlp
+from ancf_casadi.estimation.estimates import LEVEL, Estimates, Quantities, quantile
+from ancf_casadi.estimation.loss import loss
+from ancf_casadi.estimation.nlp import solve_nlp
 from ancf_casadi.exceptions import InputError
 
 
-def profile_interval(fit: Fit, quantity: str | Quantities, level: float = LEVEL) -> tuple[float, float]:
+def profile_interval(fit: Estimates, quantity: str | Quantities, level: float = LEVEL) -> tuple[float, float]:
     """Return the interval of an unknown, or of a function of the unknowns, by profile likelihood.
 
     Parameters
     ----------
     fit : Fit
-        The fit.
+        Estimates with their model.
     quantity : str or callable
         Name of an unknown; or takes the unknowns as MX scalars, in their order, and returns an MX scalar.
     level : float
-        How probably it holds the truth.
+        Probability that the interval contains the truth.
 
     Raises
     ------
     InputError
-        If there is no such unknown, the level is not between 0 and 1, or the fit leaves no residuals to judge by.
+        If there is no such unknown, the level is not between 0 and 1, or the fit leaves no residuals.
     FitError
         If IPOPT does not converge.
     """
@@ -53,20 +55,18 @@ def profile_interval(fit: Fit, quantity: str | Quantities, level: float = LEVEL)
     if not room > 0.0:
         raise InputError("leaves no residuals; without scatter there is no interval", "fit")
     free = ~fit.active_bounds
-    step = np.where(
-        free, quantile(level, fit.degrees_of_freedom) * fit.standard_errors, np.abs(fit.moves(level)).sum(axis=1)
-    )
+    step = np.where(free, quantile(level, fit.degrees_of_freedom) * fit.errors, np.abs(fit.moves(level)).sum(axis=1))
     step = np.where(np.isfinite(step), step, fit.scale)
-    u = cs.MX.sym("u", len(fit.names))  # from the estimate, in steps
+    u = cs.MX.sym("u", len(fit.names))  # distance from the estimate, in steps
     x = cs.DM(fit.values) + cs.DM(step) * u
     unknowns = cs.vertsplit(x)
     q = unknowns[fit.names.index(quantity)] if isinstance(quantity, str) else quantity(*unknowns)
     residuals = fit.model.call([x / cs.DM(fit.scale)], True, False)[0]
     at_estimate = cs.Function("at_estimate", [u], [loss(residuals, fit.huber), q, cs.densify(cs.gradient(q, u))])
-    least, estimate, slope = (item.full().ravel() for item in at_estimate(0))
-    towards = np.zeros(len(slope))
-    towards[free] = fit.correlations[np.ix_(free, free)] @ slope[free]
-    width = math.sqrt(towards @ slope) or float(np.abs(slope).max()) or 1.0
+    least, estimate, gradient = (item.full().ravel() for item in at_estimate(0))
+    towards = np.zeros(len(gradient))
+    towards[free] = fit.correlations[np.ix_(free, free)] @ gradient[free]
+    width = math.sqrt(towards @ gradient) or float(np.abs(gradient).max()) or 1.0
     lower, upper = (fit.lower - fit.values) / step, (fit.upper - fit.values) / step
     ends = []
     for sign in (-1.0, 1.0):

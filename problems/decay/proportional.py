@@ -25,31 +25,24 @@ beta = 3.18E-5 s, not the 3.18E-4 of its Table 3.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.estimation.least_squares import Unknown, least_squares
+from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, positive
 from ancf_casadi.support.tables import Table
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 MISSED = 3.0  # standard deviations beyond which a mode is missed
-
-
-@dataclass(frozen=True)
-class RayleighErrors:
-    """Standard errors of alpha (1/s) and beta (s).
-
-    Nan at a bound, and where neither standard deviations nor more modes than coefficients tell them.
-    """
-
-    alpha: float
-    beta: float
 
 
 @dataclass(frozen=True)
@@ -70,8 +63,9 @@ class RayleighFit:
         Their standard deviations, if given.
     ratios : tuple of float
         The damping ratios these coefficients give, Eq. (16).
-    standard_errors : RayleighErrors
-        From the standard deviations, or from the scatter of the measured ratios about the fitted ones without.
+    standard_errors : mapping of str to float
+        Standard errors of ``alpha`` (1/s) and ``beta`` (s); nan at a bound, and without standard deviations where there
+        are no more modes than coefficients.
     warnings : tuple of str
         What to know before using the coefficients.
     """
@@ -82,7 +76,7 @@ class RayleighFit:
     measured: tuple[float, ...]
     ratio_std: tuple[float, ...] | None
     ratios: tuple[float, ...]
-    standard_errors: RayleighErrors
+    standard_errors: Mapping[str, float]
     warnings: tuple[str, ...]
 
     def table(self) -> Table:
@@ -96,8 +90,8 @@ class RayleighFit:
         ]
         columns = ("mode", "frequency_hz", "damping_ratio", "standard_deviation", "fitted_ratio")
         notes = (
-            f"alpha {self.alpha:.6g} +- {self.standard_errors.alpha:.2g} 1/s",
-            f"beta {self.beta:.6g} +- {self.standard_errors.beta:.2g} s",
+            f"alpha {self.alpha:.6g} +- {self.standard_errors['alpha']:.2g} 1/s",
+            f"beta {self.beta:.6g} +- {self.standard_errors['beta']:.2g} s",
             *(f"note: {warning}" for warning in self.warnings),
         )
         return Table("rayleigh", "Proportional damping", columns, rows, notes)
@@ -106,14 +100,32 @@ class RayleighFit:
         """Return the table as text."""
         return self.table().text()
 
+    def figure(self) -> Figure:
+        """Draw the measured damping ratios with their errors, and the fitted law, Eq. (16), against frequency."""
+        from matplotlib.figure import Figure  # matplotlib is slow to import
+
+        from ancf_casadi.estimation.figures import COMPUTED, MEASURED
+
+        figure = Figure(figsize=(6, 3.6), layout="constrained")
+        axes = figure.subplots()
+        frequencies = np.geomspace(0.8 * self.frequencies[0], 1.25 * self.frequencies[-1], 200)
+        ω = 2 * math.pi * frequencies
+        axes.plot(frequencies, 100 * (self.alpha / (2 * ω) + self.beta * ω / 2), lw=1, color=COMPUTED, label="fit")
+        errors = None if self.ratio_std is None else 100 * np.array(self.ratio_std)
+        axes.errorbar(
+            self.frequencies, 100 * np.array(self.measured), errors, fmt="o", color=MEASURED, label="measured"
+        )
+        axes.set(xscale="log", xlabel="frequency, Hz", ylabel="damping ratio, %")
+        axes.legend(frameon=False)
+        return figure
+
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for what is not known."""
-        errors = self.standard_errors
         return {
             "alpha": self.alpha,
-            "alpha_stderr": errors.alpha if math.isfinite(errors.alpha) else None,
+            "alpha_stderr": known(self.standard_errors["alpha"]),
             "beta": self.beta,
-            "beta_stderr": errors.beta if math.isfinite(errors.beta) else None,
+            "beta_stderr": known(self.standard_errors["beta"]),
             "frequencies_hz": list(self.frequencies),
             "damping_ratios": list(self.measured),
             "ratio_std": None if self.ratio_std is None else list(self.ratio_std),
@@ -191,7 +203,7 @@ def fit_rayleigh(
         measured=tuple(ζ.tolist()),
         ratio_std=deviations,
         ratios=tuple(predicted.tolist()),
-        standard_errors=RayleighErrors(float(errors[0]), float(errors[1])),
+        standard_errors=dict(zip(("alpha", "beta"), errors.tolist(), strict=True)),
         warnings=tuple(warnings),
     )
 

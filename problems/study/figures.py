@@ -16,7 +16,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ancf_casadi.decay.measurement import Measurement
-from ancf_casadi.plot import MEASURED, png
+from ancf_casadi.estimation.figures import MEASURED
+from ancf_casadi.plot import png
 from ancf_casadi.support.arrays import Array
 from problems.decay.result import DecayFit
 from problems.study import paper

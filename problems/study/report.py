@@ -25,9 +25,9 @@ def results(study: Study) -> dict[str, Any]:
             {
                 "mode": mode,
                 "frequency_hz": fit.frequency,
-                "frequency_stderr_hz": fit.standard_errors.frequency,
+                "frequency_stderr_hz": fit.standard_errors["frequency"],
                 "damping_ratio": fit.damping_ratio,
-                "damping_ratio_stderr": fit.standard_errors.damping_ratio,
+                "damping_ratio_stderr": fit.standard_errors["damping_ratio"],
             }
             for mode, fit in zip(MODES, study.identification, strict=True)
         ],
@@ -36,9 +36,9 @@ def results(study: Study) -> dict[str, Any]:
             {
                 "mode": mode,
                 "eta1": fit.eta1,
-                "eta1_stderr": fit.standard_errors.eta1,
+                "eta1_stderr": fit.standard_errors["eta1"],
                 "eta2_per_m": fit.eta2,
-                "eta2_stderr_per_m": fit.standard_errors.eta2,
+                "eta2_stderr_per_m": fit.standard_errors["eta2"],
                 "correlation": fit.correlation,
                 "amplitude_m": fit.amplitude,
                 "equivalent_damping_ratio": fit.damping_ratio,

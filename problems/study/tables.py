@@ -45,7 +45,7 @@ def table_2_modal_parameters(study: Study) -> Table:
     """Return the frequencies and damping ratios identified from the linear decays."""
     rows = []
     for mode, fit, f, zeta in zip(MODES, study.identification, paper.FREQUENCIES, paper.DAMPING_RATIOS, strict=True):
-        frequency_error, ratio_error = fit.standard_errors.frequency, fit.standard_errors.damping_ratio
+        frequency_error, ratio_error = fit.standard_errors["frequency"], fit.standard_errors["damping_ratio"]
         rows.append((mode, fit.frequency, frequency_error, f, 100 * fit.damping_ratio, 100 * ratio_error, 100 * zeta))
     return Table(
         "table02_modal_parameters",
@@ -75,7 +75,7 @@ def table_4_quadratic(study: Study) -> Table:
     columns = zip(MODES, study.quadratic, paper.ETA1, paper.ETA2, paper.EQUIVALENT_RATIOS, strict=True)
     rows = []
     for mode, fit, eta1, eta2, zeta in columns:
-        eta1_error, eta2_error = fit.standard_errors.eta1, fit.standard_errors.eta2
+        eta1_error, eta2_error = fit.standard_errors["eta1"], fit.standard_errors["eta2"]
         rows.append((mode, fit.eta1, eta1_error, eta1, fit.eta2, eta2_error, eta2, fit.correlation,
                      1e3 * fit.amplitude, 100 * fit.damping_ratio, 100 * zeta))  # fmt: skip
     return Table(

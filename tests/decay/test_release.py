@@ -1,4 +1,4 @@
-"""The end of an excitation in a decay record, by exact motions of one mode; and plain decays, left whole."""
+"""End of an excitation in a decay record, from exact motions of one mode; plain decays are not cut."""
 
 import math
 
@@ -69,7 +69,9 @@ def test_frequency_and_damping_after_an_excitation_are_unbiased(ζ, noise, least
         found += fit.release_reason == ENDS
         assert fit.release_reason != ENDS or -3.0 < (fit.release_time - stop) * FREQUENCY < 9.0
         errors = fit.standard_errors
-        scores.append([(fit.frequency - FREQUENCY) / errors.frequency, (fit.damping_ratio - ζ) / errors.damping_ratio])
+        scores.append(
+            [(fit.frequency - FREQUENCY) / errors["frequency"], (fit.damping_ratio - ζ) / errors["damping_ratio"]]
+        )
     assert found >= least
     assert (abs(np.mean(scores, axis=0)) < 4 / math.sqrt(18)).all()
     assert (abs(np.median(np.square(scores), axis=0) - 0.455) < 0.6).all()
@@ -80,8 +82,8 @@ def test_without_the_finder_the_damping_would_be_wrong():
     t, x, _ = excited(0.01, 0.99, 20, 25, from_rest=False)
     y = x + 0.01 * np.random.default_rng(1).standard_normal(len(t))
     whole, fit = fit_decay(t, y, release_time=0.0), fit_decay(t, y)
-    assert abs(whole.damping_ratio - 0.01) > 20 * whole.standard_errors.damping_ratio
-    assert abs(fit.damping_ratio - 0.01) < 3 * fit.standard_errors.damping_ratio
+    assert abs(whole.damping_ratio - 0.01) > 20 * whole.standard_errors["damping_ratio"]
+    assert abs(fit.damping_ratio - 0.01) < 3 * fit.standard_errors["damping_ratio"]
     assert f"({ENDS})" in fit.report() and fit.to_dict()["release_reason"] == ENDS
     assert "(given)" in whole.report()
 

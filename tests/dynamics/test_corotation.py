@@ -1,4 +1,4 @@
-"""Corrections and residuals that turn with the beam, and the prediction of a step."""
+"""Corrections and residuals that rotate with the beam, and the prediction of a step."""
 
 import casadi as cs
 import numpy as np

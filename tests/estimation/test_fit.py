@@ -1,4 +1,4 @@
-"""Intervals and reports of fits: linear regression, published values, one-sided ends at bounds, outliers."""
+"""Intervals and reports of fits: linear regression, published values, one-sided intervals at bounds, outliers."""
 
 import json
 import math
@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ancf_casadi.estimation.fit import colour_warning, quantile
-from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.estimation.autocorrelation import autocorrelation, colour_warning, effective_samples
+from ancf_casadi.estimation.estimates import quantile
+from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.exceptions import InputError
 
@@ -49,7 +50,7 @@ def test_profile_intervals_of_a_curve_are_where_the_profiled_sum_of_squares_says
     """The sum of squares is profiled by hand: Vm is linear for given K."""
     fit = puromycin()
     np.testing.assert_allclose(fit.values, [212.68, 0.06412], rtol=1e-4)
-    np.testing.assert_allclose(fit.standard_errors, [6.947, 0.00828], rtol=2e-3)
+    np.testing.assert_allclose(fit.errors, [6.947, 0.00828], rtol=2e-3)
 
     def left(k):
         column = CONCENTRATION / (k + CONCENTRATION)
@@ -78,21 +79,21 @@ def test_intervals_end_at_bounds_and_the_fit_says_so():
     assert not fit.active_bounds.any()
     assert fit.intervals()[0, 0] == bound
     assert profile_interval(fit, "a") == pytest.approx((bound, free.intervals()[0, 1]), rel=1e-7)
-    assert any(note.startswith(f"a cannot be told from its bound {bound:g}") for note in fit.warnings())
-    assert not any("cannot be told" in note for note in straight(lower=bound - 0.02).warnings())
+    assert any(note.startswith(f"a cannot be told from its bound {bound:g}") for note in fit.warnings)
+    assert not any("cannot be told" in note for note in straight(lower=bound - 0.02).warnings)
 
 
 def test_an_interval_at_a_bound_is_one_sided_and_both_ways_agree_for_a_line():
     """The sum of squares there is left(a) = s + (a - a*)^2/C, with a* below the bound."""
     free = straight()
-    bound = free["a"] + free.standard_error("a")
+    bound = free["a"] + free.standard_errors["a"]
     fit = straight(lower=bound)
     low, high = fit.intervals()[0]
     assert fit.active_bounds.tolist() == [True, False]
     assert low == bound
     assert profile_interval(fit, "a") == pytest.approx((low, high), rel=1e-7)
     variance = float(fit.residuals @ fit.residuals) / 39
-    unit = free.standard_error("a") ** 2 * 38 / float(free.residuals @ free.residuals)
+    unit = free.standard_errors["a"] ** 2 * 38 / float(free.residuals @ free.residuals)
     rise = ((high - free["a"]) ** 2 - (bound - free["a"]) ** 2) / unit
     assert rise == pytest.approx(stats.t.ppf(0.975, 39) ** 2 * variance, rel=1e-7)
     below = least_squares(lambda a, b: line(-a, b), [Unknown("a", 0.0, upper=-bound), Unknown("b", 0.0)])
@@ -120,8 +121,8 @@ def test_outliers_are_borne():
     unknowns = [Unknown("a", 0.0), Unknown("b", 0.0)]
     plain, robust = least_squares(residuals, unknowns), least_squares(residuals, unknowns, huber=0.1345)
     assert abs(plain["a"] + 1) > 0.3
-    assert abs(robust["a"] + 1) < 4 * robust.standard_error("a") < 0.08
-    assert robust["b"] == pytest.approx(2.0, abs=4 * robust.standard_error("b"))
+    assert abs(robust["a"] + 1) < 4 * robust.standard_errors["a"] < 0.08
+    assert robust["b"] == pytest.approx(2.0, abs=4 * robust.standard_errors["b"])
     assert profile_interval(robust, "b") == pytest.approx(robust.intervals()[1], rel=1e-2)
 
 
@@ -134,7 +135,7 @@ def test_a_robust_fit_knows_its_scatter():
         unknowns = [Unknown("a", 0.0), Unknown("b", 0.0)]
         fits.append(least_squares(lambda a, b, y=y: a + b * cs.DM(X) - y, unknowns, huber=0.15))
     scatter = np.std([fit.values for fit in fits], axis=0)
-    errors = np.sqrt(np.mean([fit.standard_errors**2 for fit in fits], axis=0))
+    errors = np.sqrt(np.mean([fit.errors**2 for fit in fits], axis=0))
     np.testing.assert_allclose(scatter / errors, 1.0, atol=0.15)
     covered = [(fit.intervals()[:, 0] < [-1, 2]) & (fit.intervals()[:, 1] > [-1, 2]) for fit in fits]
     assert 0.92 <= np.mean(covered) <= 0.98
@@ -152,15 +153,15 @@ def test_rank_condition_and_correlations_are_those_of_the_jacobian():
     columns /= np.linalg.norm(columns, axis=0)
     assert (fit.rank, fit.degrees_of_freedom) == (2, 38)
     assert fit.condition == pytest.approx(np.linalg.cond(columns))
-    assert fit.correlations[0, 1] == pytest.approx(fit.correlation("a", "b")) == pytest.approx(-0.86, abs=0.01)
+    assert fit.correlations[0, 1] == pytest.approx(-0.86, abs=0.01)
     np.testing.assert_allclose(np.diag(fit.correlations), 1.0)
     assert straight(lower=-0.5).rank == 1
 
 
 def test_unknowns_hardly_told_apart_are_named():
     far = least_squares(lambda a, b: line(a - 100 * b, b), [Unknown("a", 0.0), Unknown("b", 0.0)])
-    assert any("a and b correlate at 1.000" in note for note in far.warnings())
-    assert straight().warnings() == ()
+    assert any("a and b correlate at 1.000" in note for note in far.warnings)
+    assert straight().warnings == ()
 
 
 def test_the_result_reads_as_text_and_as_json():
@@ -217,7 +218,7 @@ def test_shifts_are_those_of_a_fit_to_changed_data_in_standard_errors(huber):
     unknowns = [Unknown("a", -0.5, 10.0), Unknown("b", 0.0, 0.1)]
     fit = least_squares(noisy_line, unknowns, huber=huber)
     moved = least_squares(lambda a, b: noisy_line(a, b, 1e-4 * np.sin(5 * X)), unknowns, huber=huber)
-    expected = (moved.values - fit.values) / fit.standard_errors
+    expected = (moved.values - fit.values) / fit.errors
     assert abs(expected).min() > 1e-5
     np.testing.assert_allclose(fit.shifts(small), expected, rtol=2e-3)
 
@@ -229,7 +230,7 @@ def test_at_a_bound_the_shift_is_that_without_the_bound_by_the_reach_inwards():
     assert fit.active_bounds.tolist() == [True, False]
     low, high = fit.intervals()[0]
     error = (high - low) / quantile(0.95, fit.degrees_of_freedom)
-    expected = free.shifts(change)[0] * free.standard_errors[0] / error
+    expected = free.shifts(change)[0] * free.errors[0] / error
     assert fit.shifts(change)[0] == pytest.approx(expected, rel=1e-9)
     alone = least_squares(lambda b: noisy_line(-0.5, b), [Unknown("b", 0.0)])
     assert fit.shifts(change)[1] == pytest.approx(alone.shifts(change)[0], rel=1e-9)
@@ -244,7 +245,7 @@ def test_a_systematic_error_within_what_is_allowed_for_shifts_no_unknown_beyond_
     worst = X - X.mean()
     worst *= 1e-3 / math.sqrt(np.mean(worst**2))
     moved = least_squares(lambda a, b: exact(a, b) + cs.DM(worst), unknowns)
-    assert abs(moved["b"] - fit["b"]) == pytest.approx(fit.standard_error("b"), rel=1e-6)
+    assert abs(moved["b"] - fit["b"]) == pytest.approx(fit.standard_errors["b"], rel=1e-6)
     other = 1e-3 * math.sqrt(2) * np.sin(40 * X)
     assert abs(fit.shifts(other)).max() < 0.5
     noisy = least_squares(line, unknowns, systematic=1e-3)
@@ -259,8 +260,9 @@ def test_coloured_residuals_are_told_of_unless_they_are_within_the_noise_free():
     white, coloured = NOISE, np.convolve(NOISE, np.ones(8), "valid")
     assert colour_warning(white) is None
     message = colour_warning(coloured)
-    assert (
-        message and "successive residuals correlate at 0.79" in message and "standard errors are too small" in message
-    )
+    worth = effective_samples(coloured)
+    assert autocorrelation(coloured)[1] == pytest.approx(0.79, abs=0.005) and worth < len(coloured) / 3
+    assert message.startswith(f"{len(coloured)} residuals are worth {worth:.0f} independent ones")
+    assert "standard errors are too small" in message
     assert colour_warning(coloured, noise_free=2 * math.sqrt(np.mean(coloured**2))) is None
     assert colour_warning(np.zeros(10)) is None

@@ -1,4 +1,4 @@
-"""The durable form: what is written comes back to the last bit, and what is not right is refused in one line."""
+"""JSON documents: exact round trips, and one-line refusals of damaged documents."""
 
 import copy
 import json

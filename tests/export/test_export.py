@@ -1,4 +1,4 @@
-"""The exported Functions against the model, closed forms, differences, and another process."""
+"""Exported Functions against the model, closed forms, differences, and another process."""
 
 import dataclasses
 import subprocess

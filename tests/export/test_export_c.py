@@ -1,4 +1,4 @@
-"""The C program against Python, and what has no C."""
+"""The C program against Python, and the Functions that have no C."""
 
 import ctypes
 import shutil

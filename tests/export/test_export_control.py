@@ -1,4 +1,4 @@
-"""The exported Functions inside other people's optimal control: do-mpc and rockit, where they are installed."""
+"""Exported Functions in the optimal control of do-mpc and rockit, if these are installed."""
 
 import warnings
 

@@ -1,4 +1,4 @@
-"""The FMU: valid, described, and the same motion in another program."""
+"""The FMU is valid and described, and moves in another program as in this one."""
 
 import dataclasses
 import math

@@ -1,4 +1,4 @@
-"""Many runs at once give the numbers of one after the other, and their processes never outlive their parent."""
+"""Parallel runs give the same numbers as serial runs, and their processes end with their parent."""
 
 import os
 import signal

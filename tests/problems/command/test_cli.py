@@ -1,4 +1,4 @@
-"""The command: what it prints, what it writes, and how it refuses."""
+"""The command: output, files and refusals."""
 
 import errno
 import hashlib

@@ -1,4 +1,4 @@
-"""Fits of free decays: recovery of known truth, Cramer-Rao bounds, a real record, and what is refused."""
+"""Fits of free decays: recovery of known truth, Cramer-Rao bounds, a real record, and refusals."""
 
 import json
 import math
@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, linear_decay, quadratic_decay
 from ancf_casadi.decay.friction import friction_decay
 from ancf_casadi.decay.measurement import Measurement
-from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.exceptions import InputError
 from problems.decay.comparison import compare_decay_laws
 from problems.decay.fitting import fit_decay, fit_decays
@@ -95,10 +95,10 @@ def test_standard_errors_are_the_cramer_rao_bounds(mode, bounds):
     frequency, ratio, r0 = mode
     fit = fit_decay(TIME, swing(frequency, ratio, r0) + 1e-4 * noise(10), offset=False)
     errors = fit.standard_errors
-    assert errors.frequency / (0.1 * bounds[0]) == pytest.approx(1.0, abs=0.05)
-    assert errors.damping_ratio / (0.1 * bounds[1]) == pytest.approx(1.0, abs=0.05)
-    assert abs(fit.frequency - frequency) < 4 * errors.frequency
-    assert abs(fit.damping_ratio - ratio) < 4 * errors.damping_ratio
+    assert errors["frequency"] / (0.1 * bounds[0]) == pytest.approx(1.0, abs=0.05)
+    assert errors["damping_ratio"] / (0.1 * bounds[1]) == pytest.approx(1.0, abs=0.05)
+    assert abs(fit.frequency - frequency) < 4 * errors["frequency"]
+    assert abs(fit.damping_ratio - ratio) < 4 * errors["damping_ratio"]
     assert fit.residual_rms == pytest.approx(1e-4, rel=0.05)
     assert fit.warnings == ()
 
@@ -128,7 +128,7 @@ def many_fits(mode, bounds, count):
     fits = [fit_decay(TIME, clean + 2e-4 * noise(100 + seed), offset=False) for seed in range(count)]
     deviation = np.array([(fit.frequency - frequency, fit.damping_ratio - ratio) for fit in fits])
     bound = 0.2 * np.array(bounds)
-    intervals = np.array([(fit.intervals.frequency, fit.intervals.damping_ratio) for fit in fits])
+    intervals = np.array([(fit.intervals["frequency"], fit.intervals["damping_ratio"]) for fit in fits])
     truth = np.array([frequency, ratio])
     coverage = np.mean((intervals[:, :, 0] < truth) & (truth < intervals[:, :, 1]), axis=0)
     return deviation.std(axis=0, ddof=1) / bound, deviation.mean(axis=0) / bound, coverage
@@ -138,7 +138,7 @@ def many_fits(mode, bounds, count):
 def test_no_damping_is_found_where_there_is_none(frequency, ratio, r0):
     fit = fit_decay(TIME, swing(frequency, 0.0, r0))
     assert fit.damping_ratio == 0.0
-    assert math.isnan(fit.standard_errors.damping_ratio)
+    assert math.isnan(fit.standard_errors["damping_ratio"])
     assert fit.warnings == ("zeta is at its bound 0",)
     assert fit.frequency == pytest.approx(frequency, rel=1e-9)
     assert fit.amplitude == pytest.approx(r0, rel=1e-6)
@@ -196,14 +196,14 @@ def test_a_quadratic_decay_without_noise_gives_back_the_truth(frequency, η1, η
 def test_a_noisy_quadratic_decay_says_how_little_it_tells_of_eta2(frequency, η1, η2, e0, uncertainty):
     """The relative standard errors 3, 22, 47, 73, 18 % are from a Fisher information computed apart."""
     fit = fit_decay(TIME, drag(frequency, η1, η2, e0) + 2e-4 * noise(13), law="quadratic")
-    assert fit.standard_errors.eta2 / η2 == pytest.approx(uncertainty, rel=0.1)
+    assert fit.standard_errors["eta2"] / η2 == pytest.approx(uncertainty, rel=0.1)
     assert -0.999 < fit.correlation < -0.93
-    assert abs(fit.eta1 - η1) < 4 * fit.standard_errors.eta1
-    assert abs(fit.eta2 - η2) < 4 * fit.standard_errors.eta2
+    assert abs(fit.eta1 - η1) < 4 * fit.standard_errors["eta1"]
+    assert abs(fit.eta2 - η2) < 4 * fit.standard_errors["eta2"]
     assert any("correlate" in warning for warning in fit.warnings) == (abs(fit.correlation) > 0.95)
-    uncertain = 1.961 * fit.standard_errors.eta2 > fit.eta2
+    uncertain = 1.961 * fit.standard_errors["eta2"] > fit.eta2
     assert any("eta2 cannot be told from zero" in warning for warning in fit.warnings) == uncertain
-    assert (fit.intervals.eta2[0] == 0.0) == uncertain
+    assert (fit.intervals["eta2"][0] == 0.0) == uncertain
 
 
 # Periods, samples per period, periods in which the amplitude falls to 1/e, share of drag, and the seeds of the noise.
@@ -222,10 +222,10 @@ def test_a_long_decay_is_fitted_from_its_first_guess(periods, rate, life, share,
     time, e0, ratio = np.arange(periods * rate) / rate, 0.01, 1 / (2 * math.pi * life)
     η1, η2 = 4 * math.pi * ratio * (1 - share), ratio * share * 3 * math.pi / (4 * e0)
     fit = fit_decay(time, drag(1.0, η1, η2, e0, time=time) + 1e-4 * noise(seed, len(time)), law="quadratic")
-    assert abs(fit.frequency - 1.0) < 4 * fit.standard_errors.frequency
-    assert abs(fit.offset) < 4 * fit.standard_errors.offset
+    assert abs(fit.frequency - 1.0) < 4 * fit.standard_errors["frequency"]
+    assert abs(fit.offset) < 4 * fit.standard_errors["offset"]
     for name, truth in (("damping_ratio", ratio), ("eta1", η1), ("eta2", η2), ("amplitude", e0)):
-        low, high = getattr(fit.intervals, name)
+        low, high = fit.intervals[name]
         assert low - (high - low) / 2 <= truth <= high + (high - low) / 2
     assert fit.residual_rms == pytest.approx(1e-4, rel=0.05)
 
@@ -236,8 +236,8 @@ def test_every_law_fits_600_periods_in_few_iterations(law):
     y = 1e-2 * np.exp(-3e-3 * ω * time) * np.cos(ω * time) + np.random.default_rng(4).normal(0.0, 1e-4, len(time))
     fit = fit_decay(time, y, law=law)
     natural = 50.0 * math.hypot(1.0, 3e-3) if law == "linear" else 50.0
-    assert abs(fit.frequency - natural) < 4 * fit.standard_errors.frequency
-    assert fit.intervals.damping_ratio[0] < 3e-3 < fit.intervals.damping_ratio[1]
+    assert abs(fit.frequency - natural) < 4 * fit.standard_errors["frequency"]
+    assert fit.intervals["damping_ratio"][0] < 3e-3 < fit.intervals["damping_ratio"][1]
     assert fit.residual_rms == pytest.approx(1e-4, rel=0.02)
     assert fit.fit.iterations < 50
 
@@ -252,10 +252,10 @@ def test_intervals_allow_for_a_term_at_its_bound(seed, bounded):
     ratio = float(equivalent_damping_ratio(η1, η2, 2 * math.pi, e0))
     truth = {"frequency": 1.0, "damping_ratio": ratio, "eta1": η1, "eta2": η2, "amplitude": e0}
     for name, value in truth.items():
-        low, high = getattr(fit.intervals, name)
+        low, high = fit.intervals[name]
         assert fit.profile_interval(name) == pytest.approx((low, high), abs=0.25 * (high - low))
         assert low - (high - low) / 2 <= value <= high + (high - low) / 2
-    assert fit.intervals.eta1[0] == fit.intervals.eta2[0] == 0.0
+    assert fit.intervals["eta1"][0] == fit.intervals["eta2"][0] == 0.0
 
 
 @pytest.mark.parametrize("quadratic", [True, False])
@@ -274,7 +274,7 @@ def test_the_step_of_an_integrated_law_shifts_no_estimate_by_a_tenth_of_its_erro
         gauss_newton=True,
     )  # fmt: skip
     free = ~fit.fit.active_bounds
-    shifts = np.abs(again.values - fit.fit.values)[free] / fit.fit.standard_errors[free]
+    shifts = np.abs(again.values - fit.fit.values)[free] / fit.fit.errors[free]
     assert shifts.max() < 0.1
 
 
@@ -323,19 +323,19 @@ def test_friction_that_stops_the_mode_within_the_record_is_found():
     y = rub(1.85, 0.5, 0.05, 0.0, 0.076)
     assert np.abs(y[1450:]).max() == 0.0
     fit = fit_decay(TIME, y + 2e-4 * noise(21), law="friction")
-    assert fit.eta0 == pytest.approx(0.5, abs=4 * fit.standard_errors.eta0)
-    assert fit.standard_errors.eta0 < 0.01
-    assert fit.intervals.eta1[0] < 0.05 < fit.intervals.eta1[1]
+    assert fit.eta0 == pytest.approx(0.5, abs=4 * fit.standard_errors["eta0"])
+    assert fit.standard_errors["eta0"] < 0.01
+    assert fit.intervals["eta1"][0] < 0.05 < fit.intervals["eta1"][1]
 
 
 def test_friction_is_told_from_none():
     """Fails with a coefficient of zero: its interval excludes zero with friction, and holds it without."""
     with_friction = fit_decay(TIME, rub(1.85, 0.05, 0.15, 0.11, 0.076) + 2e-4 * noise(22), law="friction")
-    low, high = with_friction.intervals.eta0
+    low, high = with_friction.intervals["eta0"]
     assert 0.0 < low < 0.05 < high
     assert not any("eta0 cannot be told" in warning for warning in with_friction.warnings)
     without = fit_decay(TIME, rub(1.85, 0.0, 0.15, 0.11, 0.076) + 2e-4 * noise(22), law="friction")
-    assert without.intervals.eta0[0] == 0.0
+    assert without.intervals["eta0"][0] == 0.0
     assert "eta0" in without.active_bounds or any("eta0 cannot be told from zero" in w for w in without.warnings)
 
 
@@ -360,9 +360,9 @@ def test_several_records_share_what_belongs_to_the_mode():
     )
     first, second = fit_decays([large, small], law="quadratic")
     assert (first.frequency, first.eta1, first.eta2) == (second.frequency, second.eta1, second.eta2)
-    assert first.eta2 == pytest.approx(0.11, abs=4 * first.standard_errors.eta2)
-    assert first.eta1 == pytest.approx(0.15, abs=4 * first.standard_errors.eta1)
-    assert first.standard_errors.eta2 < 0.9 * fit_decay(large, law="quadratic").standard_errors.eta2
+    assert first.eta2 == pytest.approx(0.11, abs=4 * first.standard_errors["eta2"])
+    assert first.eta1 == pytest.approx(0.15, abs=4 * first.standard_errors["eta1"])
+    assert first.standard_errors["eta2"] < 0.9 * fit_decay(large, law="quadratic").standard_errors["eta2"]
     assert (first.amplitude, second.amplitude) == pytest.approx((0.076, 0.015), abs=1e-4)
     assert (first.offset, second.offset) == pytest.approx((0.01, -0.02), abs=1e-4)
     assert first.residual_rms == pytest.approx(2e-4, rel=0.05)
@@ -406,8 +406,8 @@ def test_a_drift_is_borne(law, slope):
     η0, η1, η2 = TRUTHS[law]
     y = rub(1.85, η0, η1, η2, 0.05) + 0.4 + slope * TIME + 1e-4 * noise(25)
     fit = fit_decay(TIME + 3.0, y, law=law, drift=True)
-    assert fit.drift == pytest.approx(slope, abs=4 * fit.standard_errors.drift)
-    assert fit.offset == pytest.approx(0.4, abs=4 * fit.standard_errors.offset)
+    assert fit.drift == pytest.approx(slope, abs=4 * fit.standard_errors["drift"])
+    assert fit.offset == pytest.approx(0.4, abs=4 * fit.standard_errors["offset"])
     ratio = float(equivalent_damping_ratio(η1, η2, 2 * math.pi * 1.85, 0.05, η0))
     assert fit.damping_ratio == pytest.approx(ratio, rel=0.01)
     assert fit.residual_rms == pytest.approx(1e-4, rel=0.05)
@@ -421,17 +421,17 @@ def test_outliers_are_borne():
     wrong = rng.random(2500) < 0.05
     y[wrong] = rng.uniform(-0.05, 0.05, int(wrong.sum()))
     plain, robust = fit_decay(TIME, y), fit_decay(TIME, y, robust=True)
-    assert abs(robust.damping_ratio - 0.01) < 4 * robust.standard_errors.damping_ratio
-    assert robust.standard_errors.damping_ratio < 0.1 * plain.standard_errors.damping_ratio
+    assert abs(robust.damping_ratio - 0.01) < 4 * robust.standard_errors["damping_ratio"]
+    assert robust.standard_errors["damping_ratio"] < 0.1 * plain.standard_errors["damping_ratio"]
     clean = fit_decay(TIME[~wrong], y[~wrong])
-    assert robust.standard_errors.damping_ratio < 1.3 * clean.standard_errors.damping_ratio
+    assert robust.standard_errors["damping_ratio"] < 1.3 * clean.standard_errors["damping_ratio"]
 
 
 def test_without_outliers_a_robust_fit_costs_little():
     y = swing(1.85, 0.01, 0.05) + 2e-4 * noise(27)
     plain, robust = fit_decay(TIME, y), fit_decay(TIME, y, robust=True)
-    assert robust.standard_errors.frequency == pytest.approx(plain.standard_errors.frequency, rel=0.06)
-    assert robust.frequency == pytest.approx(plain.frequency, abs=plain.standard_errors.frequency)
+    assert robust.standard_errors["frequency"] == pytest.approx(plain.standard_errors["frequency"], rel=0.06)
+    assert robust.frequency == pytest.approx(plain.frequency, abs=plain.standard_errors["frequency"])
     assert fit_decay(TIME, swing(1.85, 0.01, 0.05), robust=True).damping_ratio == pytest.approx(0.01, rel=1e-9)
 
 
@@ -439,17 +439,17 @@ def test_without_outliers_a_robust_fit_costs_little():
 def test_both_kinds_of_intervals_agree_where_the_record_is_good(law):
     fit = fit_decay(TIME, rub(1.85, *TRUTHS[law], 0.076) + 1e-4 * noise(28), law=law)
     for name in ("frequency", "damping_ratio", "eta1", "amplitude", "offset"):
-        low, high = getattr(fit.intervals, name)
+        low, high = fit.intervals[name]
         half = (high - low) / 2
         assert fit.profile_interval(name) == pytest.approx((low, high), abs=0.05 * half)
-        assert half == pytest.approx(1.961 * getattr(fit.standard_errors, name), rel=1e-3)
+        assert half == pytest.approx(1.961 * fit.standard_errors[name], rel=1e-3)
 
 
 def test_an_interval_at_a_bound_is_one_sided_either_way():
     """The noise is such that the best drag of a record without any is none."""
     records = (drag(1.85, 0.15, 0.0, 0.076) + 2e-4 * noise(seed) for seed in range(30))
     fit = next(fit for fit in (fit_decay(TIME, y, law="quadratic") for y in records) if "eta2" in fit.active_bounds)
-    low, high = fit.intervals.eta2
+    low, high = fit.intervals["eta2"]
     assert low == fit.eta2 == 0.0
     assert 0.0 < high < 0.02
     assert fit.profile_interval("eta2") == pytest.approx((0.0, high), rel=0.02, abs=1e-9)
@@ -462,7 +462,7 @@ def test_intervals_next_to_a_bound_cover_the_truth():
     truth, covered, bounded = 0.005, [], 0
     for seed in range(120):
         fit = fit_decay(TIME, drag(1.85, 0.15, truth, 0.076) + 2e-4 * noise(500 + seed), law="quadratic")
-        covered.append(fit.intervals.eta2[0] <= truth <= fit.intervals.eta2[1])
+        covered.append(fit.intervals["eta2"][0] <= truth <= fit.intervals["eta2"][1])
         bounded += "eta2" in fit.active_bounds
     assert 2 <= bounded <= 24
     assert np.mean(covered) >= 0.92
@@ -483,16 +483,16 @@ def test_a_short_record_says_so():
     assert any(w.startswith("the record is short: 4.1 periods of free decay") for w in fit.warnings)
     vague = fit_decay(TIME[:1500], swing(1.85, 0.003, 0.05, time=TIME[:1500]) + 5e-3 * noise(31, 1500))
     (warning,) = [w for w in vague.warnings if w.startswith("the damping ratio is known to ")]
-    needed = float(warning.split("one of ")[1].split(" s would do")[0])
+    needed = float(warning.split("too short; ")[1].split(" s would give 10%")[0])
     time = np.arange(0.0, needed, 0.002)
     longer = fit_decay(time, swing(1.85, 0.003, 0.05, time=time) + 5e-3 * noise(32, len(time)))
-    assert longer.standard_errors.damping_ratio == pytest.approx(0.1 * vague.damping_ratio, rel=0.2)
+    assert longer.standard_errors["damping_ratio"] == pytest.approx(0.1 * vague.damping_ratio, rel=0.2)
 
 
 def test_a_noisy_record_says_so():
     """Longer than the decay: more of it would only be more noise."""
     fit = fit_decay(TIME, swing(8.0, 0.05, 0.005) + 2e-3 * noise(34))
-    assert fit.standard_errors.damping_ratio > 0.1 * fit.damping_ratio
+    assert fit.standard_errors["damping_ratio"] > 0.1 * fit.damping_ratio
     assert any(w.endswith("% only: less noise, or a larger release, would help") for w in fit.warnings)
     lost = fit_decay(TIME, swing(8.0, 1e-4, 0.005) + 2e-3 * noise(35), ratio_bounds=(-0.1, 0.5))
     assert any(w.startswith("the damping ratio is known no better than to be zero") for w in lost.warnings)
@@ -521,7 +521,7 @@ def test_a_linear_decay_is_a_quadratic_one_without_drag():
     assert fit.eta1 == pytest.approx(2 * 0.01 * 2 * math.pi * 1.85)
     assert fit.eta2 == 0.0
     assert math.isnan(fit.correlation)
-    assert math.isnan(fit.standard_errors.eta2)
+    assert math.isnan(fit.standard_errors["eta2"])
 
 
 def test_a_law_that_does_not_tell_all_is_noticed():
@@ -543,11 +543,11 @@ def test_the_result_reads_as_text_and_as_json():
     table = json.loads(json.dumps(fit.to_dict(), allow_nan=False))
     assert table["frequency_hz"] == fit.frequency
     assert table["eta2_per_m"] == fit.eta2
-    assert table["damping_ratio_stderr"] == fit.standard_errors.damping_ratio
+    assert table["damping_ratio_stderr"] == fit.standard_errors["damping_ratio"]
     assert table["warnings"] == list(fit.warnings)
     text = fit.report()
     assert text.startswith("quadratic decay, 2500 samples from 0 s on")
-    assert f"{fit.frequency:.6g} +- {fit.standard_errors.frequency:.2g} Hz" in text
+    assert f"{fit.frequency:.6g} +- {fit.standard_errors['frequency']:.2g} Hz" in text
     assert all(f"note: {warning}" in text for warning in fit.warnings)
     assert fit_decay(TIME, swing(1.85, 0.0, 0.05)).to_dict()["damping_ratio_stderr"] is None
 
@@ -604,7 +604,7 @@ class TestSiliconeBeam:
         comparison = compare_decay_laws(Measurement.from_csv(SILICONE / f"beam_{name}_tip.csv"))
         linear, quadratic, friction = comparison.fits
         assert friction.residual_rms <= quadratic.residual_rms * (1 + 1e-6) <= linear.residual_rms * 1.01
-        assert any("no law tells all" in warning for warning in comparison.warnings)
+        assert any("no law explains all of the motion" in warning for warning in comparison.warnings)
 
     @pytest.mark.parametrize(("name", "frequency"), [("load52", 4.4), ("load101", 3.4)])
     def test_the_beam_with_a_weight_at_its_tip(self, name, frequency):

@@ -1,4 +1,4 @@
-"""Measured modes are checked before any work, and compared whatever their scale."""
+"""Measured modes are checked before any computation, and compared independently of their scale."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ class TestResiduals:
     def test_residual_of_a_shape_is_what_the_best_multiple_leaves(self, matching):
         """By least squares of numpy, the deviations as weights."""
         response, space = matching.response(), matching.space
-        shapes = matching.observer @ response.state(space.standard).shapes
+        shapes = matching.observer @ matching.state(space.standard).shapes
         expected = []
         for psi, v, std in zip(matching.measured.shapes, shapes.T, (0.2, 0.1, 0.3), strict=True):
             known = np.isfinite(psi)

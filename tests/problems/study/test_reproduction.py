@@ -147,17 +147,17 @@ class TestDecays:
     def test_fits_recover_table_2(self, study):
         """Each of the ten numbers of Table 2 lies within four standard errors."""
         for fit, f, zeta in zip(study.identification, paper.FREQUENCIES, paper.DAMPING_RATIOS, strict=True):
-            assert abs(fit.frequency - f) < 4 * fit.standard_errors.frequency
-            assert abs(fit.damping_ratio - zeta) < 4 * fit.standard_errors.damping_ratio
-            assert fit.standard_errors.damping_ratio < 0.02 * zeta
+            assert abs(fit.frequency - f) < 4 * fit.standard_errors["frequency"]
+            assert abs(fit.damping_ratio - zeta) < 4 * fit.standard_errors["damping_ratio"]
+            assert fit.standard_errors["damping_ratio"] < 0.02 * zeta
 
     def test_eta2_of_the_higher_modes_is_uncertain(self, study):
         """Erratum 18: with this noise, eta2 of modes 1 to 5 is uncertain by 3, 22, 47, 73 and 18 %."""
-        uncertain = [fit.standard_errors.eta2 / eta2 for fit, eta2 in zip(study.quadratic, paper.ETA2, strict=True)]
+        uncertain = [fit.standard_errors["eta2"] / eta2 for fit, eta2 in zip(study.quadratic, paper.ETA2, strict=True)]
         assert uncertain == pytest.approx([0.03, 0.22, 0.47, 0.73, 0.18], rel=0.35)
         for fit, eta1, eta2 in zip(study.quadratic, paper.ETA1, paper.ETA2, strict=True):
-            assert abs(fit.eta1 - eta1) < 4 * fit.standard_errors.eta1
-            assert abs(fit.eta2 - eta2) < 4 * fit.standard_errors.eta2
+            assert abs(fit.eta1 - eta1) < 4 * fit.standard_errors["eta1"]
+            assert abs(fit.eta2 - eta2) < 4 * fit.standard_errors["eta2"]
             assert fit.correlation < -0.9
 
 

@@ -28,32 +28,58 @@ Bootstrap, Wiley (1992).
 from __future__ import annotations
 
 import math
-import warnings
 from collections import Counter
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args, runtime_checkable
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.fit import LEVEL, Fit
-from ancf_casadi.estimation.nlp import Unknown, least_squares
+from ancf_casadi.estimation.estimates import LEVEL
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.least_squares import Unknown, least_squares
+from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.inputs import check_instance, choice, number, whole
+from ancf_casadi.support.inputs import choice, number, whole
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.support.tables import Table
-from problems.decay.laws import LAWS
-from problems.decay.result import QUANTITIES, UNITS, DecayFit
-from problems.transient.fitting import OPTIONS, TransientFit
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Method = Literal["parametric", "bootstrap"]
 
 WHITE = 3.0  # standard deviations 1/m^1/2 within which the correlation of successive residuals is none
 MINIMUM_RUNS = 2
 MOST_RUNS = 1_000_000
+
+
+@runtime_checkable
+class Refittable(Protocol):
+    """A result whose fit can be repeated on other records."""
+
+    @property
+    def fit(self) -> Fit:
+        """Estimated unknowns, and the residuals."""
+
+    @property
+    def estimates(self) -> Mapping[str, float]:
+        """Estimated quantities by name."""
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Unit of each quantity."""
+
+    @property
+    def standard_errors(self) -> Mapping[str, float]:
+        """Standard error of each quantity, and perhaps of others."""
+
+    def refit(self, noise: Array) -> Array:
+        """Return the quantities, in the order of ``estimates``, from a fit to the fitted curve plus noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +90,10 @@ class MonteCarlo:
     ----------
     names, units : tuple of str
         The p quantities, and their units.
-    estimates, standard_errors : ndarray
-        What the fit itself says (p,); an error is nan where it says none.
+    estimates : ndarray
+        Estimates of the fit (p,).
+    standard_errors : mapping of str to float
+        Standard errors of the fit by name; nan where it gives none.
     samples : ndarray
         What the runs that converged found (runs, p).
     failures : tuple of str
@@ -79,7 +107,7 @@ class MonteCarlo:
     names: tuple[str, ...]
     units: tuple[str, ...]
     estimates: Array
-    standard_errors: Array
+    standard_errors: Mapping[str, float]
     samples: Array
     failures: tuple[str, ...]
     method: Method
@@ -112,16 +140,21 @@ class MonteCarlo:
             raise InputError(f"must be between 0 and 1, got {level:g}", "level")
         return np.asarray(np.quantile(self.samples, [(1 - level) / 2, (1 + level) / 2], axis=0)).T
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Number of failed runs for each reason."""
+        return tuple(f"{count} runs failed: {reason}" for reason, count in Counter(self.failures).items())
+
     def table(self) -> Table:
         """Return the quantities with estimates, standard errors, and what the runs say of both."""
         columns = ("quantity", "estimate", "unit", "standard_error", "mean", "deviation", "lower_95", "upper_95")
         rows = [
-            (name, float(value), unit, error if math.isfinite(error) else None, mean, deviation, low, high)
+            (name, float(value), unit, known(error), mean, deviation, low, high)
             for name, value, unit, error, mean, deviation, (low, high) in zip(
                 self.names,
                 self.estimates.tolist(),
                 self.units,
-                self.standard_errors.tolist(),
+                self.standard_errors.values(),
                 self.means.tolist(),
                 self.deviations.tolist(),
                 self.intervals().tolist(),
@@ -132,13 +165,20 @@ class MonteCarlo:
         notes = [
             f"{self.runs} runs, {len(self.failures)} failed; "
             + ("white noise" if self.method == "parametric" else f"bootstrap of {drawn}"),
-            *(f"note: {count} runs failed: {reason}" for reason, count in Counter(self.failures).items()),
+            *(f"note: {warning}" for warning in self.warnings),
         ]
         return Table("monte_carlo", "Estimates of many records", columns, rows, notes)
 
     def report(self) -> str:
         """Return the table as text."""
         return self.table().text()
+
+    def figure(self) -> Figure:
+        """Draw the distribution of each quantity over the runs, and the normal one of the fit."""
+        from ancf_casadi.estimation.figures import scatter_figure  # matplotlib is slow to import
+
+        labels = [f"{name}, {unit}".removesuffix(", ") for name, unit in zip(self.names, self.units, strict=True)]
+        return scatter_figure(labels, self.samples, self.estimates, list(self.standard_errors.values()))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for what is not known."""
@@ -152,7 +192,7 @@ class MonteCarlo:
                     "name": name,
                     "unit": unit,
                     "estimate": estimate,
-                    "standard_error": error if math.isfinite(error) else None,
+                    "standard_error": known(error),
                     "mean": mean,
                     "deviation": deviation,
                     "interval_95": interval,
@@ -161,7 +201,7 @@ class MonteCarlo:
                     self.names,
                     self.units,
                     self.estimates.tolist(),
-                    self.standard_errors.tolist(),
+                    self.standard_errors.values(),
                     self.means.tolist(),
                     self.deviations.tolist(),
                     self.intervals().tolist(),
@@ -173,7 +213,7 @@ class MonteCarlo:
 
 
 def monte_carlo(
-    fit: DecayFit | TransientFit,
+    fit: Refittable,
     *,
     runs: int = 200,
     seed: int = 0,
@@ -186,7 +226,7 @@ def monte_carlo(
 
     Parameters
     ----------
-    fit : DecayFit or TransientFit
+    fit : DecayFit, TransientFit or any other with a method ``refit``
         The fit.
     runs : int
         How many records.
@@ -208,7 +248,8 @@ def monte_carlo(
     """
     runs, seed = whole(runs, "runs", MINIMUM_RUNS, MOST_RUNS), whole(seed, "seed", 0)
     choice(method, get_args(Method), "method")
-    check_instance(fit, "fit", DecayFit, TransientFit)
+    if not isinstance(fit, Refittable):
+        raise InputError(f"must be a DecayFit or a TransientFit, got a {type(fit).__name__}", "fit")
     if not (fit.fit.degrees_of_freedom > 0 and fit.fit.residual_rms > 0.0):
         raise InputError("leaves no residuals to make records from", "fit")
     block = block_length(fit.fit) if method == "bootstrap" else 1
@@ -218,8 +259,17 @@ def monte_carlo(
     failures = tuple(result for result in found if isinstance(result, str))
     if len(samples) < MINIMUM_RUNS:
         raise FitError(f"{len(failures)} of {runs} runs failed, the first: {failures[0]}")
-    names, units, estimates, errors = _quantities(fit)
-    return MonteCarlo(names, units, estimates, errors, np.array(samples), failures, method, block)
+    names = tuple(fit.estimates)
+    return MonteCarlo(
+        names=names,
+        units=tuple(fit.units[name] for name in names),
+        estimates=np.array(list(fit.estimates.values())),
+        standard_errors={name: fit.standard_errors[name] for name in names},
+        samples=np.array(samples),
+        failures=failures,
+        method=method,
+        block=block,
+    )
 
 
 def block_length(fit: Fit) -> int:
@@ -237,8 +287,35 @@ def drawn(size: int, block: int, rng: np.random.Generator) -> Index:
     return np.asarray((starts[:, None] + np.arange(block)).ravel()[:size] % size)
 
 
-def _run(fit: DecayFit | TransientFit, seed: np.random.SeedSequence, method: Method, block: int) -> Array | str:
-    """Return what a record made from a fit gives, or why it gives nothing."""
+def refit(fit: Fit, noise: Array, **settings: Any) -> Array:
+    """Return the unknowns of a fit to the fitted curve plus noise, from the estimates on.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    noise : ndarray
+        Noise of each residual (m,).
+    **settings
+        Settings of ``least_squares`` that the fit had.
+
+    Raises
+    ------
+    FitError
+        If the fit does not converge.
+    """
+    columns = (fit.names, fit.values.tolist(), fit.scale.tolist(), fit.lower.tolist(), fit.upper.tolist(), fit.units)
+    change = cs.DM(fit.residuals + noise)
+
+    def residuals(*x: cs.MX) -> cs.MX:
+        return fit.model.call([cs.vertcat(*x) / cs.DM(fit.scale)], True, False)[0] - change
+
+    unknowns = [Unknown(*column) for column in zip(*columns, strict=True)]
+    return least_squares(residuals, unknowns, huber=fit.huber, **settings).values
+
+
+def _run(fit: Refittable, seed: np.random.SeedSequence, method: Method, block: int) -> Array | str:
+    """Return the quantities from one new record, or the reason of a failure."""
     one, rng = fit.fit, np.random.default_rng(seed)
     m = len(one.residuals)
     if method == "parametric":
@@ -248,47 +325,7 @@ def _run(fit: DecayFit | TransientFit, seed: np.random.SeedSequence, method: Met
         noise = math.sqrt(m / one.degrees_of_freedom) * np.concatenate(
             [part[drawn(len(part), block, rng)] for part in centred]
         )
-    unknowns = [
-        Unknown(name, guess, scale, lower, upper, unit)
-        for name, guess, scale, lower, upper, unit in zip(
-            one.names, one.values.tolist(), one.scale.tolist(), one.lower.tolist(), one.upper.tolist(), one.units,
-            strict=True,
-        )
-    ]  # fmt: skip
-    change = cs.DM(one.residuals + noise)
-
-    def residuals(*x: cs.MX) -> cs.MX:
-        return one.model.call([cs.vertcat(*x) / cs.DM(one.scale)], True, False)[0] - change
-
-    settings: dict[str, Any] = {"gauss_newton": True, "forward": True, "options": OPTIONS}
-    if isinstance(fit, DecayFit):
-        settings = {"gauss_newton": LAWS[fit.law].integrated}
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # a trial without a motion is stepped back from
-            again = least_squares(residuals, unknowns, huber=one.huber, **settings)
+        return fit.refit(noise)
     except AncfError as error:
         return str(error)
-    return _values(fit, again.values)
-
-
-def _quantities(fit: DecayFit | TransientFit) -> tuple[tuple[str, ...], tuple[str, ...], Array, Array]:
-    """Return names, units, estimates and standard errors of what a fit tells."""
-    if isinstance(fit, TransientFit):
-        return fit.fit.names, fit.fit.units, fit.fit.values, fit.fit.standard_errors
-    names = _told(fit)
-    errors = [getattr(fit.standard_errors, name) for name in names]
-    return names, tuple(UNITS[name] for name in names), _values(fit, fit.fit.values), np.array(errors)
-
-
-def _values(fit: DecayFit | TransientFit, x: Array) -> Array:
-    """Return what a fit tells for values of its unknowns."""
-    if isinstance(fit, TransientFit):
-        return x
-    found = np.asarray(cs.evalf(fit.model.quantities(*(cs.MX(x[i]) for i in fit.indices)))).ravel()
-    return np.asarray(found[[QUANTITIES.index(name) for name in _told(fit)]])
-
-
-def _told(fit: DecayFit) -> tuple[str, ...]:
-    """Return the quantities that a law estimates."""
-    return tuple(name for name in QUANTITIES if not math.isnan(getattr(fit.intervals, name)[0]))

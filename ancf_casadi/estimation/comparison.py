@@ -1,0 +1,129 @@
+"""Comparison of laws that were fitted to the same records, by the information criteria of ``criteria``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+
+from ancf_casadi.estimation.criteria import Candidate, Verdict, judge
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.result import Result, known
+from ancf_casadi.support.tables import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class LawFit(Result, Protocol):
+    """A result that rests on a least-squares fit."""
+
+    @property
+    def fit(self) -> Fit:
+        """Estimated unknowns."""
+
+
+F = TypeVar("F", bound=LawFit)
+
+
+@dataclass(frozen=True, eq=False)
+class LawComparison(Generic[F]):
+    """Damping laws that were fitted to the same records.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Name of each law.
+    fits : tuple
+        Fit of each law.
+    terms : tuple of tuple of str
+        Names of the unknowns that are the damping parameters of each law.
+    """
+
+    names: tuple[str, ...]
+    fits: tuple[F, ...]
+    terms: tuple[tuple[str, ...], ...]
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Information criteria, and the best law."""
+        laws = zip(self.names, self.fits, self.terms, strict=True)
+        return judge([Candidate.of(name, one.fit, terms) for name, one, terms in laws])
+
+    @property
+    def best(self) -> F:
+        """Fit with the lowest BIC."""
+        return self.fits[self.verdict.best]
+
+    @property
+    def standard_errors(self) -> Mapping[str, float]:
+        """Standard errors of the best fit."""
+        return self.best.standard_errors
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings of the criteria, then those of the fits, each with the name of its law."""
+        own = [f"{name}: {text}" for name, one in zip(self.names, self.fits, strict=True) for text in one.warnings]
+        return (*self.verdict.warnings, *own)
+
+    def table(self) -> Table:
+        """Return the laws with their residuals, criteria above the lowest of each, and damping parameters."""
+        verdict = self.verdict
+        laws = zip(self.names, self.fits, self.terms, verdict.aicc, verdict.bic, strict=True)
+        rows = [
+            (
+                name,
+                one.fit.rank + 1,
+                one.fit.residual_rms,
+                known(aicc - min(verdict.aicc)),
+                bic - min(verdict.bic),
+                one.fit.autocorrelation,
+                _parameters(one.fit, terms),
+            )
+            for name, one, terms, aicc, bic in laws
+        ]
+        columns = ("law", "estimated", "residual_rms_m", "delta_AICc", "delta_BIC", "autocorrelation", "parameters")
+        best = f"best by BIC: {self.names[verdict.best]}"
+        if not verdict.settled:
+            best = f"the record cannot tell for sure; {best}"
+        return Table("laws", "Damping laws", columns, rows, (best, *(f"note: {text}" for text in self.warnings)))
+
+    def report(self) -> str:
+        """Return the table and the best fit as text."""
+        return f"{self.table().text()}\n\n{self.best.report()}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON, with None for unknown values."""
+        verdict = self.verdict
+        return {
+            "best": self.names[verdict.best],
+            "settled": verdict.settled,
+            "effective_samples": verdict.effective_samples,
+            "laws": [
+                {
+                    "law": name,
+                    "estimated": one.fit.rank + 1,
+                    "aicc": known(aicc),
+                    "bic": bic,
+                    "residual_rms_m": one.fit.residual_rms,
+                    "autocorrelation": known(one.fit.autocorrelation),
+                    "at_bound": list(one.fit.at_bound),
+                    **one.to_dict(),
+                }
+                for name, one, aicc, bic in zip(self.names, self.fits, verdict.aicc, verdict.bic, strict=True)
+            ],
+            "warnings": list(self.warnings),
+        }
+
+    def figure(self) -> Figure:
+        """Draw the criteria of the laws above the lowest of each."""
+        from ancf_casadi.estimation.figures import criteria_figure  # matplotlib is slow to import
+
+        return criteria_figure(self.names, self.verdict.aicc, self.verdict.bic)
+
+
+def _parameters(fit: Fit, terms: tuple[str, ...]) -> str:
+    """Return the estimated damping parameters of a law, and which of them are at a bound."""
+    estimated = [name for name in terms if name in fit.names]
+    return ", ".join(f"{name} {fit[name]:.4g}{' (bound)' * (name in fit.at_bound)}" for name in estimated)

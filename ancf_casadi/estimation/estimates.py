@@ -1,0 +1,258 @@
+"""Estimates of a least-squares fit and their uncertainty, to first order.
+
+With residuals r(x), their Jacobian J, m of them and n free unknowns, that is, not at a bound, the fit minimises
+L(x) = sum rho(r_i).  With psi, w and phi as in ``loss``, white residuals give to first order the covariance
+
+    C = (phi/w) (J' J)^-1
+
+and an interval x_k +- t (C_kk)^1/2 with the quantile t of Student's distribution with m - n degrees of freedom.  An
+interval ends at a bound.  Standard errors take an unknown at its bound as known, intervals do not.  The interval of
+such an unknown begins at the bound and ends a distance h inwards.  With the part p = J_k - J c of its column J_k of the
+Jacobian that the free unknowns cannot compensate,
+
+    2 (psi' p) h + w p' p h^2 = phi t^2.
+
+Meanwhile the free unknowns move by -c h.  To a quantity q this adds the step s = h (dq/dx_k - dq/dx c), and its
+interval reaches (t^2 C_qq + s^2)^1/2 to the side of s, the extent of an ellipse that contains
+the region of ``profile``.
+
+To first order, a change c of the residuals shifts the estimates by -(J' D J)^-1 J' D c, with D the diagonal matrix of
+the psi'(r_i); ``Estimates.shifts`` gives this in standard errors.
+
+References
+----------
+G. A. F. Seber, C. J. Wild, Nonlinear Regression, Wiley (1989), Sections 2.1, 5.3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as cs
+import numpy as np
+from scipy.special import stdtrit
+
+from ancf_casadi.estimation.autocorrelation import autocorrelation, effective_samples
+from ancf_casadi.estimation.loss import dispersion, influence, row_weights
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array, Mask
+from ancf_casadi.support.inputs import number
+
+Quantities = Callable[..., cs.MX]  # unknowns as MX scalars, in their order -> MX vector of quantities
+
+LEVEL = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class Estimates:
+    """Estimated unknowns and their uncertainty; ``estimates["name"]`` is the value of an unknown.
+
+    Parameters
+    ----------
+    names, units : tuple of str
+        Names and units of the n unknowns.
+    values : ndarray
+        Estimates (n,).
+    lower, upper : ndarray
+        Bounds (n,).
+    scale : ndarray
+        Changes of the unknowns that matter (n,).
+    covariance : ndarray
+        Covariance (n, n); nan for unknowns at a bound.
+    active_bounds : ndarray of bool
+        Unknowns at a bound (n,).
+    residuals : ndarray
+        Residuals (m,).
+    series : tuple of int
+        Lengths of the series that the residuals consist of, one after the other, each in the order of time.
+    jacobian : ndarray
+        Jacobian of the residuals (m, n).
+    condition : float
+        Condition number of the Jacobian of the free unknowns, its columns scaled to unit length.
+    huber : float
+        Residual d beyond which the loss grows linearly; infinite for least squares.
+    systematic : float
+        Root mean square e of a systematic error of the residuals that the standard errors allow for.
+    status : str
+        Return status of IPOPT.
+    iterations : int
+        Iterations of IPOPT, and Gauss-Newton steps.
+    solve_seconds : float
+        Solution time of IPOPT, s.
+    model : casadi.Function
+        Unknowns in units of their scales -> residuals and their Jacobian.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    lower: Array
+    upper: Array
+    scale: Array
+    covariance: Array
+    active_bounds: Mask
+    residuals: Array
+    series: tuple[int, ...]
+    jacobian: Array
+    condition: float
+    huber: float
+    systematic: float
+    status: str
+    iterations: int
+    solve_seconds: float
+    model: cs.Function
+
+    def __getitem__(self, name: str) -> float:
+        """Return the value of an unknown."""
+        return float(self.values[self.names.index(name)])
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of the unknowns at a bound."""
+        return tuple(name for name, active in zip(self.names, self.active_bounds, strict=True) if active)
+
+    @property
+    def rank(self) -> int:
+        """Number of free unknowns."""
+        return int(np.count_nonzero(~self.active_bounds))
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Degrees of freedom of the residuals, m - n."""
+        return len(self.residuals) - self.rank
+
+    @property
+    def residual_rms(self) -> float:
+        """Root mean square of the residuals, Eq. (10)."""
+        return math.sqrt(np.mean(self.residuals**2))
+
+    @property
+    def autocorrelation(self) -> float:
+        """Correlation of successive residuals of a series; nan if there are none."""
+        rho = autocorrelation(self.residuals, self.series)
+        return float(rho[1]) if len(rho) > 1 else math.nan
+
+    @property
+    def effective_samples(self) -> float:
+        """Number of independent residuals with the same information as these (``autocorrelation``)."""
+        return effective_samples(self.residuals, self.series)
+
+    @property
+    def dispersion(self) -> float:
+        """Variance phi of the residuals (``loss``); nan for zero degrees of freedom."""
+        return dispersion(self.residuals, self.degrees_of_freedom, self.huber, self.systematic)
+
+    @property
+    def errors(self) -> Array:
+        """Standard errors (n,); nan for unknowns at a bound."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each unknown by name; nan at a bound."""
+        return dict(zip(self.names, self.errors.tolist(), strict=True))
+
+    @property
+    def correlations(self) -> Array:
+        """Correlations (n, n); nan for unknowns at a bound, or if all residuals are zero."""
+        error = self.errors
+        with np.errstate(invalid="ignore"):
+            return self.covariance / np.outer(error, error)
+
+    def intervals(self, level: float = LEVEL) -> Array:
+        """Return the intervals (n, 2) of the unknowns that contain the truth with a probability, to first order.
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 1.
+        """
+        ends = self._ends(self.values, np.eye(len(self.names)), level)
+        return np.asarray(np.clip(ends, self.lower[:, None], self.upper[:, None]))
+
+    def derived(self, quantities: Quantities) -> tuple[Array, Array]:
+        """Return quantities (q,), and their standard errors to first order; nan for one of no free unknown."""
+        values, jacobian = self._linearised(quantities)
+        return values, self._errors(jacobian)
+
+    def derived_intervals(self, quantities: Quantities, level: float = LEVEL) -> Array:
+        """Return the intervals (q, 2) of quantities, to first order; nan for one that depends on no unknown.
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 1.
+        """
+        return self._ends(*self._linearised(quantities), level)
+
+    def shifts(self, change: Array) -> Array:
+        """Return the shifts (n,) of the estimates by a change of the residuals (m,), in standard errors.
+
+        An unknown at a bound counts as if its standard error were that of an interval as wide as its own.  The shifts
+        are to first order; nan where there is no standard error.
+        """
+        weights = row_weights(self.residuals, self.huber)
+        columns, change = self.jacobian * self.scale * weights[:, None], weights * change
+        free = columns[:, ~self.active_bounds]
+        shifts = np.empty(len(self.names))
+        shifts[~self.active_bounds] = -np.linalg.lstsq(free, change)[0]
+        for k in np.flatnonzero(self.active_bounds).tolist():
+            column = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k])[0]
+            shifts[k] = -(column @ change) / (column @ column)
+        errors = self.errors
+        own_moves = np.diag(self.moves(LEVEL)[self.active_bounds])
+        errors[self.active_bounds] = np.abs(own_moves) / quantile(LEVEL, self.degrees_of_freedom)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(shifts * self.scale / errors)
+
+    def moves(self, level: float) -> Array:
+        """Return the changes (n, b) of all unknowns as each of the b unknowns at a bound moves inwards by its h."""
+        moves = np.zeros((len(self.names), int(np.count_nonzero(self.active_bounds))))
+        psi, curvature = influence(self.residuals, self.huber)
+        room = self.dispersion * quantile(level, self.degrees_of_freedom) ** 2
+        free, scale = ~self.active_bounds, self.scale[~self.active_bounds]
+        scaled = self.jacobian[:, free] * scale
+        for move, k in zip(moves.T, np.flatnonzero(self.active_bounds).tolist(), strict=True):
+            inwards = 1.0 if self.values[k] == self.lower[k] else -1.0
+            column = inwards * self.jacobian[:, k]
+            compensation = np.linalg.lstsq(scaled, column)[0]
+            column = column - scaled @ compensation
+            g, a = max(float(psi @ column), 0.0), curvature * float(column @ column)
+            denominator = g + math.sqrt(g**2 + a * room)
+            reach = room / denominator if denominator > 0.0 else math.inf
+            move[k] = inwards * reach
+            move[free] = -reach * scale * compensation if math.isfinite(reach) else 0.0
+        return moves
+
+    def _linearised(self, quantities: Quantities) -> tuple[Array, Array]:
+        """Return quantities (q,) and their Jacobian (q, n) at the estimates."""
+        x = cs.MX.sym("x", len(self.names))
+        q = cs.densify(quantities(*cs.vertsplit(x)))
+        values, jacobian = cs.Function("quantities", [x], [q, cs.densify(cs.jacobian(q, x))])(self.values)
+        return values.full().ravel(), jacobian.full()
+
+    def _errors(self, jacobian: Array) -> Array:
+        """Return the standard errors of quantities from their Jacobian (q, n)."""
+        free = ~self.active_bounds
+        own = jacobian[:, free]
+        errors = np.sqrt(np.sum((own @ self.covariance[np.ix_(free, free)]) * own, axis=1))
+        return np.where(own.any(axis=1), errors, math.nan)
+
+    def _ends(self, values: Array, jacobian: Array, level: float) -> Array:
+        """Return the intervals (q, 2) of quantities from their values (q,) and Jacobian (q, n)."""
+        half = np.nan_to_num(quantile(level, self.degrees_of_freedom) * self._errors(jacobian))
+        with np.errstate(invalid="ignore"):  # infinite moves of quantities that do not depend on them
+            steps = jacobian @ self.moves(level)
+        below, above = (np.hypot(half, np.linalg.norm(np.fmax(side * steps, 0.0), axis=1)) for side in (-1.0, 1.0))
+        ends = np.array([values - below, values + above]).T
+        ends[~jacobian.any(axis=1) | (self.degrees_of_freedom == 0)] = math.nan
+        return ends
+
+
+def quantile(level: float, freedom: int) -> float:
+    """Return the quantile of Student's distribution for a two-sided interval; nan for zero degrees of freedom."""
+    if not 0.0 < number(level, "level") < 1.0:
+        raise InputError(f"must be between 0 and 1, got {level:g}", "level")
+    return float(stdtrit(freedom, 0.5 + level / 2)) if freedom else math.nan

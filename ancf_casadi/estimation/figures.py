@@ -1,0 +1,80 @@
+"""Figures of residuals, compared models and repeated fits, made without a display."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ancf_casadi.estimation.autocorrelation import autocorrelation
+from ancf_casadi.support.arrays import Array
+
+MEASURED = "#222222"
+COMPUTED = "#1b7f5c"
+LAGS = 200  # of a drawn autocorrelation
+
+
+def draw_autocorrelation(axes: Axes, residuals: Array, series: Sequence[int] = ()) -> None:
+    """Draw the autocorrelation of residuals; that of white ones is within the dotted lines for 95 % of the lags."""
+    correlation = np.nan_to_num(autocorrelation(residuals, series)[: LAGS + 1])
+    axes.plot(np.arange(len(correlation)), correlation, lw=1, color=COMPUTED)
+    for edge in (-1.96, 1.96):
+        axes.axhline(edge / len(residuals) ** 0.5, ls=":", lw=0.8, color=MEASURED)
+    axes.set(xlabel="lag, samples", ylabel="autocorrelation")
+
+
+def residual_figure(residuals: Array, series: Sequence[int] = ()) -> Figure:
+    """Draw residuals, one series after the other, and their autocorrelation."""
+    figure = Figure(figsize=(8, 4.8), layout="constrained")
+    left, repeated = figure.subplots(2, 1)
+    left.plot(np.arange(1, len(residuals) + 1), residuals, lw=0.5, color=MEASURED)
+    for end in np.cumsum(series)[:-1].tolist():
+        left.axvline(end + 0.5, ls=":", lw=0.8, color=MEASURED)
+    left.set(xlabel="sample", ylabel="residual")
+    draw_autocorrelation(repeated, residuals, series)
+    return figure
+
+
+def criteria_figure(names: Sequence[str], aicc: Sequence[float], bic: Sequence[float]) -> Figure:
+    """Draw the information criteria of models above the lowest of each; a criterion that is not finite is left out."""
+    figure = Figure(figsize=(7, 1.2 + 0.5 * len(names)), layout="constrained")
+    axes = figure.subplots()
+    places = np.arange(len(names))
+    for criterion, shift, label, colour in ((aicc, -0.2, "AICc", MEASURED), (bic, 0.2, "BIC", COMPUTED)):
+        values = np.array(criterion)
+        finite = np.isfinite(values)
+        axes.barh(
+            places[finite] + shift, values[finite] - values[finite].min(initial=np.inf), 0.4, color=colour, label=label
+        )
+    axes.set_xscale("symlog", linthresh=10.0)
+    axes.set(yticks=places, yticklabels=names, xlabel="criterion above its lowest; 10 is clear")
+    axes.invert_yaxis()
+    axes.legend(frameon=False)
+    return figure
+
+
+def scatter_figure(labels: Sequence[str], samples: Array, estimates: Array, errors: Sequence[float]) -> Figure:
+    """Draw the histogram of each column of samples, and the normal distribution about the estimate.
+
+    Parameters
+    ----------
+    labels : sequence of str
+        Names of the p quantities, with units.
+    samples : ndarray
+        Values (runs, p).
+    estimates, errors
+        Means and standard deviations (p,) of the normal distributions; none is drawn where the latter is nan.
+    """
+    figure = Figure(figsize=(3 * len(labels), 2.8), layout="constrained")
+    plots = figure.subplots(1, len(labels), squeeze=False).ravel()
+    for axes, label, column, estimate, error in zip(plots, labels, samples.T, estimates, errors, strict=True):
+        axes.hist(column, bins="sqrt", density=True, color=COMPUTED, alpha=0.5)
+        axes.axvline(estimate, lw=0.8, color=MEASURED)
+        if error > 0.0:
+            x = estimate + error * np.linspace(-4.0, 4.0, 200)
+            normal = np.exp(-(((x - estimate) / error) ** 2) / 2) / (error * np.sqrt(2 * np.pi))
+            axes.plot(x, normal, lw=1, color=MEASURED)
+        axes.set(xlabel=label, yticks=[])
+    return figure

@@ -1,0 +1,228 @@
+"""Bounded least squares, solved by IPOPT with exact derivatives.
+
+Unknowns x with guesses, scales and bounds, and residuals r(x) of which there are m, more than the n unknowns, give
+
+    minimise  1/2 r(S z)' r(S z) / w    subject to  lower <= S z <= upper,
+
+with S the diagonal matrix of the scales and w the largest diagonal entry of S J' J S at the guess, J = dr/dx, so that
+the tolerance of the solver refers to the unknowns in units of their scales.  CasADi gives gradient and Hessian.
+``loss`` has the loss that replaces r^2/2 if some residuals are outliers, ``polish`` the Gauss-Newton steps that follow
+where the Hessian is that of Gauss and Newton, and ``estimates`` the uncertainty of the solution.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.loss import dispersion, influence, loss
+from ancf_casadi.estimation.nlp import solve_nlp
+from ancf_casadi.estimation.polish import NEAR, gauss_newton_functions, polish, residuals_and_jacobian
+from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.support.arrays import Array, Mask
+from ancf_casadi.support.inputs import positive
+
+TIGHT: Mapping[str, Any] = {
+    "ipopt.tol": 1e-12,
+    "ipopt.compl_inf_tol": 1e-18,  # an unknown that just touches its bound ends its square root away
+    "ipopt.acceptable_tol": 1e-8,
+    "ipopt.bound_relax_factor": 0.0,
+    "ipopt.max_iter": 300,
+}
+LEAST_BARRIER, MOST_BARRIER = 1e-12, 0.1  # the tolerance, and the default of IPOPT
+AT_BOUND = 1e-6  # distance, in scales, that an interior-point method leaves between an unknown and its active bound
+WEAK = 0.1  # component of a direction that the data do not determine, above which an unknown is named
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A quantity to be estimated.
+
+    Parameters
+    ----------
+    name : str
+        Name in the result.
+    guess : float
+        Starting value.
+    scale : float
+        Change of the unknown that matters; the problem is solved in units of it.
+    lower, upper : float
+        Bounds.
+    unit : str
+        SI unit, for reports.
+
+    Raises
+    ------
+    InputError
+        If the scale is not positive, the bounds are not in order, or the guess is not finite and between them.
+    """
+
+    name: str
+    guess: float
+    scale: float = 1.0
+    lower: float = -math.inf
+    upper: float = math.inf
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        positive(self.scale, f"{self.name}: scale")
+        if not self.lower < self.upper:
+            raise InputError(f"the lower bound {self.lower:g} is not below the upper {self.upper:g}", self.name)
+        if not (math.isfinite(self.guess) and self.lower <= self.guess <= self.upper):
+            raise InputError(f"the guess {self.guess:g} is not within [{self.lower:g}, {self.upper:g}]", self.name)
+
+
+def least_squares(
+    residuals: Callable[..., cs.MX],
+    unknowns: Sequence[Unknown],
+    *,
+    huber: float = math.inf,
+    gauss_newton: bool = False,
+    forward: bool = False,
+    series: Sequence[int] = (),
+    noise: float = 0.0,
+    systematic: float = 0.0,
+    options: Mapping[str, Any] | None = None,
+    advice: str = "",
+) -> Fit:
+    """Estimate unknowns within their bounds by least squares or, with ``huber``, by the pseudo-Huber loss.
+
+    Parameters
+    ----------
+    residuals : callable
+        Takes the unknowns as MX scalars, in their order; returns the residuals as an MX vector.
+    unknowns : sequence of Unknown
+        Quantities to estimate.
+    huber : float
+        Residual beyond which the loss grows linearly; infinite for least squares.
+    gauss_newton : bool
+        Whether to approximate the Hessian by J' J, where second derivatives are expensive, as through an integration.
+    forward : bool
+        Whether to compute the gradient from J too, where J is kept for the Hessian, as that of ``motion`` is.
+    series : sequence of int
+        Lengths of the series that the residuals consist of, each in the order of time; one series if not given.
+    noise : float
+        Expected standard deviation of the residuals.  With ``gauss_newton``, IPOPT stops a tenth of it from the
+        minimum, and the Gauss-Newton steps that follow do the rest.
+    systematic : float
+        Root mean square of a systematic error of the residuals, which the standard errors allow for (``loss``).
+    options : mapping, optional
+        Options of ``nlpsol`` and IPOPT (``"ipopt.max_iter"``); they override those set here.
+    advice : str
+        Advice for the error message if there is no solution; by default in terms of this function's arguments.
+
+    Raises
+    ------
+    InputError
+        If ``huber`` is not positive, two unknowns share a name, or there are fewer residuals than unknowns.
+    FitError
+        If IPOPT does not converge, or the residuals do not determine the unknowns.
+    """
+    if not huber > 0.0:
+        raise InputError(f"must be positive, got {huber:g}", "huber")
+    names = tuple(unknown.name for unknown in unknowns)
+    if len(set(names)) < len(names):
+        raise InputError(f"share a name: {', '.join(names)}", "unknowns")
+    scale, guess, lower, upper = np.array([[u.scale, u.guess, u.lower, u.upper] for u in unknowns]).T
+    evaluate = residual_function(residuals, scale)
+    if evaluate.size1_out(0) < len(names):
+        raise InputError(f"{evaluate.size1_out(0)} values cannot determine {len(names)} unknowns", "residuals")
+
+    r, jacobian = residuals_and_jacobian(evaluate, guess / scale)
+    weight = float(np.max(np.sum(jacobian**2, axis=0)))
+    if not (math.isfinite(weight) and weight > 0.0):
+        raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
+    settings = {**TIGHT, "ipopt.mu_init": _barrier(r, weight), **(options or {})}
+    if gauss_newton:
+        settings = {**gauss_newton_functions(evaluate, huber, weight, forward), **settings}
+        for name in ("ipopt.tol", "ipopt.compl_inf_tol"):
+            settings[name] = max(settings[name], NEAR * noise / math.sqrt(weight))
+    z = cs.MX.sym("z", len(names))
+    objective = loss(residuals(*cs.vertsplit(cs.DM(scale) * z)), huber) / weight
+    bounds = {"lower": lower / scale, "upper": upper / scale}
+    solution = solve_nlp({"x": z, "f": objective}, guess / scale, **bounds, options=settings, advice=advice)
+
+    found, steps = solution.x, 0
+    if gauss_newton:
+        polished = polish(evaluate, found, **bounds, huber=huber, systematic=systematic)
+        if polished.settled:
+            found, steps = polished.z, polished.steps
+        elif noise:
+            raise FitError(
+                f"no minimum was found: {polished.steps} Gauss-Newton steps do not settle; {advice or 'start closer'}"
+            )
+    at_lower, at_upper = found - bounds["lower"] < AT_BOUND, bounds["upper"] - found < AT_BOUND
+    values = np.select([at_lower, at_upper], [lower, upper], found * scale)
+    r, jacobian = residuals_and_jacobian(evaluate, values / scale)
+    jacobian, active = jacobian / scale, at_lower | at_upper
+    inverse, condition, weak = _inverse(jacobian[:, ~active])
+    if weak.any():
+        which = ", ".join(np.array(names)[~active][weak])
+        raise FitError(f"the data do not determine {which}; {advice or 'fix one, or add data'}")
+    covariance = np.full((len(names), len(names)), math.nan)
+    covariance[np.ix_(~active, ~active)] = _variance(r, len(inverse), huber, systematic) * inverse
+    return Fit(
+        names=names,
+        units=tuple(unknown.unit for unknown in unknowns),
+        values=values,
+        lower=lower,
+        upper=upper,
+        scale=scale,
+        covariance=covariance,
+        active_bounds=active,
+        residuals=r,
+        series=tuple(series) or (len(r),),
+        jacobian=jacobian,
+        condition=condition,
+        huber=huber,
+        systematic=systematic,
+        status=solution.status,
+        iterations=solution.iterations + steps,
+        solve_seconds=solution.solve_seconds,
+        model=evaluate,
+    )
+
+
+def residual_function(residuals: Callable[..., cs.MX], scale: Array) -> cs.Function:
+    """Return the Function from the unknowns, in units of their scales, to the residuals and their Jacobian."""
+    z = cs.MX.sym("z", len(scale))
+    r = residuals(*cs.vertsplit(cs.DM(scale) * z))
+    return cs.Function("residuals", [z], [cs.densify(r), cs.densify(cs.jtimes(r, z, cs.DM.eye(len(scale))))])
+
+
+def _barrier(residuals: Array, weight: float) -> float:
+    """Return the initial barrier parameter, the mean contribution of a residual to the objective at the guess.
+
+    The default of IPOPT, 0.1, outweighs residuals that are small at a good guess, and drives the unknowns off it.
+    """
+    return float(np.clip(np.mean(residuals**2) / (2 * weight), LEAST_BARRIER, MOST_BARRIER))
+
+
+def _inverse(jacobian: Array) -> tuple[Array, float, Mask]:
+    """Return (J' J)^-1 by a singular value decomposition of J (m, n) with its columns scaled to unit length.
+
+    Also return the condition number of these columns, and the unknowns (n,) that the direction of the least singular
+    value consists of, if this is zero to rounding.
+    """
+    m, n = jacobian.shape
+    if not n:
+        return np.empty((0, 0)), math.nan, np.zeros(0, dtype=bool)
+    length = np.linalg.norm(jacobian, axis=0)
+    triangle = np.linalg.qr(jacobian / np.where(length > 0.0, length, 1.0), mode="r")
+    _, singular, directions = np.linalg.svd(triangle, full_matrices=False)
+    if singular[-1] < m * np.finfo(float).eps:
+        return np.empty((0, 0)), math.inf, np.abs(directions[-1]) > WEAK
+    root = (directions.T / singular) / length[:, None]
+    return root @ root.T, float(singular[0] / singular[-1]), np.zeros(n, dtype=bool)
+
+
+def _variance(residuals: Array, free: int, huber: float, systematic: float) -> float:
+    """Return phi/w, the variance that (J' J)^-1 has as its factor in the covariance."""
+    return dispersion(residuals, len(residuals) - free, huber, systematic) / influence(residuals, huber)[1]

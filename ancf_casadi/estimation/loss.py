@@ -1,0 +1,58 @@
+"""The loss of a residual: half its square, or the pseudo-Huber loss, which limits the influence of outliers.
+
+    rho(r) = r^2/2    or    rho(r) = d^2 ((1 + (r/d)^2)^1/2 - 1),
+
+where the second grows in proportion to r beyond a residual d; the first is its limit for infinite d.  The derivative
+psi = rho' is the influence of a residual, and w is the mean of psi'(r_i) over m residuals.  With n free unknowns and
+white noise the variance of the residuals, in the measure of the loss, is
+
+    phi = sum psi_i^2 / ((m - n) w) + m w e^2     (least squares: w = 1, phi = s^2 + m e^2).
+
+The second term allows for a systematic error of root mean square e, which the residuals need not show.  If all m
+residuals share it in the direction that is worst for an unknown, it shifts this unknown by m^1/2 e ((J' J)^-1_kk)^1/2.
+
+References
+----------
+P. J. Huber, Robust Statistics, Wiley (1981), Section 7.6.
+P. Charbonnier, L. Blanc-Feraud, G. Aubert, M. Barlaud, Deterministic edge-preserving regularization in computed
+imaging, IEEE Transactions on Image Processing 6 (1997).
+"""
+
+from __future__ import annotations
+
+import math
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.support.arrays import Array
+
+
+def loss(residuals: cs.MX, huber: float) -> cs.MX:
+    """Return the sum of the losses of residuals."""
+    if math.isinf(huber):
+        return cs.sumsqr(residuals) / 2
+    return huber**2 * cs.sum1(cs.sqrt(1 + (residuals / huber) ** 2) - 1)
+
+
+def loss_value(residuals: Array, huber: float) -> float:
+    """Return the sum of the losses of residuals as a number."""
+    return float(cs.evalf(loss(cs.MX(cs.DM(residuals)), huber)))
+
+
+def influence(residuals: Array, huber: float) -> tuple[Array, float]:
+    """Return the derivatives psi (m,) of the loss at residuals, and the mean w of its second derivatives."""
+    growth = 1 + (residuals / huber) ** 2
+    return residuals / np.sqrt(growth), float(np.mean(growth**-1.5))
+
+
+def row_weights(residuals: Array, huber: float) -> Array:
+    """Return the square roots (m,) of the second derivatives of the loss, the weights of the rows of a linear fit."""
+    return np.asarray((1 + (residuals / huber) ** 2) ** -0.75)
+
+
+def dispersion(residuals: Array, freedom: int, huber: float, systematic: float) -> float:
+    """Return the variance phi of residuals; nan for zero degrees of freedom."""
+    psi, w = influence(residuals, huber)
+    spread = float(psi @ psi) / (freedom * w) if freedom else math.nan
+    return spread + len(residuals) * w * systematic**2

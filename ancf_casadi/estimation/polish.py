@@ -1,0 +1,124 @@
+"""Gauss-Newton steps of a bounded least-squares problem.
+
+With the residuals r(z), their Jacobian J and the diagonal matrix D of the second derivatives psi' of the loss, a step d
+minimises |D^1/2 J d + D^-1/2 psi|^2 within the bounds of z, a linear least-squares problem.  IPOPT ends where the
+gradient is small, which says little of an unknown that the data hardly determine.  These steps go on until |D^1/2 J d|
+is a hundredth of the standard deviation of the residuals: then no unknown moves by more than a hundredth of its
+standard error.
+
+References
+----------
+G. A. F. Seber, C. J. Wild, Nonlinear Regression, Wiley (1989), Section 2.1.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import casadi as cs
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from ancf_casadi.estimation.loss import dispersion, influence, loss, loss_value, row_weights
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.interrupts import delayed_interrupts
+
+NEAR = 0.1  # change of the residuals by a step, in standard deviations, that is accepted if it cannot be made smaller
+POLISHED = 0.01  # the same for the last step
+STEPS, HALVINGS = 20, 5
+
+
+@dataclass(frozen=True, eq=False)
+class Polished:
+    """Unknowns after Gauss-Newton steps.
+
+    Parameters
+    ----------
+    z : ndarray
+        Unknowns in units of their scales (n,).
+    steps : int
+        Number of steps.
+    settled : bool
+        Whether the last step was small enough.
+    """
+
+    z: Array
+    steps: int
+    settled: bool
+
+
+def residuals_and_jacobian(evaluate: cs.Function, z: Array) -> tuple[Array, Array]:
+    """Return residuals (m,) and Jacobian (m, n), from a Function that gives both."""
+    with delayed_interrupts():
+        residuals, jacobian = evaluate(z)
+    return residuals.full().ravel(), jacobian.full()
+
+
+def gauss_newton_functions(evaluate: cs.Function, huber: float, weight: float, forward: bool) -> dict[str, cs.Function]:
+    """Return the options of ``nlpsol`` that make J' D J the Hessian, with D = psi/r; and J' psi the gradient.
+
+    Parameters
+    ----------
+    evaluate : Function
+        Unknowns in units of their scales -> residuals and Jacobian.
+    huber : float
+        Residual beyond which the loss grows linearly.
+    weight : float
+        Divisor of the loss in the objective.
+    forward : bool
+        Whether the gradient is computed from the Jacobian too.
+    """
+    z, p, factor = cs.MX.sym("z", evaluate.size1_in(0)), cs.MX.sym("p", 0, 1), cs.MX.sym("factor")
+    r, jacobian = evaluate(z)
+    ratio = 1 / cs.sqrt(1 + (r / huber) ** 2)  # psi/r
+    rows = jacobian * cs.repmat(cs.sqrt(ratio), 1, jacobian.shape[1])
+    hessian = cs.triu(factor / weight * cs.mtimes(rows.T, rows))
+    functions = {"hess_lag": cs.Function("hess_lag", [z, p, factor, cs.MX(0, 1)], [hessian])}
+    if forward:
+        gradient = cs.mtimes(jacobian.T, ratio * r) / weight
+        functions["grad_f"] = cs.Function("grad_f", [z, p], [loss(r, huber) / weight, gradient])
+    return functions
+
+
+def polish(evaluate: cs.Function, z: Array, lower: Array, upper: Array, huber: float, systematic: float) -> Polished:
+    """Return the unknowns after Gauss-Newton steps; a step that increases the loss by more than its noise is halved.
+
+    Parameters
+    ----------
+    evaluate : Function
+        Unknowns in units of their scales -> residuals and Jacobian.
+    z, lower, upper : ndarray
+        Starting values and bounds (n,).
+    huber : float
+        Residual beyond which the loss grows linearly.
+    systematic : float
+        Root mean square of a systematic error of the residuals.
+    """
+    r, jacobian = residuals_and_jacobian(evaluate, z)
+    size = before = math.inf
+    for count in range(STEPS):
+        psi, curvature = influence(r, huber)
+        weights = row_weights(r, huber)
+        rows = weights[:, None] * jacobian
+        length = np.linalg.norm(rows, axis=0)
+        if not (np.isfinite(rows).all() and length.all()):
+            return Polished(z, count, False)
+        bounds = (length * (lower - z)).tolist(), (length * (upper - z)).tolist()
+        step = lsq_linear(rows / length, -psi / weights, bounds, method="bvls").x / length
+        size = float(np.linalg.norm(rows @ step))
+        deviation = math.sqrt(dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature)
+        if size <= POLISHED * deviation or before / 2 < size <= NEAR * deviation:  # the latter by noise of evaluation
+            return Polished(z, count, True)
+        before = size
+        highest = loss_value(r, huber) + POLISHED * deviation**2
+        for _ in range(HALVINGS):
+            trial = np.clip(z + step, lower, upper)
+            r_trial, jacobian_trial = residuals_and_jacobian(evaluate, trial)
+            if loss_value(r_trial, huber) <= highest:
+                break
+            step = step / 2
+        else:
+            return Polished(z, count, size <= NEAR * deviation)
+        z, r, jacobian = trial, r_trial, jacobian_trial
+    return Polished(z, STEPS, size <= NEAR * deviation)

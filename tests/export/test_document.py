@@ -1,4 +1,4 @@
-"""JSON documents: exact round trips, and one-line refusals of damaged documents."""
+"""The JSON document: lossless round trips, and one-line refusals of damaged documents."""
 
 import copy
 import json
@@ -80,7 +80,7 @@ def beams(draw, elements=None):
 
 @pytest.fixture(scope="module")
 def identified(paper_beam):
-    """A beam with every law, one of them from the modes of another beam and one from those of a loaded one."""
+    """A beam with every law: one has the modes of another beam, one those of the loaded beam."""
     model = Model(paper_beam(2, axis=(0.3, -0.9)), StrainMeasures("green", "geometric", 2, 3))
     other = Model(paper_beam(2, thickness=0.6e-3))
     loaded = natural_modes(model, count=2, equilibrium=static_equilibrium(model, tip_force=(1e-3, 0), tip_moment=1e-4))
@@ -105,7 +105,7 @@ def written(identified, tmp_path) -> Path:
 
 
 def damping_force(document: Document) -> list[str]:
-    """The damping force in a bent and moving state, in hexadecimal."""
+    """Return the damping force in a bent and moving state, in hexadecimal."""
     model = document.model
     e, e_t = cs.MX.sym("e", model.size), cs.MX.sym("e_t", model.size)
     force = cs.Function("force", [e, e_t], [document.damping.force(model, e, e_t)])
@@ -129,7 +129,9 @@ def refused(tmp_path, text: str | bytes) -> str:
 class TestRoundTrip:
     @settings(max_examples=40, deadline=None)
     @given(beam=beams(), alpha=coefficients, beta=coefficients, eta1=coefficients, eta2=coefficients, data=st.data())
-    def test_any_beam_and_law_come_back_to_the_last_bit(self, tmp_path_factory, beam, alpha, beta, eta1, eta2, data):
+    def test_any_beam_and_law_survive_a_round_trip_to_the_last_bit(
+        self, tmp_path_factory, beam, alpha, beta, eta1, eta2, data
+    ):
         law = data.draw(
             st.sampled_from(
                 [
@@ -165,7 +167,7 @@ class TestRoundTrip:
         assert force == damping_force(identified)
         assert max(abs(float.fromhex(value)) for value in force) > 1.0
 
-    def test_the_identification_and_where_it_came_from_come_back(self, identified, written):
+    def test_identifications_and_provenance_survive_a_round_trip(self, identified, written):
         found = read_document(written)
         assert found.identifications == identified.identifications
         assert found.provenance == identified.provenance
@@ -174,13 +176,13 @@ class TestRoundTrip:
         assert decay.result["frequency_stderr_hz"] > 0.0
         assert np.shape(decay.result["fit"]["covariance"]) == (len(decay.result["fit"]["unknowns"]),) * 2
 
-    def test_what_is_infinite_in_a_result_is_null(self, tmp_path):
+    def test_infinite_numbers_of_a_result_become_null(self, tmp_path):
         result = {"unknowns": np.array([1.5, np.inf]), "wide": (float("-inf"), np.float64(2.0)), "n": np.int64(3)}
         assert Identification.of(result).result == {"unknowns": [1.5, None], "wide": [None, 2.0], "n": 3}
 
     @pytest.mark.parametrize(("stiffness", "written"), [(math.inf, None), (2.5, 2.5)])
     def test_the_stiffness_of_a_rigid_clamp_is_null(self, paper_beam, tmp_path, stiffness, written):
-        """No other number may be null, nor a clamp soft beyond all numbers."""
+        """No other number may be null, and the stiffness must be positive."""
         path = tmp_path / "beam.json"
         document = Document(Model(paper_beam(2, clamp_stiffness=stiffness)))
         write_document(path, document)
@@ -191,8 +193,8 @@ class TestRoundTrip:
             message = refused(tmp_path, json.dumps(data | {"beam": data["beam"] | {key: wrong}}))
             assert message.startswith(f"$.beam.{key}: expected `float")
 
-    def test_what_an_earlier_release_wrote_is_read_and_written_the_same(self, paper_beam, tmp_path):
-        """Version 0.1.0, whose reader was another; the law holds the modes of a beam of its own."""
+    def test_a_document_of_an_earlier_release_is_read_and_written_unchanged(self, paper_beam, tmp_path):
+        """Written by version 0.1.0 before msgspec; the modal law has the modes of a beam of its own."""
         path = tmp_path / "beam.json"
         path.write_text(EARLIER)
         found = read_document(path)
@@ -207,17 +209,17 @@ class TestRoundTrip:
 
 
 class TestSchema:
-    def test_it_is_a_schema_and_what_is_written_follows_it(self, written):
+    def test_it_is_valid_and_validates_a_written_document(self, written):
         jsonschema.Draft202012Validator.check_schema(schema())
         jsonschema.validate(json.loads(written.read_text()), schema(), jsonschema.Draft202012Validator)
 
-    def test_it_knows_every_field_of_a_beam(self):
+    def test_it_has_every_field_of_a_beam(self):
         assert list(schema()["$defs"]["BeamData"]["properties"]) == [field.name for field in fields(Beam)]
         measures = schema()["$defs"]["StrainMeasuresData"]["properties"]
         assert list(measures) == [field.name for field in fields(StrainMeasures)]
 
-    def test_what_it_refuses_is_refused_when_read(self, written, tmp_path):
-        """Every value in turn is replaced, removed or joined by an unknown key; the message names the place."""
+    def test_the_reader_refuses_what_the_schema_refuses(self, written, tmp_path):
+        """Each value in turn is replaced, removed, or joined by an unknown key; the message names the place."""
         data = json.loads(written.read_text())
         data["identifications"][0]["result"] = {"frequency_hz": 1.9}
         validator = jsonschema.Draft202012Validator(schema())
@@ -233,7 +235,7 @@ class TestSchema:
 
 
 def mutations(data):
-    """Yield where something was changed, what was put there, and the whole; long lists are changed at their ends."""
+    """Yield the place of each change and the changed document; long lists are changed at their first entry."""
     wrong = [None, True, -1, 3, "text", [], {}, [1.0, "2"]]
 
     def walk(value, path):
@@ -301,12 +303,12 @@ class TestRefusals:
             ('"2025-01-31T', '"2025-02-31T', "$.provenance: written: must be a time"),
         ],
     )
-    def test_one_line_says_what_and_where(self, written, tmp_path, old, new, words):
+    def test_one_line_names_place_and_reason(self, written, tmp_path, old, new, words):
         text = written.read_text()
         assert old in text
         assert words in refused(tmp_path, text.replace(old, new, 1))
 
-    def test_shapes_that_do_not_fit(self, written, tmp_path):
+    def test_mode_shapes_of_wrong_size(self, written, tmp_path):
         data = json.loads(written.read_text())
         modes = ("damping", "laws", 1, "modes")
         short = edited(data, (*modes, "shapes", 0), lambda parent, key: parent[key].pop())
@@ -321,7 +323,7 @@ class TestRefusals:
         with pytest.raises(InputError, match="another number of elements"):
             Document(Model(paper_beam(4)), law)
 
-    def test_what_is_no_json(self, tmp_path):
+    def test_files_that_are_not_json(self, tmp_path):
         assert refused(tmp_path, b"").startswith("is not JSON")
         assert refused(tmp_path, b"\xff\xfe{}").startswith("is not JSON")
         assert refused(tmp_path, "[1, 2]") == "must hold a JSON object"
@@ -330,18 +332,18 @@ class TestRefusals:
         assert f"has more than {MOST_LEVELS} levels" in refused(tmp_path, deep)
         assert refused(tmp_path, '{"a": ' + "[" * 100_000) == f"has more than {MOST_LEVELS} levels"
 
-    def test_a_file_that_is_too_large_is_not_read(self, tmp_path):
+    def test_a_file_that_is_too_large(self, tmp_path):
         path = tmp_path / "large.json"
         with open(path, "wb") as file:
             os.truncate(file.fileno(), MOST_BYTES + 1)
         with pytest.raises(InputError, match="larger than 64 MiB"):
             read_document(path)
 
-    def test_a_file_that_is_not_there(self, tmp_path):
+    def test_a_missing_file(self, tmp_path):
         with pytest.raises(InputError, match="cannot be read"):
             read_document(tmp_path / "none.json")
 
-    def test_a_law_from_elsewhere_cannot_be_written(self, paper_beam, tmp_path):
+    def test_a_law_of_another_package_cannot_be_written(self, paper_beam, tmp_path):
         class Other(DampingLaw):
             parameters = ()
             with_parameters = local_force = damping_ratios = None
@@ -350,7 +352,7 @@ class TestRefusals:
             write_document(tmp_path / "beam.json", Document(Model(paper_beam(4)), Other()))
         assert list(tmp_path.iterdir()) == []
 
-    def test_what_is_no_result_of_a_fit(self, tmp_path):
+    def test_objects_that_are_not_the_result_of_a_fit(self, tmp_path):
         with pytest.raises(InputError, match="is not the result of a fit"):
             Identification.of({"a": 1})
         with pytest.raises(InputError, match=r"result.unknowns\[1\]: must be numbers"):
@@ -370,29 +372,37 @@ class TestRefusals:
 
 
 class TestParts:
-    """What could not be read again is not taken in."""
+    """Parts that a document could not hold are refused."""
 
     @pytest.mark.parametrize(
         ("make", "message"),
         [
-            (lambda: Identification(3, {}), "kind: must be a text, not empty, got 3"),
-            (lambda: Identification("decay", 3), "result: must be a mapping, got 3"),
-            (lambda: Identification("decay", {1: 2}), "result: must be a text, got 1"),
+            (lambda: Identification(3, {}), "kind: expected `str`, got `int`"),
+            (lambda: Identification("decay", 3), "result: expected `object`, got `int`"),
+            (lambda: Identification("decay", {1: 2}), "result: expected `str`, got `int`"),
             (lambda: Identification("decay", {"k" * 201: 2}), "result: has a key of 201 characters"),
             (lambda: Identification("decay", {"a": 10**5000}), "result.a: is beyond the range of numbers"),
             (lambda: Identification("decay", {}, ["x.csv"]), "data: must be a sequence of DataFile"),
             (lambda: Identification.of({"unknowns": 1}, data="x.csv"), "data: must be a sequence of files"),
-            (lambda: DataFile(3, "a" * 64), "name: must be a text, not empty, got 3"),
-            (lambda: DataFile("a", 3), "sha256: must be 64 digits"),
+            (lambda: Identification("", {}), "kind: expected `str` of length >= 1"),
+            (lambda: Identification("decay", {"a": {1: 2}}), "result.a: must be a text, got 1"),
+            (lambda: Identification("decay", {"a": "\ud800"}), "result.a: holds half a character"),
+            (lambda: DataFile("a", "A" * 64), "sha256: expected `str` matching regex"),
+            (lambda: DataFile("a", "a" * 64 + "\n"), "sha256: expected `str` of length <= 64"),
+            (lambda: Provenance(WRITTEN + "\n", {}), "written: expected `str` of length <= 20"),
+            (lambda: DataFile("a\udc80", "a" * 64), "name: holds half a character"),
+            (lambda: Provenance("2025-02-31T12:00:00Z", {}), "written: must be a time such as"),
+            (lambda: DataFile(3, "a" * 64), "name: expected `str`, got `int`"),
+            (lambda: DataFile("a", 3), "sha256: expected `str`, got `int`"),
             (lambda: DataFile.of("."), ".: is not a file"),
-            (lambda: Provenance(3, {}), "written: must be a time"),
-            (lambda: Provenance(WRITTEN, 3), "versions: must be a mapping, got 3"),
-            (lambda: Provenance(WRITTEN, {1: "2"}), "versions: must be a text, not empty, got 1"),
-            (lambda: Provenance(WRITTEN, {"casadi": 3.8}), "versions.casadi: must be a text, got 3.8"),
-            (lambda: Provenance(WRITTEN, {}, note=3), "note: must be a text, got 3"),
+            (lambda: Provenance(3, {}), "written: expected `str`, got `int`"),
+            (lambda: Provenance(WRITTEN, 3), "versions: expected `object`, got `int`"),
+            (lambda: Provenance(WRITTEN, {1: "2"}), "versions: expected `str`, got `int`"),
+            (lambda: Provenance(WRITTEN, {"casadi": 3.8}), "versions[...]: expected `str`, got `float`"),
+            (lambda: Provenance(WRITTEN, {}, note=3), "note: expected `str`, got `int`"),
         ],
     )
-    def test_one_that_is_none(self, make, message):
+    def test_unusable_arguments(self, make, message):
         with pytest.raises(InputError, match=f"^{re.escape(message)}"):
             make()
 
@@ -405,9 +415,9 @@ class TestParts:
             ({"identifications": ["decay"]}, "identifications: must be a sequence of Identification"),
         ],
     )
-    def test_a_document_of_other_things(self, paper_beam, changes, message):
+    def test_a_document_of_wrong_types(self, paper_beam, changes, message):
         with pytest.raises(InputError, match=f"^{message}"):
             Document(**({"model": Model(paper_beam(2))} | changes))
 
-    def test_a_fit_without_standard_errors_is_named_alone(self):
+    def test_the_summary_of_a_fit_without_standard_errors_is_its_kind(self):
         assert Identification("frequency matching", {"matched_hz": [1.0]}).summary() == "frequency matching"

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, TypeVar, assert_never
+from typing import TypeVar, assert_never
 
-import msgspec
 import numpy as np
 from msgspec import UNSET
 from msgspec.structs import asdict, replace
@@ -23,6 +22,7 @@ from ancf_casadi.export.document.layout import (
     RayleighData,
     StrainMeasuresData,
     SumData,
+    data_of,
 )
 from ancf_casadi.export.document.strict_json import place
 from ancf_casadi.mechanics.beam import Beam
@@ -32,13 +32,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
 
-Data = TypeVar("Data")
 Made = TypeVar("Made")
-
-
-def data_of(source: Any, kind: type[Data]) -> Data:
-    """Return the fields of an object as data of the layout."""
-    return msgspec.convert(source, kind, from_attributes=True)
 
 
 def beam_data(beam: Beam) -> BeamData:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import datetime
 import hashlib
+import math
 import os
 import platform
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,16 +15,16 @@ from typing import Any
 import casadi as cs
 import numpy as np
 import scipy
+from msgspec import Struct, to_builtins
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.strict_json import MOST_LEVELS, check_key, check_text, is_finite, place
-from ancf_casadi.support.inputs import is_sequence, matches, shown
+from ancf_casadi.export.document.layout import DataFileData, IdentificationData, ProvenanceData, data_of
+from ancf_casadi.export.document.strict_json import MOST_LEVELS, check, place
+from ancf_casadi.support.inputs import is_sequence, shown
 from ancf_casadi.version import __version__
 
 KINDS = {"frequency_hz": "decay", "matched_hz": "frequency matching", "unknowns": "transient"}
 MOST_RESULT_LEVELS = MOST_LEVELS - 4  # of a result, which is four levels deep in a document
-TIME = "[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}Z"
-HASH = "[0-9a-f]{64}"
 CHUNK = 2**20  # bytes
 
 
@@ -50,9 +50,7 @@ class DataFile:
 
     def __post_init__(self) -> None:
         """Validate."""
-        _check_text(self.name, "name")
-        if not matches(self.sha256, HASH):
-            raise InputError("must be 64 digits from 0 to 9 and a to f", "sha256")
+        _check(self, DataFileData)
 
     @classmethod
     def of(cls, path: str | Path) -> DataFile:
@@ -102,13 +100,11 @@ class Identification:
 
     def __post_init__(self) -> None:
         """Validate, and keep plain data."""
-        _check_text(self.kind, "kind")
-        if not isinstance(self.result, Mapping):
-            raise InputError(f"must be a mapping, got {shown(self.result)}", "result")
         if not is_sequence(self.data) or not all(isinstance(file, DataFile) for file in self.data):
             raise InputError(f"must be a sequence of DataFile, got {shown(self.data)}", "data")
         object.__setattr__(self, "result", _plain(self.result, "result"))
         object.__setattr__(self, "data", tuple(self.data))
+        _check(self, IdentificationData)
 
     @classmethod
     def of(cls, result: Any, *, data: Sequence[str | Path] = ()) -> Identification:
@@ -166,18 +162,11 @@ class Provenance:
 
     def __post_init__(self) -> None:
         """Validate."""
+        _check(self, ProvenanceData)
         try:
-            if not re.fullmatch(TIME, self.written):
-                raise ValueError
             datetime.datetime.fromisoformat(self.written)
-        except (TypeError, ValueError):
+        except ValueError:
             raise InputError("must be a time such as 2025-01-31T12:00:00Z", "written") from None
-        if not isinstance(self.versions, Mapping):
-            raise InputError(f"must be a mapping, got {shown(self.versions)}", "versions")
-        for name, version in self.versions.items():
-            _check_text(name, "versions")
-            _check_text(version, f"versions.{name}", empty=True)
-        _check_text(self.note, "note", empty=True)
 
     @classmethod
     def of_this(cls, *, note: str = "", written: str | None = None) -> Provenance:
@@ -199,39 +188,26 @@ class Provenance:
         return cls(now if written is None else written, versions, note)
 
 
-def _check_text(value: Any, where: str, *, empty: bool = False) -> None:
-    """Check that a value is a text that a document can hold."""
-    if not isinstance(value, str) or not (value or empty):
-        raise InputError(f"must be a text{'' if empty else ', not empty'}, got {shown(value)}", where)
-    check_text(value, where)
+def _check(part: Any, kind: type[Struct]) -> None:
+    """Check that a document can hold a part of it."""
+    check(to_builtins(data_of(part, kind)), "")
 
 
 def _plain(value: Any, where: str, level: int = 1) -> Any:
-    """Return the value as JSON can hold it, with None for numbers that are not finite."""
+    """Return the value as plain data, with None for floats that are not finite."""
     if level > MOST_RESULT_LEVELS:
         raise InputError(f"has more than {MOST_RESULT_LEVELS} levels", where)
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
-    if isinstance(value, str):
-        check_text(value, where)
-        return value
     if isinstance(value, float):
-        return value if is_finite(value) else None
-    if value is None or isinstance(value, int):
-        if value is not None and not is_finite(value):
-            raise InputError("is beyond the range of numbers", where)
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, str | int):
         return value
     if isinstance(value, Mapping):
-        return {_key(key, where): _plain(item, place(where, key), level + 1) for key, item in value.items()}
+        return {key: _plain(item, place(where, key), level + 1) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item, place(where, index), level + 1) for index, item in enumerate(value)]
     raise InputError(f"must be numbers, texts, lists and objects, got a {type(value).__name__}", where)
-
-
-def _key(key: Any, where: str) -> str:
-    _check_text(key, where, empty=True)
-    check_key(key, where)
-    return str(key)
 
 
 def _estimates(result: Mapping[str, Any]) -> list[tuple[str, float, float]]:

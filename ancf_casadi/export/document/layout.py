@@ -15,25 +15,27 @@
 The modes of a modal law are stored with their shapes and their equilibrium, because modes that are computed again
 differ in their last digits.  They hold a beam and strain measures of their own where these are not the document's.
 
-``read`` checks plain data against the layout, and ``schema`` gives the layout as a JSON Schema (draft 2020-12).
+``data_of`` checks data against the layout, and ``schema`` returns the layout as a JSON Schema (draft 2020-12).
 Unknown keys are refused, and a key may be left out only if it has a default here.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal, get_args
+import re
+from typing import Annotated, Any, Final, Literal, TypeVar, get_args
 
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
 from ancf_casadi.damping import ProportionalStiffness
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.identification import HASH, TIME
 from ancf_casadi.mechanics.strain import AxialStrain, Curvature
 
 FORMAT: Final = "ancf-casadi"
 VERSION: Final = 1  # of the layout: it changes when the meaning of a key does
 LONGEST_MESSAGE = 300
+
+Data = TypeVar("Data")
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
@@ -43,10 +45,14 @@ Frequencies = Annotated[tuple[Positive, ...], Meta(min_length=1, description="Na
 Ratio = Annotated[float, Meta(ge=0.0, lt=1.0)]
 Points = Annotated[int, Meta(ge=1, le=9, description="Number of Gauss points.")]
 NotEmpty = Annotated[str, Meta(min_length=1)]
+Hash = Annotated[str, Meta(pattern="^[0-9a-f]{64}$", max_length=64)]  # $ also matches before a last line feed
+Time = Annotated[
+    str, Meta(pattern="^[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}Z$", max_length=20, description="UTC")
+]
 
 
 class BeamData(Struct, frozen=True, forbid_unknown_fields=True):
-    """The fields of ``Beam`` in SI units; the stiffness of a rigid clamp is null."""
+    """Fields of ``Beam`` (m, kg/m^3, Pa, m/s^2, kg, N m/rad); the axis is a unit vector, a rigid clamp is null."""
 
     length: Positive
     width: PerElement
@@ -92,7 +98,7 @@ class ModesData(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class RayleighData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="rayleigh"):
-    """Rayleigh (proportional) damping, alpha M + beta K."""
+    """Rayleigh (proportional) damping, alpha M + beta K; alpha in 1/s, beta in s."""
 
     alpha: NotNegative
     beta: NotNegative
@@ -100,7 +106,7 @@ class RayleighData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="l
 
 
 class QuadraticData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="quadratic"):
-    """Air drag, linear and quadratic in the velocity."""
+    """Air drag, linear (eta1 in 1/s) and quadratic (eta2 in 1/m) in the velocity."""
 
     eta1: NotNegative
     eta2: NotNegative
@@ -137,7 +143,7 @@ class DataFileData(Struct, frozen=True, forbid_unknown_fields=True):
     """Name and SHA-256 of a file of measurements."""
 
     name: NotEmpty
-    sha256: Annotated[str, Meta(pattern=f"^{HASH}$")]
+    sha256: Hash
 
 
 class IdentificationData(Struct, frozen=True, forbid_unknown_fields=True):
@@ -151,7 +157,7 @@ class IdentificationData(Struct, frozen=True, forbid_unknown_fields=True):
 class ProvenanceData(Struct, frozen=True, forbid_unknown_fields=True):
     """Time of writing (UTC), versions of the programs, and a note."""
 
-    written: Annotated[str, Meta(pattern=f"^{TIME}$")]
+    written: Time
     versions: dict[str, str]
     note: str
 
@@ -181,11 +187,21 @@ def read(data: dict[str, Any]) -> DocumentData:
     version = data.get("schema")
     if type(version) is not int or version != VERSION:
         raise InputError(f"must be {VERSION}, the version that this release reads; install a newer one", "$.schema")
+    return data_of(data, DocumentData, "$")
+
+
+def data_of(source: Any, kind: type[Data], where: str = "") -> Data:
+    """Return plain data, or the attributes of an object, as data of the layout.
+
+    Raises
+    ------
+    InputError
+        If a key or a value does not fit the layout.
+    """
     try:
-        return msgspec.convert(data, DocumentData)
+        return msgspec.convert(source, kind, from_attributes=True)
     except msgspec.ValidationError as error:
-        reason, _, where = str(error).rpartition(" - at `")
-        raise _refusal(reason or where, where.removesuffix("`") if reason else "$") from None
+        raise _refusal(str(error), where) from None
 
 
 def schema() -> dict[str, Any]:
@@ -194,10 +210,12 @@ def schema() -> dict[str, Any]:
     return head | msgspec.json.schema(DocumentData)
 
 
-def _refusal(reason: str, where: str) -> InputError:
+def _refusal(message: str, where: str) -> InputError:
     """Return the error for a message of msgspec: one line, not too long, with the names that a key may hold."""
+    found = re.fullmatch(r"(.*?)(?: - at (?:`key` in )?`\$([^`]*)`)?", message, re.DOTALL)
+    reason, inner = found.groups("") if found else (message, "")
     text = " ".join(reason.split())
     text = text if len(text) <= LONGEST_MESSAGE else f"{text[: LONGEST_MESSAGE // 2]}..."
-    known = NAMES.get(where.rpartition(".")[2])
+    known = NAMES.get(inner.rpartition(".")[2])
     advice = f"; must be one of {', '.join(known)}" if known else ""
-    return InputError(f"{text[0].lower()}{text[1:]}{advice}", where)
+    return InputError(f"{text[0].lower()}{text[1:]}{advice}", f"{where}{inner}" if where else inner.removeprefix("."))

@@ -15,7 +15,7 @@ import msgspec
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.conversion import beam_data, data_of, law_data, law_from, made, model_from
+from ancf_casadi.export.document.conversion import beam_data, law_data, law_from, made, model_from
 from ancf_casadi.export.document.identification import DataFile, Identification, Provenance
 from ancf_casadi.export.document.layout import (
     FORMAT,
@@ -24,6 +24,7 @@ from ancf_casadi.export.document.layout import (
     IdentificationData,
     ProvenanceData,
     StrainMeasuresData,
+    data_of,
     read,
 )
 from ancf_casadi.export.document.strict_json import place, read_json

@@ -18,6 +18,7 @@ from typing import Any, NoReturn
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import read_bytes
+from ancf_casadi.support.inputs import shown
 
 MOST_LEVELS = 24
 LONGEST_KEY = 200
@@ -45,7 +46,7 @@ def read_json(path: str | Path) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise InputError("must hold a JSON object", str(path))
     try:
-        _check(value, "$", 1)
+        check(value, "$")
     except InputError as error:
         raise InputError(str(error), str(path)) from None
     return value
@@ -53,40 +54,37 @@ def read_json(path: str | Path) -> dict[str, Any]:
 
 def place(where: str, key: str | int) -> str:
     """Return the place of a key or of a list entry within the value at another place."""
-    return f"{where}[{key}]" if isinstance(key, int) else f"{where}.{key}"
+    if isinstance(key, int):
+        return f"{where}[{key}]"
+    return f"{where}.{key}" if where else key
 
 
-def check_text(text: str, where: str) -> None:
-    """Check that a text holds whole characters only.
-
-    Raises
-    ------
-    InputError
-        If it holds a lone surrogate, which is half a character.
-    """
-    if any("\ud800" <= character <= "\udfff" for character in text):
-        raise InputError("holds half a character (a lone surrogate)", where)
-
-
-def check_key(key: str, where: str) -> None:
-    """Check that a key holds whole characters only and is not too long.
+def check(value: Any, where: str, level: int = 1) -> None:
+    """Check that plain data stay within the limits.
 
     Raises
     ------
     InputError
-        If it is anything else.
+        If a value is nested too deeply, beyond the range of doubles, repeated, or holds half a character, or a key is
+        too long or no text.
     """
-    check_text(key, where)
-    if len(key) > LONGEST_KEY:
-        raise InputError(f"has a key of {len(key)} characters; at most {LONGEST_KEY} are allowed", where)
-
-
-def is_finite(value: float) -> bool:
-    """Whether a number, possibly a whole number of any size, is within the range of doubles."""
-    try:
-        return math.isfinite(value)
-    except OverflowError:
-        return False
+    if level > MOST_LEVELS:
+        raise InputError(f"has more than {MOST_LEVELS} levels", where)
+    if isinstance(value, _Repeated):
+        raise InputError("the key is there twice", where)
+    if isinstance(value, int | float) and not _is_finite(value):
+        raise InputError("is beyond the range of numbers", where)
+    if isinstance(value, str):
+        _check_text(value, where)
+    if isinstance(value, dict):
+        for key, item in value.items():
+            _check_text(key, where)
+            if len(key) > LONGEST_KEY:
+                raise InputError(f"has a key of {len(key)} characters; at most {LONGEST_KEY} are allowed", where)
+            check(item, place(where, key), level + 1)
+    if isinstance(value, list | tuple):
+        for index, item in enumerate(value):
+            check(item, place(where, index), level + 1)
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -100,20 +98,16 @@ def _refuse_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is not allowed")
 
 
-def _check(value: Any, where: str, level: int) -> None:
-    """Refuse values that are nested too deeply, repeated, not finite, or no text."""
-    if level > MOST_LEVELS:
-        raise InputError(f"has more than {MOST_LEVELS} levels", where)
-    if isinstance(value, _Repeated):
-        raise InputError("the key is there twice", where)
-    if isinstance(value, int | float) and not is_finite(value):
-        raise InputError("is beyond the range of numbers", where)
-    if isinstance(value, str):
-        check_text(value, where)
-    if isinstance(value, dict):
-        for key, item in value.items():
-            check_key(key, where)
-            _check(item, place(where, key), level + 1)
-    if isinstance(value, list):
-        for index, item in enumerate(value):
-            _check(item, place(where, index), level + 1)
+def _check_text(text: Any, where: str) -> None:
+    if not isinstance(text, str):
+        raise InputError(f"must be a text, got {shown(text)}", where)
+    if any("\ud800" <= character <= "\udfff" for character in text):
+        raise InputError("holds half a character (a lone surrogate)", where)
+
+
+def _is_finite(value: float) -> bool:
+    """Whether a number, possibly a whole number of any size, is within the range of doubles."""
+    try:
+        return math.isfinite(value)
+    except OverflowError:
+        return False

@@ -1,6 +1,6 @@
 """Compare the time that this project and Exudyn take to reach the same accuracy.
 
-    python benchmarks/compare_exudyn.py [--case a|b|all] [--law mass|generic|drag|all] [--method idas|radau]
+    python benchmarks/compare_exudyn.py [--case a|b|all] [--law mass|modal|drag|all] [--method idas|radau]
 
 requires ``pip install 'ancf-casadi[exudyn]'`` and a C compiler.  ``exudyn_cases.py`` defines the cases and Exudyn's
 model.

@@ -9,7 +9,7 @@ Exudyn's model has the same elements and strain measures: ``ObjectANCFCable2D`` 
 (the other quadratures lock).  Coordinate constraints drive and hold the clamped node.  The damping laws are
 
     mass        one ``ObjectGenericODE2`` per element, with the damping matrix alpha M_e
-    generic     one ``ObjectGenericODE2`` over all nodes, with C = M Phi diag(2 zeta omega) Phi^T M
+    modal       one ``ObjectGenericODE2`` over all nodes, with C = M Phi diag(2 zeta omega) Phi^T M
     drag        a ``CartesianSpringDamper`` with a symbolic user function at each of 40 Gauss points
 
 The settings are the best found for Exudyn: exudynFast; generalized alpha with spectral radius 0.9 (its non-dissipative
@@ -52,7 +52,7 @@ Array = NDArray[np.float64]
 BEAM = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=20)
 RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
 SAMPLE_RATE = 1000.0  # 1/s, in both programs
-LAWS = ("mass", "generic", "drag")
+LAWS = ("mass", "modal", "drag")
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def damping(law: str, model: Model) -> DampingLaw | None:
     match law:
         case "mass":
             return RayleighDamping(alpha=0.2325)
-        case "generic":
+        case "modal":
             return ModalDamping(natural_modes(model, count=len(RATIOS)), RATIOS)
         case "drag":
             return QuadraticDamping(eta1=0.15, eta2=0.11)
@@ -227,7 +227,7 @@ class _System:
         self.nodes = self._nodes()
         self.cables = self._cables()
         self._clamp()
-        {"mass": self._mass, "generic": self._generic, "drag": self._drag}.get(case.law, lambda: None)()
+        {"mass": self._mass, "modal": self._modal, "drag": self._drag}.get(case.law, lambda: None)()
         self.sensors = [self._sensor(node) for node in (self.nodes if case.mode is not None else self.nodes[-1:])]
         self.mbs.Assemble()
 
@@ -305,7 +305,7 @@ class _System:
             matrix = alpha * model.element.mass(properties[:, k]).full()
             self._viscous(self.nodes[k : k + 2], matrix)
 
-    def _generic(self) -> None:
+    def _modal(self) -> None:
         projection = self.given.law.projection(self.given.model)
         rates = 4 * math.pi * np.array(self.given.law.frequencies) * np.array(self.given.law.ratios)
         self._viscous(self.nodes, projection * rates @ projection.T)

@@ -34,7 +34,7 @@ from ancf_casadi.decay.friction import friction_decay
 from problems import MarkerRecord, compare_decay_laws, compare_laws
 
 DECAYS = {"linear": (0.0, 0.25, 0.0), "quadratic": (0.0, 0.15, 0.5), "friction": (0.1, 0.15, 0.5)}  # eta0, eta1, eta2
-LAWS = ("mass-proportional", "quadratic", "generic")
+LAWS = ("mass-proportional", "quadratic", "modal")
 NOISE = 0.5e-3  # m
 
 

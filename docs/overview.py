@@ -1,4 +1,4 @@
-"""Draw the README's picture: a large swing of the paper's beam, and Table 11.
+"""Draw the figure of the README: a large motion of the paper's beam, and Table 11.
 
 Usage: python docs/overview.py RESULTS_DIR, with the folder that ``ancf-casadi reproduce`` wrote.
 """
@@ -21,7 +21,7 @@ SWING = HarmonicBase(amplitude=5e-3, frequency=1.876, stop=10.0)
 
 
 def overview(results: dict) -> Figure:
-    """Return the picture."""
+    """Return the figure."""
     figure = Figure(figsize=(9, 4), layout="constrained")
     shapes, ratios = figure.subplots(1, 2, width_ratios=(1, 1.3))
     model = Model(paper.standard_beam())

@@ -123,7 +123,7 @@ def shaken() -> Iterator[str]:
         yield row(f"{1e3 * amplitude:g}", f"{np.abs(full[:, 0]).max() / LENGTH:.3f}", *cells)
 
 
-def points() -> Iterator[str]:
+def slope_points() -> Iterator[str]:
     """Error with 5 modes and different numbers of slope points: frequency at 0.2 L, and release from 0.3 L."""
     choices = (8, 10, 12, 16, 24, 41)
     yield row("slope points", *choices)
@@ -143,7 +143,7 @@ def points() -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    for table in (backbone, release, shaken, points):
+    for table in (backbone, release, shaken, slope_points):
         print(f"\n{(table.__doc__ or '').splitlines()[0]}\n")
         for line in table():
             print(line, flush=True)

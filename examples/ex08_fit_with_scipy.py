@@ -1,7 +1,8 @@
-"""Thickness profile of a strip from its measured frequencies, with an external optimiser: scipy's.
+"""The thickness profile of a strip from its measured frequencies, with the optimiser of SciPy.
 
-Five frequencies determine three unknown factors on the thickness: at the clamp, in the middle and at the tip, with
-linear interpolation.  Frequencies and Jacobian come from the exported Function, exact through equilibrium and modes.
+Five frequencies determine three unknown factors, on the thickness at the clamp, in the middle and at the tip, with
+linear interpolation between.  The exported Function gives frequencies and their exact Jacobian, through equilibrium and
+modes.
 """
 
 import casadi as cs
@@ -14,7 +15,7 @@ from ancf_casadi.export import beam_functions, values
 guess = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=10)
 truth = np.array([1.15, 0.9, 1.05])
 
-s = (np.arange(guess.elements) + 0.5) / guess.elements  # midpoints of the elements
+s = (np.arange(guess.elements) + 0.5) / guess.elements  # middles of the elements
 lines = np.column_stack([np.maximum(0, 1 - 2 * s), 1 - abs(2 * s - 1), np.maximum(0, 2 * s - 1)])
 strip = guess.with_(thickness=guess.thickness[0] * lines @ truth)
 measured = natural_modes(Model(strip)).frequencies

@@ -28,9 +28,9 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.turning import turned
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
 from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
-from ancf_casadi.dynamics.layout import Layout
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.layout import Layout
 
 
 def as_it_is(function: cs.Function) -> cs.Function:

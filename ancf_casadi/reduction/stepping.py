@@ -175,7 +175,7 @@ def simulate_reduced(
         path = advance(project(reduced, state, clamp(now).full().ravel()), stages, h)
         _check_finite(path, starts)
         samples.append(path[sampled])
-        clamps.append(clamp(instants[None, taken:count]).full().T)
+        clamps.append(clamp(instants[None, taken:count]).full().T[: count - taken])  # CasADi returns 1 for no instant
         q, v = np.split(path[-1], 2)
         state = _full_state(reduced, q, v, clamp(piece_end).full().ravel(), piece_end)
         steps, taken, now = steps + len(h), count, piece_end

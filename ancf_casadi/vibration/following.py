@@ -23,7 +23,6 @@ from scipy.optimize import linear_sum_assignment
 
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.vibration.assembly import Structure
 from ancf_casadi.vibration.modal_state import ModalState, modes_near
 from ancf_casadi.vibration.modes import Modes
 
@@ -42,11 +41,8 @@ def followed_modes(modes: Modes, numbers: Index) -> ModalState:
     numbers : array of int (m,)
         Numbers of the modes to follow, from 0.
     """
-    state = modes_near(Structure.of(modes.model), modes.equilibrium.exact, modes.count)
-    if state is None:
-        raise EquilibriumError("the equilibrium is unstable, so it has no modes to follow")
-    correlations = _correlations(state, modes.shapes[:, numbers], state)
-    return _selected(state, np.abs(correlations).argmax(axis=0), correlations)
+    rest, eigenvalues = modes.equilibrium, modes.angular_frequencies[numbers] ** 2
+    return ModalState(rest.structure, rest.exact, numbers, eigenvalues, modes.shapes[:, numbers])
 
 
 def follow(start: ModalState, properties: Array) -> ModalState:

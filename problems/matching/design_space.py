@@ -8,7 +8,7 @@ in m: these rows of T are constraints.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -104,25 +104,17 @@ class DesignSpace:
     @cached_property
     def standard(self) -> Array:
         """Values m_0 of the unknowns at the given beam, (N,)."""
-        return np.concatenate(
-            [np.full(block.stop - block.start, float(not smooth)) for block, smooth, _ in self._blocks]
-        )
+        return self._repeated(lambda smooth, _: 0.0 if smooth else 1.0)
 
     @cached_property
     def lower(self) -> Array:
         """Lower bounds of the unknowns, (N,)."""
-        return np.concatenate([
-            np.full(block.stop - block.start, -math.inf if smooth else max(1 - bounds, SMALLEST))
-            for block, smooth, bounds in self._blocks
-        ])  # fmt: skip
+        return self._repeated(lambda smooth, bounds: -math.inf if smooth else max(1 - bounds, SMALLEST))
 
     @cached_property
     def upper(self) -> Array:
         """Upper bounds of the unknowns, (N,)."""
-        return np.concatenate([
-            np.full(block.stop - block.start, math.inf if smooth else 1 + bounds)
-            for block, smooth, bounds in self._blocks
-        ])  # fmt: skip
+        return self._repeated(lambda smooth, bounds: math.inf if smooth else 1 + bounds)
 
     @cached_property
     def rows(self) -> Array:
@@ -235,6 +227,11 @@ class DesignSpace:
             (slice(begin, end), isinstance(unknown, Smooth), self.bounds if unknown.bounds is None else unknown.bounds)
             for unknown, begin, end in zip(self.unknowns, ends[:-1], ends[1:], strict=True)
         )
+
+    def _repeated(self, value: Callable[[bool, float], float]) -> Array:
+        """Return a value of each property, from whether it is smooth and its bounds, for each of its unknowns, (N,)."""
+        values = [value(smooth, bounds) for _, smooth, bounds in self._blocks]
+        return np.repeat(values, [block.stop - block.start for block, _, _ in self._blocks])
 
     @property
     def _smooth(self) -> list[str]:

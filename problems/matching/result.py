@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ancf_casadi.estimation.result import known as finite
 from ancf_casadi.mechanics.beam import LUMPED, Beam
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Cell, Table
@@ -101,7 +102,8 @@ class FrequencyMatch:
     @property
     def standard_errors(self) -> dict[str, float]:
         """Standard error of each property that may change, SI units; nan if the data do not determine it."""
-        return {p["name"]: math.nan if p["stderr"] is None else p["stderr"] for p in self._properties}
+        known = self.identifiability
+        return dict(zip(known.factor_names, (known.standard_errors * self._given).tolist(), strict=True))
 
     @property
     def holding(self) -> tuple[tuple[str, float], ...]:
@@ -120,7 +122,7 @@ class FrequencyMatch:
             limit = (
                 f"the values are at the edge of the bounds, held by {', '.join(names[:MOST_NAMES])}{more}"
                 if names
-                else "no bound is active, so other properties have to change"
+                else "the bounds do not limit them, so other properties have to change"
             )
             worst = f"{100 * self.max_relative_error:.3g} % at worst"
             notes.append(f"the targets are out of reach of these unknowns, by {worst}; {limit}")
@@ -237,24 +239,35 @@ class FrequencyMatch:
         return self.identifiability.statements()
 
     @cached_property
+    def _given(self) -> Array:
+        """Values of the properties that may change, of the given beam, by ``identifiability.factor_names``."""
+        found = []
+        for name in self.identifiability.factor_names:
+            kind, _, element = name.partition("[")
+            value = np.atleast_1d(getattr(self.matching.space.beam, kind))
+            found.append(value[int(element[:-1]) - 1] if element else value.mean())
+        return np.array(found)
+
+    @cached_property
     def _properties(self) -> list[dict[str, Any]]:
         """Value, standard error and, unless the targets are out of reach, range of each property that may change."""
-        known, given = self.identifiability, self.matching.space.beam
-        ranges = [(None, None)] * len(known.factors) if self.out_of_reach else known.spread.tolist()
-        found = []
-        for name, factor, (low, high), error in zip(
-            known.factor_names, known.factors.tolist(), ranges, known.standard_errors.tolist(), strict=True
-        ):
-            kind, _, element = name.partition("[")
-            value = getattr(given, kind)
-            standard = value[int(element[:-1]) - 1] if element else float(np.mean(value))
-            found.append({
+        known = self.identifiability
+        ranges = np.full((len(known.factors), 2), math.nan) if self.out_of_reach else known.spread
+        columns = (known.factors, *ranges.T, known.standard_errors)
+        return [
+            {
                 "name": name,
-                "unit": UNITS[kind],
-                "value": factor * standard,
+                "unit": UNITS[name.partition("[")[0]],
+                "value": value,
                 "change": factor - 1,
-                "lowest": None if low is None else low * standard,
-                "highest": None if high is None else high * standard,
-                "stderr": error * standard if math.isfinite(error) else None,
-            })  # fmt: skip
-        return found
+                "lowest": finite(low),
+                "highest": finite(high),
+                "stderr": finite(error),
+            }
+            for name, factor, value, low, high, error in zip(
+                known.factor_names,
+                known.factors.tolist(),
+                *((column * self._given).tolist() for column in columns),
+                strict=True,
+            )
+        ]

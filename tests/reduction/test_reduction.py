@@ -6,6 +6,7 @@ import pytest
 import scipy.optimize
 
 from ancf_casadi import (
+    Beam,
     HarmonicBase,
     InputError,
     ModalDamping,
@@ -20,6 +21,7 @@ from ancf_casadi import (
     simulate_reduced,
     static_equilibrium,
 )
+from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
 from ancf_casadi.reduction.kinematics import nodal_slopes
 from ancf_casadi.reduction.stepping import project
 
@@ -263,6 +265,18 @@ def test_motion_on_a_base_that_stops_converges_to_that_of_the_full_beam_with_the
     assert np.abs(full.tip[:, 0]).max() > 0.1 * 0.5
     assert np.all(np.array(errors) < limits)
     assert errors[2] < errors[1] < errors[0] / 4
+
+
+def test_a_piece_of_the_base_motion_may_lie_between_two_samples():
+    class TwoStops(BaseMotion):
+        def pieces(self):
+            return tuple(
+                Piece(end, lambda t, parameters: cs.MX(cs.DM([0.0, 0.0, 0.0]))) for end in (0.101, 0.105, np.inf)
+            )
+
+    beam = Beam.uniform(length=0.5, width=5e-3, thickness=5e-4, density=8000.0, elastic_modulus=210e9, elements=2)
+    run = simulate_reduced(reduce_model(Model(beam), modes=1), duration=0.2, base=TwoStops(), sample_rate=100.0)
+    assert run.time.shape == run.q[:, 0].shape == run.base[:, 0].shape
 
 
 def test_an_impulse_of_the_clamp_does_no_work_on_the_modes(hanging, modes):

@@ -15,11 +15,11 @@ import numpy as np
 
 from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_jacobians
 from ancf_casadi.dynamics.derivatives.run import ClampMotion
-from ancf_casadi.dynamics.layout import Layout
 from ancf_casadi.dynamics.start import Start, initial_state, rigid_motion
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.layout import Layout
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from ancf_casadi.dynamics.derivatives.linearised import Linearisation, LinearisedStep
 from ancf_casadi.dynamics.derivatives.run import Passage, Run, sample_weights
-from ancf_casadi.dynamics.layout import Layout
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.layout import Layout
 
 
 def reverse(linearisation: Linearisation, run: Run, weights: Array) -> tuple[Array, Array, Array]:

@@ -33,7 +33,6 @@ from ancf_casadi.dynamics.derivatives.release_load import START
 from ancf_casadi.dynamics.derivatives.reverse import reverse
 from ancf_casadi.dynamics.derivatives.run import ClampMotion, Passage, Run, end_of, sample_weights, stop_if_interrupted
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.layout import Layout
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import Step, Stepper
 from ancf_casadi.dynamics.segments import CLOSE, InitialValueProblem, Segment
@@ -44,6 +43,7 @@ from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import compiled
+from ancf_casadi.support.layout import Layout
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 MOST_KEPT_STEPS = 100_000  # of a motion: a minute or two, and 0.4 GB at 20 elements
@@ -117,7 +117,7 @@ class Problem:
             begin = piece.end
             if begin >= end:
                 break
-        return Run(values, parameters, self.times, jacobian, passages, self._coordinates(passages))
+        return Run(parameters, self.times, jacobian, passages, self._coordinates(passages))
 
     def forward(self, run: Run, directions: Array) -> Array:
         """Return the derivatives of the coordinates, (k, 4 n + 4, d), along directions of the values, (..., d)."""

@@ -249,7 +249,7 @@ class TestTransients:
     def test_a_failing_simulation_is_the_same_error_in_a_process(self, modes, laws, jobs):
         """A tolerance below rounding lets no step succeed; the error travels with its time."""
         task = experiment(modes, laws, 3, "generic", Effort(accuracy=1e-3, driving=0.02, window=0.15))
-        with pytest.raises(SimulationError, match="IDAS could not keep"):
+        with pytest.raises(SimulationError, match="IDAS could not meet"):
             run_transients([replace(task, tolerance=1e-30), task], jobs, None, progress=False)
 
 

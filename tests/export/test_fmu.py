@@ -88,7 +88,7 @@ def exported(functions, document, tmp_path_factory) -> str:
 
 def run_fmu(path, start_values, size=1.0):
     """Simulate the FMU under the shove; return the samples at the instants of ``simulate``."""
-    names = [f"base_{c}_rate2" for c in ("x", "y", "angle")]
+    names = [f"base_{c}_acceleration" for c in ("x", "y", "angle")]
     steps = [(0.0, 1), (PHASE, 1), (PHASE, -1), (2 * PHASE, -1), (2 * PHASE, 0), (DURATION, 0)]
     given = np.array(
         [(t, *(sign * size * ACCELERATION)) for t, sign in steps],
@@ -221,7 +221,7 @@ def test_the_declared_variables(exported, functions):
     about = fmpy.read_model_description(exported)
     check_declared(about, functions)
     variables = {variable.name: variable for variable in about.modelVariables}
-    assert variables["der(rate_x_1)"].unit == "m/s2"
+    assert variables["der(velocity_x_1)"].unit == "m/s2"
     assert variables["der(slope_x_1)"].unit == "1/s"
     units = {unit.name: unit.baseUnit for unit in about.unitDefinitions}
     assert (units["Pa"].kg, units["Pa"].m, units["Pa"].s) == (1, -1, -2)

@@ -104,7 +104,7 @@ def _check_text(text: Any, where: str) -> None:
 
 
 def _is_finite(value: float) -> bool:
-    """Whether a number, possibly a whole number of any size, is within the range of doubles."""
+    """Return whether a number, possibly a whole number of any size, is within the range of doubles."""
     try:
         return math.isfinite(value)
     except OverflowError:

@@ -1,4 +1,4 @@
-"""Damping and property identification, and large-motion simulation, of very flexible beams."""
+"""Identification of damping and properties of very flexible beams, and simulation of their large motion."""
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
 from ancf_casadi.decay.measurement import Measurement

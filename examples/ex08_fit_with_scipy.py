@@ -1,7 +1,8 @@
-"""The thickness profile of a strip from its measured frequencies, by an optimiser of somebody else: scipy's.
+"""The thickness profile of a strip from its measured frequencies, with the optimiser of SciPy.
 
-Five frequencies, three unknown factors: on the thickness at the clamp, in the middle and at the tip, with straight
-lines between.  Frequencies and Jacobian are the exported Function's, exact through equilibrium and modes.
+Five frequencies determine three unknown factors, on the thickness at the clamp, in the middle and at the tip, with
+linear interpolation between.  The exported Function gives frequencies and their exact Jacobian, through equilibrium and
+modes.
 """
 
 import casadi as cs

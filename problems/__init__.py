@@ -1,4 +1,4 @@
-"""The estimation problems of the paper, and beyond it, stated on the tools of ``ancf_casadi``."""
+"""Estimation problems of the paper and related ones, stated with the tools of ``ancf_casadi``."""
 
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.estimation.resampling import MonteCarlo, monte_carlo

@@ -1,7 +1,7 @@
 """Closed forms of the free decay of one mode, for linear and quadratic damping.
 
-One mode that swings freely about its equilibrium obeys r'' + eta1 r' + eta2 r' |r'| + omega^2 r = 0, Eq. (26).
-With eta2 = 0, eta1 = 2 zeta omega and omega_d = omega (1 - zeta^2)^1/2 it decays as
+The free oscillation of one mode about its equilibrium obeys r'' + eta1 r' + eta2 r' |r'| + omega^2 r = 0, Eq. (26).
+With eta2 = 0, eta1 = 2 zeta omega and omega_d = omega (1 - zeta^2)^1/2 the displacement is
 
     r(t) = exp(-zeta omega t) (r0 cos omega_d t + (v0 + zeta omega r0)/omega_d sin omega_d t),           Eq. (9)
 
@@ -10,15 +10,15 @@ and with both terms, to first order in the damping,
     e(t) = a(t) cos(omega t + phi),
     a(t) = e0 exp(-x) / (1 + 4 omega eta2 e0 t/(3 pi) (1 - exp(-x))/x),    x = eta1 t/2,                 Eq. (27)
 
-here written so that eta1 = 0 is no exception.  The viscous damping ratio with the same energy loss per period at the
+written so that eta1 = 0 needs no exception.  The viscous damping ratio with the same energy loss per period at the
 amplitude A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi); friction, in ``friction``, adds 2 eta0/(pi omega^2 A).
 
 The closed forms take and return CasADi values, MX, SX or DM, and are smooth in all their arguments.
 
 References
 ----------
-"Comparison of external damping models in a large deformation problem", Eq. (9), (26), (27); in the latter the limit
-eta1 -> 0 is put right.
+"Comparison of external damping models in a large deformation problem", Eqs. (9), (26), (27); the limit eta1 -> 0 of the
+latter is corrected.
 """
 
 from __future__ import annotations
@@ -30,10 +30,7 @@ import casadi as cs
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 
-
-SERIES_BELOW = 0.01  # where the series of (1 - exp(-x))/x takes over from the closed form
-
-
+SERIES_BELOW = 0.01  # |x| below which the series of (1 - exp(-x))/x replaces the closed form
 SERIES_TERMS = 7  # 0.01^7/8! is below 1e-18
 
 
@@ -79,9 +76,9 @@ def quadratic_decay(time: Value, ω: Value, η1: Value, η2: Value, e0: Value, �
 
 
 def equivalent_damping_ratio(η1: Value, η2: Value, ω: Value, amplitude: Value, η0: Value | None = None) -> Value:
-    """Return the viscous damping ratio with the same loss of energy in a period at an amplitude (m).
+    """Return the viscous damping ratio with the same energy loss per period at an amplitude (m).
 
-    Of linear (1/s) and quadratic (1/m) damping, and of friction η0 (force by mass, m/s^2) if there is any.
+    The loss is that of linear (1/s) and quadratic (1/m) damping, and of friction η0 (force per mass, m/s^2) if given.
     """
     viscous = η1 / (2 * ω) + 4 * η2 * amplitude / (3 * math.pi)
     return viscous if η0 is None else viscous + 2 * η0 / (math.pi * ω**2 * amplitude)

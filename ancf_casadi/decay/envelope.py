@@ -1,16 +1,16 @@
-"""Damping against amplitude, from the envelope of a free decay and without a law.
+"""Damping against amplitude from the envelope of a free decay, without a damping law.
 
-The record is cut into windows of a few periods, one after the other.  Within one, with tau from its middle, a decay is
+The record is divided into successive windows of a few periods.  In a window, with tau from its middle, a decay is
 
     y = Re((z0 + z1 tau) exp((i omega - lambda) tau)) + d
 
-and z0, z1, d follow from linear least squares.  z1/z0 is what rate and frequency are wrong by, so that three rounds of
+and z0, z1, d follow from linear least squares.  z1/z0 is the error of decay rate and frequency.  Three rounds of
 
     lambda <- lambda - Re(z1/z0),    omega <- omega + Im(z1/z0)
 
-make z1 vanish.  Then |z0| is the amplitude in the middle of the window, and lambda/(omega^2 + lambda^2)^1/2 the damping
-ratio there: the slope of ln A, whatever the law.  The windows do not overlap, and so their errors are independent; the
-noise is taken to be white and the same in all.  The curve ends where the amplitude is lost in the noise.
+make z1 vanish.  Then |z0| is the amplitude in the middle of the window, and lambda/(omega^2 + lambda^2)^1/2 is the
+damping ratio there, from the derivative of ln A under any law.  The windows do not overlap, so that their errors are
+independent; the noise is assumed to be white and equal in all.  The curve ends where noise hides the oscillation.
 
 References
 ----------
@@ -33,15 +33,15 @@ from ancf_casadi.support.inputs import positive
 from ancf_casadi.support.tables import Table
 
 ROUNDS = 3
-UNKNOWNS = 5  # of a window
+UNKNOWNS = 5  # per window
 MINIMUM_SAMPLES = 8  # in a window
-VISIBLE = 5.0  # standard errors that an amplitude must have
-PLAUSIBLE = 0.5  # change of rate or frequency in a round, as a part of the frequency; beyond it noise is at work
+VISIBLE = 5.0  # amplitude in standard errors, below which noise hides the oscillation
+PLAUSIBLE = 0.5  # change of decay rate or frequency per round, relative to the frequency; larger ones are due to noise
 
 
 @dataclass(frozen=True, eq=False)
 class DampingCurve:
-    """Damping ratio and frequency of a mode against its amplitude, as it decays.
+    """Damping ratio and frequency of a decaying mode against its amplitude.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ class DampingCurve:
     frequency_errors: Array
 
     def table(self) -> Table:
-        """Return the curve, one window a row."""
+        """Return the curve, one row per window."""
         columns = (
             "time_s",
             "amplitude_m",
@@ -85,11 +85,11 @@ def damping_curve(record: Measurement, *, periods: float = 2.0, release_time: fl
     Parameters
     ----------
     record : Measurement
-        The record; rest may come before the decay.
+        Record, which may begin at rest.
     periods : float
-        Length of a window in periods; a longer one is less noisy and resolves less.
+        Length of a window in periods; longer windows have less noise and less resolution.
     release_time : float, optional
-        When the decay begins, s; found in the record if not given.
+        Start of the free decay, s; detected in the record if not given.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def damping_curve(record: Measurement, *, periods: float = 2.0, release_time: fl
     for begin, end in pairwise(edges.tolist()):
         if end - begin < MINIMUM_SAMPLES:
             raise InputError(
-                f"makes windows of {end - begin} samples, fewer than {MINIMUM_SAMPLES}; take more periods",
+                f"makes windows of {end - begin} samples, fewer than {MINIMUM_SAMPLES}; use more periods",
                 "periods",
             )
         middle = (time[begin] + time[end - 1]) / 2
@@ -121,7 +121,7 @@ def damping_curve(record: Measurement, *, periods: float = 2.0, release_time: fl
             rows.pop()
             break
     if not rows:
-        raise InputError("has no window in which the oscillation stands out from the noise", "record")
+        raise InputError("has no window in which the oscillation is above the noise", "record")
     middles, amplitudes, rates, frequencies, _, rate_spread, frequency_spread = np.array(rows).T
     noise = math.sqrt(squares / freedom)
     natural = np.hypot(rates, frequencies)
@@ -140,7 +140,7 @@ def _local_decay(
 ) -> tuple[float, float, float, tuple[float, float, float], float] | None:
     """Return decay rate, frequency, amplitude, their standard errors for unit noise, and the sum of squared residuals.
 
-    None where the rounds do not settle.
+    None if the rounds do not settle.
     """
     for _ in range(ROUNDS):
         fading = np.exp(-λ * τ)

@@ -1,8 +1,7 @@
 """First guess of frequency, damping ratio and amplitude from a measured free decay.
 
-A record may begin with rest, or with an excitation (``release``).  From the release on, the highest peak of the
-spectrum gives the frequency.  The decay rate is the best one of a list; for each, the coefficients that are linear are
-fitted.
+A record may begin at rest or with an excitation (``release``).  From the release on, the highest peak of the spectrum
+gives the frequency.  The decay rate is the best of a list; for each, the linear coefficients are fitted.
 
 References
 ----------
@@ -22,24 +21,24 @@ from ancf_casadi.decay.release import MINIMUM_SAMPLES, Release, find_release, pe
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 
-MINIMUM_PERIODS = 1.5  # as the spectrum sees them; its peak is up to half a period off
-NOISE_ODDS = 1e-4  # chance to take pure noise for an oscillation
+MINIMUM_PERIODS = 1.5  # by the peak of the spectrum, which is up to half a period off
+NOISE_ODDS = 1e-4  # probability to mistake pure noise for an oscillation
 
 
 @dataclass(frozen=True)
 class DecayGuess:
-    """Where to start the fit of a decay.
+    """Starting values for the fit of a decay.
 
     Parameters
     ----------
     release : int
         Index of the first sample of the free decay.
     reason : str
-        Why it begins there.
+        Reason for this start.
     duration : float
-        How long there is something to see: ``length`` or 1/(zeta omega), the lesser, s.
+        The smaller of ``length`` and 1/(zeta omega), s.
     length : float
-        Length of the record from there on, s.
+        Length of the record from the release on, s.
     ω : float
         Natural frequency, rad/s.
     ζ : float
@@ -49,7 +48,7 @@ class DecayGuess:
     phase : float
         Phase at the release, rad; 0 at the highest displacement.
     offset : float
-        Equilibrium the decay tends to, m; where it is at the release, if it drifts.
+        Equilibrium, m; with drift, the one at the release.
     drift : float
         Velocity of the equilibrium, m/s.
     """
@@ -85,13 +84,13 @@ def first_guess(
     Parameters
     ----------
     record : Measurement
-        The record; rest or an excitation may come before the decay.
+        Record, which may begin at rest or with an excitation.
     release_time : float, optional
-        When the decay begins, s; found in the record if not given.
+        Start of the free decay, s; detected in the record if not given.
     offset : bool
-        Whether the decay may tend to another value than 0.
+        Whether the equilibrium may differ from 0.
     drift : bool
-        Whether the equilibrium may move, at a constant velocity.
+        Whether the equilibrium may move at a constant velocity.
 
     Raises
     ------
@@ -112,7 +111,7 @@ def first_guess(
     ω_d = 2 * math.pi * peak_frequency(t, _without_line(t, y) if drift else y - y.mean())
     if ω_d * t[-1] < 2 * math.pi * MINIMUM_PERIODS:
         raise InputError("has fewer than two periods of free decay, or nothing oscillates", "record")
-    λ, c, s, level, slope = _best_rate(t, y, ω_d, offset, drift)
+    λ, c, s, level, velocity = _best_rate(t, y, ω_d, offset, drift)
     ω = math.hypot(ω_d, λ)
     return DecayGuess(
         release=int(np.searchsorted(record.time, time[release] - (time[1] - time[0]) / 2)),
@@ -124,7 +123,7 @@ def first_guess(
         amplitude=math.hypot(c, s),
         phase=math.atan2(-s, c),
         offset=level,
-        drift=slope,
+        drift=velocity,
     )
 
 
@@ -134,19 +133,19 @@ def _evenly_spaced(record: Measurement) -> tuple[Array, Array]:
 
 
 def _without_line(time: Array, displacement: Array) -> Array:
-    """Return what a straight line, fitted by least squares, leaves."""
+    """Return the displacement less a straight line fitted by least squares."""
     t: Array = time - time.mean()
     rest: Array = displacement - displacement.mean() - t * (t @ displacement) / (t @ t)
     return rest
 
 
 def _best_rate(t: Array, y: Array, ω_d: float, offset: bool, drift: bool) -> tuple[float, float, float, float, float]:
-    """Return decay rate, cosine and sine coefficient, offset and drift that fit best, for a given frequency.
+    """Return the best decay rate, cosine and sine coefficient, offset and drift for a given frequency.
 
     Raises
     ------
     InputError
-        If the oscillation does not stand out from the noise.
+        If the oscillation is not significant.
     """
     baseline = np.array([np.ones(len(t)), t])[[offset, drift]]
     waves = np.array([np.cos(ω_d * t), np.sin(ω_d * t)])

@@ -1,29 +1,29 @@
-"""Free decay of one mode with friction, linear and quadratic damping at once.
+"""Free decay of one mode under friction, linear and quadratic damping.
 
-Coulomb friction, a force of constant size against the motion, adds a third term to the equation of motion (26),
+Coulomb friction, a force of constant magnitude against the motion, adds a third term to the equation of motion (26),
 
     r'' + eta0 sign(r') + eta1 r' + eta2 r' |r'| + omega^2 r = 0,
 
-with eta0 the friction force by mass, m/s^2.  For r = A cos(omega t + phi) with A changing slowly, the energy by mass
-omega^2 A^2/2 falls by what the three terms take in a period, divided by the period.  With the means
+with eta0 the friction force per mass, m/s^2.  For r = A cos(omega t + phi) with A changing slowly, the energy per mass
+omega^2 A^2/2 falls at the mean power of the three terms over a period.  With the means
 
     <|r'|> = 2 omega A/pi,    <r'^2> = omega^2 A^2/2,    <|r'|^3> = 4 omega^3 A^3/(3 pi)
 
-this is omega^2 A A' = -eta0 <|r'|> - eta1 <r'^2> - eta2 <|r'|^3>, that is
+this gives omega^2 A A' = -eta0 <|r'|> - eta1 <r'^2> - eta2 <|r'|^3>, that is
 
     A' = -c - a A - b A^2,    a = eta1/2,    b = 4 omega eta2/(3 pi),    c = 2 eta0/(pi omega).
 
-Friction alone takes the same amplitude c 2 pi/omega = 4 eta0/omega^2 off in each period, which is exact.  The quotient
+Friction alone reduces the amplitude by c 2 pi/omega = 4 eta0/omega^2 in each period, which is exact.  The quotient
 A = p/q of the solution of the linear system p' = -(a/2) p - c q, q' = b p + (a/2) q solves this Riccati equation; the
 square of its matrix is k = a^2/4 - b c times the identity, and so
 
     A(t) = (e0 - (a e0/2 + c) s) / (1 + (a/2 + b e0) s),    s = tanh(k^1/2 t)/k^1/2,
 
-which is a tangent where k < 0, and t at k = 0.  At a last instant, before k^1/2 t = i pi/2, A is zero, and friction
-holds the mode from there on.  With eta0 = 0 this is Eq. (27).  Each half swing is about a centre shifted by the band of
-rest, d = eta0/omega^2; the displacement is off by that, and holds as long as A is well above it.  Within the last half
-period, where -d < A < d and averages mean nothing, A is replaced by (3 d - A)(A + d)^3/(16 d^3), which goes to zero
-with two continuous derivatives: a fit can find the stop.
+which is a tangent for k < 0, and t for k = 0.  Before k^1/2 t = i pi/2, A reaches zero, and friction holds the mode
+from then on.  With eta0 = 0 this is Eq. (27).  The centre of each half swing is shifted by the band of rest, d =
+eta0/omega^2.  The displacement has an error of this size, and is valid as long as A is well above d.  Within the last
+half period, where -d < A < d and averages mean nothing, A is replaced by (3 d - A)(A + d)^3/(16 d^3), which goes to
+zero with two continuous derivatives, so that a fit can find the stop.
 
 References
 ----------
@@ -42,14 +42,14 @@ import casadi as cs
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 
-LEAST_BAND = 1e-9  # of the amplitude at the release
-SERIES_BELOW = 1e-3  # where the series of tanh(y^1/2)/y^1/2 takes over; its 7th term is below 1e-20 there
+LEAST_BAND = 1e-9  # relative to the amplitude at the release
+SERIES_BELOW = 1e-3  # |y| below which the series of tanh(y^1/2)/y^1/2 is used; its 7th term is below 1e-20
 SERIES = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925)
-LARGEST_ANGLE = 1.57  # of the tangent, just below pi/2, by when friction has stopped the motion
+LARGEST_ANGLE = 1.57  # of the tangent, just below pi/2; friction has stopped the motion before
 
 
 def friction_envelope(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e0: Value) -> Value:
-    """Return the amplitude of the free decay under friction, linear and quadratic damping; 0 once friction holds.
+    """Return the amplitude of the free decay under friction, linear and quadratic damping; 0 after the stop.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def friction_envelope(time: Value, ω: Value, η0: Value, η1: Value, η2: Value
     ω : MX, SX or DM
         Natural frequency, rad/s.
     η0, η1, η2 : MX, SX or DM
-        Friction force by mass (m/s^2), linear (1/s) and quadratic (1/m) damping coefficient, none negative.
+        Friction force per mass (m/s^2), linear (1/s) and quadratic (1/m) damping coefficient, none negative.
     e0 : MX, SX or DM
         Amplitude at the release, m.
     """
@@ -74,17 +74,17 @@ def friction_decay(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e
 
 
 def _stopping(amplitude: Value, band: Value) -> Value:
-    """Return the amplitude above the band of rest, 0 below its negative, and a smooth passage in between."""
-    share = cs.fmin(cs.fmax(amplitude / band, -1), 1)
-    return cs.if_else(amplitude > band, amplitude, band * (3 - share) * (share + 1) ** 3 / 16)
+    """Return the amplitude above the band of rest, 0 below its negative, and a smooth transition in between."""
+    ratio = cs.fmin(cs.fmax(amplitude / band, -1), 1)
+    return cs.if_else(amplitude > band, amplitude, band * (3 - ratio) * (ratio + 1) ** 3 / 16)
 
 
 def _tanh_ratio(y: Value) -> Value:
-    """Return tanh(y^1/2)/y^1/2, smooth also through y = 0 and below, down to the last angle of the tangent."""
+    """Return tanh(y^1/2)/y^1/2, smooth also at y = 0 and below, down to the largest angle of the tangent."""
     near, above = cs.fabs(y) < SERIES_BELOW, y > 0
     series = 0 * y
     for coefficient in reversed(SERIES):
         series = coefficient + y * series
-    root = cs.sqrt(cs.if_else(near, 1, cs.fabs(y)))  # keeps the other branches finite, and so are all derivatives
+    root = cs.sqrt(cs.if_else(near, 1, cs.fabs(y)))  # keeps the other branches and all derivatives finite
     angle = cs.fmin(root, LARGEST_ANGLE)
     return cs.if_else(near, series, cs.if_else(above, cs.tanh(root), cs.tan(angle)) / cs.if_else(above, root, angle))

@@ -1,10 +1,10 @@
 """Measured records: the displacement of one point over time, from arrays or a CSV file.
 
-A CSV file has one column of times, the first, and one or more of displacements.  The first line may name them; a name
-that ends in ``_ms`` or ``_mm`` says so of its unit, any other is taken to be in s or m.
+The first column of a CSV file has the times, the others have displacements.  The first line may name them; a name that
+ends in ``_ms`` or ``_mm`` gives the unit, any other column is in s or m.
 
-A file of plain numbers is read in blocks of lines by NumPy.  Any other file, with quoted cells, a column of text or a
-fault, is read row by row, which finds and names the line of what is wrong.
+NumPy reads a file of plain numbers in blocks of lines.  Any other file, with quoted cells, a column of text or a fault,
+is read row by row, so that an error message can name the line.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from ancf_casadi.support.files import check_path
 from ancf_casadi.support.inputs import physical
 
 MAXIMUM_BYTES = 2**30
-BLOCK = 100_000  # lines that NumPy reads at once
+BLOCK = 100_000  # lines per block
 PLAIN = b"0123456789+-.eE, \t\r\n"
 PER_UNIT = {"ms": 1e-3, "mm": 1e-3}
 
@@ -39,11 +39,11 @@ class Measurement:
     Parameters
     ----------
     time : array_like
-        Times, s, increasing; they need not be equally spaced.  Kept as a read-only array.
+        Times, s, increasing; they need not be equally spaced.  Stored as a read-only array.
     displacement : array_like
-        Displacement at each time, m.  Kept as a read-only array.
+        Displacement at each time, m.  Stored as a read-only array.
     name : str
-        Where it comes from, for reports.
+        Source of the record, for reports.
 
     Raises
     ------
@@ -56,7 +56,7 @@ class Measurement:
     name: str
 
     def __init__(self, time: ArrayLike, displacement: ArrayLike, name: str = "") -> None:
-        """Validate, and keep read-only copies."""
+        """Validate, and store read-only copies."""
         object.__setattr__(self, "time", _series(time, "time"))
         object.__setattr__(self, "displacement", _series(displacement, "displacement"))
         object.__setattr__(self, "name", name)
@@ -78,17 +78,17 @@ class Measurement:
         Parameters
         ----------
         path : str or Path
-            The file.
+            CSV file.
         column : str, optional
-            Name of the column of displacements; without it the file must have two columns.
+            Name of the displacement column; without it the file must have two columns.
         progress : bool
-            Whether to show a progress bar on a terminal where reading takes more than a second.
+            Whether to show a progress bar on a terminal if reading takes more than a second.
 
         Raises
         ------
         InputError
-            If the file cannot be read or is not a table of numbers, naming the line; if there is no such column;
-            or as ``Measurement``.
+            If the file cannot be read or is not a table of numbers (the message names the line), if there is no such
+            column, or as in ``Measurement``.
         """
         check_path(path, "path")
         rows = _rows(Path(path))
@@ -126,12 +126,12 @@ def _series(values: ArrayLike, where: str) -> Array:
 
 
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Give the number and the cells of each line of a CSV file that is not blank."""
+    """Yield number and cells of each line of a CSV file that is not blank."""
     try:
         if not path.is_file():
             raise InputError("is not a file", str(path))
         if path.stat().st_size > MAXIMUM_BYTES:
-            raise InputError(f"is larger than {MAXIMUM_BYTES >> 20} MB; cut it, or thin it out", str(path))
+            raise InputError(f"is larger than {MAXIMUM_BYTES >> 20} MB; shorten it, or leave out samples", str(path))
         with open(path, newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file)
             for row in reader:
@@ -144,7 +144,7 @@ def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def _plain_numbers(path: Path, chosen: int, width: int, progress: bool) -> Array | None:
-    """Return times and displacements (n, 2) below the first row; None if not all cells are numbers, and all finite."""
+    """Return times and displacements (n, 2) below the first row; None unless all cells are finite numbers."""
     blocks = [np.empty((0, 2))]
     try:
         with (
@@ -172,7 +172,7 @@ def _plain_numbers(path: Path, chosen: int, width: int, progress: bool) -> Array
 
 
 def _choose(names: list[str], column: str | None, where: str) -> int:
-    """Return the index of the column of displacements."""
+    """Return the position of the displacement column."""
     if column is None:
         if len(names) != 2:
             raise InputError(f"has {len(names)} columns, not a time and a displacement; name one of them", where)
@@ -201,5 +201,5 @@ def _is_number(cell: str) -> bool:
 
 
 def _unit(name: str) -> float:
-    """Return the SI value of the unit that a column's name ends in."""
+    """Return the SI value of the unit in the name of a column."""
     return PER_UNIT.get(name.rpartition("_")[2], 1.0)

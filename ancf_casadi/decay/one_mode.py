@@ -2,23 +2,24 @@
 
     r'' + eta1 r' + eta2 r' |r'| + omega^2 r = 0                                                         Eq. (26)
 
-Eq. (27) solves this to first order in the damping; here it is solved itself, also where damping is strong.  Within a
-step from t0, s = t - t0, the motion is stated by the free oscillation it is on at each instant,
+Eq. (27) solves this to first order in the damping; the integration also holds for strong damping.  Within a step from
+t0, s = t - t0, the motion is described by the undamped oscillation that it follows at each instant,
 
     r = p cos(omega s) + q/omega sin(omega s),    v = r' = -p omega sin(omega s) + q cos(omega s)
 
     p' = sin(omega s)/omega f,    q' = -cos(omega s) f,    f = eta1 v + eta2 v |v|
 
-so that p and q change with the damping only, and the oscillation itself costs no accuracy.  They are integrated by the
-classical Runge-Kutta method of order 4; the kink of |v| at each turn takes that down to 3 there.  A turn adds an error
-of about zeta h^4 A of either sign, h the step in rad, and a decay has about 1/zeta turns: the error goes with zeta^1/2
-h^4 A.  Measured for zeta = 0.001 to 0.1 and h = 0.1 to 0.4, the factor is 0.01 in the median, and 0.07 at most.
+so that only the damping changes p and q, and the oscillation itself causes no error.  They are integrated by the
+classical Runge-Kutta method of order 4, reduced to 3 by the kink of |v| at each turning point.  A turning point adds an
+error of about zeta h^4 A of either sign, with h the step in rad.  A decay has about 1/zeta turning points, so that the
+error is proportional to zeta^1/2 h^4 A.  Measured for zeta = 0.001 to 0.1 and h = 0.1 to 0.4, the factor is 0.01 in the
+median and at most 0.07.
 
-With the state x_n after n steps and its derivatives S_n by the unknowns, a step x_n+1 = g(x_n, c) gives
+With the state x_n after n steps and its sensitivities S_n to the unknowns, a step x_n+1 = g(x_n, c) gives
 
     S_n+1 = dg/dx S_n + dg/dc dc,
 
-which is integrated along with the state: a third of the time that general forward differentiation takes.
+which is integrated along with the state.  This takes a third of the time of general forward differentiation.
 
 References
 ----------
@@ -36,8 +37,8 @@ import numpy as np
 
 from ancf_casadi.support.arrays import Array
 
-ERROR = 0.07  # of the amplitude, by zeta^1/2 and the fourth power of the step in rad
-LEAST_RATIO = 1e-4  # damping ratio below which the error is no longer that of the kinks
+ERROR = 0.07  # relative to the amplitude, over zeta^1/2 and the fourth power of the step in rad
+LEAST_RATIO = 1e-4  # damping ratio below which the kinks no longer dominate the error
 SHORTEST, LONGEST = 0.1, 0.4  # rad
 UNKNOWNS = 5
 
@@ -54,12 +55,11 @@ def one_mode_decay(time: Array, ω: cs.MX, η1: cs.MX, η2: cs.MX, r0: cs.MX, v0
     r0, v0 : MX
         Displacement (m) and velocity (m/s) at the release.
     longest_step : float
-        Longest step of the integration, s; 0.1/omega is good to 1e-6 of the amplitude where the damping ratio is 0.1.
+        Longest integration step, s; 0.1/omega has an error of 1e-6 of the amplitude for a damping ratio of 0.1.
     """
     instants, where = np.unique(time, return_inverse=True)
     intervals = np.diff(instants, prepend=0.0)
     counts = np.maximum(1, np.ceil(intervals / longest_step)).astype(int)
-    steps = cs.DM(np.repeat(intervals / counts, counts)).T
     ends = (np.cumsum(counts) - 1)[where].tolist()
     steps, count = cs.DM(np.repeat(intervals / counts, counts)).T, int(counts.sum())
     step = _step()
@@ -68,8 +68,8 @@ def one_mode_decay(time: Array, ω: cs.MX, η1: cs.MX, η2: cs.MX, r0: cs.MX, v0
     parameters, release = cs.repmat(x[:3], 1, count), x[3:]
     by_x = cs.MX.eye(UNKNOWNS)[3:, :]
     states = step.mapaccum("states", count)(release, steps, parameters)
-    derivatives = _sensitive(step).mapaccum("derivatives", count)(cs.vertcat(release, by_x[:]), steps, parameters)
-    jacobian = cs.reshape(derivatives[2::2, ends], UNKNOWNS, len(ends)).T  # of the displacements
+    sensitive = _sensitive(step).mapaccum("sensitivities", count)(cs.vertcat(release, by_x[:]), steps, parameters)
+    jacobian = cs.reshape(sensitive[2::2, ends], UNKNOWNS, len(ends)).T  # of the displacements
     options: dict[str, Any] = {
         "custom_jacobian": cs.Function("jac_one_mode", [x, cs.MX.sym("r", cs.Sparsity(len(ends), 1))], [jacobian]),
         "jac_penalty": 0.0,
@@ -81,42 +81,42 @@ def one_mode_decay(time: Array, ω: cs.MX, η1: cs.MX, η2: cs.MX, r0: cs.MX, v0
 
 
 def longest_step(ω: float, ζ: float, error: float) -> float:
-    """Return the step (s) at which the integration is off by an error relative to the amplitude, or less.
+    """Return the step (s) at which the integration has at most a given error relative to the amplitude.
 
     Parameters
     ----------
     ω, ζ : float
         Natural frequency (rad/s) and damping ratio at the release.
     error : float
-        The error; a step is between 0.1 and 0.4 rad all the same.
+        Largest error; the step stays between 0.1 and 0.4 rad.
     """
     turns = ERROR * math.sqrt(max(ζ, LEAST_RATIO))
     return float(np.clip((error / turns) ** 0.25, SHORTEST, LONGEST) / ω)
 
 
 def _step() -> cs.Function:
-    """(displacement and velocity, length of the step, parameters) -> displacement and velocity after it."""
+    """Return the Function (displacement and velocity, step, parameters) -> displacement and velocity after it."""
     x, h, parameters = cs.SX.sym("x", 2), cs.SX.sym("h"), cs.SX.sym("parameters", 3)
     ω, η1, η2 = cs.vertsplit(parameters)
     half_cosine, half_sine = cs.cos(ω * h / 2), cs.sin(ω * h / 2)
     cosine, sine = half_cosine**2 - half_sine**2, 2 * half_sine * half_cosine
 
-    def rates(cosine: cs.SX, sine: cs.SX, z: cs.SX) -> cs.SX:
+    def derivatives(cosine: cs.SX, sine: cs.SX, z: cs.SX) -> cs.SX:
         v = z[1] * cosine - z[0] * ω * sine
         f = (η1 + η2 * cs.fabs(v)) * v
         return cs.vertcat(sine / ω * f, -cosine * f)
 
-    k1 = rates(cs.SX(1), cs.SX(0), x)
-    k2 = rates(half_cosine, half_sine, x + h / 2 * k1)
-    k3 = rates(half_cosine, half_sine, x + h / 2 * k2)
-    k4 = rates(cosine, sine, x + h * k3)
+    k1 = derivatives(cs.SX(1), cs.SX(0), x)
+    k2 = derivatives(half_cosine, half_sine, x + h / 2 * k1)
+    k3 = derivatives(half_cosine, half_sine, x + h / 2 * k2)
+    k4 = derivatives(cosine, sine, x + h * k3)
     p, q = cs.vertsplit(x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
     after = cs.vertcat(p * cosine + q / ω * sine, q * cosine - p * ω * sine)
     return cs.Function("step", [x, h, parameters], [after])
 
 
 def _sensitive(step: cs.Function) -> cs.Function:
-    """Return the step that takes along the derivatives of its state by ω, η1, η2, r0 and v0, column by column."""
+    """Return the step of the state and of its sensitivities to ω, η1, η2, r0 and v0, column by column."""
     x, S = cs.SX.sym("x", 2), cs.SX.sym("S", 2, UNKNOWNS)
     h, parameters = cs.SX.sym("h"), cs.SX.sym("parameters", 3)
     after = step(x, h, parameters)

@@ -30,6 +30,7 @@ from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
 from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.layout import Layout
 
 
 def as_it_is(function: cs.Function) -> cs.Function:
@@ -72,11 +73,16 @@ class Equations:
         parts = [self.model.beam.gravity, self.model.properties.T.ravel(), law, self.projection.T.ravel()]
         return np.concatenate([np.asarray(part, dtype=float) for part in parts])
 
+    @cached_property
+    def layout(self) -> Layout:
+        """Layout of ``parameters``."""
+        law, projection = len(self.law.parameters), self.projection.size
+        return Layout.of(gravity=2, properties=self.model.properties.size, law=law, projection=projection)
+
     def balance(self, parameters: cs.MX) -> Balance:
         """Return the terms of the equation of motion for (symbolic) parameters in the order of ``parameters``."""
         model = self.model
-        sizes = [2, model.properties.size, len(self.law.parameters), self.projection.size]
-        gravity, properties, coefficients, projection = cs.vertsplit(parameters, np.cumsum([0, *sizes]).tolist())
+        gravity, properties, coefficients, projection = cs.vertsplit(parameters, self.layout.offsets)
         return Balance(
             equations=self,
             gravity=gravity,

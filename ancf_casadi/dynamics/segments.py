@@ -1,8 +1,9 @@
 """Time segments between integrator restarts, and the solution on each segment.
 
 Each smooth piece of the base motion is divided into segments that end at samples of the result.  After each segment,
-progress is shown and Ctrl-C takes effect; the solution on the finished segments is kept if a run is interrupted or
-fails.  Both integrators take an ``InitialValueProblem`` and yield one ``SegmentSolution`` per segment.
+progress is shown and Ctrl-C takes effect.  If a run is interrupted or fails, the finished segments are kept.
+
+Both integrators take an ``InitialValueProblem`` and yield one ``SegmentSolution`` per segment.
 """
 
 from __future__ import annotations
@@ -19,23 +20,23 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.support.arrays import Array
 
-CLOSE = 1e-9  # of a sampling interval; instants nearer than that are the same
+CLOSE = 1e-9  # of a sampling interval; instants closer than that are the same
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A segment of time.
+    """A time segment.
 
     Parameters
     ----------
     start, length : float
         Its start and length, s.
     points : int
-        Number of instants at equal intervals, the start not among them, that end it.
+        Number of instants at equal intervals after the start; the last is the end.
     samples : int
-        How many of them, from the first, are instants of the result.
+        Number of these instants, counted from the first, that are samples of the result.
     first : bool
-        Whether the start is an instant of the result too, the first.
+        Whether the start is also a sample of the result, the first one.
     """
 
     start: float
@@ -56,45 +57,13 @@ class Segment:
 
     @property
     def kept(self) -> slice:
-        """Which of ``instants`` are instants of the result."""
+        """Indices of the samples of the result in ``instants``."""
         return slice(0 if self.first else 1, self.samples + 1)
 
 
 @dataclass(frozen=True, eq=False)
-class SegmentSolution:
-    """What an integrator finds on a segment.
-
-    Parameters
-    ----------
-    coordinates, velocities : array (k, 4 n + 4)
-        Nodal coordinates and their rates at its samples.
-    forces : array (k, 4)
-        Generalized force of the base on the clamped node.
-    energies : array (k, 2)
-        Energy lost to damping and work of the base since its start, J.
-    end : State
-        The state at its end.
-    end_energies : array (2,)
-        The energies at its end.
-    segment : Segment
-        The time segment.
-    steps : int
-        Steps of the integrator.
-    """
-
-    coordinates: Array
-    velocities: Array
-    forces: Array
-    energies: Array
-    end: State
-    end_energies: Array
-    segment: Segment
-    steps: int
-
-
-@dataclass(frozen=True, eq=False)
 class InitialValueProblem:
-    """The motion on a smooth piece of the base motion, or on its rest, as an integrator takes it.
+    """The motion from a state to the end of a smooth piece of the base motion, as an integrator takes it.
 
     Parameters
     ----------
@@ -123,10 +92,42 @@ class InitialValueProblem:
     options: Mapping[str, Any] = field(default_factory=dict)
 
 
-def cut(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Segment]:
-    """Cut the time from begin to end at samples, ``size`` samples a segment; the ends may lie between two samples.
+@dataclass(frozen=True, eq=False)
+class SegmentSolution:
+    """The solution on a segment.
 
-    Samples are taken from ``origin`` on, the start of the motion, at a rate per second.
+    Parameters
+    ----------
+    coordinates, velocities : array (k, 4 n + 4)
+        Nodal coordinates and velocities at the samples.
+    forces : array (k, 4)
+        Generalized force of the base on the clamped node at the samples.
+    energies : array (k, 2)
+        Energy lost to damping and work of the base since the start of the segment, J, at the samples.
+    end : State
+        The state at the end of the segment.
+    end_energies : array (2,)
+        The energies at the end of the segment.
+    segment : Segment
+        The segment.
+    steps : int
+        Steps of the integrator.
+    """
+
+    coordinates: Array
+    velocities: Array
+    forces: Array
+    energies: Array
+    end: State
+    end_energies: Array
+    segment: Segment
+    steps: int
+
+
+def divide(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Segment]:
+    """Divide [begin, end] into segments of ``size`` samples; the ends may lie between two samples.
+
+    The samples start at ``origin``, the start of the motion, with a given rate (1/s).
     """
     first, last = math.ceil((begin - origin) * rate - CLOSE), math.floor((end - origin) * rate + CLOSE)
     if first > last:

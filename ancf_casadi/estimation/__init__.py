@@ -1,5 +1,8 @@
-"""Estimation by nonlinear programs with bounds, and the uncertainty of its results.
+"""Estimation by bounded nonlinear programs, Eq. (10), and the uncertainty of the estimates.
 
-``nlp`` solves least-squares problems with IPOPT, ``fit`` gives standard errors and intervals from their solution,
-``profile`` the intervals from the loss itself, ``autocorrelation`` and ``criteria`` what the residuals tell.
+``least_squares`` states a problem with the ``loss`` of its residuals, ``nlp`` solves it with IPOPT, and ``polish``
+finishes it with Gauss-Newton steps.  ``estimates`` has standard errors and intervals to first order, ``profile``
+intervals by profile likelihood, ``resampling`` repeated fits, and ``fit`` the report.  ``autocorrelation`` counts
+independent residuals, and ``criteria`` and ``comparison`` select a law.  ``result`` is the interface of all results,
+and ``figures`` draws them.
 """

@@ -1,20 +1,20 @@
-"""How sure a fit is, by doing it again: many fits to records made from it.
+"""Uncertainty of a fit by repetition: fits to many synthetic records.
 
-With the fitted curve r(x) and the residuals e of a record of m values,
+With the fitted curve r(x), n free unknowns and the residuals e of a record of m values, the records
 
-    parametric    y* = r(x) + s n,      n normal and white, s^2 = e'e/(m - n)
-    bootstrap     y* = r(x) + e*,       e* drawn from the residuals, centred and grown by (m/(m - n))^1/2
+    parametric    y* = r(x) + s g,      g normal and white, s^2 = e'e/(m - n)
+    bootstrap     y* = r(x) + e*,       e* drawn from the residuals, centred and scaled by (m/(m - n))^1/2
 
-are fitted as the record was, each from its estimates.  Where successive residuals correlate at rho, single ones make
-records that scatter too little: blocks of successive ones are drawn instead, of the length that is best for an
-autoregressive process of order 1,
+are fitted as the measured record was, each from its estimates.  If successive residuals correlate at rho, records of
+single residuals scatter too little.  Blocks of successive residuals are drawn instead, of the length that is best for
+an autoregressive process of order 1,
 
     l = (2 |rho|/(1 - rho^2))^(2/3) m^(1/3).
 
-The residuals of each series, one coordinate of one record, are drawn from that series alone: a block lies within it, or
-runs around its end to its beginning.
+The residuals of each series, one coordinate of one record, are drawn from this series alone; a block that reaches the
+end of its series continues at the beginning.
 
-Run k has the k-th child of the seed, so that the numbers do not depend on where and in which order the runs take place.
+Run k uses the k-th child of the seed, so that the numbers do not depend on where and in which order the runs execute.
 
 References
 ----------
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 Method = Literal["parametric", "bootstrap"]
 
-WHITE = 3.0  # standard deviations 1/m^1/2 within which the correlation of successive residuals is none
+WHITE = 3.0  # standard deviations 1/m^1/2 within which a correlation of successive residuals is not significant
 MINIMUM_RUNS = 2
 MOST_RUNS = 1_000_000
 
@@ -84,24 +84,24 @@ class Refittable(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class MonteCarlo:
-    """Fits to many records made from one fit.
+    """Fits to many synthetic records of one fit.
 
     Parameters
     ----------
     names, units : tuple of str
-        The p quantities, and their units.
+        Names and units of the p quantities.
     estimates : ndarray
         Estimates of the fit (p,).
     standard_errors : mapping of str to float
         Standard errors of the fit by name; nan where it gives none.
     samples : ndarray
-        What the runs that converged found (runs, p).
+        Quantities from the runs that converged (runs, p).
     failures : tuple of str
-        Why each of the others did not.
+        Reason of each failure.
     method : {"parametric", "bootstrap"}
-        How the records were made.
+        Kind of the records.
     block : int
-        How many successive residuals were drawn at a time; 1 for parametric records.
+        Number of successive residuals that were drawn together; 1 for parametric records.
     """
 
     names: tuple[str, ...]
@@ -115,21 +115,21 @@ class MonteCarlo:
 
     @property
     def runs(self) -> int:
-        """How many runs there were, those that failed included."""
+        """Number of runs, including failures."""
         return len(self.samples) + len(self.failures)
 
     @property
     def means(self) -> Array:
-        """Means (p,)."""
+        """Means over the runs (p,)."""
         return np.asarray(self.samples.mean(axis=0))
 
     @property
     def deviations(self) -> Array:
-        """Standard deviations (p,)."""
+        """Standard deviations over the runs (p,)."""
         return np.asarray(self.samples.std(axis=0, ddof=1))
 
     def intervals(self, level: float = LEVEL) -> Array:
-        """Return the ranges (p, 2) that hold a share of the samples, with as many below as above.
+        """Return the ranges (p, 2) that contain a fraction of the samples, with as many below as above.
 
         Raises
         ------
@@ -146,7 +146,7 @@ class MonteCarlo:
         return tuple(f"{count} runs failed: {reason}" for reason, count in Counter(self.failures).items())
 
     def table(self) -> Table:
-        """Return the quantities with estimates, standard errors, and what the runs say of both."""
+        """Return estimate and standard error of the quantities, and mean, deviation and interval of the runs."""
         columns = ("quantity", "estimate", "unit", "standard_error", "mean", "deviation", "lower_95", "upper_95")
         rows = [
             (name, float(value), unit, known(error), mean, deviation, low, high)
@@ -181,7 +181,7 @@ class MonteCarlo:
         return scatter_figure(labels, self.samples, self.estimates, list(self.standard_errors.values()))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON, with None for what is not known."""
+        """Return the result for JSON, with None for unknown values."""
         return {
             "method": self.method,
             "block": self.block,
@@ -222,27 +222,27 @@ def monte_carlo(
     jobs: int = 1,
     progress: bool = False,
 ) -> MonteCarlo:
-    """Repeat a fit on many records made from it.
+    """Repeat a fit on many synthetic records.
 
     Parameters
     ----------
     fit : DecayFit, TransientFit or any other with a method ``refit``
         The fit.
     runs : int
-        How many records.
+        Number of records.
     seed : int
-        What the noise is made from; the same numbers give the same runs, wherever they take place.
+        Seed of the noise; the same seed gives the same numbers with any executor.
     method : {"parametric", "bootstrap"}
-        ``parametric``: white noise as large as the residuals.  ``bootstrap``: the residuals themselves, in blocks where
+        ``parametric``: white noise as large as the residuals.  ``bootstrap``: the residuals themselves, in blocks if
         successive ones correlate.
     executor, jobs, progress
-        As of ``run_all``; processes, not threads, which IPOPT does not bear.  With ``jobs`` above 1 a script must call
+        As in ``run_all``; processes, because IPOPT is not safe in threads.  With ``jobs`` above 1 a script must call
         this under ``if __name__ == "__main__":``.
 
     Raises
     ------
     InputError
-        If a number is not usable, the method is unknown, or the fit leaves no residuals to make records from.
+        If a number is not usable, the method is unknown, or the fit leaves no residuals.
     FitError
         If fewer than two runs converge.
     """
@@ -273,7 +273,7 @@ def monte_carlo(
 
 
 def block_length(fit: Fit) -> int:
-    """Return the number of successive residuals to draw together: 1 where they do not correlate."""
+    """Return the number of successive residuals to draw together; 1 if they do not correlate."""
     m, rho = len(fit.residuals), fit.autocorrelation
     if not abs(rho) > WHITE / math.sqrt(m):
         return 1
@@ -282,7 +282,7 @@ def block_length(fit: Fit) -> int:
 
 
 def drawn(size: int, block: int, rng: np.random.Generator) -> Index:
-    """Return the positions (size,) of samples drawn from a series in blocks, the end followed by the beginning."""
+    """Return the positions (size,) of samples drawn in blocks from a series whose end is followed by its beginning."""
     starts = rng.integers(size, size=-(-size // block))
     return np.asarray((starts[:, None] + np.arange(block)).ravel()[:size] % size)
 

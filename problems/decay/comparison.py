@@ -34,14 +34,14 @@ def compare_decay_laws(
     displacement : array_like
         Displacement at each time, m.
     laws : sequence of {"linear", "quadratic", "friction", "one-mode"}
-        The laws, the simplest first.
+        Laws to compare, the simplest first.
     offset, drift, release_time
         As in ``fit_decay``.
 
     Raises
     ------
     InputError
-        If the record is not usable, nothing in it oscillates, or a law is unknown or there is none.
+        If the record is not usable, nothing in it oscillates, a law is unknown, or there is none.
     FitError
         If a fit does not converge.
     """

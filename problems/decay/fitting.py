@@ -1,15 +1,15 @@
 """Frequency and damping from measured free decays, Eq. (10).
 
-With a closed form r of a free decay, Eq. (9) or Eq. (27) or that with friction, and an equilibrium d + d' t, the
-measured displacements y_i at the times t_i after the release are matched by
+With a closed form r of a free decay, Eq. (9), Eq. (27) or the one with friction, and an equilibrium d + d' t, the
+measured displacements y_i at the times t_i after the release are fitted by
 
     minimise    R = (1/m sum_i (r(t_i) + d + d' t_i - y_i)^2)^1/2
 
-over the unknowns of the law, d, and d' if asked for.  Several records of the same mode are matched at once, with the
-unknowns of the mode in common, and amplitude, phase and equilibrium of each its own; their noise is taken to be equal.
+over the unknowns of the law, d, and d' if requested.  Several records of the same mode are fitted at once: they share
+the unknowns of the mode, and each has its own amplitude, phase and equilibrium; their noise is assumed to be equal.
 
-Against outliers the squares give way to the pseudo-Huber loss beyond 1.345 standard deviations of the noise, which are
-1.4826 median |residual| of the fit before.  Where the noise is normal this costs a few percent of the standard errors.
+A robust fit replaces the squares by the pseudo-Huber loss beyond 1.345 standard deviations of the noise, estimated as
+1.4826 median |residual| of the previous fit.  With normal noise this costs a few percent of the standard errors.
 
 References
 ----------
@@ -41,10 +41,11 @@ from problems.decay.laws import LAWS, DecayModel, Law
 from problems.decay.result import ROUNDING, DecayFit, decay_result
 
 RATIO_BOUNDS = (0.0, 0.999)
-INTEGRATION_ERROR = 0.5  # of a standard error, were it the same in all samples; estimates shift by a tenth of that
+INTEGRATION_ERROR = 0.5  # standard errors, for an equal error of all samples; estimates shift by a tenth of that
 INTEGRATIONS = 3  # fits of an integrated law, in which its step settles
-REFINED = 0.7  # of the step before: a shorter one is worth another fit
+REFINED = 0.7  # ratio of a step to the previous one, below which the fit is repeated
 ROBUST_ROUNDS = 3  # in which the scale of the noise settles
+ADVICE = "check the release (release_time), or fit a law with fewer terms"
 
 
 def fit_decay(
@@ -67,18 +68,18 @@ def fit_decay(
     displacement : array_like
         Displacement at each time, m.
     law : {"linear", "quadratic", "friction", "one-mode"}
-        Eq. (9); Eq. (27); that with friction as a third term; or Eq. (26) itself, integrated, where damping is so
-        strong that its solution (27) is not good enough.
+        Eq. (9); Eq. (27); Eq. (27) with friction as a third term; or Eq. (26), integrated numerically, for damping so
+        strong that its solution (27) is not accurate enough.
     offset : bool
-        Whether the point may come to rest elsewhere than at 0.
+        Whether the equilibrium may differ from 0.
     drift : bool
-        Whether where it comes to rest may move, at a constant velocity.
+        Whether the equilibrium may move at a constant velocity.
     release_time : float, optional
-        When the free decay begins, s; found in the record if not given.
+        Start of the free decay, s; detected in the record if not given.
     ratio_bounds : (float, float)
         Bounds of the damping ratio under the linear law, above -1 and below 1.
     robust : bool
-        Whether to bear outliers.
+        Whether to use the pseudo-Huber loss, which limits the influence of outliers.
 
     Raises
     ------
@@ -106,7 +107,7 @@ def fit_decays(
 ) -> tuple[DecayFit, ...]:
     """Fit several free decays of one mode at once.
 
-    Frequency and damping coefficients are common to all; amplitude, phase, offset and drift are each record's own.
+    The records share frequency and damping coefficients; each has its own amplitude, phase, offset and drift.
 
     Parameters
     ----------
@@ -115,12 +116,12 @@ def fit_decays(
     law, offset, drift, ratio_bounds, robust
         As in ``fit_decay``.
     release_times : sequence of float, optional
-        When the decay in each begins, s; found in the records if not given.
+        Start of the free decay in each record, s; detected in the records if not given.
 
     Returns
     -------
     tuple of DecayFit
-        One for each record, with the same values for what is common.
+        Result for each record, with the same frequency and damping coefficients.
 
     Raises
     ------
@@ -191,9 +192,9 @@ def _match(
     robust: bool,
     start: Mapping[str, float] = {},
 ) -> tuple[Fit, list[tuple[int, ...]]]:
-    """Return the fit, and which of its unknowns are those of each record.
+    """Return the fit, and the positions of the unknowns of each record.
 
-    Unknowns named in ``start`` begin there, the others at the guesses.
+    Unknowns named in ``start`` begin at the values given there, the others at the guesses.
     """
     largest = max(guesses, key=lambda guess: guess.amplitude)
     unknowns = model.shared(largest, ratio_bounds)
@@ -215,6 +216,7 @@ def _match(
     settings: dict[str, Any] = {
         "gauss_newton": LAWS[model.law].integrated,
         "series": [len(t) for t, _ in data],
+        "advice": ADVICE,
     }
     fit = least_squares(residuals, unknowns, **settings)
     for _ in range(ROBUST_ROUNDS * robust):
@@ -233,19 +235,26 @@ def _integrate(
     ratio_bounds: tuple[float, float],
     robust: bool,
 ) -> tuple[DecayModel, Fit, list[tuple[int, ...]]]:
-    """Return the model with its step, the fit, and which of its unknowns are those of each record.
+    """Return the model with its step, the fit, and the positions of the unknowns of each record.
 
-    The fit of the closed form, Eq. (27), tells where to start and how accurate the integration has to be.  If the
-    integrated law leaves less than that, the step may have been too long, and the fit is repeated from its end.
+    The fit of the closed form, Eq. (27), gives the starting values and the accuracy that the integration needs.  If the
+    residuals of the integrated law are smaller, the step may have been too long, and the fit is repeated from there.
     """
     closed = replace(model, law="quadratic")
     fit, columns = _match(closed, records, guesses, ratio_bounds, robust)
-    found = [cs.evalf(closed.quantities(*map(cs.MX, fit.values[list(own)]))).full().ravel() for own in columns]
+    found = [closed.values(fit.values[list(own)]) for own in columns]
     guesses = [
-        replace(guess, ω=2 * math.pi * frequency, amplitude=amplitude, phase=fit.values[own[4]])
-        for guess, own, (frequency, *_, amplitude, _, _) in zip(guesses, columns, found, strict=True)
+        replace(
+            guess,
+            ω=2 * math.pi * values["frequency"],
+            amplitude=values["amplitude"],
+            phase=next(fit.values[k] for k in own if fit.names[k].startswith("phase")),
+        )
+        for guess, own, values in zip(guesses, columns, found, strict=True)
     ]
-    frequency, ζ, _, _, _, amplitude, _, _ = np.max(found, axis=0).tolist()
+    frequency, ζ, amplitude = (
+        max(values[name] for values in found) for name in ("frequency", "damping_ratio", "amplitude")
+    )
     for _ in range(INTEGRATIONS):
         allowed = INTEGRATION_ERROR * fit.residual_rms / (amplitude * math.sqrt(len(fit.residuals)))
         step = longest_step(2 * math.pi * frequency, ζ, allowed)
@@ -257,12 +266,12 @@ def _integrate(
 
 
 def check_law(law: Any) -> None:
-    """Check that there is a law of this name.
+    """Check the name of a law.
 
     Raises
     ------
     InputError
-        If not.
+        If there is no such law.
     """
     choice(law, get_args(Law), "law")
 
@@ -277,8 +286,8 @@ def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> 
     """
     if isinstance(time, Measurement):
         if displacement is not None:
-            raise InputError("is in the record already", "displacement")
+            raise InputError("is part of the record already; leave it out", "displacement")
         return time
     if displacement is None:
-        raise InputError("is missing", "displacement")
+        raise InputError("is missing; give it after the times, or give a Measurement", "displacement")
     return Measurement(time, displacement)

@@ -1,18 +1,18 @@
-"""The laws of a free decay as estimation problems: unknowns, starting values, scales, and what they mean.
+"""Laws of a free decay as estimation problems: unknowns, starting values, scales, and reported quantities.
 
     linear      Eq. (9)     omega, zeta; r0, v0                       zeta within its bounds
     quadratic   Eq. (27)    omega, eta1, eta2; e0, phi                eta1, eta2, e0 >= 0
     friction    the same    omega, eta1, eta2, eta0; e0, phi          and eta0 >= 0
     one-mode    Eq. (26)    omega, eta1, eta2; r0, v0                 the equation of motion itself, integrated
 
-Behind the semicolon is what each release has of its own; the rest belongs to the mode.  The scale of each unknown is
-the change of it that moves the curve by about its own size within the decay: 1/T for omega, 1/(omega T) for zeta and so
-on, where T is the length of the record or of the decay, whichever is less.  The damping that is guessed is put down to
-all terms in equal parts.  The integrated law starts from the fit of its closed form, the quadratic law.
+The unknowns before the semicolon belong to the mode, those after it to each release.  The scale of an unknown is the
+change that moves the curve by about its own size within the decay: 1/T for omega, 1/(omega T) for zeta and so on, with
+T the length of the record or of the decay, whichever is less.  All terms start with equal parts of the guessed damping.
+The integrated law starts from the fit of its closed form, the quadratic law.
 
 References
 ----------
-"Comparison of external damping models in a large deformation problem", Sections 3 and 4.2; eta2 is in 1/m here.
+"Comparison of external damping models in a large deformation problem", Sections 3 and 4.2, with eta2 in 1/mm.
 """
 
 from __future__ import annotations
@@ -33,6 +33,38 @@ from ancf_casadi.support.arrays import Array
 
 Law = Literal["linear", "quadratic", "friction", "one-mode"]
 Symbols = Sequence[cs.MX]
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity that a decay fit reports.
+
+    Parameters
+    ----------
+    unit : str
+        SI unit.
+    suffix : str
+        Suffix of its keys in JSON.
+    lower : float
+        Lower bound, unless the law has another one.
+    """
+
+    unit: str = ""
+    suffix: str = ""
+    lower: float = 0.0
+
+
+QUANTITIES: Mapping[str, Quantity] = {
+    "frequency": Quantity("Hz", "_hz"),
+    "damping_ratio": Quantity(),
+    "eta1": Quantity("1/s"),
+    "eta2": Quantity("1/m", "_per_m"),
+    "eta0": Quantity("m/s^2", "_m_per_s2"),
+    "amplitude": Quantity("m", "_m"),
+    "offset": Quantity("m", "_m", -math.inf),
+    "drift": Quantity("m/s", "_m_per_s", -math.inf),
+}
 
 
 @dataclass(frozen=True)
@@ -42,13 +74,13 @@ class DecayLaw:
     Parameters
     ----------
     terms : tuple of str
-        Damping terms it estimates.
+        Damping terms that it estimates.
     shared : callable
         First guess and bounds of the damping ratio -> unknowns of the mode.
     own : callable
         First guess -> unknowns of the release.
     curve : callable
-        Time after the release, unknowns -> displacement from the equilibrium, m; none if it has to be integrated.
+        Time after the release, unknowns -> displacement from the equilibrium, m; None if it is integrated.
     quantities : callable
         Unknowns -> frequency (Hz), damping ratio at the release, eta1, eta2, eta0, amplitude at the release.
     """
@@ -61,7 +93,7 @@ class DecayLaw:
 
     @property
     def integrated(self) -> bool:
-        """Whether the curve is integrated: second derivatives then cost more than the iterations they save."""
+        """Whether the curve is integrated; its second derivatives cost more than the iterations they save."""
         return self.curve is None
 
 
@@ -93,11 +125,11 @@ def _friction_shared(guess: DecayGuess, _: tuple[float, float]) -> list[Unknown]
 
 
 def _terms(guess: DecayGuess, parts: int = 2) -> list[Unknown]:
-    """Return omega and the coefficients of all three terms, each with its part of the damping that was guessed."""
+    """Return omega and the coefficients of all three terms, each with its part of the guessed damping."""
     ω, A, T = guess.ω, guess.amplitude, guess.duration
     ζ = guess.ζ / parts
-    drag = 3 * math.pi / (4 * A)  # eta2 that has an equivalent ratio of 1
-    friction = math.pi * ω**2 * A / 2  # and eta0
+    drag = 3 * math.pi / (4 * A)  # eta2 with an equivalent damping ratio of 1
+    friction = math.pi * ω**2 * A / 2  # eta0 with the same
     return [
         Unknown("omega", ω, 1 / T, lower=0.0, unit="rad/s"),
         Unknown("eta1", 2 * ζ * ω, 1 / T, lower=0.0, unit="1/s"),
@@ -146,11 +178,11 @@ class DecayModel:
     law : {"linear", "quadratic", "friction", "one-mode"}
         The law.
     offset : bool
-        Whether the equilibrium may be elsewhere than at 0.
+        Whether the equilibrium may differ from 0.
     drift : bool
-        Whether it may move, at a constant velocity.
+        Whether the equilibrium may move at a constant velocity.
     longest_step : float
-        Longest step, if the law is integrated, s.
+        Longest integration step of an integrated law, s.
     """
 
     law: Law
@@ -179,9 +211,14 @@ class DecayModel:
         return motion + offset + drift * t
 
     def quantities(self, *x: cs.MX) -> cs.MX:
-        """Return frequency (Hz), damping ratio, eta1, eta2, eta0, amplitude, offset and drift."""
+        """Return the quantities of the decay, in the order of ``QUANTITIES``."""
         law, offset, drift = self._split(x)
         return cs.vertcat(LAWS[self.law].quantities(*law), offset, drift)
+
+    def values(self, x: Array) -> dict[str, float]:
+        """Return the quantities by name, for values of the unknowns."""
+        found = cs.evalf(self.quantities(*cs.vertsplit(cs.MX(cs.DM(x)))))
+        return dict(zip(QUANTITIES, found.full().ravel().tolist(), strict=True))
 
     def _split(self, x: Symbols) -> tuple[Symbols, cs.MX, cs.MX]:
         count = len(x) - self.offset - self.drift

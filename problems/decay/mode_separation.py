@@ -1,12 +1,11 @@
-"""Several modes in one free decay.
+"""Fit of several modes to one free decay.
 
-Under linear damping the modes of a beam swing each for itself, and a record is their sum and an offset,
+Under linear damping the modes of a beam are independent, and a record is their sum and an offset,
 
     y(t) = d + sum_k r_k(t),    r_k of Eq. (9) with omega_k, zeta_k, r0_k, v0_k.
 
-The strongest mode is fitted first and taken off, then the strongest of what is left, and so on.  That gives the
-starting values of one problem in which all modes are matched at once, so that none of them is in the residuals of
-another.
+The strongest mode is fitted first and subtracted, then the strongest of the rest, and so on.  This gives the starting
+values of one problem in which all modes are fitted at once, so that no mode is in the residuals of another.
 
 References
 ----------
@@ -29,11 +28,12 @@ from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import flag, number, whole
-from problems.decay.fitting import RATIO_BOUNDS, as_record, fit_decay
+from problems.decay.fitting import RATIO_BOUNDS, as_record, fit_from
 from problems.decay.laws import DecayModel
 from problems.decay.result import DecayFit, decay_result
 
-SAMPLES = 5  # per mode at least: its four unknowns, and one to tell
+SAMPLES = 5  # per mode at least: four unknowns and one degree of freedom
+ADVICE = "fit fewer modes, or check the release (release_time)"
 
 
 def fit_modes(
@@ -53,16 +53,16 @@ def fit_modes(
     displacement : array_like
         Displacement at each time, m.
     count : int
-        How many modes.
+        Number of modes.
     offset : bool
-        Whether the point may come to rest elsewhere than at 0.
+        Whether the equilibrium may differ from 0.
     release_time : float, optional
-        When the free decay begins, s; found in the record if not given.
+        Start of the free decay, s; detected in the record if not given.
 
     Returns
     -------
     tuple of DecayFit
-        One for each mode, by frequency.  The displacement of each is its own, that of the strongest with the offset.
+        Result for each mode, by frequency.  The displacement of each is its own, that of the strongest with the offset.
 
     Raises
     ------
@@ -81,12 +81,12 @@ def fit_modes(
         model = DecayModel("linear", offset and mode == 1, False)
         try:
             guess = first_guess(left, release_time=release, offset=model.offset)
-            alone = fit_decay(left, offset=model.offset, release_time=release)
+            (alone,) = fit_from([guess], [left], law="linear", offset=model.offset, drift=False)
         except InputError as error:
             if mode == 1:
                 raise
             raise InputError(
-                f"shows {mode - 1} of {count} modes: what is left {str(error).removeprefix('record: ')}", "record"
+                f"shows {mode - 1} of {count} modes: the rest {str(error).removeprefix('record: ')}", "record"
             ) from None
         release, reason = alone.release_time, reason or alone.release_reason
         left = Measurement(alone.time, left.displacement[-alone.samples :] - alone.displacement(alone.time))
@@ -96,7 +96,7 @@ def fit_modes(
         unknowns += [replace(u, name=f"{u.name}_{mode}", guess=x) for u, x in zip(own, values, strict=True)]
 
     y, t = cs.DM(record.displacement[-len(left.time) :]), left.time - left.time[0]
-    fit = least_squares(_sum(parts, t, y), unknowns)
+    fit = least_squares(_sum(parts, t, y), unknowns, advice=ADVICE)
     fits = [
         decay_result(model, fit, left.time, indices=indices, rows=slice(None), ratio_bounds=RATIO_BOUNDS, reason=reason)
         for model, indices in parts
@@ -105,7 +105,7 @@ def fit_modes(
 
 
 def _sum(parts: list[tuple[DecayModel, tuple[int, ...]]], t: Array, y: cs.DM) -> Callable[..., cs.MX]:
-    """Return the residuals as a function of all unknowns."""
+    """Return the function from all unknowns to the residuals."""
 
     def residuals(*x: cs.MX) -> cs.MX:
         curve = -cs.MX(y)

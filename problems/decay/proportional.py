@@ -1,6 +1,6 @@
-"""Coefficients of proportional damping from the damping ratios of several modes.
+"""Coefficients of Rayleigh (proportional) damping from the damping ratios of several modes.
 
-Proportional damping C = alpha M + beta K gives the mode of angular frequency omega the ratio
+Rayleigh damping C = alpha M + beta K gives a mode of angular frequency omega the damping ratio
 
     zeta = alpha/(2 omega) + beta omega/2.                                                          Eq. (16)
 
@@ -8,13 +8,14 @@ Two modes determine both coefficients,
 
     alpha = 2 w1 w2 (z1 w2 - z2 w1)/(w2^2 - w1^2),    beta = 2 (z2 w2 - z1 w1)/(w2^2 - w1^2),      Eq. (17)
 
-more modes by weighted least squares with alpha, beta >= 0.  So are two modes of which Eq. (17) would make a coefficient
-negative, that is, feed energy in at low or high frequency: they are then not matched, and the fit says so.
+and more modes are fitted by weighted least squares with alpha, beta >= 0.  If Eq. (17) makes a coefficient negative, so
+that the law would supply energy at low or high frequency, two modes are fitted by least squares too; the law then does
+not match them, and the fit warns of it.
 
 With standard deviations sigma of the ratios and the rows b_i = (1/(2 omega_i), omega_i/2)/sigma_i of B, the
-coefficients that are not at a bound have the covariance (B^T B)^-1, however many modes there are.  Without, sigma is
-taken to be the same for all and estimated from the scatter, sigma^2 = sum (zeta - fitted)^2/(m - n), if there are more
-modes m than coefficients n.
+coefficients that are not at a bound have the covariance (B^T B)^-1, for any number of modes.  Without them, sigma is
+assumed to be the same for all modes and estimated from the scatter, sigma^2 = sum (zeta - fitted)^2/(m - n), if there
+are more modes m than coefficients n.
 
 References
 ----------
@@ -42,12 +43,12 @@ from ancf_casadi.support.tables import Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MISSED = 3.0  # standard deviations beyond which a mode is missed
+MISSED = 3.0  # standard deviations beyond which there is a warning
 
 
 @dataclass(frozen=True)
 class RayleighFit:
-    """Proportional damping fitted to modal damping ratios.
+    """Rayleigh damping fitted to modal damping ratios.
 
     Parameters
     ----------
@@ -58,16 +59,16 @@ class RayleighFit:
     frequencies : tuple of float
         Frequencies of the modes, Hz.
     measured : tuple of float
-        The damping ratios given.
+        Measured damping ratios.
     ratio_std : tuple of float or None
-        Their standard deviations, if given.
+        Standard deviations of the measured ratios, if given.
     ratios : tuple of float
-        The damping ratios these coefficients give, Eq. (16).
+        Damping ratios of the fitted law, Eq. (16).
     standard_errors : mapping of str to float
         Standard errors of ``alpha`` (1/s) and ``beta`` (s); nan at a bound, and without standard deviations where there
         are no more modes than coefficients.
     warnings : tuple of str
-        What to know before using the coefficients.
+        Coefficients at a bound, and modes that the law does not match.
     """
 
     alpha: float
@@ -80,7 +81,7 @@ class RayleighFit:
     warnings: tuple[str, ...]
 
     def table(self) -> Table:
-        """Return measured and fitted damping ratios, one mode a row, and the coefficients."""
+        """Return measured and fitted damping ratios, one row per mode, and the coefficients."""
         deviations = self.ratio_std or [None] * len(self.measured)
         rows = [
             (mode, *values)
@@ -90,11 +91,18 @@ class RayleighFit:
         ]
         columns = ("mode", "frequency_hz", "damping_ratio", "standard_deviation", "fitted_ratio")
         notes = (
-            f"alpha {self.alpha:.6g} +- {self.standard_errors['alpha']:.2g} 1/s",
-            f"beta {self.beta:.6g} +- {self.standard_errors['beta']:.2g} s",
+            f"alpha {self.alpha:.6g} {self._uncertainty('alpha', '1/s')}",
+            f"beta {self.beta:.6g} {self._uncertainty('beta', 's')}",
             *(f"note: {warning}" for warning in self.warnings),
         )
-        return Table("rayleigh", "Proportional damping", columns, rows, notes)
+        return Table("rayleigh", "Rayleigh (proportional) damping", columns, rows, notes)
+
+    def _uncertainty(self, name: str, unit: str) -> str:
+        """Return standard error and unit of a coefficient as text."""
+        error = self.standard_errors[name]
+        if math.isnan(error):
+            return f"{unit}  ({'at its bound' if getattr(self, name) == 0.0 else 'standard error unknown'})"
+        return f"+- {error:.2g} {unit}"
 
     def report(self) -> str:
         """Return the table as text."""
@@ -120,7 +128,7 @@ class RayleighFit:
         return figure
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON, with None for what is not known."""
+        """Return the result for JSON, with None for unknown values."""
         return {
             "alpha": self.alpha,
             "alpha_stderr": known(self.standard_errors["alpha"]),
@@ -140,7 +148,7 @@ def fit_rayleigh(
     *,
     ratio_std: float | Sequence[float] | None = None,
 ) -> RayleighFit:
-    """Fit proportional damping to modal damping ratios.
+    """Fit Rayleigh damping to modal damping ratios.
 
     Parameters
     ----------
@@ -149,12 +157,12 @@ def fit_rayleigh(
     ratios : sequence of float
         Damping ratio of each mode, at least 0 and below 1.
     ratio_std : float or sequence of float, optional
-        Standard deviations of the ratios; one for all, or one each.  Without them the ratios count alike.
+        Standard deviations of the ratios; one for all, or one for each.  Without them all ratios have the same weight.
 
     Raises
     ------
     InputError
-        If there are fewer than two modes, the lengths differ, the frequencies do not ascend, or a value is unusable.
+        If there are fewer than two modes, the lengths differ, the frequencies do not increase, or a value is unusable.
     FitError
         If the fit does not converge.
     """
@@ -169,13 +177,13 @@ def fit_rayleigh(
         if len(values) != len(ω):
             raise InputError(f"has {len(values)} values for {len(ω)} frequencies", name)
     if np.diff(ω).min() <= 0.0:
-        raise InputError("must ascend", "frequencies")
+        raise InputError("must increase", "frequencies")
     if ζ.min() < 0.0 or ζ.max() >= 1.0:
         raise InputError("must be at least 0 and below 1", "ratios")
 
     found, free = np.array(_two_modes(ω, ζ)), np.ones(2, dtype=bool)
     if len(ω) > 2 or found.min() < 0.0:
-        found, free = _least_squares(ω, ζ, σ)
+        found, free = _bounded(ω, ζ, σ)
     basis = np.array([1 / (2 * ω), ω / 2]).T
     predicted = basis @ found
     missed = (ζ - predicted) / σ
@@ -186,7 +194,7 @@ def fit_rayleigh(
     errors = np.full(2, math.nan)
     errors[free] = math.sqrt(variance) * _unit_errors(basis[:, free] / σ[:, None])
     warnings = [
-        f"{name} is at its bound 0; below it the law would feed energy in"
+        f"{name} is at its bound 0; a negative value would supply energy"
         for name, there in zip(("alpha", "beta"), ~free, strict=True)
         if there
     ]
@@ -215,8 +223,8 @@ def _two_modes(ω: Array, ζ: Array) -> tuple[float, float]:
     return 2 * ω1 * ω2 * (ζ1 * ω2 - ζ2 * ω1) / spread, 2 * (ζ2 * ω2 - ζ1 * ω1) / spread
 
 
-def _least_squares(ω: Array, ζ: Array, σ: Array) -> tuple[Array, Mask]:
-    """Return alpha and beta, none negative, and which of them are not at their bound."""
+def _bounded(ω: Array, ζ: Array, σ: Array) -> tuple[Array, Mask]:
+    """Return alpha and beta, none negative, and a mask of those that are not at their bound."""
     typical = float(ζ.max()) or 1.0
     alpha, beta = typical * float(ω.min()), typical / float(ω.max())
     fit = least_squares(
@@ -230,6 +238,6 @@ def _least_squares(ω: Array, ζ: Array, σ: Array) -> tuple[Array, Mask]:
 
 
 def _unit_errors(basis: Array) -> Array:
-    """Return the standard errors of coefficients for residuals of variance 1, from their columns."""
+    """Return the standard errors of coefficients for residuals of variance 1, from the columns of their basis."""
     length = np.linalg.norm(basis, axis=0)
     return np.asarray(np.linalg.norm(np.linalg.pinv(basis / length), axis=1) / length)

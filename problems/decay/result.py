@@ -1,15 +1,15 @@
-"""What a free decay tells of a mode: values with units, how sure they are, and what to know before using them.
+"""The result of a decay fit: values with units, standard errors, 95 % intervals and warnings.
 
-Standard errors and 95 % intervals are those of ``estimation``; they take the residuals to be white.  The fit warns
-of what it can see itself: terms the record does not tell apart, or from zero; residuals that are not white, so that the
-errors are too small; a record too short.  Of a record shorter than the decay, the error of the damping falls with the
-length^(-3/2); from this the length that would do is found.
+Standard errors and intervals are those of ``ancf_casadi.estimation``; they assume white residuals.  The warnings name
+terms that are strongly correlated or not significant, residuals that are not white, so that the errors are too small,
+and a record too short.  If the record is shorter than the decay, the standard error of the damping falls with the
+length^(-3/2); this gives the length that would be enough.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -26,57 +26,42 @@ from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array
-from problems.decay.laws import LAWS, DecayModel, Law
+from problems.decay.laws import LAWS, QUANTITIES, DecayModel, Interval, Law
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Interval = tuple[float, float]
-
-ROUNDING = 1e-6  # residual, as a part of the amplitude, below which there is no noise to judge
+ROUNDING = 1e-6  # residual relative to the amplitude, below which there is no noise
 FEW_PERIODS = 5  # of free decay, below which frequency, damping and equilibrium are hardly separate
-VAGUE = 0.1  # relative standard error of the damping ratio beyond which the record is too short for it
-UNITS = {
-    "frequency": "Hz", "damping_ratio": "", "eta1": "1/s", "eta2": "1/m", "eta0": "m/s^2", "amplitude": "m",
-    "offset": "m", "drift": "m/s",
-}  # fmt: skip
-QUANTITIES = tuple(UNITS)
-SUFFIXES = {
-    "frequency": "_hz",
-    "eta2": "_per_m",
-    "eta0": "_m_per_s2",
-    "amplitude": "_m",
-    "offset": "_m",
-    "drift": "_m_per_s",
-}
+IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
 
 
 @dataclass(frozen=True, eq=False)
 class DecayFit:
-    """What a free decay tells of a mode.
+    """A mode identified from a free decay.
 
-    A linear decay is a quadratic one with eta1 = 2 zeta omega and eta2 = 0, and that one with friction eta0 = 0.
+    A linear decay counts as a quadratic one with eta1 = 2 zeta omega and eta2 = 0; both have the friction eta0 = 0.
 
     Parameters
     ----------
     law : {"linear", "quadratic", "friction", "one-mode"}
-        The law fitted.
+        Fitted law.
     frequency : float
         Natural frequency, Hz; the undamped one under the linear law.
     damping_ratio : float
         Damping ratio; under the other laws the equivalent one at ``amplitude``.
     eta1, eta2, eta0 : float
-        Linear (1/s) and quadratic (1/m) damping coefficient; friction force by mass (m/s^2).
+        Linear (1/s) and quadratic (1/m) damping coefficient; friction force per mass (m/s^2).
     amplitude : float
         Amplitude about the offset at the release, m: that of the envelope of Eq. (9), or e0 of Eq. (27).
     offset : float
-        Where the point comes to rest, m; if it drifts, at the release.
+        Equilibrium, m; with drift, the one at the release.
     drift : float
-        Velocity of the point of rest, m/s; 0 if the fit had none.
+        Velocity of the equilibrium, m/s; 0 if it was not fitted.
     release_time : float
-        When the decay begins, s, in the times of the record.
+        Start of the decay in the times of the record, s.
     release_reason : str
-        Why there: the first sample, the end of rest, an excitation that ends before, or as given.
+        Reason for this start: the first sample, the end of rest, an excitation that ends before, or as given.
     correlation : float
         Correlation of eta1 and eta2; nan under the linear law.
     standard_errors : mapping of str to float
@@ -85,17 +70,17 @@ class DecayFit:
     intervals : mapping of str to (float, float)
         95 % interval of each quantity by name, one-sided at a bound; nan for a quantity that is not estimated.
     warnings : tuple of str
-        What to know before using them.
+        Limitations of the estimates.
     time : ndarray
-        Times of the samples fitted (m,), s.
+        Times of the fitted samples (m,), s.
     residuals : ndarray
-        Fitted less measured displacement at these (m,), m.
+        Fitted less measured displacement at these times (m,), m.
     model : DecayModel
-        The curve fitted.
+        Fitted curve.
     indices : tuple of int
-        Which unknowns of ``fit`` are those of the curve; all, unless several records were fitted at once.
+        Positions of the unknowns of the curve in ``fit``; all, unless several records were fitted at once.
     fit : Fit
-        The unknowns of the law, with their covariance, bounds, rank and condition, and what the solver said.
+        Unknowns of the law, with their covariance, bounds, rank and condition, and the status of the solver.
     """
 
     law: Law
@@ -121,24 +106,24 @@ class DecayFit:
 
     @property
     def samples(self) -> int:
-        """How many samples were fitted."""
+        """Number of fitted samples."""
         return len(self.residuals)
 
     @property
     def estimates(self) -> dict[str, float]:
-        """Quantities that the law estimates, by name."""
+        """Estimated quantities by name."""
         return {name: getattr(self, name) for name in QUANTITIES if not math.isnan(self.intervals[name][0])}
 
     @property
     def units(self) -> dict[str, str]:
         """Unit of each estimated quantity."""
-        return {name: UNITS[name] for name in self.estimates}
+        return {name: QUANTITIES[name].unit for name in self.estimates}
 
     def refit(self, noise: Array) -> Array:
         """Return the estimated quantities from a fit to the fitted curve plus noise (m)."""
         x = refit(self.fit, noise, gauss_newton=LAWS[self.law].integrated)
-        found = np.asarray(cs.evalf(quantities(self.model, self.indices, cs.vertsplit(cs.MX(cs.DM(x)))))).ravel()
-        return np.asarray(found[[QUANTITIES.index(name) for name in self.estimates]])
+        found = self.model.values(x[list(self.indices)])
+        return np.array([found[name] for name in self.estimates])
 
     @property
     def residual_rms(self) -> float:
@@ -164,19 +149,19 @@ class DecayFit:
         name : str
             ``frequency``, ``damping_ratio``, ``eta1``, ``eta2``, ``eta0``, ``amplitude``, ``offset`` or ``drift``.
         level : float
-            How probably it holds the truth.
+            Probability that the interval contains the truth.
 
         Raises
         ------
         InputError
-            If the law has no such quantity, the level is not between 0 and 1, or there is no residual.
+            If the law has no such quantity, the level is not between 0 and 1, or all residuals are zero.
         FitError
-            If a program for an end does not converge.
+            If a nonlinear program for an end does not converge.
         """
         if name not in self.estimates:
             raise InputError(f"is not estimated by this fit; there are {', '.join(self.estimates)}", name)
-        which = QUANTITIES.index(name)
-        return profile_interval(self.fit, lambda *x: quantities(self.model, self.indices, x)[which], level)
+        which = list(QUANTITIES).index(name)
+        return profile_interval(self.fit, lambda *x: self.model.quantities(*(x[i] for i in self.indices))[which], level)
 
     def figure(self) -> Figure:
         """Draw record and fit, and the residuals over time and their autocorrelation."""
@@ -186,14 +171,13 @@ class DecayFit:
         return fit_figure(self.time, fitted - self.residuals, fitted)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the result for JSON, with None for what is not known."""
+        """Return the result for JSON, with None for unknown values."""
         table: dict[str, Any] = {"law": self.law}
-        for name in QUANTITIES:
-            suffix = SUFFIXES.get(name, "")
+        for name, quantity in QUANTITIES.items():
             low, high = self.intervals[name]
-            table[f"{name}{suffix}"] = known(getattr(self, name))
-            table[f"{name}_stderr{suffix}"] = known(self.standard_errors[name])
-            table[f"{name}_interval{suffix}"] = [known(low), known(high)]
+            table[f"{name}{quantity.suffix}"] = known(getattr(self, name))
+            table[f"{name}_stderr{quantity.suffix}"] = known(self.standard_errors[name])
+            table[f"{name}_interval{quantity.suffix}"] = [known(low), known(high)]
         table |= {
             "correlation": known(self.correlation),
             "release_time_s": self.release_time,
@@ -207,22 +191,11 @@ class DecayFit:
         return table
 
     def report(self) -> str:
-        """Return the result as text, a line each."""
-        shown = (
-            "frequency",
-            "damping_ratio",
-            *LAWS[self.law].terms,
-            "amplitude",
-            "offset",
-            *["drift"] * self.model.drift,
-        )
+        """Return the result as text, a line per quantity."""
+        drift = ["drift"] * self.model.drift
+        shown = ["frequency", "damping_ratio", *LAWS[self.law].terms, "amplitude", "offset", *drift]
         lines = [f"{self.law} decay, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
-        for name in shown:
-            low, high = (_precise(end, self.intervals[name]) for end in self.intervals[name])
-            value = (
-                f"  {name:<14}{getattr(self, name):>13.6g} +- {self.standard_errors[name]:.2g} {UNITS[name]}".rstrip()
-            )
-            lines.append(f"{value}  [{low}, {high}]")
+        lines += [f"  {name:<14}{getattr(self, name):>13.6g} {self._uncertainty(name)}" for name in shown]
         lines.append(f"  {'release':<14}{self.release_time:>13.6g} s  ({self.release_reason})")
         lines.append(f"  {'residual_rms':<14}{self.residual_rms:>13.3g} m")
         lines.append(
@@ -231,10 +204,15 @@ class DecayFit:
         )
         return "\n".join([*lines, *(f"  note: {warning}" for warning in self.warnings)])
 
-
-def quantities(model: DecayModel, indices: tuple[int, ...], x: Sequence[cs.MX]) -> cs.MX:
-    """Return the quantities of a decay, in the order of ``QUANTITIES``, from all unknowns of a fit."""
-    return model.quantities(*(x[i] for i in indices))
+    def _uncertainty(self, name: str) -> str:
+        """Return standard error, unit and interval of a quantity as text."""
+        error, interval, unit = self.standard_errors[name], self.intervals[name], QUANTITIES[name].unit
+        if name not in self.estimates:
+            return f"{unit}  (fixed)".lstrip()
+        ends = ", ".join(_precise(end, interval) for end in interval)
+        if math.isnan(error):
+            return f"{unit}  [{ends}]  (at its bound)".lstrip()
+        return f"{f'+- {error:.2g} {unit}'.rstrip()}  [{ends}]"
 
 
 def decay_result(
@@ -247,43 +225,45 @@ def decay_result(
     ratio_bounds: Interval,
     reason: str,
 ) -> DecayFit:
-    """Return what a fit tells of one of its records.
+    """Return the result for one of the records of a fit.
 
     Parameters
     ----------
     model : DecayModel
-        The curve fitted.
+        Fitted curve.
     fit : Fit
-        Its unknowns.
+        Unknowns of all records.
     time : ndarray
         Times of the record from the release on, s.
     indices : tuple of int
-        Which unknowns are those of the record.
+        Positions of the unknowns of the record.
     rows : slice
-        Which residuals are.
+        Residuals of the record.
     ratio_bounds : (float, float)
         Bounds of the damping ratio under the linear law.
     reason : str
-        Why the free decay begins with the first of the times.
+        Reason for the start of the free decay.
     """
-    values, errors = fit.derived(lambda *x: quantities(model, indices, x))
-    lower, upper = ratio_bounds if model.law == "linear" else (0.0, math.inf)
-    least = np.array([0.0, lower, 0.0 if lower >= 0.0 else -math.inf, 0.0, 0.0, 0.0, -math.inf, -math.inf])
-    most = np.full(len(least), math.inf)
-    most[1] = upper
-    ends = np.clip(fit.derived_intervals(lambda *x: quantities(model, indices, x)).T, least, most).T
-    named = dict(zip(QUANTITIES, values.tolist(), strict=True))
-    standard_errors = dict(zip(QUANTITIES, errors.tolist(), strict=True))
+
+    def quantities(*x: cs.MX) -> cs.MX:
+        return model.quantities(*(x[i] for i in indices))
+
+    bounds = {name: (quantity.lower, math.inf) for name, quantity in QUANTITIES.items()}
+    if model.law == "linear":
+        bounds["damping_ratio"] = ratio_bounds
+        bounds["eta1"] = (0.0 if ratio_bounds[0] >= 0.0 else -math.inf, math.inf)
+    values, errors = (dict(zip(QUANTITIES, column.tolist(), strict=True)) for column in fit.derived(quantities))
+    ends = np.clip(fit.derived_intervals(quantities).T, *np.array(list(bounds.values())).T).T
     residuals = fit.residuals[rows]
     return DecayFit(
         law=model.law,
-        **named,
+        **values,
         release_time=float(time[0]),
         release_reason=reason,
-        correlation=math.nan if model.law == "linear" else float(fit.correlations[indices[1], indices[2]]),
-        standard_errors=standard_errors,
-        intervals={name: (float(low), float(high)) for name, (low, high) in zip(QUANTITIES, ends, strict=True)},
-        warnings=(*fit.warnings, *_warnings(named, standard_errors, time[-1] - time[0], residuals)),
+        correlation=_correlation(fit, "eta1", "eta2"),
+        standard_errors=errors,
+        intervals={name: (low, high) for name, (low, high) in zip(QUANTITIES, ends.tolist(), strict=True)},
+        warnings=(*fit.warnings, *_warnings(values, errors, time[-1] - time[0], residuals)),
         time=time,
         residuals=residuals,
         model=model,
@@ -292,24 +272,32 @@ def decay_result(
     )
 
 
-def _warnings(named: dict[str, float], errors: Mapping[str, float], length: float, r: Array) -> list[str]:
-    """Return what the record tells of itself, beyond what its fit does."""
+def _correlation(fit: Fit, first: str, second: str) -> float:
+    """Return the correlation of two unknowns; nan if one is at a bound or not in the fit."""
+    if not {first, second} <= set(fit.names):
+        return math.nan
+    return float(fit.correlations[fit.names.index(first), fit.names.index(second)])
+
+
+def _warnings(values: Mapping[str, float], errors: Mapping[str, float], length: float, r: Array) -> list[str]:
+    """Return warnings of a short record, an uncertain damping ratio and residuals that are not noise."""
     warnings = []
-    periods = length * named["frequency"]
+    periods = length * values["frequency"]
     if periods < FEW_PERIODS:
         warnings.append(
-            f"the record is short: {periods:.1f} periods of free decay; {FEW_PERIODS} or more tell apart more"
+            f"the record is short: {periods:.1f} periods of free decay; record {FEW_PERIODS} or more, which separate "
+            "frequency, damping and equilibrium"
         )
-    noisy = math.sqrt(np.mean(r**2)) > ROUNDING * named["amplitude"]
-    ζ, error = named["damping_ratio"], errors["damping_ratio"]
-    if noisy and error > VAGUE * abs(ζ):
-        share = f"to {error / abs(ζ):.0%} only" if error < abs(ζ) else "no better than to be zero"
+    noise_free = ROUNDING * values["amplitude"]
+    ζ, error = values["damping_ratio"], errors["damping_ratio"]
+    if math.sqrt(np.mean(r**2)) > noise_free and error > IMPRECISE * abs(ζ):
+        uncertainty = f"to {error / abs(ζ):.0%} only" if error < abs(ζ) else "no better than to be zero"
         advice = "less noise, or a larger release, would help"
         if ζ * 2 * math.pi * periods < 1.0:
-            needed = length * (min(error / abs(ζ), 1.0) / VAGUE) ** (2 / 3) if ζ else math.inf
-            advice = f"the record is too short, one of {needed:.2g} s would do {VAGUE:.0%}"
-        warnings.append(f"the damping ratio is known {share}: {advice}")
-    coloured = colour_warning(r, noise_free=ROUNDING * named["amplitude"])
+            needed = length * (min(error / abs(ζ), 1.0) / IMPRECISE) ** (2 / 3) if ζ else math.inf
+            advice = f"the record is too short; {needed:.2g} s would give {IMPRECISE:.0%}"
+        warnings.append(f"the damping ratio is known {uncertainty}: {advice}")
+    coloured = colour_warning(r, noise_free=noise_free)
     return [*warnings, coloured] if coloured else warnings
 
 

@@ -32,11 +32,11 @@ def compare_laws(
     Parameters
     ----------
     model, records
-        As of ``fit_transient``.
+        As in ``fit_transient``.
     laws : sequence of DampingLaw
-        The laws with guesses of their parameters, the simplest first.
+        Laws with guesses of their parameters, the simplest first.
     executor, jobs, progress
-        As of ``run_all``; the laws are fitted at the same time.  With ``jobs`` above 1 a script must call this under
+        As in ``run_all``; the laws are fitted in parallel.  With ``jobs`` above 1 a script must call this under
         ``if __name__ == "__main__":``.
     **settings
         Further settings of ``fit_transient``.
@@ -44,7 +44,7 @@ def compare_laws(
     Raises
     ------
     InputError
-        If there is no law, or as ``fit_transient``.
+        If there is no law, or as in ``fit_transient``.
     FitError
         If a fit does not converge.
     """

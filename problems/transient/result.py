@@ -11,7 +11,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.dynamics.derivatives.release_load import held_start, start_slopes
+from ancf_casadi.dynamics.derivatives.release_load import held_start, start_jacobians
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.estimation.autocorrelation import colour_warning
 from ancf_casadi.estimation.fit import Fit
@@ -102,7 +102,7 @@ class TransientFit:
             raise InputError("was not estimated; give fit_transient the components of the start load", "start_load")
         found = self.estimates
         load = [found.get(load_name(record, name), value) for name, value in loads(self.problem.records[record])]
-        held = held_start(self.model, start_slopes(self.model), np.array(load))
+        held = held_start(self.model, start_jacobians(self.model), np.array(load))
         return State(held.coordinates, held.velocities)
 
     def report(self) -> str:

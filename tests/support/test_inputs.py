@@ -1,4 +1,4 @@
-"""Checks of arguments: each public function refuses what it cannot use in one line that says what was expected."""
+"""Checks of arguments: each public function refuses unusable input in one line that states the expected value."""
 
 import math
 from functools import partial

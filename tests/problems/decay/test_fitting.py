@@ -1,8 +1,9 @@
-"""Fits of free decays: recovery of known truth, Cramer-Rao bounds, a real record, and what is refused."""
+"""Fits of free decays: recovery of known truth, Cramer-Rao bounds, a real record, and refusals."""
 
 import json
 import math
 import pickle
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -468,6 +469,15 @@ def test_intervals_next_to_a_bound_cover_the_truth():
     assert np.mean(covered) >= 0.92
 
 
+def test_a_fixed_quantity_and_one_at_its_bound_are_said_to_be_so():
+    fit = fit_decay(TIME, swing(1.85, 0.01, 0.05) + 1e-4 * noise(29), offset=False)
+    assert "offset                    0 m  (fixed)" in fit.report()
+    records = (drag(1.85, 0.15, 0.0, 0.076) + 2e-4 * noise(seed) for seed in range(30))
+    fit = next(fit for fit in (fit_decay(TIME, y, law="quadratic") for y in records) if "eta2" in fit.active_bounds)
+    assert re.search(r"eta2 +0 1/m  \[0, [0-9.]+\]  \(at its bound\)\n", fit.report())
+    assert "nan" not in fit.report()
+
+
 def test_a_quantity_the_law_does_not_estimate_has_no_interval():
     fit = fit_decay(TIME, swing(1.85, 0.01, 0.05) + 1e-4 * noise(29))
     with pytest.raises(
@@ -483,7 +493,7 @@ def test_a_short_record_says_so():
     assert any(w.startswith("the record is short: 4.1 periods of free decay") for w in fit.warnings)
     vague = fit_decay(TIME[:1500], swing(1.85, 0.003, 0.05, time=TIME[:1500]) + 5e-3 * noise(31, 1500))
     (warning,) = [w for w in vague.warnings if w.startswith("the damping ratio is known to ")]
-    needed = float(warning.split("one of ")[1].split(" s would do")[0])
+    needed = float(warning.split("too short; ")[1].split(" s would give 10%")[0])
     time = np.arange(0.0, needed, 0.002)
     longer = fit_decay(time, swing(1.85, 0.003, 0.05, time=time) + 5e-3 * noise(32, len(time)))
     assert longer.standard_errors["damping_ratio"] == pytest.approx(0.1 * vague.damping_ratio, rel=0.2)
@@ -562,7 +572,7 @@ def test_nothing_is_printed(capfd):
     [
         ((TIME, TIME[:-1]), {}, "displacement: has 2499 values for 2500 times"),
         ((TIME, None), {}, "displacement: is missing"),
-        ((Measurement(TIME, TIME), TIME), {}, "displacement: is in the record already"),
+        ((Measurement(TIME, TIME), TIME), {}, "displacement: is part of the record already"),
         ((TIME[::-1], TIME), {}, "time: must increase"),
         ((TIME, TIME * math.nan), {}, "displacement: must be finite; sample 1 is nan"),
         ((TIME, np.ones(2500)), {}, "record: is constant"),

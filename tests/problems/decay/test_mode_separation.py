@@ -1,4 +1,4 @@
-"""Several modes in one record: recovery, agreement with each mode alone, and what is refused."""
+"""Several modes in one record: recovery, agreement with each mode alone, and refusals."""
 
 import math
 
@@ -68,5 +68,5 @@ def test_an_unusable_count_is_refused(count):
 
 
 def test_more_modes_than_there_are_is_refused():
-    with pytest.raises(InputError, match="record: shows 1 of 2 modes: what is left is noise"):
+    with pytest.raises(InputError, match="record: shows 1 of 2 modes: the rest is noise"):
         fit_modes(TIME, swing(*MODES[0]) + 2e-4 * noise(4), count=2)

@@ -1,4 +1,4 @@
-"""Proportional damping from modal ratios: Eq. (17), least squares, bounds, and what is refused."""
+"""Rayleigh damping from modal ratios: Eq. (17), least squares, bounds, and refusals."""
 
 import json
 import math
@@ -108,6 +108,7 @@ def test_the_result_reads_as_text_and_as_json():
     assert f"beta {fit.beta:.6g} +- {fit.standard_errors['beta']:.2g} s" in text
     assert all(f"note: {warning}" in text for warning in fit.warnings)
     table = json.loads(json.dumps(fit.to_dict(), allow_nan=False))
+    assert "alpha 0 1/s  (at its bound)" in text and "nan" not in text
     assert (table["alpha"], table["alpha_stderr"]) == (0.0, None)
     assert (table["beta"], table["beta_stderr"]) == (fit.beta, fit.standard_errors["beta"])
     assert table["fitted_ratios"] == list(fit.ratios)
@@ -115,7 +116,7 @@ def test_the_result_reads_as_text_and_as_json():
     assert table["warnings"] == list(fit.warnings)
     unknown = fit_rayleigh(FREQUENCIES[:2], RATIOS[:2])
     assert unknown.to_dict()["ratio_std"] is unknown.to_dict()["beta_stderr"] is None
-    assert "alpha 0.228181 +- nan 1/s" in unknown.report()
+    assert "alpha 0.228181 1/s  (standard error unknown)" in unknown.report()
 
 
 @pytest.mark.parametrize(
@@ -127,7 +128,7 @@ def test_two_modes_that_would_need_a_negative_coefficient_are_not_matched(ratios
     fit = fit_rayleigh((1.0, 2.0), ratios)
     assert getattr(fit, at_bound) == 0.0
     assert getattr(fit, free) == pytest.approx(value, rel=1e-9)
-    assert fit.warnings == (f"{at_bound} is at its bound 0; below it the law would feed energy in",)
+    assert fit.warnings == (f"{at_bound} is at its bound 0; a negative value would supply energy",)
     assert max(abs(a - b) for a, b in zip(fit.ratios, ratios, strict=True)) > 1e-3
 
 
@@ -144,8 +145,8 @@ def test_no_damping_gives_no_coefficients():
         ((), (), None, "frequencies: needs at least 2 modes, got 0"),
         ((1.85, 10.19), (0.01,), None, "ratios: has 1 values for 2 frequencies"),
         ((1.85, 10.19), (0.01, 0.01), (1.0,), "ratio_std: has 1 values for 2 frequencies"),
-        ((10.19, 1.85), (0.01, 0.01), None, "frequencies: must ascend"),
-        ((1.85, 1.85), (0.01, 0.01), None, "frequencies: must ascend"),
+        ((10.19, 1.85), (0.01, 0.01), None, "frequencies: must increase"),
+        ((1.85, 1.85), (0.01, 0.01), None, "frequencies: must increase"),
         ((-1.85, 1.85), (0.01, 0.01), None, "frequencies: must be positive"),
         ((1.85, math.nan), (0.01, 0.01), None, "frequencies: must be a finite number"),
         ((1.85, 10.19), (0.01, 1.0), None, "ratios: must be at least 0 and below 1"),

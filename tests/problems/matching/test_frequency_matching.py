@@ -1,4 +1,4 @@
-"""The matched beam has the measured frequencies, and is the nearest such beam."""
+"""The matched beam has the measured frequencies, is the nearest such beam, and is found by exact derivatives."""
 
 from dataclasses import replace
 

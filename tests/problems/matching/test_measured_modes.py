@@ -1,4 +1,4 @@
-"""Measured modes are checked first, and compared independently of their scale."""
+"""Measured modes are checked before any computation, and compared independently of their scale."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Results of a match: recovered truth, errors that cover it, limits of the bounds, and undetermined properties."""
+"""Results of a match: recovered truth, coverage of the deviations, limiting bounds, undetermined properties."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Unknowns give the stated beam, within their bounds."""
+"""Unknowns give the stated beam, and keep it within their bounds."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Damping laws and properties from simulated large motion of a soft strip, with known truth and seeded noise."""
+"""Damping laws and properties from the large motion of a soft strip, with known truth and seeded noise."""
 
 import gc
 import math

@@ -265,7 +265,7 @@ def test_an_unknown_start_and_the_damping_are_found(model):
     assert np.linalg.norm(state.velocities[-4:-2]) > 0.25  # m/s
     unknown = ("force_x", "force_x_rate")
     guess = RayleighDamping(alpha=0.5)
-    found = fit_transient(model, replace(cut, start="equilibrium"), guess, start_load=unknown, tolerance=1e-5)
+    found = fit_transient(model, replace(cut, start="equilibrium"), guess, load=unknown, tolerance=1e-5)
     assert found.fit.names == ("alpha", "start_force_x_1", "start_force_x_rate_1")
     assert found.fit.units == ("1/s", "N", "N/s")
     score = (found.fit.values - [0.8, force, rate]) / found.fit.errors
@@ -336,7 +336,7 @@ def test_a_record_that_makes_no_sense_is_refused(changes, message):
             "properties: must be one of width, thickness, density, elastic_modulus",
         ),
         ({"fixed": ("eta3",)}, "fixed: must be one of eta1, eta2, got 'eta3'"),
-        ({"start_load": ("force",)}, "start_load: must be one of force_x"),
+        ({"load": ("force",)}, "load: must be one of force_x"),
         ({"fixed": ("eta1", "eta2")}, "damping: nothing is to be estimated"),
         ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: beta: not to be estimated"),
         ({"bounds": {"eta1": (1.0, 2.0)}}, "eta1: the guess 0.6 is not within"),
@@ -352,7 +352,7 @@ def test_unknowns_that_make_no_sense_are_refused(model, driven, settings, messag
 
 def test_a_load_is_estimated_only_where_a_record_starts_from_an_equilibrium(model, driven):
     with pytest.raises(InputError, match="start: must be an equilibrium if its load"):
-        fit_transient(model, replace(driven, start="impact"), TRUTH, start_load=("force_x",))
+        fit_transient(model, replace(driven, start="impact"), TRUTH, load=("force_x",))
 
 
 def test_no_record_or_law_or_a_point_off_the_beam_is_refused(model, driven):

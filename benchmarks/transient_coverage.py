@@ -1,12 +1,13 @@
-"""How often the 95 % intervals of a fit to large motion hold the truth: seeded records of one beam, refitted.
+"""Coverage of the 95 % intervals of fits to large motion: seeded records of one beam, fitted again and again.
 
     .venv/bin/python benchmarks/transient_coverage.py --runs 40 --jobs 2
 
 Three cases: the fit of the README with true drag; the same without drag; a soft strip with viscous damping and drag.
-The records are integrated at 1e-10, so that their own error is nil, and carry white noise.  Of 40 runs, 36 to 40 hold
-the truth in 95 of 100 studies; the standardised errors, (estimate - truth)/standard error, say more: their mean should
-be 0 within 2/runs^(1/2), their deviation 1.  Without drag the truth is on a bound: half of the estimates are expected
-there, without a standard error, and 97.5 % of the intervals, which begin there, hold the truth.
+The records are integrated at 1e-10, so that their own error is negligible, and carry white noise.  In 95 of 100
+studies, 36 to 40 of 40 intervals cover the truth.  The standardised errors, (estimate - truth)/standard error, are a
+sharper test: their mean should be 0 within 2/runs^(1/2), their standard deviation 1.  Without drag the truth is at a
+bound: half of the estimates should be there, without a standard error, and 97.5 % of the intervals, which begin there,
+should cover the truth.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ CASES = ("drag", "no-drag", "strip")
 
 @dataclass(frozen=True)
 class Case:
-    """A beam with its motion, the law that is true and the guess, the true values of the unknowns, and the noise, m."""
+    """A beam with its motion, the true law and the guess, the true values of the unknowns, and the noise, m."""
 
     model: Model
     law: DampingLaw
@@ -52,7 +53,7 @@ class Case:
 
 
 def case(name: str, elements: int) -> Case:
-    """Return a case by its name."""
+    """Return a case by name."""
     if name == "strip":
         model, base = Model(Beam.uniform(**STRIP, elements=elements)), HarmonicBase(0.02, 2.0, stop=0.5)
         truth, guess = QuadraticDamping(0.6, 4.0), QuadraticDamping(0.3, 8.0)
@@ -67,7 +68,7 @@ def case(name: str, elements: int) -> Case:
 
 
 def study(name: str, elements: int, seed: int) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return whether each interval holds the truth, the standardised errors, and the largest integration shift."""
+    """Return whether each interval covers the truth, the standardised errors, and the largest integration shift."""
     one = case(name, elements)
     motion = {"damping": one.law, "base": one.base, "duration": one.duration, "sample_rate": one.sample_rate}
     run = simulate(one.model, method="radau", tolerance=1e-10, **motion)
@@ -95,7 +96,7 @@ def main() -> None:
         for k in range(held.shape[1]):
             known = scores[np.isfinite(scores[:, k]), k]
             print(
-                f"{name}, unknown {k + 1}: {held[:, k].sum()} of {options.runs} intervals hold the truth; "
+                f"{name}, unknown {k + 1}: {held[:, k].sum()} of {options.runs} intervals cover the truth; "
                 f"{options.runs - len(known)} at the bound; standardised errors: mean {known.mean():.2f}, deviation "
                 f"{known.std(ddof=1):.2f}; integration shifts at most {shifts.max():.3f}",
                 flush=True,

@@ -70,7 +70,7 @@ def fit_transient(
     *,
     properties: Sequence[str] = (),
     base_amplitude: bool = False,
-    start_load: Sequence[str] = (),
+    load: Sequence[str] = (),
     fixed: Sequence[str] = (),
     bounds: Mapping[str, tuple[float, float]] | None = None,
     robust: bool = False,
@@ -90,7 +90,7 @@ def fit_transient(
         Properties to estimate, each by a factor common to all elements.
     base_amplitude : bool
         Whether to estimate the amplitude of each record's base motion.
-    start_load : sequence of {"force_x", "force_y", "moment", "force_x_rate", "force_y_rate", "moment_rate"}
+    load : sequence of {"force_x", "force_y", "moment", "force_x_rate", "force_y_rate", "moment_rate"}
         Components to estimate of the tip load (N, N m) that each record starts from, and of its rate of change (per
         second).  The others are those of the record's ``start``, an equilibrium, with rates of zero.
     fixed : sequence of str
@@ -116,12 +116,12 @@ def fit_transient(
     records = instances([records] if isinstance(records, MarkerRecord) else records, "records", MarkerRecord)
     check_instance(damping, "damping", DampingLaw)
     check_instance(bounds, "bounds", Mapping, NoneType)
-    start_load = choices(start_load, START, "start_load")
+    load = choices(load, START, "load")
     base_amplitude, robust = flag(base_amplitude, "base_amplitude"), flag(robust, "robust")
-    unknowns = transient_unknowns(model, records, damping, properties, base_amplitude, start_load, fixed, bounds or {})
+    unknowns = transient_unknowns(model, records, damping, properties, base_amplitude, load, fixed, bounds or {})
     chosen = first_tolerance(records, model.beam.length) if tolerance is None else positive(tolerance, "tolerance")
     while True:
-        problem = TransientProblem(model, records, damping, start_load, chosen)
+        problem = TransientProblem(model, records, damping, load, chosen)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # the solver steps back from a trial without a motion
             fit = _fit(problem, unknowns, robust)

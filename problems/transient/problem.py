@@ -49,8 +49,8 @@ class TransientProblem:
         The measurements.
     damping : DampingLaw
         The law.
-    start_load : tuple of str
-        Unknown components of the load at the start.
+    load : tuple of str
+        Unknown components of the tip load at the start.
     tolerance : float
         Tolerance of the integration.
     """
@@ -58,7 +58,7 @@ class TransientProblem:
     model: Model
     records: tuple[MarkerRecord, ...]
     damping: DampingLaw
-    start_load: tuple[str, ...]
+    load: tuple[str, ...]
     tolerance: float
 
     def runs(self) -> list[Runs]:
@@ -72,7 +72,7 @@ class TransientProblem:
                     start=record.start,
                     times=np.asarray(record.time),
                     tolerance=self.tolerance,
-                    held=bool(self.start_load),
+                    held=bool(self.load),
                 ),
                 PATIENCE,
             )
@@ -96,7 +96,7 @@ class TransientProblem:
         for k, (record, motion) in enumerate(zip(self.records, motions, strict=True)):
             b = [given.get(amplitude_name(k, own.name), cs.MX(own.value)) for own in record.own_base.parameters]
             inputs = [cs.vertcat(cs.MX(0, 1), *theta), cs.vertcat(cs.MX(0, 1), *b), cs.vertcat(*rows)]
-            if self.start_load:
+            if self.load:
                 inputs.append(cs.vertcat(*(given.get(load_name(k, name), cs.MX(p)) for name, p in loads(record))))
             matrix = np.vstack([self.model.interpolation(point) for point in record.points_on(self.model.beam)])
             parts.append(cs.vec((cs.DM(matrix) @ motion(*inputs) - cs.DM(record.columns)).T))

@@ -98,8 +98,8 @@ class TransientFit:
         InputError
             If no load was estimated.
         """
-        if not self.problem.start_load:
-            raise InputError("was not estimated; give fit_transient the components of the start load", "start_load")
+        if not self.problem.load:
+            raise InputError("was not estimated; name its components in fit_transient(load=...)", "load")
         found = self.estimates
         load = [found.get(load_name(record, name), value) for name, value in loads(self.problem.records[record])]
         held = held_start(self.model, start_jacobians(self.model), np.array(load))

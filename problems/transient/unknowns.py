@@ -40,7 +40,7 @@ def transient_unknowns(
     damping: DampingLaw,
     properties: Sequence[str],
     base_amplitude: bool,
-    start_load: Sequence[str],
+    load: Sequence[str],
     fixed: Sequence[str],
     bounds: Bounds,
 ) -> list[Unknown]:
@@ -73,12 +73,12 @@ def transient_unknowns(
         if base_amplitude:
             for parameter in record.own_base.parameters:
                 add_parameter(amplitude_name(k, parameter.name), parameter)
-        if start_load:
+        if load:
             if not (isinstance(record.start, Equilibrium) or record.start == "equilibrium"):
                 raise InputError("must be an equilibrium if its load is to be estimated", "start")
             scales = _load_scales(model)
             for name, value in loads(record):
-                if name in start_load:
+                if name in load:
                     unit = f"N{' m' * ('moment' in name)}{'/s' * name.endswith('rate')}"
                     add(load_name(k, name), value, (-math.inf, math.inf), unit, scales[name])
     if not unknowns:

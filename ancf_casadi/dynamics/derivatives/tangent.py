@@ -78,6 +78,8 @@ class Tangent:
         modal_coefficients : array (m,)
             d, 1/s.
         """
+        if not modal_coefficients.size:
+            return (np.zeros((len(self.order), 0)),) * 2
         B = [self.form.equations.turned_projection(clamp).full() for clamp in clamps]
         U = scipy.linalg.block_diag(*(one * modal_coefficients for one in B))
         V = np.hstack([np.kron(row[:, None] / h, one) for row, one in zip(RADAU.inverse, B, strict=True)])

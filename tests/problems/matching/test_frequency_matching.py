@@ -37,7 +37,7 @@ def standard_beam(elements: int) -> Beam:
 
 
 def factors(matched: Beam, beam: Beam) -> np.ndarray:
-    """Return what the unknowns of the program are: widths, thicknesses, density, elastic modulus, each relative."""
+    """Return the unknowns of the program: relative widths, thicknesses, density and elastic modulus."""
     width, thickness, density, modulus = Model(matched).properties / Model(beam).properties
     return np.concatenate([width, thickness, density[:1], modulus[:1]])
 
@@ -47,14 +47,14 @@ def frequencies(beam: Beam, changed: np.ndarray, count: int) -> np.ndarray:
 
 
 def central_differences(function, x: np.ndarray, step: float) -> np.ndarray:
-    """Return the derivatives of a function, one column an unknown."""
+    """Return the derivatives of a function, one column per unknown."""
     directions = step * np.eye(x.size)
     return np.array([(function(x + d) - function(x - d)) / (2 * step) for d in directions]).T
 
 
 class TestPaper:
     def test_all_five_frequencies_are_met(self, match):
-        """Table 2 within 1e-6, by modes computed afresh: the paper's optimum is off by 0.1 to 0.5 %."""
+        """Table 2 within 1e-6, by an independent solution; the paper's optimum misses it by 0.1 to 0.5 %."""
         afresh = natural_modes(Model(match.beam), count=5).frequencies
         assert afresh == pytest.approx(paper.FREQUENCIES, rel=1e-6)
         assert match.frequencies == pytest.approx(afresh.tolist(), rel=1e-12)
@@ -76,7 +76,7 @@ class TestPaper:
 
     @pytest.mark.parametrize("seed", [1, 2])
     def test_another_start_ends_at_the_same_beam(self, match, seed):
-        """42 properties against 5 frequencies: only the preference for the least change makes the answer one."""
+        """42 properties against 5 frequencies: only the preference for the least change makes the result unique."""
         start = 1 + np.random.default_rng(seed).uniform(-0.09, 0.09, 42)
         other = match_frequencies(paper.standard_beam(), targets=paper.FREQUENCIES, guess=start.tolist())
         assert other.max_relative_error < 1e-6
@@ -107,7 +107,7 @@ class TestPaper:
         ids=["hanging", "no gravity"],
     )
     def test_the_printed_optimum_is_not_a_uniform_beam(self, gravity, percent):
-        """Erratum 3: Table 9 read so misses Table 10 by up to 13 %."""
+        """Erratum 3: Table 9 as a uniform beam misses Table 10 by up to 13 %."""
         uniform = paper.standard_beam().with_(
             thickness=paper.OPTIMUM_THICKNESS,
             density=paper.OPTIMUM_DENSITY,
@@ -118,7 +118,7 @@ class TestPaper:
         assert 100 * (frequencies / paper.OPTIMUM_FREQUENCIES - 1) == pytest.approx(percent, abs=0.06)
 
     def test_a_standing_beam_cannot_be_matched(self):
-        """Erratum 2: standing, 1.7 % is left at best within 10 %; least squares leaves a little more at its worst."""
+        """Erratum 2: a standing beam misses by 1.7 % at best within bounds of 10 %; least squares by slightly more."""
         standing = paper.standard_beam().with_(axis=(0.0, 1.0))
         match = match_frequencies(standing, targets=paper.FREQUENCIES)
         assert match.standard[0] == pytest.approx(1.39944159, rel=1e-5)
@@ -133,7 +133,7 @@ class TestLeastChange:
 
     @pytest.mark.parametrize("seed", [3, 4])
     def test_targets_of_a_beam_of_the_family_are_met_with_less_change(self, seed):
-        """The truth is one beam with these frequencies; the answer must have them too and be no farther away."""
+        """The true beam has these frequencies; the match must have them too, with no larger change."""
         beam = small_beam()
         truth = 1 + np.random.default_rng(seed).uniform(-0.05, 0.05, SMALL_FACTORS)
         targets = frequencies(beam, truth, 3)
@@ -142,7 +142,7 @@ class TestLeastChange:
         assert np.linalg.norm(factors(match.beam, beam) - 1) < np.linalg.norm(truth - 1)
 
     def test_change_is_a_combination_of_the_sensitivities(self):
-        """Where no bound is active, c (m - 1) = sum_k y_k df_k/dm: any other change could be made less."""
+        """If no bound is active, c (m - 1) = sum_k y_k df_k/dm: any other change could be made smaller."""
         beam = small_beam()
         targets = natural_modes(Model(beam), count=3).frequencies * [0.98, 1.01, 0.99]
         found = factors(match_frequencies(beam, targets=targets.tolist()).beam, beam)
@@ -153,14 +153,14 @@ class TestLeastChange:
         assert np.linalg.norm(superfluous) < 1e-4 * np.linalg.norm(weights * (found - 1))
 
     def test_infeasible_targets_give_the_nearest_within_the_bounds(self):
-        """At a bound the squared error would fall only beyond it; in between its slope is next to nothing."""
+        """At an active bound the squared error decreases only beyond it; elsewhere its gradient is almost zero."""
         beam, bounds = small_beam(), 0.01
         targets = natural_modes(Model(beam), count=3).frequencies * [1.03, 0.97, 1.02]
         match = match_frequencies(beam, targets=targets.tolist(), bounds=bounds)
         found = factors(match.beam, beam)
         names = [f"{name}[{i + 1}]" for name in ("width", "thickness") for i in range(SMALL_ELEMENTS)]
         names += ["density", "elastic_modulus"]
-        slopes = central_differences(lambda m: np.sum((frequencies(beam, m, 3) / targets - 1) ** 2), found, 1e-6)
+        gradient = central_differences(lambda m: np.sum((frequencies(beam, m, 3) / targets - 1) ** 2), found, 1e-6)
 
         assert np.abs(found - 1).max() <= bounds * (1 + 1e-12)
         assert match.max_relative_error == pytest.approx(np.abs(np.array(match.frequencies) / targets - 1).max())
@@ -168,15 +168,15 @@ class TestLeastChange:
         there = np.array([name in match.active_bounds for name in names])
         assert 0 < there.sum() < SMALL_FACTORS
         assert np.abs(found[there] - 1) == pytest.approx(bounds, rel=1e-6)
-        assert (np.sign(slopes[there]) == -np.sign(found[there] - 1)).all()
-        assert np.abs(slopes[~there]).max() < 1e-3 * np.abs(slopes).max()
+        assert (np.sign(gradient[there]) == -np.sign(found[there] - 1)).all()
+        assert np.abs(gradient[~there]).max() < 1e-3 * np.abs(gradient).max()
 
 
 class TestMesh:
-    """The answer belongs to the beam, not to its mesh."""
+    """The result depends on the beam, not on its mesh."""
 
     def test_least_change_converges_with_the_square_of_the_element_length(self):
-        """Change of E: -5.2, -5.5, -5.9, -6.3 % with 10, 20, 40, 200 elements where each element counted as one."""
+        """Change of E: -5.2, -5.5, -5.9, -6.3 % with 10, 20, 40, 200 elements when each element counted as one."""
         found = []
         for elements in (10, 20, 40):
             beam = standard_beam(elements)
@@ -188,7 +188,7 @@ class TestMesh:
         assert steps[0].max() > 3.0 * steps[1].max() > 1e-3
 
     def test_smoothness_against_noisy_data_converges_too(self):
-        """With a weight by steps between elements, that of the slope fell in proportion to the element length."""
+        """With a weight of the steps between elements, that of the gradient fell in proportion to their length."""
         measured = MeasuredModes(paper.FREQUENCIES[:3], 1e-2)
         found = []
         for elements in (10, 20, 40):
@@ -204,7 +204,7 @@ class TestMesh:
         assert steps[0] > 3.0 * steps[1] > 0.0
 
     def test_400_elements_are_matched(self):
-        """The modes of the program and those computed afresh differed by 3.5e-7: "start nearer"."""
+        """The modes of the program and an independent solution once differed by 3.5e-7, and the match was refused."""
         beam, taper = standard_beam(400), np.linspace(1.04, 0.98, 400)
         targets = natural_modes(Model(beam.with_(thickness=tuple(taper * 0.5e-3), density=8200.0)), count=4).frequencies
         unknowns = (Smooth("thickness"), Global("density"))

@@ -21,7 +21,7 @@ def beam() -> Beam:
 
 @pytest.fixture(scope="module")
 def matching(beam) -> Matching:
-    """Three modes, not in order, their shapes disturbed, one point not measured."""
+    """Three modes in another order, with disturbed shapes and one missing displacement."""
     modes = natural_modes(Model(beam), count=3)
     shapes = (MeasuredModes((1.0,), None, POINTS, ((1.0,) * 4,)).observer(modes.model) @ modes.shapes).T
     shapes = shapes * (1 + 0.05 * np.random.default_rng(1).standard_normal(shapes.shape))
@@ -35,15 +35,15 @@ def matching(beam) -> Matching:
 
 
 class TestResiduals:
-    def test_targets_are_told_apart_by_their_shapes(self, matching):
+    def test_targets_are_identified_by_their_shapes(self, matching):
         assert matching.numbers.tolist() == [2, 0, 1]
         first = matching.response().residuals(matching.space.standard) / matching.unit
         assert len(first) == 3 + 3 * 4 - 1
         relative = matching.standard.frequencies / matching.measured.frequencies - 1
         assert first[:3] == pytest.approx(relative / matching.measured.relative_std, rel=1e-6)
 
-    def test_residual_of_a_shape_is_what_the_best_multiple_leaves(self, matching):
-        """By least squares of numpy, the deviations as weights."""
+    def test_residual_of_a_shape_is_the_difference_from_the_best_multiple(self, matching):
+        """Compared with least squares by numpy, weighted with the deviations."""
         response, space = matching.response(), matching.space
         shapes = matching.observer @ matching.state(space.standard).shapes
         expected = []
@@ -75,7 +75,7 @@ class TestResiduals:
         assert measured.mac(-7.0 * v) == pytest.approx(measured.mac(v))
         assert np.diag(measured.mac(v)).min() > 0.95
 
-    def test_modes_that_do_not_move_the_points_are_like_none(self, matching):
+    def test_modes_that_do_not_move_the_points_have_no_mac(self, matching):
         assert matching.measured.mac(np.zeros((4, 2))) == pytest.approx(np.zeros((3, 2)))
 
 

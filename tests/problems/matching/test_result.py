@@ -31,7 +31,7 @@ def beam() -> Beam:
 
 @pytest.fixture(scope="module")
 def truth(beam) -> Beam:
-    """Thicknesses that are different in all elements."""
+    """A beam with a different thickness in each element."""
     change = 0.08 * np.random.default_rng(3).uniform(-1, 1, ELEMENTS)
     return beam.with_(thickness=tuple(0.5e-3 * (1 + change)))
 
@@ -46,7 +46,7 @@ def stocky() -> Beam:
 
 
 def measure(truth: Beam, numbers, *, std=1e-4, shape_std=1e-3, noise=None) -> MeasuredModes:
-    """Return modes of a beam as one would measure them: each shape of its own scale and sign."""
+    """Return the modes of a beam as measurements: each shape has its own scale and sign."""
     modes = natural_modes(Model(truth), count=max(numbers) + 1)
     points = tuple(truth.length * np.linspace(0.2, 1.0, 7))
     observer = MeasuredModes((1.0,), points=points, shapes=((1.0,) * 7,)).observer(modes.model)
@@ -108,12 +108,12 @@ class TestRecovery:
         relative = np.array(match.beam.width) / match.beam.width[0]
         assert relative == pytest.approx(taper / taper[0], rel=1e-5)
         assert match.beam.density[0] == pytest.approx(8.2e3, rel=1e-5)
-        assert match.identifiability.rank == 2  # the mean width is not seen
+        assert match.identifiability.rank == 2  # the data do not determine the mean width
 
 
 class TestLumped:
     def test_tip_mass_and_clamp_stiffness(self, beam):
-        """Both from five frequencies and 30 % off, from two starts; the clamp is seen worst."""
+        """Both from five frequencies and two guesses, up to 40 % off; the clamp stiffness is the least certain."""
         truth = beam.with_(tip_mass=2.6e-3, clamp_stiffness=0.8, elastic_modulus=205e9)
         given = beam.with_(tip_mass=2e-3, clamp_stiffness=1.1)
         targets = natural_modes(Model(truth), count=5).frequencies.tolist()
@@ -129,7 +129,7 @@ class TestLumped:
         assert "N m/rad" in match.report()
 
     def test_per_element_with_a_mass_at_the_tip(self, beam):
-        """The mass is part of the beam, though not among the unknowns."""
+        """The mass belongs to the beam, but is no unknown."""
         heavy = beam.with_(tip_mass=3e-3)
         targets = natural_modes(Model(heavy.with_(thickness=0.51e-3)), count=3).frequencies.tolist()
         match = match_frequencies(heavy, targets=targets, unknowns=(Global("thickness"),))
@@ -149,7 +149,7 @@ class TestCrossing:
         assert match.warnings == ("target 2 is mode 4 of the given beam, and mode 5 of the matched one",)
 
     def test_without_shapes_the_answer_says_that_modes_crossed(self, stocky):
-        """Four bending modes of 25 mm, given as the lowest: the axial mode that has come below is no error."""
+        """Four bending modes at 25 mm, given as the lowest, although an axial mode is now below the fourth."""
         frequencies = natural_modes(Model(stocky.with_(thickness=25e-3)), count=5).frequencies[[0, 1, 2, 4]]
         match = match_frequencies(stocky, targets=frequencies.tolist(), unknowns=(Global("thickness", bounds=0.3),))
         assert match.beam.thickness[0] == pytest.approx(25e-3, rel=1e-6)
@@ -177,7 +177,7 @@ class TestOutOfReach:
         assert match.out_of_reach == (percent > 0)
 
     def test_multipliers_say_what_wider_bounds_bring(self, beam):
-        """The worst error falls by the sum of the multipliers times the room, to first order."""
+        """With wider bounds the worst error falls by the sum of the multipliers times the widening, to first order."""
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.05, 0.93, 1.04]).tolist()
         narrow, wide = (
             match_frequencies(beam, targets=targets, unknowns=(THICKNESS,), bounds=bounds, objective="worst-error")
@@ -198,7 +198,7 @@ class TestOutOfReach:
         assert note in match.report()
 
     def test_out_of_reach_no_interval_is_given(self, beam):
-        """With a density that nothing holds; the table had lowest = highest = value, and "the data fix 3 of 6"."""
+        """The density is at no bound; the table once had lowest = highest = value, and "the data fix 3 of 6"."""
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.05, 0.93, 1.04]).tolist()
         unknowns = (THICKNESS, Global("density"))
         match = match_frequencies(beam, targets=targets, unknowns=unknowns, bounds=0.01)
@@ -210,7 +210,7 @@ class TestOutOfReach:
 
 class TestIdentifiability:
     @pytest.mark.parametrize("gravity", [0.0, -9.81])
-    def test_uniform_beam_tells_one_product_only(self, beam, gravity):
+    def test_a_uniform_beam_determines_one_product_only(self, beam, gravity):
         own = beam.with_(gravity=(0.0, gravity))
         targets = natural_modes(Model(own), count=3).frequencies.tolist()
         match = match_frequencies(own, targets=targets, unknowns=(*GLOBALS, Global("width")))
@@ -220,14 +220,14 @@ class TestIdentifiability:
         assert "elastic_modulus^1 thickness^2 density^-1 only" in match.report()
 
     def test_spread_of_what_is_traded(self, beam):
-        """E h^2 fixed: 10 % of modulus are 5 % of thickness, to first order; a width nobody sees has all its room."""
+        """E h^2 is determined: 10 % of modulus make 5 % of thickness; the width is not, and has its full range."""
         targets = natural_modes(Model(beam), count=3).frequencies.tolist()
         unknowns = (Global("elastic_modulus"), Global("thickness"), Global("width", bounds=0.03))
         spread = match_frequencies(beam, targets=targets, unknowns=unknowns).identifiability.spread
         assert spread == pytest.approx(np.array([[0.9, 1.1], [0.95, 1.05], [0.97, 1.03]]), abs=1e-6)
 
     def test_spread_bounds_all_beams_that_fit(self, beam):
-        """Random moves that J does not see, as far as the bounds allow, stay within it."""
+        """Random moves in the null space of J, up to the bounds, stay within the spread."""
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.02, 0.99, 1.01]).tolist()
         match = match_frequencies(beam, targets=targets, unknowns=(THICKNESS, Smooth("width", terms=2)))
         known, space = match.identifiability, match.matching.space
@@ -250,8 +250,8 @@ class TestIdentifiability:
         monkeypatch.setattr(Identifiability, "_reaches", lambda self, changes, *_: np.zeros(len(changes), bool))
         assert replace(match.identifiability).spread == pytest.approx(found, abs=1e-7)
 
-    def test_what_was_known_before_gives_errors_to_all(self, beam):
-        """One frequency, E and rho: f sees their difference; 10 % known of each leaves 7 % of either's sum."""
+    def test_prior_information_gives_errors_to_all(self, beam):
+        """One frequency determines E/rho; with prior errors of 10 % of each, 7 % remain."""
         modes = natural_modes(Model(beam.with_(gravity=(0.0, 0.0))), count=1)
         measured = MeasuredModes((float(modes.frequencies[0]),), 1e-5)
         arguments = {"targets": measured, "unknowns": (Global("elastic_modulus"), Global("density"))}
@@ -272,7 +272,7 @@ class TestIdentifiability:
         assert steps(Smoothness(weight=1e-6)) < 0.95 * steps(LeastChange(weight=1e-8))
 
     def test_an_unknown_at_its_bound_is_known_to_the_others(self, beam, truth):
-        """With the first element held, the others have smaller errors than all five together, and it has none."""
+        """With the first element at its bound, the other errors are smaller than with all free; it has none."""
         measured = measure(truth, [0, 1, 2, 3])
         free = match_frequencies(beam, targets=measured, unknowns=(THICKNESS,))
         low = beam.with_(thickness=tuple(np.array(truth.thickness) * [1 / 0.97, 1, 1, 1, 1]))

@@ -36,7 +36,7 @@ class TestDesignSpace:
         m = space.standard.copy()
         m[0], m[3], m[8] = 1.02, 0.97, 0.1
         changed = space.changed(m)
-        taper = 1 + 0.1 * (2 * np.arange(ELEMENTS) + 1 - ELEMENTS) / ELEMENTS  # L_1 at the middle of the elements
+        taper = 1 + 0.1 * (2 * np.arange(ELEMENTS) + 1 - ELEMENTS) / ELEMENTS  # L_1 at the centres of the elements
         assert changed.elastic_modulus == pytest.approx([1.02 * 210e9] * ELEMENTS)
         assert changed.thickness == pytest.approx([0.5e-3, 0.5e-3, 0.97 * 0.5e-3, 0.5e-3, 0.5e-3, 0.5e-3])
         assert changed.width == pytest.approx(taper * beam.width)
@@ -59,7 +59,7 @@ class TestDesignSpace:
         assert 0.15 < np.abs(factors[:, 0] - 1).max() <= 0.2
         assert (factors[:, 2] == 1).all()
 
-    def test_bounds_are_told_by_name(self, space):
+    def test_active_bounds_are_named(self, space):
         m = space.standard.copy()
         m[0], m[2], m[7] = 1.1, 0.95, 0.2
         assert space.active_bounds(m) == (
@@ -91,8 +91,8 @@ class TestPreference:
         )
         assert LeastChange(weight=2.0).matrix(heavy, 0.0) == pytest.approx(2.0 * np.eye(3))
 
-    def test_smoothness_sees_slopes_along_the_beam_only(self, space):
-        """A constant costs nothing, one element out of line n 2 d^2, and a linear taper its slope squared."""
+    def test_smoothness_depends_on_the_gradient_along_the_beam_only(self, space):
+        """A constant costs nothing, one element out of line n 2 d^2, and a linear taper its gradient squared."""
         m = np.zeros(space.size)
         m[0], m[1:7], m[7] = 0.3, 0.2, 0.1  # all constant along the beam
         matrix = Smoothness(weight=2.0).matrix(space, 0.0)

@@ -40,7 +40,7 @@ def model():
 
 
 def record(model, law, seed, *, base=BASE, start="equilibrium", points=None, duration=1.5):
-    """A record of some points, the tip if not given."""
+    """Return a record of some points, or of the tip."""
     settings = {"damping": law, "base": base, "start": start, "duration": duration, "sample_rate": 40.0}
     run = simulate(model, method="radau", tolerance=1e-8, **settings)
     positions = np.stack([run.position(s) for s in points or (model.beam.length,)], axis=1)
@@ -132,7 +132,7 @@ def drag(exact, noise, **settings):
 
 
 def test_the_shift_by_the_error_of_integration_is_found_from_one_tighter_integration(exact):
-    """Against a fit with the tighter integration; a coarse tolerance given by the user is used, and told of."""
+    """Compared with a fit at the tighter tolerance; a coarse tolerance of the user is used, with a warning."""
     coarse, fine = (drag(exact, 0.0, tolerance=tolerance) for tolerance in (1e-4, 1e-8))
     assert coarse.problem.tolerance == 1e-4
     moved = (fine.fit.values - coarse.fit.values) / coarse.fit.errors
@@ -147,7 +147,7 @@ def test_the_shift_by_the_error_of_integration_is_found_from_one_tighter_integra
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
 def test_the_fit_selects_a_tolerance_at_which_no_estimate_is_shifted(exact, noise):
-    """Without noise what counts is the trust in the record; the truth is within the interval then too."""
+    """Without noise the allowance for a systematic error decides; the interval still covers the truth."""
     found = drag(exact, noise * np.random.default_rng(1).normal(size=exact[2].positions.shape))
     assert found.problem.tolerance <= COARSEST
     assert abs(found.shifts[0]) <= ALLOWED and not any("integration" in warning for warning in found.warnings)
@@ -155,7 +155,7 @@ def test_the_fit_selects_a_tolerance_at_which_no_estimate_is_shifted(exact, nois
     assert found.fit.systematic == pytest.approx(TRUST * travel((exact[2],)), rel=1e-3)
 
 
-def test_a_tolerance_that_does_not_do_is_tightened_and_where_it_cannot_be_that_is_said(exact, monkeypatch):
+def test_a_tolerance_that_is_too_coarse_is_tightened_or_reported(exact, monkeypatch):
     monkeypatch.setattr(fitting, "first_tolerance", lambda *_: 1e-3)
     assert drag(exact, 0.0).problem.tolerance < 1e-5
     for module in (fitting, result):
@@ -164,7 +164,7 @@ def test_a_tolerance_that_does_not_do_is_tightened_and_where_it_cannot_be_that_i
 
 
 def test_estimates_scatter_about_the_truth_by_their_standard_errors(exact):
-    """The mean of 8 standardised errors is within 2.6 of its standard deviations, but in one of a hundred studies."""
+    """The mean of 8 standardised errors is within 2.6 of its standard deviations in 99 of 100 studies."""
     rng = np.random.default_rng(7)
     scores = []
     for _ in range(8):
@@ -174,7 +174,7 @@ def test_estimates_scatter_about_the_truth_by_their_standard_errors(exact):
     assert 0.35 < np.std(scores, ddof=1) < 1.8
 
 
-def test_the_noise_of_a_record_is_told_from_its_motion(model, driven):
+def test_the_noise_of_a_record_is_separated_from_its_motion(model, driven):
     assert travel((driven,)) == pytest.approx(np.sqrt(driven.positions.var(axis=0).mean()))
     time = np.arange(400) / 100.0
     swing = 0.02 * np.stack([np.sin(8 * time), np.cos(5 * time)], axis=1)
@@ -195,14 +195,14 @@ def test_the_first_tolerance_follows_the_noise_and_without_noise_the_travel():
     assert loud == COARSEST
 
 
-def test_a_motion_that_fails_at_the_guess_is_said_to(model, driven):
+def test_a_motion_that_fails_at_the_guess_is_reported(model, driven):
     still = replace(driven, base=None, start=State(np.zeros(3), np.zeros(3)))
     with pytest.raises(FitError, match="are not finite; the last motion tried: start: the coordinates must be"):
         fit_transient(model, still, TRUTH)
 
 
-def test_residuals_that_are_not_noise_are_told_of_and_so_they_are_of_each_law(model):
-    """A motion damped by drag, fitted by viscous damping; within the trust in a record nothing is said."""
+def test_residuals_that_are_not_noise_give_a_warning_for_each_law(model):
+    """Drag fitted as viscous damping; residuals below the systematic error give no warning."""
     exact = record(model, QuadraticDamping(eta2=8.0), 6)
     exact = replace(exact, positions=exact.positions - NOISE * np.random.default_rng(6).normal(size=(61, 1, 2)))
     laws = [RayleighDamping(alpha=1.0), QuadraticDamping(eta2=4.0)]
@@ -221,13 +221,13 @@ def test_residuals_that_are_not_noise_are_told_of_and_so_they_are_of_each_law(mo
 
 
 def test_without_damping_none_is_found(model):
-    """A fit that always finds what it hopes for would fail here."""
+    """A fit with a bias towards damping would fail here."""
     found = fit_transient(model, record(model, None, 2), RayleighDamping(alpha=0.3))
     assert found.fit.values[0] < 3 * max(found.fit.errors[0], 0.01) or found.fit.active_bounds[0]
 
 
 def test_modulus_base_amplitude_and_a_sum_of_laws_from_two_records_and_two_markers(model):
-    """The records: driven; and let go from a load.  The model and the base are guessed 4 % off."""
+    """One record is driven, one released from a load; the guesses of modulus and amplitude are 3 to 4 % off."""
     modes = natural_modes(model, count=2)
     calm = RayleighDamping(beta=3e-4)  # of the higher modes
     truth = ModalDamping(modes, (0.05, 0.03)) + QuadraticDamping(eta2=2.0) + calm
@@ -257,7 +257,7 @@ def test_modulus_base_amplitude_and_a_sum_of_laws_from_two_records_and_two_marke
 
 
 def test_an_unknown_start_and_the_damping_are_found(model):
-    """A record that begins amid a swing, its guess hanging still; the velocity is a difference of two equilibria."""
+    """A record that begins within a swing, with a guess at rest; two equilibria give the velocity."""
     force, rate = 2e-3, -0.02
     ends = [static_equilibrium(model, tip_force=(force + h * rate, 0.0)).coordinates for h in (1e-3, -1e-3)]
     state = State(static_equilibrium(model, tip_force=(force, 0.0)).coordinates, (ends[0] - ends[1]) / 2e-3)
@@ -265,7 +265,7 @@ def test_an_unknown_start_and_the_damping_are_found(model):
     assert np.linalg.norm(state.velocities[-4:-2]) > 0.25  # m/s
     unknown = ("force_x", "force_x_rate")
     guess = RayleighDamping(alpha=0.5)
-    found = fit_transient(model, replace(cut, start="equilibrium"), guess, start_load=unknown, tolerance=1e-5)
+    found = fit_transient(model, replace(cut, start="equilibrium"), guess, load=unknown, tolerance=1e-5)
     assert found.fit.names == ("alpha", "start_force_x_1", "start_force_x_rate_1")
     assert found.fit.units == ("1/s", "N", "N/s")
     score = (found.fit.values - [0.8, force, rate]) / found.fit.errors
@@ -282,7 +282,7 @@ def test_an_unknown_start_and_the_damping_are_found(model):
 
 
 def test_the_closed_form_is_wrong_where_this_is_right(model):
-    """A release from 0.8 L: Eq. (27) takes the drag for viscous damping and leaves 7 mm."""
+    """A release from 0.8 L: Eq. (27) mistakes the drag for viscous damping and leaves 7 mm."""
     start, rest = static_equilibrium(model, tip_force=(0.03, 0.0)), static_equilibrium(model)
     assert start.tip[0] > 0.8 * model.beam.length
     calm = RayleighDamping(beta=3e-4)  # of the higher modes
@@ -294,7 +294,7 @@ def test_the_closed_form_is_wrong_where_this_is_right(model):
     assert closed.residual_rms > 10 * found.fit.residual_rms
 
 
-def test_the_right_law_wins_where_the_record_can_tell(model):
+def test_the_right_law_is_selected(model):
     laws = [RayleighDamping(alpha=1.0), QuadraticDamping(eta2=4.0)]
     comparison = compare_laws(model, record(model, QuadraticDamping(eta2=8.0), 6), laws, tolerance=1e-5)
     assert comparison.verdict.best == 1 and comparison.verdict.settled
@@ -303,7 +303,7 @@ def test_the_right_law_wins_where_the_record_can_tell(model):
     assert comparison.to_dict()["best"] == "QuadraticDamping(eta2)"
 
 
-def test_laws_that_explain_a_record_alike_are_not_told_apart():
+def test_laws_that_explain_a_record_equally_are_not_distinguished():
     verdict = judge([Candidate("first", 200, 200.0, 1.00e-3, 1, 0.0), Candidate("second", 200, 200.0, 1.01e-3, 1, 0.0)])
     assert verdict.best == 0 and not verdict.settled
     assert "the second law is not clearly worse" in verdict.warnings
@@ -336,7 +336,7 @@ def test_a_record_that_makes_no_sense_is_refused(changes, message):
             "properties: must be one of width, thickness, density, elastic_modulus",
         ),
         ({"fixed": ("eta3",)}, "fixed: must be one of eta1, eta2, got 'eta3'"),
-        ({"start_load": ("force",)}, "start_load: must be one of force_x"),
+        ({"load": ("force",)}, "load: must be one of force_x"),
         ({"fixed": ("eta1", "eta2")}, "damping: nothing is to be estimated"),
         ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: beta: not to be estimated"),
         ({"bounds": {"eta1": (1.0, 2.0)}}, "eta1: the guess 0.6 is not within"),
@@ -352,7 +352,7 @@ def test_unknowns_that_make_no_sense_are_refused(model, driven, settings, messag
 
 def test_a_load_is_estimated_only_where_a_record_starts_from_an_equilibrium(model, driven):
     with pytest.raises(InputError, match="start: must be an equilibrium if its load"):
-        fit_transient(model, replace(driven, start="impact"), TRUTH, start_load=("force_x",))
+        fit_transient(model, replace(driven, start="impact"), TRUTH, load=("force_x",))
 
 
 def test_no_record_or_law_or_a_point_off_the_beam_is_refused(model, driven):

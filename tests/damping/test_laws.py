@@ -266,7 +266,7 @@ def test_parameters_have_units_and_bounds_and_a_sum_numbers_equal_names(modes):
     assert [parameter.name for parameter in nested.parameters] == ["eta1", "eta1_2", "eta1_3"]
     changed = nested.with_parameters([1.0, 2.0, 3.0])
     assert [parameter.value for parameter in changed.parameters] == [1.0, 2.0, 3.0]
-    with pytest.raises(InputError, match="^values: has 2 values for 3 parameters$"):
+    with pytest.raises(InputError, match=r"^values: has 2 values for 3 parameters$"):
         nested.with_parameters([1.0, 2.0])
 
 

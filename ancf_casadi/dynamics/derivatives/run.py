@@ -92,8 +92,6 @@ class Run:
 
     Parameters
     ----------
-    values : array
-        The values of theta, b, P and s.
     parameters : array
         The parameters of the equation of motion.
     times : array (k,)
@@ -106,7 +104,6 @@ class Run:
         The nodal coordinates at the samples.
     """
 
-    values: Array
     parameters: Array
     times: Array
     start_jacobian: Array

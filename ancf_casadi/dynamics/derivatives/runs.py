@@ -103,21 +103,37 @@ class Runs:
         return run
 
 
-class _Motion(cs.Callback):
-    """A motion as CasADi evaluates it."""
+class _Callback(cs.Callback):
+    """A Function written in Python, with the shapes of its inputs and outputs."""
 
-    def __init__(self, runs: Runs) -> None:
+    def __init__(self, runs: Runs, name: str, inputs: Sequence[cs.Sparsity], outputs: Sequence[cs.Sparsity]) -> None:
         cs.Callback.__init__(self)
-        self._runs, self._shapes = runs, runs.shapes
-        self.construct("integration", {})
+        self.runs, self.inputs, self.outputs = runs, inputs, outputs
+        self.construct(name, {})
 
     def get_n_in(self) -> int:
         """Return the number of inputs."""
-        return len(self._shapes) - 1
+        return len(self.inputs)
 
     def get_n_out(self) -> int:
         """Return the number of outputs."""
-        return 1
+        return len(self.outputs)
+
+    def get_sparsity_in(self, i: int) -> cs.Sparsity:
+        """Return the shape of an input."""
+        return self.inputs[i]
+
+    def get_sparsity_out(self, i: int) -> cs.Sparsity:
+        """Return the shape of an output."""
+        return self.outputs[i]
+
+
+class _Motion(_Callback):
+    """A motion as CasADi evaluates it."""
+
+    def __init__(self, runs: Runs) -> None:
+        *inputs, output = runs.shapes
+        super().__init__(runs, "integration", inputs, [output])
 
     def get_name_in(self, i: int) -> str:
         """Return the name of an input."""
@@ -127,22 +143,14 @@ class _Motion(cs.Callback):
         """Return the name of an output."""
         return "coordinates"
 
-    def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        """Return the shape of an input."""
-        return self._shapes[i]
-
-    def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        """Return the shape of an output."""
-        return self._shapes[-1]
-
     def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
         """Return the coordinates; if there is no motion, nan with a warning that says why."""
         try:
-            return [cs.DM(self._runs.run(arg).coordinates.T)]
+            return [cs.DM(self.runs.run(arg).coordinates.T)]
         except AncfError as error:
             if not interrupted():
                 warnings.warn(str(error), RuntimeWarning, stacklevel=2)
-            return [cs.DM.nan(self._shapes[-1])]
+            return [cs.DM.nan(self.outputs[0])]
 
     def has_forward(self, nfwd: int) -> bool:
         """Return True."""
@@ -150,7 +158,7 @@ class _Motion(cs.Callback):
 
     def get_forward(self, nfwd: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
         """Return the derivatives along some directions."""
-        return _kept(_Derivative(self._runs, nfwd, forward=True), name)
+        return _kept(_Derivative(self.runs, nfwd, forward=True), name)
 
     def has_reverse(self, nadj: int) -> bool:
         """Return True."""
@@ -158,61 +166,43 @@ class _Motion(cs.Callback):
 
     def get_reverse(self, nadj: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
         """Return the derivatives of some weighted sums."""
-        return _kept(_Derivative(self._runs, nadj, forward=False), name)
+        return _kept(_Derivative(self.runs, nadj, forward=False), name)
 
 
-class _Derivative(cs.Callback):
+class _Derivative(_Callback):
     """Derivatives of a motion as CasADi asks for them: (inputs, output, seeds) -> derivatives.
 
     With d directions, seeds and derivatives are those of each direction side by side.
     """
 
     def __init__(self, runs: Runs, count: int, *, forward: bool) -> None:
-        cs.Callback.__init__(self)
-        self._runs, self._count, self._forward = runs, count, forward
-        *self._inputs, output = runs.shapes
-        seeds, results = (self._inputs, [output]) if forward else ([output], self._inputs)
-        self._shapes = [*self._inputs, output, *(cs.repmat(shape, 1, count) for shape in seeds)]
-        self._results = [cs.repmat(shape, 1, count) for shape in results]
-        self.construct("sensitivity", {})
-
-    def get_n_in(self) -> int:
-        """Return the number of inputs."""
-        return len(self._shapes)
-
-    def get_n_out(self) -> int:
-        """Return the number of outputs."""
-        return len(self._results)
-
-    def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        """Return the shape of an input."""
-        return self._shapes[i]
-
-    def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        """Return the shape of an output."""
-        return self._results[i]
+        *inputs, output = runs.shapes
+        seeds, results = (inputs, [output]) if forward else ([output], inputs)
+        stacked = [[cs.repmat(shape, 1, count) for shape in shapes] for shapes in (seeds, results)]
+        super().__init__(runs, "sensitivity", [*inputs, output, *stacked[0]], stacked[1])
+        self._count, self._forward, self._parts = count, forward, inputs
 
     def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
         """Return the derivatives; nan if there is no motion."""
-        inputs = len(self._inputs)
+        inputs = len(self._parts)
         seeds = [self._unstacked(part) for part in arg[inputs + 1 :]]
         try:
-            run = self._runs.run(arg[:inputs])
+            run = self.runs.run(arg[:inputs])
             found = self._along(run, seeds) if self._forward else self._of_sums(run, seeds[0])
         except AncfError:
-            return [cs.DM.nan(shape) for shape in self._results]
+            return [cs.DM.nan(shape) for shape in self.outputs]
         return [self._stacked(part) for part in found]
 
     def _along(self, run: Run, seeds: Sequence[Array]) -> list[Array]:
         """Return the derivatives of the coordinates along directions of the inputs."""
         directions = np.vstack([part.reshape(-1, self._count) for part in seeds])
-        return [self._runs.forward(run, directions)]
+        return [self.runs.forward(run, directions)]
 
     def _of_sums(self, run: Run, weights: Array) -> list[Array]:
         """Return the derivatives of weighted sums of the coordinates by the inputs."""
-        problem = self._runs.problem
+        problem = self.runs.problem
         parts = problem.layout.split(problem.reverse(run, weights))
-        sizes = [(shape.size2(), shape.size1(), self._count) for shape in self._inputs]
+        sizes = [(shape.size2(), shape.size1(), self._count) for shape in self._parts]
         return [part.reshape(size) for part, size in zip(parts, sizes, strict=False)]
 
     def _unstacked(self, matrix: cs.DM) -> Array:

@@ -117,7 +117,7 @@ class Problem:
             begin = piece.end
             if begin >= end:
                 break
-        return Run(values, parameters, self.times, jacobian, passages, self._coordinates(passages))
+        return Run(parameters, self.times, jacobian, passages, self._coordinates(passages))
 
     def forward(self, run: Run, directions: Array) -> Array:
         """Return the derivatives of the coordinates, (k, 4 n + 4, d), along directions of the values, (..., d)."""

@@ -21,10 +21,6 @@ the coordinates themselves would stretch the beam.
 
 Error.  The embedded formula of order 3 of Hairer and Wanner, filtered by the real system.
 
-Samples within a step.  The quintic polynomial through positions, velocities and accelerations at both ends, corrected
-by one Newton step of the equation of motion: the polynomial alone may stretch the beam by more than the axial forces
-do.
-
 References
 ----------
 E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996), Sections IV.5 and IV.8.

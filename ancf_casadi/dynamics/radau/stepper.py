@@ -39,7 +39,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 
 SMALLEST_STEP = 1e-11  # s
-MOST_STEPS = 200_000  # between two samples
+MOST_STEPS_BETWEEN_SAMPLES = 200_000
 AT_ONCE = 8  # samples of a step in one call
 
 
@@ -162,7 +162,7 @@ class Stepper:
         before = self.steps
         while self.steps == 0 or self.now < instant - CLOSE * self._control.length:
             self.advance()
-            if self.steps - before > MOST_STEPS:
+            if self.steps - before > MOST_STEPS_BETWEEN_SAMPLES:
                 raise SimulationError(_failure("took too many steps", self.now, self._control.length), self.now)
 
     def sample(self, instants: Array) -> tuple[Array, Array, Array, Array]:

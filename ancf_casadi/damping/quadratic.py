@@ -65,8 +65,8 @@ class QuadraticDamping(DampingLaw):
     def parameters(self) -> tuple[Parameter, ...]:
         """The coefficients eta1 (1/s) and eta2 (1/m) that are not 0."""
         return nonzero(
-            Parameter("eta1", self.eta1, "1/s", "linear air drag per mass per length"),
-            Parameter("eta2", self.eta2, "1/m", "quadratic air drag per mass per length"),
+            Parameter("eta1", self.eta1, "1/s", "linear air drag, divided by the mass per length"),
+            Parameter("eta2", self.eta2, "1/m", "quadratic air drag, divided by the mass per length"),
         )
 
     def with_parameters(self, values: Sequence[float] | Array) -> QuadraticDamping:

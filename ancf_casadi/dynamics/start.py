@@ -111,7 +111,7 @@ def set_up(
     Parameters
     ----------
     model, duration, damping, base, sample_rate, start
-        As of ``simulate``.
+        As in ``simulate``.
     make : callable
         Compiles the Functions of an element, or leaves them to the virtual machine.
 
@@ -209,7 +209,7 @@ def initial_state(model: Model, clamp: cs.Function, start: Start | Equilibrium |
     clamp : Function
         (t) -> position, velocity and acceleration of the clamped node, (12,).
     start : {"equilibrium", "straight", "impact"}, Equilibrium or State
-        The start, as of ``simulate``.
+        The start, as in ``simulate``.
 
     Raises
     ------

@@ -20,6 +20,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
+from ancf_casadi.damping import SumOfLaws
 
 NUMERICAL_DAMPING = 2e-5
 ALPHA, BETA, ETA1, ETA2 = 0.2, 2e-4, 0.15, 5.0
@@ -251,6 +252,22 @@ def test_generic_damping_uses_the_measured_frequencies_where_given(modes):
     measured = (1.85, 10.19)
     ratios = ModalDamping(modes, RATIOS, frequencies=measured).damping_ratios(modes, np.zeros(5))
     np.testing.assert_allclose(ratios[:2], np.array(RATIOS) * measured / modes.frequencies[:2], rtol=1e-9)
+
+
+def test_parameters_have_units_and_bounds_and_a_sum_numbers_equal_names(modes):
+    law = RayleighDamping(ALPHA, BETA) + (RayleighDamping(beta=2 * BETA) + ModalDamping(modes, RATIOS))
+    found = [(parameter.name, parameter.value, parameter.unit) for parameter in law.parameters]
+    ratios = [("ratio1", RATIOS[0], "1"), ("ratio2", RATIOS[1], "1")]
+    assert found == [("alpha", ALPHA, "1/s"), ("beta", BETA, "s"), ("beta_2", 2 * BETA, "s"), *ratios]
+    assert all(parameter.lower == 0.0 < parameter.value < parameter.upper for parameter in law.parameters)
+    assert all(parameter.upper < 1.0 for parameter in law.parameters[3:])
+    air = QuadraticDamping(eta1=ETA1)
+    nested = SumOfLaws((SumOfLaws((air, air)), air))
+    assert [parameter.name for parameter in nested.parameters] == ["eta1", "eta1_2", "eta1_3"]
+    changed = nested.with_parameters([1.0, 2.0, 3.0])
+    assert [parameter.value for parameter in changed.parameters] == [1.0, 2.0, 3.0]
+    with pytest.raises(InputError, match=r"^values: has 2 values for 3 parameters$"):
+        nested.with_parameters([1.0, 2.0])
 
 
 def test_laws_add_up_in_force_and_ratio_in_any_order(modes):

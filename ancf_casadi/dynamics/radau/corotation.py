@@ -29,10 +29,9 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.element_forces import mapped, side_by_side
-from ancf_casadi.mechanics.group import Group
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.shape import gauss, hermite_slope
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, Index
 
 
 class Link(NamedTuple):
@@ -87,10 +86,13 @@ class Corotation:
 
     def back(self, residuals: cs.MX, turns: cs.MX) -> cs.MX:
         """Return X^T R for residuals of the free coordinates (N, c)."""
-        behind = cs.vertcat(*(cs.reshape(column, NODE, -1) for column in cs.horzsplit(residuals)))
-        turned = self._mapped("back", self._scaled(_running_sum(behind, back=True), 1), turns)
-        by_link = cs.horzcat(*cs.vertsplit(self._scaled(turned, -1), 2 * NODE))
-        return self._chain.scatter(by_link, self.model.size)[NODE:, :]
+        c, links = self.configurations, self._links
+        behind = _picked(residuals, np.arange(NODE * links * c).reshape(c, links, NODE).transpose(1, 0, 2), NODE * c)
+        summed = self._scaled(_running_sum(behind, back=True), 1)
+        turned = self._scaled(self._mapped("back", summed, turns), -1)
+        places = np.arange(2 * NODE * c * links).reshape(links, c, 2, NODE)  # of first and second nodes
+        second, first = _picked(turned, places[:, :, 1], NODE * c), _picked(turned, places[1:, :, 0], NODE * c)
+        return self._nodes(second + cs.horzcat(first, cs.DM.zeros(NODE * c, 1)))
 
     def continued(self, weights: cs.MX, motion: cs.MX, clamped: cs.MX) -> cs.MX:
         """Continue a motion in the logarithms of the slopes, and return the free coordinates (N, c).
@@ -99,7 +101,7 @@ class Corotation:
         of the logarithms, from the first instant to each other one, in configuration i; ``clamped`` (4, c) are the
         clamped nodes of the configurations.
         """
-        found = self._mapped("continued", self._gathered(motion), cs.repmat(cs.vec(weights), 1, self._chain.count))
+        found = self._mapped("continued", self._gathered(motion), cs.repmat(cs.vec(weights), 1, self._links))
         steps = self._scaled(found, 1)
         first = steps[:, 0] + cs.vec(clamped)
         if self.model.root:  # the step of an elastic clamp is its slope itself
@@ -107,11 +109,10 @@ class Corotation:
             first -= still
         return self._nodes(_running_sum(cs.horzcat(first, steps[:, 1:])))
 
-    @cached_property
-    def _chain(self) -> Group:
-        """The links as a group, for the coordinates that they see."""
-        links = np.arange(self.model.size // NODE - 1)
-        return Group(self.model.element, NODE * links[:, None] + np.arange(2 * NODE), links.size, (), {})
+    @property
+    def _links(self) -> int:
+        """Number of links."""
+        return self.model.size // NODE - 1
 
     @cached_property
     def _element(self) -> Link:
@@ -142,9 +143,10 @@ class Corotation:
 
         If the coordinates of the clamped node are missing, they are 0.
         """
-        missing = cs.MX(cs.DM.zeros(self.model.size - vectors.shape[0], vectors.shape[1]))
-        gathered = self._chain.gather(cs.vertcat(missing, vectors))
-        return self._scaled(cs.vertcat(*cs.horzsplit(gathered, self._chain.count)), -1)
+        size, columns = vectors.shape
+        rows = NODE * np.arange(self._links)[:, None, None] + np.arange(2 * NODE) - (self.model.size - size)
+        places = np.where(rows < 0, 0, 1 + rows + size * np.arange(columns)[:, None])
+        return self._scaled(_picked(cs.vertcat(0.0, cs.vec(vectors)), places, 2 * NODE * columns), -1)
 
     def _scaled(self, columns: cs.MX, power: int) -> cs.MX:
         """Multiply the first two of each four rows, positions or forces on them, by a power of l."""
@@ -154,7 +156,8 @@ class Corotation:
 
     def _nodes(self, columns: cs.MX) -> cs.MX:
         """Return the free coordinates (N, c) from those of each node as columns (4 c, links)."""
-        return cs.horzcat(*(cs.vec(part) for part in cs.vertsplit(columns, NODE)))
+        c, links = self.configurations, self._links
+        return _picked(columns, np.arange(NODE * c * links).reshape(links, c, NODE).transpose(1, 0, 2), NODE * links)
 
 
 def _link(to_pair: Array, to_angles: Array, to_step: Array, count: int, continued: Array | None = None) -> Link:
@@ -233,3 +236,8 @@ def _running_sum(columns: cs.MX, *, back: bool = False) -> cs.MX:
         columns = cs.horzcat(added, columns[:, -width:]) if back else cs.horzcat(columns[:, :width], added)
         width *= 2
     return columns
+
+
+def _picked(x: cs.MX, places: Index, rows: int) -> cs.MX:
+    """Return entries of x as a matrix with so many rows; places count column by column, in x and in the result."""
+    return cs.reshape(cs.vec(x).nz[places.ravel().tolist()], rows, places.size // rows)

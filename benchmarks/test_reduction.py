@@ -51,7 +51,7 @@ def full():
     start = bent(modes, 4, 0.5e-3)
     laws = {
         "undamped": None,
-        "generic": ModalDamping(modes, paper.DAMPING_RATIOS),
+        "modal": ModalDamping(modes, paper.DAMPING_RATIOS),
         "drag": ModalDamping(modes, paper.DAMPING_RATIOS) + QuadraticDamping(eta2=0.11),
     }
     runs = {
@@ -64,7 +64,7 @@ def full():
 
 
 @pytest.mark.parametrize("flags", [("-O2",), ("-O3", "-march=native", "-fno-math-errno")], ids=" ".join)
-@pytest.mark.parametrize("law", ["undamped", "generic", "drag"])
+@pytest.mark.parametrize("law", ["undamped", "modal", "drag"])
 @pytest.mark.parametrize("modes", [5, 8])
 def test_one_second_of_mode_5(benchmark, full, tmp_path, modes, law, flags):
     model, start, laws, runs = full

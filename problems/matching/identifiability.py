@@ -1,4 +1,4 @@
-"""Which properties of a beam the measured modes determine, and which they leave open.
+"""Properties of a beam that the measured modes determine, and those that they leave open.
 
 With the Jacobian J of the residuals by the unknowns m at the optimum, the singular value decomposition J = U S V^T
 separates the combinations that the data determine, the rows of V^T with a singular value, from the null space of J.  To

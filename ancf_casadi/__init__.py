@@ -1,4 +1,4 @@
-"""Damping and property identification, and large-motion simulation, of very flexible beams."""
+"""Identification of damping and properties of very flexible beams, and simulation of their large motion."""
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
 from ancf_casadi.decay.measurement import Measurement
@@ -15,8 +15,8 @@ from ancf_casadi.exceptions import (
     SimulationError,
 )
 from ancf_casadi.mechanics.beam import Beam, Section
-from ancf_casadi.mechanics.element import StrainMeasures
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.reduction import ReducedModel, ReducedTrajectory, reduce_model, simulate_reduced
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.version import __version__

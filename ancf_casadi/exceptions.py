@@ -1,7 +1,7 @@
-"""The errors of the toolkit.
+"""The exceptions of the toolkit.
 
-Every error a caller can provoke is an ``AncfError``.  Each leaf says what is wrong, where, and what to do,
-and carries the data a program needs to react, so that no error of a solver library leaks through.
+Every error that a caller can provoke is an ``AncfError``.  Each says what is wrong, where, and what to do, and carries
+the data that a program needs to react, so that no exception of a solver library reaches the caller.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from typing import Any
 
 
 class AncfError(Exception):
-    """Base of all errors of this package."""
+    """Base class of all exceptions of this package."""
 
 
 class InputError(AncfError):
-    """What the caller gave cannot be used.
+    """An argument, a key or a file cannot be used.
 
     Parameters
     ----------
     message : str
-        What is wrong and what would be right.
+        The fault and the values that are allowed.
     where : str, optional
-        The name of the offending argument, key or file; it opens the message.
+        Name of the argument, key or file; the message begins with it.
     """
 
     def __init__(self, message: str, where: str = "") -> None:
@@ -32,14 +32,14 @@ class InputError(AncfError):
 
 
 class NumericsError(AncfError):
-    """A numerical method did not reach its answer.
+    """A numerical method did not reach its solution.
 
     Parameters
     ----------
     message : str
-        What failed, and what to try.
+        The failure, and advice.
     stats : mapping, optional
-        What the solver said of its run.
+        Statistics of the solver.
     """
 
     def __init__(self, message: str, stats: Mapping[str, Any] | None = None) -> None:
@@ -57,14 +57,14 @@ class SimulationError(NumericsError):
     Parameters
     ----------
     message : str
-        What failed, and what to try.
+        The failure, and advice.
     time : float
-        The simulated time that was reached, in s.
+        Simulated time reached, s.
 
     Attributes
     ----------
     partial : Trajectory or None
-        The motion up to there.
+        The motion up to that time.
     """
 
     def __init__(self, message: str, time: float = math.nan, stats: Mapping[str, Any] | None = None) -> None:

@@ -1,6 +1,6 @@
-"""Figures of records and motions, made without a display.
+"""Figures of records, fits, motions and properties, drawn without a display.
 
-Each function returns a matplotlib ``Figure``; ``png`` turns it into a file's content.
+Each function returns a matplotlib ``Figure``; ``png`` converts a figure to the content of a PNG file.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ FINE = 4000  # points of a drawn curve
 
 
 def png(figure: Figure) -> bytes:
-    """Return a figure as the content of a PNG file, the same for the same figure."""
+    """Return the content of a PNG file, identical for identical figures."""
     out = io.BytesIO()
     figure.savefig(out, format="png", dpi=RESOLUTION, bbox_inches="tight", metadata={"Software": None})
     return out.getvalue()
 
 
 def decay_figure(record: Measurement, fitted: Callable[[ArrayLike], Array], release_time: float) -> Figure:
-    """Draw a record and the fitted displacement from the release (s) on."""
+    """Draw a record, and the fitted displacement from the release time (s) onwards."""
     figure = Figure(figsize=(8, 3.6), layout="constrained")
     axes = figure.subplots()
     axes.plot(record.time, 1e3 * record.displacement, ".", ms=2.5, color=MEASURED, label="record")
@@ -44,9 +44,9 @@ def decay_figure(record: Measurement, fitted: Callable[[ArrayLike], Array], rele
 
 
 def fit_figure(time: Array, measured: Array, fitted: Array) -> Figure:
-    """Draw measured (m) and fitted displacement (m) over time (s), what is left, and how that correlates with itself.
+    """Draw measured and fitted displacement (m) over time (s), the residuals, and their autocorrelation.
 
-    White residuals have 95 % of their autocorrelation within the dotted lines.
+    For white residuals, 95 % of the autocorrelation values lie between the dotted lines.
     """
     figure = Figure(figsize=(8, 6.4), layout="constrained")
     record, left, repeated = figure.subplots(3, 1, height_ratios=(2, 1, 1))
@@ -79,12 +79,12 @@ def damping_figure(curve: DampingCurve) -> Figure:
 
 
 def motion_figure(run: Trajectory) -> Figure:
-    """Draw the tip as seen from the clamp over time, and shapes of the beam through the run."""
+    """Draw the displacement of the tip relative to the clamp over time, and shapes of the beam at twelve instants."""
     figure = Figure(figsize=(9, 3.8), layout="constrained")
     over_time, in_plane = figure.subplots(1, 2, width_ratios=(2, 1))
     for name, motion in zip("xy", (run.tip - run.base).T, strict=True):
-        over_time.plot(run.time, 1e3 * (motion - motion[0]), lw=0.6, label=f"{name}, from the start")
-    over_time.set(xlabel="time, s", ylabel="tip to clamp, mm")
+        over_time.plot(run.time, 1e3 * (motion - motion[0]), lw=0.6, label=f"{name}, relative to the start")
+    over_time.set(xlabel="time, s", ylabel="tip relative to clamp, mm")
     over_time.legend(frameon=False)
     arc = np.linspace(0.0, run.model.beam.length, 60)
     for row in np.linspace(0, len(run.time) - 1, 12).astype(int):
@@ -95,14 +95,14 @@ def motion_figure(run: Trajectory) -> Figure:
 
 
 def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, Array]) -> Figure:
-    """Draw how the properties of a beam changed along it, and between what they may be.
+    """Draw the relative change of the properties along a beam, and the ranges that fit equally well.
 
     Parameters
     ----------
     given, found : Beam
-        The beam before and after.
+        The beam before and after matching.
     ranges : mapping of str to array (n, 2)
-        Properties to draw, with the lowest and highest relative change of each element.
+        The properties to draw, with the lowest and highest relative change of each element.
     """
     figure = Figure(figsize=(8, 1.2 + 1.6 * len(ranges)), layout="constrained")
     edges = 1e3 * np.linspace(0.0, found.length, found.elements + 1)
@@ -111,7 +111,7 @@ def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, Array]) -> 
         change = 100 * (np.array(getattr(found, name)) / np.array(getattr(given, name)) - 1)
         low, high = 100 * ranges[name].T
         axes.fill_between(edges, np.append(low, low[-1]), np.append(high, high[-1]), step="post", color=COMPUTED,
-                          alpha=0.2, lw=0, label="fits as well, one element at a time")  # fmt: skip
+                          alpha=0.2, lw=0, label="fits equally well, each element separately")  # fmt: skip
         axes.stairs(change, edges, baseline=None, color=COMPUTED, lw=1.5, label="matched")
         axes.axhline(0.0, ls=":", lw=0.8, color=MEASURED)
         axes.set(ylabel=f"{name.replace('_', ' ')}, %", xlim=(0.0, edges[-1]))

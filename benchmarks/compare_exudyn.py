@@ -1,24 +1,25 @@
-"""This project and Exudyn side by side: the time each takes to reach the same accuracy.
+"""Compare the time that this project and Exudyn take to reach the same accuracy.
 
-    python benchmarks/compare_exudyn.py [--case a|b|all] [--law mass|generic|drag|all] [--method idas|radau]
+    python benchmarks/compare_exudyn.py [--case a|b|all] [--law mass|modal|drag|all] [--method idas|radau]
 
-needs ``pip install 'ancf-casadi[exudyn]'`` and a C compiler.  ``exudyn_cases.py`` states the cases and Exudyn's model.
+requires ``pip install 'ancf-casadi[exudyn]'`` and a C compiler.  ``exudyn_cases.py`` defines the cases and Exudyn's
+model.
 
-How it is measured.  Each program runs in a process of its own, one after the other, on one thread, and climbs a ladder
-of accuracies: ours of tolerances, by the integrator asked for, Exudyn's of step sizes.  A time is that of building the
-model and integrating it; our compilation, once and kept from then on, is told apart, and the matrices that Exudyn is
-given cost it nothing.  Samples are taken a thousand times a second.
+Times.  Each program runs in its own process, one after the other, on one thread, over a ladder of accuracies:
+tolerances of the chosen integrator for this project, step sizes for Exudyn.  A time covers building the model and
+integrating it.  The compilation of this project, done once and cached, is listed separately; the matrices given to
+Exudyn cost it nothing.  Both programs take 1000 samples per second.
 
-How errors are meant.  Each solution is held against the converged one of the same program: ours is that of ``radau``
-with a small tolerance, and Exudyn's is extrapolated from its two smallest steps, its order being 2.  In a window at
-the end,
+Errors.  Each solution is compared with the converged one of the same program: ``radau`` with a small tolerance here,
+and for Exudyn an extrapolation from its two smallest steps, with order 2.  In a window at the end,
 
-    error       the largest distance of the two, as a share of the largest excursion,
-    amplitude   the difference of their root mean squares, as a share.
+    error       is the largest distance of the two, relative to the largest excursion,
+    amplitude   is the relative difference of their root mean squares.
 
-The last lines compare the times of the cheapest setting of each program within the bar; on a busy machine read the CPU
-times.  How far the two converged solutions are apart is printed too: the meshes are the same, but the elements
-integrate the axial strain differently: in case (b) some 3 % at the end for 20 elements, and 40 times as much for 10.
+The last lines compare the times of the cheapest setting of each program within the limit; on a busy machine, read the
+CPU times.  The difference of the two converged solutions is printed as well: the meshes are the same, but the elements
+integrate the axial strain differently.  In case (b) it is about 3 % at the end with 20 elements, and 40 times as much
+with 10.
 """
 
 from __future__ import annotations
@@ -45,14 +46,14 @@ from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.mechanics.model import NODE
 
 ORDER = 2  # of generalized alpha
-FINER = 1.5  # times the steps of the finest rung are due to a converged solution
+FINER = 1.5  # least steps of a converged solution, relative to the finest rung
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 ROW = "{:8}  {:16}  {:>8}  {:>8}  {:>8}  {:>9}  {:>9}"
 
 
 @dataclass(frozen=True)
 class Rung:
-    """A run of one program at one accuracy: the motion in the window, (k, c), its steps and the seconds it took."""
+    """Run of one program at one accuracy: motion in the window, (k, c), number of steps, and seconds."""
 
     setting: float
     signal: Array
@@ -63,20 +64,20 @@ class Rung:
 
 @dataclass(frozen=True)
 class Ladder:
-    """The runs of one program, coarse to fine, and its converged motion."""
+    """Runs of one program, coarse to fine, and its converged motion."""
 
     program: str
     rungs: list[Rung]
     converged: Array
 
     def error(self, rung: Rung, kind: str) -> float:
-        """Return an error of a run, as a share."""
+        """Return the relative error of a run."""
         if kind == "amplitude":
             return abs(float(_size(rung.signal) / _size(self.converged)) - 1.0)
         return distance(rung.signal, self.converged)
 
     def cheapest(self, bar: Bar) -> Rung | None:
-        """Return the fastest run within a bar."""
+        """Return the fastest run within a limit."""
         within = [rung for rung in self.rungs if self.error(rung, bar.kind) <= bar.limit]
         return min(within, key=lambda rung: rung.wall, default=None)
 
@@ -86,7 +87,7 @@ class Ladder:
 
 
 def main() -> None:
-    """Run the comparison asked for."""
+    """Run the requested comparison."""
     parser = _parser()
     arguments = parser.parse_args()
     if arguments.repeat < 1:
@@ -103,7 +104,7 @@ def main() -> None:
 
 
 def compare(case: Case, method: Method, compiled: bool, repeat: int) -> None:
-    """Run both programs, and print what came out."""
+    """Run both programs and print the results."""
     print(f"\ncase {case.name}, {case.law}, {method}: {case.title}")
     ours, compilation = climb_ours(case, method, compiled, repeat)
     theirs = climb_exudyn(case, repeat)
@@ -120,10 +121,10 @@ def compare(case: Case, method: Method, compiled: bool, repeat: int) -> None:
 
 
 def verdict(bar: Bar, ours: Ladder, theirs: Ladder) -> str:
-    """Say in a line which program is faster at a bar."""
+    """Return a line that compares the two programs at a limit."""
     found = [(ladder, ladder.cheapest(bar)) for ladder in (ours, theirs)]
     words = [
-        f"{ladder.program} {rung.wall:.2f} s ({ladder.label(rung)})" if rung else f"{ladder.program} not within it"
+        f"{ladder.program} {rung.wall:.2f} s ({ladder.label(rung)})" if rung else f"{ladder.program} not reached"
         for ladder, rung in found
     ]
     own, other = (rung for _, rung in found)
@@ -134,7 +135,7 @@ def verdict(bar: Bar, ours: Ladder, theirs: Ladder) -> str:
 
 
 def climb_ours(case: Case, method: Method, compiled: bool, repeat: int) -> tuple[Ladder, float]:
-    """Return our ladder, and the seconds of compilation; nothing that was compiled before is used."""
+    """Return our ladder and the compilation time (s), from an empty cache."""
     settings, solve = case.tolerances[method], partial(solve_ours, method=method)
     with tempfile.TemporaryDirectory() as cache:
         with _process({"ANCF_CASADI_CACHE": cache, "ANCF_CASADI_COMPILE": str(int(compiled))}) as process:
@@ -143,7 +144,7 @@ def climb_ours(case: Case, method: Method, compiled: bool, repeat: int) -> tuple
         with _process({"ANCF_CASADI_CACHE": cache}) as process:
             fine = process.submit(solve_ours, case, case.converged, method="radau").result()
     if fine.steps < FINER * rungs[-1].steps:
-        print(f"our converged solution has {fine.steps} steps only: its own error counts", file=sys.stderr)
+        print(f"our converged solution has only {fine.steps} steps: its own error matters", file=sys.stderr)
     return Ladder("ours", rungs, signal(case, fine.coordinates)), max(0.0, cold.wall - warm.wall)
 
 
@@ -157,7 +158,7 @@ def climb_exudyn(case: Case, repeat: int) -> Ladder:
 
 
 def solve_ours(case: Case, tolerance: float, *, method: Method, duration: float | None = None) -> Solution:
-    """Run a case in this project, the model and its law built anew."""
+    """Run a case in this project, including the construction of the model and its law."""
     wall, cpu = time.perf_counter(), time.process_time()
     model = Model(BEAM)
     run = simulate(
@@ -175,7 +176,7 @@ def solve_ours(case: Case, tolerance: float, *, method: Method, duration: float 
 
 
 def signal(case: Case, coordinates: Array) -> Array:
-    """Return what is compared, in the window at the end: the excursion of the tip, or the share of a mode."""
+    """Return the compared signal in the window at the end: tip excursion or modal coordinate."""
     coordinates = coordinates[-round(case.window * SAMPLE_RATE) - 1 :]
     model = Model(BEAM)
     held = np.array([case.base.amplitude * np.sin(2 * np.pi * case.base.frequency * case.base.stop_time), 0.0])
@@ -186,7 +187,7 @@ def signal(case: Case, coordinates: Array) -> Array:
 
 
 def distance(first: Array, second: Array) -> float:
-    """Return the largest distance of two motions, as a share of the largest excursion of the second."""
+    """Return the largest distance of two motions, relative to the largest excursion of the second."""
     return float(np.linalg.norm(first - second, axis=1).max() / np.linalg.norm(second, axis=1).max())
 
 
@@ -201,7 +202,7 @@ def _climb(
     settings: Sequence[float],
     repeat: int,
 ) -> list[Rung]:
-    """Run a program at each setting, and keep the fastest of some runs."""
+    """Run a program at each setting; keep the fastest of the repeated runs."""
     rungs = []
     for setting in settings:
         runs = [process.submit(solve, case, setting).result() for _ in range(repeat)]
@@ -216,7 +217,7 @@ def _environment(additions: dict[str, str]) -> None:
 
 
 def _process(additions: dict[str, str]) -> ProcessPoolExecutor:
-    """Return a fresh process with additions to its environment."""
+    """Return a new process with additional environment variables."""
     return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _environment, (additions,))
 
 
@@ -228,11 +229,11 @@ def _machine() -> str:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(description="Compare the speed of this project with Exudyn's.")
-    parser.add_argument("--case", choices=("a", "b", "all"), default="all", help="a: mode 1, large; b: mode 5, a blow")
+    parser.add_argument("--case", choices=("a", "b", "all"), default="all", help="a: mode 1, large; b: mode 5, impact")
     parser.add_argument("--law", choices=(*LAWS, "all"), default="all", help="damping law of case a")
     parser.add_argument("--method", choices=("idas", "radau"), default="radau", help="our integrator")
-    parser.add_argument("--interpreted", action="store_true", help="ours as without a C compiler")
-    parser.add_argument("--quick", action="store_true", help="short ladders, converged solutions less sure")
+    parser.add_argument("--interpreted", action="store_true", help="run ours without a C compiler")
+    parser.add_argument("--quick", action="store_true", help="short ladders, less accurate converged solutions")
     parser.add_argument("--repeat", type=int, default=1, metavar="N", help="keep the fastest of N runs")
     return parser
 

@@ -1,12 +1,12 @@
-"""Fits of seeded synthetic decays: how many fail, and how often the 95 % intervals hold the truth.
+"""Count failed fits of seeded synthetic decays, and the coverage of their 95 % intervals.
 
     .venv/bin/python benchmarks/decay_robustness.py --runs 1000                     law="quadratic"
     .venv/bin/python benchmarks/decay_robustness.py --runs 250 --law friction       also: linear, one-mode
 
-Record k is made from seed k alone: linear, quadratic and mixed damping in turn (with ``--law friction`` friction as
-well), 5 to 2500 periods, 5 to 50 samples per period and at most 40 000 in all, noise of 1e-5 to 0.1 of the amplitude, a
-decay to between 0.9 and exp(-12) of the amplitude.  An estimate that is off by more than 2.5 times the half width of
-its interval is listed: that is five standard errors, and with normal noise there should be none.
+Record k depends on seed k only: linear, quadratic and mixed damping in turn (with ``--law friction`` also friction), 5
+to 2500 periods, 5 to 50 samples per period and at most 40 000 in all, noise of 1e-5 to 0.1 of the amplitude, and a
+decay to between 0.9 and exp(-12) of the amplitude.  The study lists each estimate that is off by more than 2.5 times
+the half width of its interval: these are five standard errors, so that with normal noise there should be none.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from ancf_casadi.exceptions import AncfError
 from problems import fit_decay
 from problems.decay.laws import Law
 
-SHARES = {
+WEIGHTS = {
     "linear": (0.0, 1.0, 0.0),
     "quadratic": (0.0, 0.0, 1.0),
     "mixed": (0.0, 0.5, 0.5),
     "friction": (0.3, 0.4, 0.3),
 }
 MOST_SAMPLES = 40_000
-STRONG = 0.02  # damping ratio beyond which Eq. (27) is too far from Eq. (9) and (26) for its errors
-FAR = 2.5  # half widths of an interval
+STRONG = 0.02  # largest damping ratio; beyond it, Eq. (27) deviates too far from Eqs. (9) and (26)
+FAR = 2.5  # in half widths of an interval
 
 
 @dataclass(frozen=True, eq=False)
 class Decay:
-    """A synthetic record, and the values it was made from."""
+    """Synthetic record with its true values."""
 
     kind: str
     periods: float
@@ -50,16 +50,16 @@ class Decay:
 
 
 def decay(seed: int, law: Law) -> Decay:
-    """Return the record of a seed for a fit by a law."""
+    """Return the record of a seed, for a fit with the given law."""
     rng = np.random.default_rng(seed)
-    kinds = {"linear": ("linear",), "friction": tuple(SHARES)}.get(law, ("linear", "quadratic", "mixed"))
+    kinds = {"linear": ("linear",), "friction": tuple(WEIGHTS)}.get(law, ("linear", "quadratic", "mixed"))
     kind = kinds[seed % len(kinds)]
     periods, frequency = _between(rng, 5.0, 2500.0), _between(rng, 0.5, 500.0)
     samples = min(round(periods * _between(rng, 5.0, 50.0)), MOST_SAMPLES)
     omega, amplitude = 2 * math.pi * frequency, _between(rng, 1e-4, 0.1)
     instants = np.linspace(0.0, periods / frequency, samples)
     ratio = min(_between(rng, 0.1, 12.0) / (2 * math.pi * periods), STRONG)
-    friction, linear, quadratic = (ratio * share for share in SHARES[kind])
+    friction, linear, quadratic = (ratio * weight for weight in WEIGHTS[kind])
     eta0, eta1 = friction * math.pi * omega**2 * amplitude / 2, 2 * linear * omega
     eta2 = quadratic * 3 * math.pi / (4 * amplitude)
     phase, offset = rng.uniform(-math.pi, math.pi), amplitude * rng.uniform(-1.0, 1.0)
@@ -81,7 +81,7 @@ def _between(rng: np.random.Generator, least: float, most: float) -> float:
 
 
 def main() -> None:
-    """Run the study and print its result."""
+    """Run the study and print the result."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--law", default="quadratic", choices=("linear", "quadratic", "friction", "one-mode"))
     parser.add_argument("--runs", type=int, default=1000)
@@ -108,8 +108,8 @@ def main() -> None:
     print(f"{failed} of {arguments.runs} fits failed; processor time {np.median(seconds):.3f} s in the median, "
           f"{np.quantile(seconds, 0.99):.2f} s at 99 %, {max(seconds):.2f} s at most; iterations "
           f"{np.median(iterations):.0f}, at most {max(iterations)}")  # fmt: skip
-    shares = zip(record.truth, np.mean(held, axis=0), strict=True)
-    print("the intervals hold the truth:", ", ".join(f"{name} {share:.1%}" for name, share in shares))
+    coverage = zip(record.truth, np.mean(held, axis=0), strict=True)
+    print("coverage of the intervals:", ", ".join(f"{name} {fraction:.1%}" for name, fraction in coverage))
 
 
 def _distance(interval: tuple[float, float], value: float) -> float:

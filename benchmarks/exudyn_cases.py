@@ -1,21 +1,20 @@
-"""The cases of ``compare_exudyn.py``, and how Exudyn solves them.
+"""Cases of ``compare_exudyn.py``, and their solution in Exudyn.
 
-The beam of the paper hangs from a clamp that moves to and fro, and is then held.
+The beam of the paper hangs from a clamp that oscillates and is then held.
 
-    large    25 s of mode 1, up to 0.25 m at the tip; the beam starts with the speed of the clamp.  Three damping laws.
-    blow     3 s of mode 5, undamped; the beam starts at rest and the clamp with a speed, which is a blow to it.
+    large    25 s of mode 1, up to 0.25 m at the tip, three laws; the beam starts with the velocity of the clamp.
+    blow     3 s of mode 5, undamped; the beam starts at rest while the clamp has a velocity, which is an impact.
 
-Exudyn's model has the elements and strain measures of ours: ``ObjectANCFCable2D`` with
-``useReducedOrderIntegration=2`` (the other quadratures lock).  Coordinate constraints drive and hold the clamped node.
-The laws:
+Exudyn's model has the same elements and strain measures: ``ObjectANCFCable2D`` with ``useReducedOrderIntegration=2``
+(the other quadratures lock).  Coordinate constraints drive and hold the clamped node.  The damping laws are
 
-    mass        an ``ObjectGenericODE2`` an element with the damping matrix alpha M_e
-    generic     one ``ObjectGenericODE2`` over all nodes with C = M Phi diag(2 zeta omega) Phi^T M
+    mass        one ``ObjectGenericODE2`` per element, with the damping matrix alpha M_e
+    modal       one ``ObjectGenericODE2`` over all nodes, with C = M Phi diag(2 zeta omega) Phi^T M
     drag        a ``CartesianSpringDamper`` with a symbolic user function at each of 40 Gauss points
 
-Its settings are the best found for it: exudynFast; generalized alpha with the spectral radius 0.9 (its non-dissipative
-integrators are unstable here); EigenSparse with a reused pattern, one Jacobian a step; the Newton tolerances 1e-6,
-relative, and 1e-8, absolute; one thread.
+The settings are the best found for Exudyn: exudynFast; generalized alpha with spectral radius 0.9 (its non-dissipative
+integrators are unstable here); EigenSparse with a reused pattern, one Jacobian per step; Newton tolerances of 1e-6
+(relative) and 1e-8 (absolute); one thread.
 """
 
 from __future__ import annotations
@@ -53,12 +52,12 @@ Array = NDArray[np.float64]
 BEAM = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=20)
 RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
 SAMPLE_RATE = 1000.0  # 1/s, in both programs
-LAWS = ("mass", "generic", "drag")
+LAWS = ("mass", "modal", "drag")
 
 
 @dataclass(frozen=True)
 class Bar:
-    """What is asked of a solution: an error, ``"error"`` or ``"amplitude"``, and its limit."""
+    """Limit of an error of a solution, ``"error"`` or ``"amplitude"``."""
 
     kind: str
     limit: float
@@ -66,28 +65,28 @@ class Bar:
 
 @dataclass(frozen=True)
 class Case:
-    """A motion, what is asked of it, and the ladders of accuracies that are tried.
+    """Motion, error limits, and ladders of accuracies.
 
     Parameters
     ----------
     name, law, title : str
-        Which case, which damping law, and what it is.
+        Name of the case, its damping law, and a description.
     base : HarmonicBase
         Motion of the clamp, along x.
     duration, window : float
-        Simulated time, and the part of it at the end that is compared, s.
+        Simulated time, and the compared part at its end, s.
     start : {"equilibrium", "impact"}
         Relative or absolute rest.
     mode : int or None
-        Mode number from 0 whose share of the motion is compared; None for the tip.
+        Mode number, from 0, whose modal coordinate is compared; None for the tip.
     bars : tuple of Bar
-        What is asked.
+        Error limits.
     tolerances : mapping
-        Our tolerances for either integrator, coarse to fine.
+        Our tolerances for each integrator, coarse to fine.
     converged : float
         Tolerance of our converged solution, by ``radau``.
     steps : tuple of float
-        Exudyn's steps (s), coarse to fine; its converged solution is extrapolated from the last two.
+        Exudyn's step sizes (s), coarse to fine; the last two give the extrapolated solution.
     """
 
     name: str
@@ -105,7 +104,7 @@ class Case:
 
 
 def large(law: str, quick: bool) -> Case:
-    """Return case (a) under one of the laws."""
+    """Return case (a) with one of the laws."""
     return Case(
         name="a",
         law=law,
@@ -130,7 +129,7 @@ def blow(quick: bool) -> Case:
     return Case(
         name="b",
         law="undamped",
-        title="3 s of mode 5 after a blow to the clamp, its share over the last second",
+        title="3 s of mode 5 after an impact on the clamp, modal coordinate over the last second",
         base=HarmonicBase(amplitude=0.1e-3, frequency=94.3388, stop=2.0),
         duration=3.0,
         window=1.0,
@@ -147,11 +146,11 @@ def blow(quick: bool) -> Case:
 
 
 def damping(law: str, model: Model) -> DampingLaw | None:
-    """Return a law for ``simulate``."""
+    """Return the damping law for ``simulate``."""
     match law:
         case "mass":
             return RayleighDamping(alpha=0.2325)
-        case "generic":
+        case "modal":
             return ModalDamping(natural_modes(model, count=len(RATIOS)), RATIOS)
         case "drag":
             return QuadraticDamping(eta1=0.15, eta2=0.11)
@@ -160,16 +159,16 @@ def damping(law: str, model: Model) -> DampingLaw | None:
 
 @dataclass(frozen=True)
 class Solution:
-    """A sampled motion and its cost.
+    """Sampled motion and its cost.
 
     Parameters
     ----------
     coordinates : array (k, 4 n + 4) or (k, 2)
-        Nodal coordinates if a mode is looked at, else the position of the tip.
+        Nodal coordinates if a mode is compared, otherwise the tip position.
     steps : int
-        Steps taken.
+        Number of steps.
     wall, cpu : float
-        Time taken, s, building the model included.
+        Time, s, including the construction of the model.
     """
 
     coordinates: Array
@@ -179,7 +178,7 @@ class Solution:
 
 
 def solve_exudyn(case: Case, step: float) -> Solution:
-    """Run a case in Exudyn; the equilibrium, the mass matrices and the modes are given to it, and take no time."""
+    """Run a case in Exudyn, which receives equilibrium, mass matrices and modes at no cost."""
     model = Model(BEAM)
     given = _Given(model, static_equilibrium(model).coordinates, damping(case.law, model))
     exu, items = exudyn()
@@ -192,12 +191,12 @@ def solve_exudyn(case: Case, step: float) -> Solution:
 
 
 def exudyn() -> tuple[Any, Any]:
-    """Return Exudyn in its fast version, and its items.
+    """Return the fast version of Exudyn, and its items.
 
     Raises
     ------
     ImportError
-        If it is not installed.
+        If Exudyn is not installed.
     """
     sys.exudynFast = True  # type: ignore[attr-defined]
     with contextlib.redirect_stdout(io.StringIO()):
@@ -209,7 +208,7 @@ def exudyn() -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class _Given:
-    """What Exudyn is given: the model for its matrices, the equilibrium and the law."""
+    """Input of Exudyn: the model for its matrices, the equilibrium and the law."""
 
     model: Model
     rest: Array
@@ -217,7 +216,7 @@ class _Given:
 
 
 class _System:
-    """An Exudyn system of a case; it keeps the symbolic user functions alive."""
+    """Exudyn system of a case; it keeps the symbolic user functions alive."""
 
     def __init__(self, exu: Any, items: Any, case: Case, given: _Given) -> None:
         self.exu, self.items, self.case, self.given = exu, items, case, given
@@ -228,17 +227,17 @@ class _System:
         self.nodes = self._nodes()
         self.cables = self._cables()
         self._clamp()
-        {"mass": self._mass, "generic": self._generic, "drag": self._drag}.get(case.law, lambda: None)()
+        {"mass": self._mass, "modal": self._modal, "drag": self._drag}.get(case.law, lambda: None)()
         self.sensors = [self._sensor(node) for node in (self.nodes if case.mode is not None else self.nodes[-1:])]
         self.mbs.Assemble()
 
     def coordinates(self) -> Array:
-        """Return the sampled positions of the tip, or all nodal coordinates."""
+        """Return the sampled tip positions, or all nodal coordinates."""
         samples = [np.asarray(self.mbs.GetSensorStoredData(sensor))[:, 1:] for sensor in self.sensors]
         return samples[0][:, :2] if self.case.mode is None else np.hstack(samples)
 
     def _nodes(self) -> list[Any]:
-        """Add the nodes at the equilibrium, with the speed of the clamp or without."""
+        """Add the nodes in equilibrium, with or without the velocity of the clamp."""
         straight = self.given.model.straight.reshape(-1, NODE)
         displacement = self.given.rest.reshape(-1, NODE) - straight
         speed = [self.case.base.amplitude * 2 * math.pi * self.case.base.frequency, 0.0, 0.0, 0.0]
@@ -275,7 +274,7 @@ class _System:
         return cables
 
     def _clamp(self) -> None:
-        """Drive the first node along x, then hold it; hold its other coordinates."""
+        """Drive the first node along x, then hold it; its other coordinates are held throughout."""
         sym, base = self.exu.symbolic, self.case.base
         amplitude, omega, stop = base.amplitude, 2 * math.pi * base.frequency, base.stop_time
         held = amplitude * math.sin(omega * stop)
@@ -300,29 +299,29 @@ class _System:
             )
 
     def _mass(self) -> None:
-        model, alpha = self.given.model, dict(self.given.law.parameters)["alpha"]
+        model, alpha = self.given.model, self.given.law.alpha
         properties = model.groups[0].properties(model.properties).full()
         for k in range(BEAM.elements):
             matrix = alpha * model.element.mass(properties[:, k]).full()
             self._viscous(self.nodes[k : k + 2], matrix)
 
-    def _generic(self) -> None:
+    def _modal(self) -> None:
         projection = self.given.law.projection(self.given.model)
         rates = 4 * math.pi * np.array(self.given.law.frequencies) * np.array(self.given.law.ratios)
         self._viscous(self.nodes, projection * rates @ projection.T)
 
     def _viscous(self, nodes: list[Any], matrix: Array) -> None:
-        """Add the damping forces of a matrix, on velocities in the laboratory frame."""
+        """Add the damping forces of a matrix, which acts on absolute velocities."""
         self.mbs.AddObject(
             self.items.ObjectGenericODE2(nodeNumbers=nodes, massMatrix=np.zeros_like(matrix), dampingMatrix=matrix)
         )
 
     def _drag(self) -> None:
-        """Add the drag of 2 Gauss points an element; ours has 4, which is the same to 1e-6."""
-        coefficients, name = dict(self.given.law.parameters), "ObjectConnectorCartesianSpringDamper"
+        """Add drag at 2 Gauss points per element; ours uses 4, which agrees to 1e-6."""
+        law, name = self.given.law, "ObjectConnectorCartesianSpringDamper"
         share = BEAM.density[0] * BEAM.sections[0].area * BEAM.element_length / 2
-        linear = coefficients["eta1"] * share
-        quadratic = coefficients["eta2"] * DRAG_CONSTANT * share
+        linear = law.eta1 * share
+        quadratic = law.eta2 * DRAG_CONSTANT * share
         sym = self.exu.symbolic
 
         def force(

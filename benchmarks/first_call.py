@@ -1,12 +1,12 @@
-"""The first call against the second: what compilation costs from an empty cache, and what it does not cost again.
+"""Compare the first call with the second: the cost of compilation from an empty cache, and the calls that reuse it.
 
     .venv/bin/python benchmarks/first_call.py                          three laws, both integrators, a transient fit
-    .venv/bin/python benchmarks/first_call.py --before ../old          the same, and that of another checkout, by turns
+    .venv/bin/python benchmarks/first_call.py --before ../old          the same, in turn with another checkout
     .venv/bin/python benchmarks/first_call.py --cases radau-modal fit --seconds 2
 
-A case is a process of its own with an empty cache.  It makes the same call twice, then one with another beam and one
-with another number of elements.  Seconds are those of the clock and, in brackets, of the processors with the compilers;
-on a shared machine read the latter.  The bar is 2 s more for the first call than for the second, 5 s for a fit.
+Each case runs in its own process with an empty cache.  It makes the same call twice, then one call with another beam
+and one with another number of elements.  Times are wall times and, in brackets, processor times including the
+compilers; on a shared machine, read the latter.  The first call may take 2 s more than the second, and 5 s in a fit.
 """
 
 from __future__ import annotations
@@ -56,42 +56,41 @@ CASES = (*(f"{method}-{law}" for method in ("idas", "radau") for law in LAWS), "
 
 
 def call(case: str, seconds: float, **changes: Any) -> Callable[[], object]:
-    """Return a call of a case, ready to be timed."""
+    """Return the call of a case, ready to be timed."""
     if case == "fit":
         return fit_call(seconds / 5, **changes)
     model = Model(Beam.uniform(**STEEL | changes))
     method, law = case.split("-", 1)
     base = HarmonicBase(amplitude=5e-3, frequency=1.85)
-    return lambda: simulate(model, damping=LAWS[law](model), base=base, start="moving", duration=seconds, method=method)
+    return lambda: simulate(model, damping=LAWS[law](model), base=base, duration=seconds, method=method)
 
 
 def fit_call(seconds: float, **changes: Any) -> Callable[[], object]:
-    """Return the fit of air drag to a noisy record of a strip of silicone, which is simulated without a compiler."""
+    """Return the fit of air drag to a noisy record of a silicone strip, simulated without a compiler."""
     model, base = Model(Beam.uniform(**SILICONE | changes)), HarmonicBase(0.02, 2.0, stop=0.5)
     compilation, os.environ["ANCF_CASADI_COMPILE"] = os.environ["ANCF_CASADI_COMPILE"], "0"
     run = simulate(
         model,
         damping=QuadraticDamping(eta1=0.6, eta2=4.0),
         base=base,
-        start="moving",
         duration=seconds,
         sample_rate=40.0,
         method="radau",
     )
     os.environ["ANCF_CASADI_COMPILE"] = compilation
     noise = np.random.default_rng(0).normal(0.0, 0.5e-3, run.tip.shape)
-    record = MarkerRecord(run.time, run.tip + noise, base=base, start="moving")
+    record = MarkerRecord(run.time, run.tip + noise, base=base)
     return lambda: fit_transient(model, record, QuadraticDamping(0.3, 8.0), tolerance=1e-5)
 
 
 def processors() -> float:
-    """Return the processor seconds of this process and its children."""
+    """Return the processor time (s) of this process and its children."""
     usages = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)
 
 
 def measure(case: str, seconds: float) -> list[tuple[float, float]]:
-    """Return clock and processor seconds of each of ``CALLS``."""
+    """Return wall time and processor time (s) of each of ``CALLS``."""
     found = []
     for changes in CALLS.values():
         made = call(case, seconds, **changes)
@@ -102,7 +101,7 @@ def measure(case: str, seconds: float) -> list[tuple[float, float]]:
 
 
 def measured_apart(case: str, seconds: float, root: Path) -> list[tuple[float, float]]:
-    """Return what ``measure`` finds in a process of its own, with the packages of a checkout and an empty cache."""
+    """Run ``measure`` in a separate process, with the packages of a checkout and an empty cache."""
     with tempfile.TemporaryDirectory() as cache:
         environment = {**os.environ, "ANCF_CASADI_CACHE": cache, "PYTHONPATH": str(root), "ANCF_CASADI_COMPILE": "1"}
         command = [sys.executable, __file__, "--measure", case, "--seconds", str(seconds)]
@@ -111,17 +110,17 @@ def measured_apart(case: str, seconds: float, root: Path) -> list[tuple[float, f
 
 
 def show(label: str, found: Sequence[tuple[float, float]]) -> None:
-    """Print a line."""
+    """Print a row of the table."""
     extra = [round(found[0][k] - found[1][k], 2) for k in (0, 1)]
     times = "".join(f"{clock:8.2f} ({used:5.2f})" for clock, used in found)
     print(f"{label:26s}{times}{extra[0]:9.2f} ({extra[1]:5.2f})", flush=True)
 
 
 def main() -> None:
-    """Measure the cases, each checkout by turns, and print a table."""
+    """Measure the cases, each checkout in turn, and print a table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", nargs="+", choices=CASES, default=CASES)
-    parser.add_argument("--seconds", type=float, default=10.0, help="simulated time; a fit has a fifth of it")
+    parser.add_argument("--seconds", type=float, default=10.0, help="simulated time; a fit uses a fifth of it")
     parser.add_argument("--before", type=Path, help="another checkout to compare with")
     parser.add_argument("--measure", choices=CASES, help=argparse.SUPPRESS)
     options = parser.parse_args()

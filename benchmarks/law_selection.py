@@ -1,10 +1,10 @@
-"""How often the right damping law is chosen: seeded records made by each law, each fitted by all.
+"""Measure how often the true damping law is selected: seeded records of each law, each fitted with all laws.
 
     .venv/bin/python benchmarks/law_selection.py decays --runs 200       closed-form decays, compare_decay_laws
     .venv/bin/python benchmarks/law_selection.py motions --runs 20       large motion of a beam, compare_laws
-    .venv/bin/python benchmarks/law_selection.py motions --runs 20 --weak    the same, too short and noisy to tell
+    .venv/bin/python benchmarks/law_selection.py motions --runs 20 --weak    the same, too short and noisy to decide
 
-A run is right if the law it was made by has the least BIC, and settled if the verdict says so.
+A run is right if the true law has the lowest BIC, and settled if the verdict says so.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from ancf_casadi.decay.friction import friction_decay
 from problems import MarkerRecord, compare_decay_laws, compare_laws
 
 DECAYS = {"linear": (0.0, 0.25, 0.0), "quadratic": (0.0, 0.15, 0.5), "friction": (0.1, 0.15, 0.5)}  # eta0, eta1, eta2
-LAWS = ("mass-proportional", "quadratic", "generic")
+LAWS = ("mass-proportional", "quadratic", "modal")
 NOISE = 0.5e-3  # m
 
 
 def decay(law: str, seed: int, *, weak: bool) -> tuple[bool, bool]:
-    """Return whether the law a decay was made by is chosen, and whether the choice is said to be settled."""
+    """Return whether the true law of a decay is selected, and whether the verdict is settled."""
     time = np.arange(0.0, 0.8 if weak else 5.0, 1 / 500)
     eta0, eta1, eta2 = DECAYS[law]
     y = np.asarray(friction_decay(cs.DM(time), 2 * math.pi * 1.85, eta0, eta1, eta2, 0.076, 0.2)).ravel()
@@ -49,14 +49,14 @@ def decay(law: str, seed: int, *, weak: bool) -> tuple[bool, bool]:
 
 
 def strip() -> Model:
-    """Return a soft strip of silicone, hanging."""
+    """Return a soft, hanging silicone strip."""
     return Model(
         Beam.uniform(length=0.2, width=0.01, thickness=2e-3, density=1070.0, elastic_modulus=264e3, elements=3)
     )
 
 
 def laws(model: Model, guess: float) -> list[DampingLaw]:
-    """Return the three laws, with their parameters times a factor, each with what calms the modes of the mesh."""
+    """Return the three laws with scaled parameters, each with strain-rate damping for the modes of the mesh."""
     modes, calm = natural_modes(model, count=2), RayleighDamping(beta=3e-4)
     return [
         RayleighDamping(alpha=1.5 * guess) + calm,
@@ -66,7 +66,7 @@ def laws(model: Model, guess: float) -> list[DampingLaw]:
 
 
 def motion(law: str, seed: int, *, weak: bool) -> tuple[bool, bool]:
-    """Return the same of a release from a load that bends the strip with its first two modes."""
+    """Return the same for a release from a load that bends the strip in its first two modes."""
     model = strip()
     start = static_equilibrium(model, tip_force=(0.005, 0.0), tip_moment=-8e-6)
     which = LAWS.index(law)
@@ -82,7 +82,7 @@ def motion(law: str, seed: int, *, weak: bool) -> tuple[bool, bool]:
 
 
 def main() -> None:
-    """Run the study, and print a line for each law."""
+    """Run the study and print a line for each law."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", choices=("decays", "motions"))
     parser.add_argument("--runs", type=int, default=20)
@@ -95,7 +95,7 @@ def main() -> None:
         right, settled = np.array(run_all(tasks, jobs=options.jobs)).T
         print(
             f"{law:18} right {right.mean():6.1%}, settled {settled.mean():6.1%}, "
-            f"wrong though settled {(settled & ~right).mean():6.1%}",
+            f"settled on a wrong law {(settled & ~right).mean():6.1%}",
             flush=True,
         )
 

@@ -2,10 +2,10 @@
 
     python benchmarks/radau_step.py
 
-prints, for some motions of 20 elements sampled 1000 times per second, the steps, the iterations of Newton's method and
-the factorisations that they took, and processor time in ms per step: all of it, and without samples.  Then follow the
-parts, in microseconds per step: calls of the compiled Functions, factorisations, triangular solutions; what is left is
-Python.  Clocks around the parts take some time themselves; the first two numbers are taken without.
+For several motions of 20 elements sampled 1000 times per second, it prints the numbers of steps, Newton iterations and
+factorisations, and the processor time in ms per step, with and without samples.  Then follow the parts in microseconds
+per step: calls of the compiled Functions, factorisations and triangular solutions; the rest is Python.  The clocks
+around the parts take some time themselves; the first two times are measured without them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,10 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.radau import stepper as radau
+from ancf_casadi.dynamics.radau import newton, samples, stepper
+from ancf_casadi.dynamics.radau.stepper import Stepper
+from ancf_casadi.support.banded import Factors
+from ancf_casadi.support.compilation import Buffered
 
 BEAM: dict[str, Any] = {
     "length": 0.5,
@@ -43,7 +46,7 @@ SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)
 
 
 def motions() -> Iterator[tuple[str, Model, dict[str, Any]]]:
-    """Yield the motions: what they are, the model, and the settings of ``simulate``."""
+    """Yield description, model and settings of ``simulate`` of each motion."""
     hanging = Model(Beam.uniform(**BEAM))
     swing = {"base": SWING, "start": "equilibrium", "duration": 10.0}
     law = ModalDamping(natural_modes(hanging, count=len(RATIOS)), RATIOS)
@@ -77,33 +80,35 @@ def clocks(parts: dict[str, float]) -> Iterator[None]:
 
         return call
 
-    class Clocked(radau.Buffered):
+    class Clocked(Buffered):
         def __init__(self, function: Any, *inputs: Any) -> None:
             super().__init__(function, *inputs)
             self._evaluate = clocked(function.name(), self._evaluate)
 
-    of, solve = radau.Factors.of, clocked("solve", radau.Factors.solve)
+    of, solve = Factors.of, clocked("solve", Factors.solve)
     with (
-        patch.object(radau, "Buffered", Clocked),
-        patch.object(radau.Factors, "of", staticmethod(clocked("factorise", of))),
-        patch.object(radau.Factors, "solve", lambda *arguments: solve(*arguments)),
+        patch.object(newton, "Buffered", Clocked),
+        patch.object(samples, "Buffered", Clocked),
+        patch.object(stepper, "Buffered", Clocked),
+        patch.object(Factors, "of", staticmethod(clocked("factorise", of))),
+        patch.object(Factors, "solve", lambda *arguments, **options: solve(*arguments, **options)),
     ):
         yield
 
 
-def steppers(found: list[radau.Stepper]) -> Any:
-    """Keep the steppers that a run makes."""
-    init = radau.Stepper.__init__
+def noted(found: list[Stepper]) -> Any:
+    """Note the steppers that a run makes."""
+    init = Stepper.__init__
 
-    def noting(stepper: radau.Stepper, *arguments: Any, **options: Any) -> None:
-        init(stepper, *arguments, **options)
-        found.append(stepper)
+    def noting(one: Stepper, *arguments: Any, **options: Any) -> None:
+        init(one, *arguments, **options)
+        found.append(one)
 
-    return patch.object(radau.Stepper, "__init__", noting)
+    return patch.object(Stepper, "__init__", noting)
 
 
 def seconds(model: Model, repeats: int = 3, **settings: Any) -> float:
-    """Return the least processor time of some runs."""
+    """Return the least processor time of several runs, s."""
     least = float("inf")
     for _ in range(repeats):
         began = time.process_time()
@@ -116,10 +121,14 @@ def main() -> None:
     """Print the cost of each motion."""
     for name, model, settings in motions():
         simulate(model, method="radau", **{**settings, "duration": 0.3})  # compiles
-        found: list[radau.Stepper] = []
-        with steppers(found):
+        found: list[Stepper] = []
+        with noted(found):
             simulate(model, method="radau", **settings)
-        counts = {what: sum(getattr(one, what) for one in found) for what in ("steps", "iterations", "factorisations")}
+        counts = {
+            "steps": sum(one.steps for one in found),
+            "iterations": sum(one.newton.iterations for one in found),
+            "factorisations": sum(one.newton.factorisations for one in found),
+        }
         everything = seconds(model, **settings)
         bare = seconds(model, **{**settings, "sample_rate": 2.0 / settings["duration"]})
         steps = counts["steps"]

@@ -1,4 +1,4 @@
-"""The decay fit, from the raw signal: 5000 samples in 0.1 s."""
+"""Time of a decay fit to the raw signal: limit 0.1 s for 5000 samples."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Times of the exported model; run with ``pytest benchmarks/test_export.py -n 0 --benchmark-enable``."""
+"""Computing times of the exported model; run with ``pytest benchmarks/test_export.py -n 0 --benchmark-enable``."""
 
 import shutil
 import subprocess
@@ -28,7 +28,7 @@ def exported(elements, name):
 @pytest.mark.parametrize("name", ["strain-rate", "generic"])
 @pytest.mark.parametrize("elements", [20, 200])
 def test_right_hand_side(benchmark, tmp_path, elements, name):
-    """20 elements: bar 15 us; 200: linear, ten times that."""
+    """At most 15 us for 20 elements, and ten times as long for 200."""
     functions = exported(elements, name)
     source, library = tmp_path / "rhs.c", tmp_path / "rhs.so"
     generator = cs.CodeGenerator(source.name)
@@ -46,7 +46,7 @@ def test_right_hand_side(benchmark, tmp_path, elements, name):
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no gcc")
 @pytest.mark.parametrize("name", ["strain-rate", "generic"])
 def test_writing_and_compiling_all_functions(benchmark, tmp_path, name):
-    """20 elements: bar 5 s to write, 60 s to compile at -O2."""
+    """At most 5 s to write 20 elements, and 60 s to compile them at -O2."""
     functions = exported(20, name)
     source, *_ = benchmark.pedantic(lambda: write_c(functions, tmp_path), rounds=1)
     began = time.perf_counter()

@@ -1,6 +1,6 @@
 """Modes and matching on fine meshes; run with ``pytest benchmarks/test_meshes.py -n 0 --benchmark-enable``.
 
-On a shared machine compare the processor times and the ratios of a single run.
+On a shared machine, compare processor times and the ratios within one run.
 """
 
 import time
@@ -17,7 +17,7 @@ EXACT = (1.655293122, 10.373544922, 29.046226159, 56.919010528, 94.091202772)  #
 
 
 def measured(benchmark, work):
-    """Run once, with the processor time beside that on the clock."""
+    """Run once; record the processor time as well as the wall time."""
 
     def timed():
         began = time.process_time()
@@ -30,7 +30,7 @@ def measured(benchmark, work):
 
 @pytest.mark.parametrize("elements", [20, 40, 80, 200, 400])
 def test_matching_all_widths_and_thicknesses(benchmark, elements):
-    """2 n + 2 properties to 5 frequencies: bar 5 s with 200 elements, 15 s with 400."""
+    """2 n + 2 properties, 5 frequencies: limit 5 s with 200 elements, 15 s with 400."""
     beam = Beam.uniform(**STEEL, elements=elements)
     match = measured(benchmark, lambda: match_frequencies(beam, targets=paper.FREQUENCIES))
     benchmark.extra_info.update(build=match.build_seconds, solve=match.solve_seconds, iterations=match.iterations)
@@ -39,7 +39,7 @@ def test_matching_all_widths_and_thicknesses(benchmark, elements):
 
 @pytest.mark.parametrize("elements", [20, 200, 1000, 10_000])
 def test_natural_modes(benchmark, elements):
-    """Five modes and their equilibrium, without gravity, and the error left when that of the cubic is taken off."""
+    """Five modes and their equilibrium without gravity; error after subtraction of the cubic element's error."""
     model = Model(Beam.uniform(**STEEL, elements=elements, gravity=(0.0, 0.0)))
     modes = measured(benchmark, lambda: natural_modes(model))
     waves = np.sqrt(modes.angular_frequencies * np.sqrt(modes.model.beam.mass / 0.5 / (210e9 * 5e-3 * 0.5e-3**3 / 12)))
@@ -50,7 +50,7 @@ def test_natural_modes(benchmark, elements):
 
 @pytest.mark.parametrize("elements", [20, 1000, 3000, 10_000])
 def test_static_equilibrium(benchmark, elements):
-    """Horizontal beam under its weight."""
+    """Horizontal beam under its own weight."""
     model = Model(Beam.uniform(**STEEL, elements=elements, axis=(1.0, 0.0)))
     rest = measured(benchmark, lambda: static_equilibrium(model))
     assert rest.tip[1] == pytest.approx(-0.1322053449, abs=1e-6)

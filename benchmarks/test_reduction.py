@@ -1,4 +1,4 @@
-"""Time of the reduced model as C: bar 10 ms for 1 s of mode 5; run as ``test_speed.py``, with ``-s`` for the errors."""
+"""Time of the reduced model in C (target: 10 ms for 1 s of mode 5); run like ``test_speed.py``, ``-s`` shows errors."""
 
 import ctypes
 import shutil
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, ModalDamping, Model, QuadraticDamping, natural_modes, reduce_model, simulate
-from ancf_casadi.reduction.projection import BASE
+from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.stepping import project
 from problems.study import paper
 
@@ -39,7 +39,7 @@ void run(double* x, const double* p, double h, int steps, int every, double* pat
 
 @pytest.fixture(scope="module")
 def full():
-    """1 s of the full beam, released from the load that bends it like mode 5; tip 0.5 mm aside."""
+    """1 s of the full beam, released from a load that bends it like mode 5 with a tip deflection of 0.5 mm."""
     import sys
     from pathlib import Path
 
@@ -78,8 +78,8 @@ def test_one_second_of_mode_5(benchmark, full, tmp_path, modes, law, flags):
     compiler = shutil.which("gcc")
     subprocess.run([compiler, *flags, "-fPIC", "-shared", *sources, "-o", str(tmp_path / "run.so"), "-lm"], check=True)
     library = ctypes.CDLL(str(tmp_path / "run.so"))
-    steps = SAMPLES * int(np.ceil(10 * reduced.modes.frequencies[4] / SAMPLES))  # 10 in a period of mode 5 at least
-    x0, p, path = project(reduced, start, np.zeros(BASE)), reduced.values, np.zeros((SAMPLES, 2 * modes))
+    steps = SAMPLES * int(np.ceil(10 * reduced.modes.frequencies[4] / SAMPLES))  # at least 10 per period of mode 5
+    x0, p, path = project(reduced, start, np.zeros(BASE_SIZE)), reduced.values, np.zeros((SAMPLES, 2 * modes))
 
     def run():
         x = x0.copy()
@@ -87,7 +87,7 @@ def test_one_second_of_mode_5(benchmark, full, tmp_path, modes, law, flags):
         library.run(*pointers[:2], ctypes.c_double(1 / steps), steps, steps // SAMPLES, pointers[2])
 
     benchmark(run)
-    tip = reduced.tip(path[:, :modes].T, np.zeros((BASE, SAMPLES))).full().T
+    tip = reduced.tip(path[:, :modes].T, np.zeros((BASE_SIZE, SAMPLES))).full().T
     error = np.linalg.norm(tip - runs[law].tip[1:], axis=1)
     text = ", ".join(f"{error[: round(t * SAMPLES)].max() / 0.5e-3:.1e} in {t:g} s" for t in (0.1, 1.0))
     least = f"{1e3 * benchmark.stats['min']:.1f} ms, " if benchmark.stats else ""

@@ -1,6 +1,6 @@
-"""Times of what users wait for; run with ``pytest benchmarks -n 0 --benchmark-enable``.
+"""Times that users wait for; run with ``pytest benchmarks -n 0 --benchmark-enable``.
 
-The bars of ``benchmarks/README.md`` are for a quiet machine.  On a shared one compare the ratios of a single run.
+The limits in ``benchmarks/README.md`` hold for a quiet machine.  On a shared one, compare ratios within one run.
 """
 
 import subprocess
@@ -20,7 +20,7 @@ from ancf_casadi import (
     simulate,
 )
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.idas import SemiExplicit
+from ancf_casadi.dynamics.semi_explicit import SemiExplicit
 from ancf_casadi.support.compilation import compiled, interpreted
 from problems import match_frequencies
 from problems.study import paper
@@ -40,12 +40,12 @@ def law_of(name, beam):
         "strain-rate": lambda: RayleighDamping(alpha=0.228, beta=3.18e-5),
         "tangent": lambda: RayleighDamping(alpha=0.228, beta=3.18e-5, stiffness="tangent"),
         "quadratic": lambda: QuadraticDamping(eta1=0.15, eta2=0.11),
-        "generic": lambda: ModalDamping(natural_modes(beam), paper.DAMPING_RATIOS),
+        "modal": lambda: ModalDamping(natural_modes(beam), paper.DAMPING_RATIOS),
     }[name]()
 
 
 def test_import(benchmark):
-    """``import ancf_casadi`` beyond casadi and numpy: bar 0.3 s."""
+    """``import ancf_casadi`` beyond casadi and numpy: limit 0.3 s."""
     code = "import time, casadi, numpy; t = time.perf_counter(); import ancf_casadi; print(time.perf_counter() - t)"
 
     def run():
@@ -56,7 +56,7 @@ def test_import(benchmark):
 
 
 def test_model_with_all_that_simulate_needs(benchmark):
-    """A model of 20 elements, its equilibrium and its equations: bar 0.5 s."""
+    """Model of 20 elements with its equilibrium and equations: limit 0.5 s."""
 
     def build():
         beam = model()
@@ -69,27 +69,27 @@ def test_model_with_all_that_simulate_needs(benchmark):
 
 
 def test_frequency_matching(benchmark):
-    """42 properties to 5 frequencies: bar 1 s to build and solve, 0.2 s to solve; finer meshes in ``test_meshes``."""
+    """42 properties, 5 frequencies: limit 1 s to build and solve, 0.2 s to solve; ``test_meshes`` has finer meshes."""
     beam = Beam.uniform(**STEEL, elements=20)
     match = benchmark(lambda: match_frequencies(beam, targets=paper.FREQUENCIES))
     benchmark.extra_info.update(build=match.build_seconds, solve=match.solve_seconds, iterations=match.iterations)
     assert match.max_relative_error < 1e-6
 
 
-@pytest.mark.parametrize("name", ["undamped", "mass-proportional", "strain-rate", "tangent", "quadratic", "generic"])
+@pytest.mark.parametrize("name", ["undamped", "mass-proportional", "strain-rate", "tangent", "quadratic", "modal"])
 def test_two_seconds_of_a_large_swing(benchmark, name):
-    """Mode 1 driven 5 mm at resonance, 20 elements, at the default tolerance."""
+    """Mode 1 driven with 5 mm at resonance, 20 elements, default tolerance."""
     beam = model()
     law = law_of(name, beam)
     run = benchmark.pedantic(lambda: simulate(beam, damping=law, base=SWING, duration=2.0), rounds=3, warmup_rounds=1)
-    benchmark.extra_info["microseconds_a_step"] = 1e6 * run.wall_seconds / run.steps
+    benchmark.extra_info["microseconds_per_step"] = 1e6 * run.wall_seconds / run.steps
     assert np.ptp(run.tip[:, 0]) > 0.1
 
 
-@pytest.mark.parametrize("name", ["mass-proportional", "quadratic", "generic"])
+@pytest.mark.parametrize("name", ["mass-proportional", "quadratic", "modal"])
 @pytest.mark.parametrize("elements", [20, 200])
 def test_fine_meshes(benchmark, name, elements):
-    """20 against 200 elements: bar a factor of 12."""
+    """200 elements relative to 20: limit a factor of 12."""
     beam = model(elements)
     law = law_of(name, beam)
     run = benchmark.pedantic(

@@ -62,7 +62,7 @@ def case(name: str, elements: int) -> Case:
     base, law = HarmonicBase(1e-3, modes.frequencies[0], stop=4.0), ModalDamping(modes, RATIOS)
     eta2 = 0.2 if name == "drag" else 0.0
     truth = law + QuadraticDamping(eta2=eta2) if eta2 else law
-    fixed = tuple(name for name, _ in law.parameters)
+    fixed = tuple(parameter.name for parameter in law.parameters)
     return Case(model, truth, law + QuadraticDamping(eta2=0.1), (eta2,), 2e-5, base, 1.0, 500.0, fixed)
 
 

@@ -1,4 +1,4 @@
-"""Measure the accuracy of both integrators, and print the tables of ``accuracy.md``."""
+"""Measure the accuracy of both integrators and print the tables of ``accuracy.md``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse.linalg
-from numpy.typing import NDArray
 
 from ancf_casadi import (
     Beam,
@@ -29,8 +28,6 @@ from ancf_casadi.damping import ProportionalStiffness
 from ancf_casadi.dynamics.integration import Method
 from ancf_casadi.vibration.modes import Modes
 
-Array = NDArray[np.float64]
-
 LENGTH = 0.5
 BEAM: dict[str, Any] = {
     "length": LENGTH,
@@ -42,8 +39,8 @@ BEAM: dict[str, Any] = {
 STIFFNESS = 210e9 * 5e-3 * 0.5e-3**3 / 12
 WEIGHTLESS: dict[str, Any] = {"axis": (1.0, 0.0), "gravity": (0.0, 0.0)}
 SMALL = 1e-3 * LENGTH
-LARGEST_BENDS = (0.5, 0.1, 0.03, 0.01, 0.01)  # of L, tip amplitudes to which 20 elements bend like a mode
-EXACT = 1e-11  # tolerance of the radau runs that others are compared with
+LARGEST_BENDS = (0.5, 0.1, 0.03, 0.01, 0.01)  # largest tip amplitude / L of each mode with 20 elements
+EXACT = 1e-11  # tolerance of the radau reference runs
 TURNING: tuple[tuple[Method, float], ...] = (("idas", 1e-8), ("radau", 1e-7))
 LADDERS: tuple[tuple[Method, tuple[float, ...]], ...] = (
     ("idas", (1e-7, 1e-8, 1e-9, 1e-10)),
@@ -53,30 +50,30 @@ DAMPED = RayleighDamping(alpha=0.2, beta=3e-5)
 
 
 def bent(modes: Modes, mode: int, amplitude: float) -> State:
-    """Return the rest under the load that bends the linear beam like a mode; it stretches nothing."""
+    """Return the state of rest under the load that bends the linear beam like a mode, without stretching it."""
     model, free = modes.model, modes.model.free
     shape = modes.shapes[:, mode] / modes.tip_amplitudes()[mode]
     load = model.mass(model.properties).sparse() @ shape * amplitude * modes.angular_frequencies[mode] ** 2
     e = modes.equilibrium.coordinates.copy()
     rest = model.elastic_force(e, model.properties).full().ravel()
-    for share in np.linspace(0.2, 1.0, 5):
+    for fraction in np.linspace(0.2, 1.0, 5):
         for _ in range(12):
-            off = model.elastic_force(e, model.properties).full().ravel() - rest - share * load
+            residual = model.elastic_force(e, model.properties).full().ravel() - rest - fraction * load
             stiffness = model.tangent_stiffness(e, model.properties).sparse()[free, free]
-            e[free] -= scipy.sparse.linalg.spsolve(stiffness.tocsc(), off[free])
+            e[free] -= scipy.sparse.linalg.spsolve(stiffness.tocsc(), residual[free])
     return State(e, np.zeros(model.size))
 
 
 def decay_and_frequency(run: Trajectory, modes: Modes, mode: int) -> tuple[float, float]:
-    """Return damping ratio and frequency (Hz) of a mode, from straight lines through log(q - i q_t/omega)."""
-    rates = modes.modal_coordinate(run.velocities + modes.equilibrium.coordinates, mode)
-    share = modes.modal_coordinate(run.coordinates, mode) - 1j * rates / modes.angular_frequencies[mode]
-    omega = np.polyfit(run.time, np.unwrap(np.angle(share)), 1)[0]
-    return float(-np.polyfit(run.time, np.log(np.abs(share)), 1)[0] / omega), float(omega / (2 * np.pi))
+    """Return damping ratio and frequency (Hz) of a mode from straight-line fits to log(q - i q_t/omega)."""
+    velocity = modes.modal_coordinate(run.velocities + modes.equilibrium.coordinates, mode)
+    signal = modes.modal_coordinate(run.coordinates, mode) - 1j * velocity / modes.angular_frequencies[mode]
+    omega = np.polyfit(run.time, np.unwrap(np.angle(signal)), 1)[0]
+    return float(-np.polyfit(run.time, np.log(np.abs(signal)), 1)[0] / omega), float(omega / (2 * np.pi))
 
 
 def small_motion() -> Iterator[str]:
-    """Numerical damping and frequency error of ten periods of each mode."""
+    """Numerical damping and frequency error over ten periods of each mode."""
     model = Model(Beam.uniform(**BEAM, **WEIGHTLESS, elements=20))
     modes = natural_modes(model)
     yield row("method", "tolerance", *(f"mode {k}" for k in range(1, 6)), "steps in mode 1", "in mode 5")
@@ -100,10 +97,10 @@ def small_motion() -> Iterator[str]:
 
 
 def defaults() -> Iterator[str]:
-    """Numerical damping and frequency error of ten periods of each mode, all settings by default."""
+    """Numerical damping and frequency error over ten periods of each mode, default settings."""
     model = Model(Beam.uniform(**BEAM, **WEIGHTLESS, elements=20))
     modes = natural_modes(model)
-    yield row("tip amplitude, of L", *(f"mode {k}" for k in range(1, 6)))
+    yield row("tip amplitude / L", *(f"mode {k}" for k in range(1, 6)))
     yield rule(6)
     for amplitude in (1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.25, 0.5):
         cells = []
@@ -127,11 +124,11 @@ def defaults() -> Iterator[str]:
 
 
 def first_calls() -> Iterator[str]:
-    """Compare four first calls with tight ones: hanging, modal damping, driven at a resonance for 2 s, left for 4 s."""
+    """Errors of four default runs: hanging, modal damping, driven at a resonance for 2 s, free for 4 s."""
     model = Model(Beam.uniform(**BEAM, elements=20))
     modes = natural_modes(model)
     law = ModalDamping(modes, (0.0100, 0.0028, 0.0028, 0.0023, 0.0030))
-    yield row("driven at", "amplitude, mm", "travel of the tip, of L", "error, of the travel", "steps", "integrators")
+    yield row("driven at", "amplitude, mm", "tip travel / L", "error / travel", "steps", "integrators")
     yield rule(6)
     for mode, amplitude in ((0, 1e-3), (0, 2e-3), (0, 5e-3), (1, 1e-3)):
         base = HarmonicBase(amplitude, modes.frequencies[mode], stop=2.0)
@@ -146,7 +143,7 @@ def first_calls() -> Iterator[str]:
 
 
 def orders() -> Iterator[str]:
-    """Error of IDAS at 1e-8 by its largest order, in modes 1 and 5."""
+    """Error of IDAS at 1e-8 against its maximum order, in modes 1 and 5."""
     model = Model(Beam.uniform(**BEAM, **WEIGHTLESS, elements=20))
     modes = natural_modes(model)
     yield row("mode", "damping", *(f"order {k}" for k in range(1, 6)))
@@ -166,27 +163,25 @@ def orders() -> Iterator[str]:
                 try:
                     run = simulate(model, method="idas", tolerance=1e-8, options=options, **settings)
                 except SimulationError as error:
-                    cells.append(f"stuck at {error.time:.2g} s")
+                    cells.append(f"stalls at {error.time:.2g} s")
                 else:
                     cells.append(f"{abs(run.tip - exact.tip).max() / SMALL:.1e}, {run.steps}")
             yield row(mode + 1, f"beta {beta:g} s" if beta else "none", *cells)
 
 
 def released(elements: int, load: float, **settings: Any) -> Trajectory:
-    """Let the weightless beam go from rest under a tip force of load E I/L^2."""
+    """Simulate the weightless beam, released from rest under a tip force of load E I/L^2."""
     model = Model(Beam.uniform(**BEAM, **WEIGHTLESS, elements=elements))
     start = static_equilibrium(model, tip_force=(0.0, load * STIFFNESS / LENGTH**2))
     return simulate(model, start=start, **settings)
 
 
 def tolerances() -> Iterator[str]:
-    """Errors of a large damped motion by tolerance, and their slopes."""
+    """Errors of a large damped motion against tolerance, and their slopes."""
     settings = {"damping": DAMPED, "duration": 0.3, "sample_rate": 200.0}
     exact = released(20, 3.0, method="radau", tolerance=EXACT, **settings)
     most = np.abs(exact.clamp_force[1:, :2]).max()
-    yield row(
-        "method", "tolerance", "tip, of L", "clamp force, of its largest", "balance of energy, of the first", "steps"
-    )
+    yield row("method", "tolerance", "tip / L", "clamp force / maximum", "energy balance / initial energy", "steps")
     yield rule(6)
     for method, ladder in (("idas", (1e-6, *LADDERS[0][1][:-1])), ("radau", (1e-5, *LADDERS[1][1], 1e-10))):
         errors = []
@@ -201,11 +196,11 @@ def tolerances() -> Iterator[str]:
 
 
 def turning() -> Iterator[str]:
-    """Energy lost to damping in half a turn of the whole beam at 4 pi rad/s, 0.25 s, 10 elements."""
+    """Dissipated energy in half a turn of the whole beam at 4 pi rad/s, 0.25 s, 10 elements."""
     model = Model(Beam.uniform(**BEAM, **WEIGHTLESS, elements=10))
     time = np.linspace(0.0, 0.5, 201)
     base = SampledBase(time, np.zeros((201, 2)), 4 * np.pi * time)
-    yield row("beta 1e-3 s, stiffness", "idas, 1e-8: lost, of the kinetic energy", "steps", "radau, 1e-7", "steps")
+    yield row("beta 1e-3 s, stiffness", "idas, 1e-8: dissipated / kinetic energy", "steps", "radau, 1e-7", "steps")
     yield rule(5)
     kinds: tuple[ProportionalStiffness, ...] = ("strain-rate", "tangent", "reference")
     for kind in kinds:
@@ -220,8 +215,8 @@ def turning() -> Iterator[str]:
 
 
 def undamped() -> Iterator[str]:
-    """Count the steps of an undamped release from a bend of 0.8 L, 1 s, and what becomes of its energy."""
-    yield row("method", "tolerance", "steps", "change of energy, of the first")
+    """Measure steps and energy change of an undamped release from a bend of 0.8 L, 1 s."""
+    yield row("method", "tolerance", "steps", "energy change / initial energy")
     yield rule(4)
     for tolerance in (1e-5, 1e-6, 1e-7):
         run = released(20, 9.1, duration=1.0, method="radau", tolerance=tolerance)
@@ -229,8 +224,8 @@ def undamped() -> Iterator[str]:
 
 
 def backbone() -> Iterator[str]:
-    """Frequency of mode 1 against its amplitude."""
-    yield row("gravity", "method, tolerance", "tip amplitude, of L", "omega/omega_linear - 1", "the same over (A/L)^2")
+    """Frequency of mode 1 against amplitude."""
+    yield row("gravity", "method, tolerance", "tip amplitude / L", "omega/omega_linear - 1", "the same over (A/L)^2")
     yield rule(5)
     for name, changes, across in (("none", WEIGHTLESS, 1), ("hanging", {}, 0)):
         modes = natural_modes(Model(Beam.uniform(**{**BEAM, **changes, "elements": 8})), count=6)
@@ -257,7 +252,7 @@ def backbone() -> Iterator[str]:
 
 
 def elements() -> Iterator[str]:
-    """Error of the tip of a large damped motion by number of elements."""
+    """Tip error of a large damped motion against the number of elements."""
     tips = {
         n: released(n, 3.0, damping=DAMPED, duration=0.3, sample_rate=200.0, method="radau", tolerance=1e-10).tip
         for n in (5, 10, 20, 40, 80)
@@ -265,7 +260,7 @@ def elements() -> Iterator[str]:
     errors = {n: abs(tips[n] - tips[80]).max() / LENGTH for n in (5, 10, 20, 40)}
     yield row("elements", *errors)
     yield rule(1 + len(errors))
-    yield row("error of the tip, of L", *(f"{error:.1e}" for error in errors.values()))
+    yield row("tip error / L", *(f"{error:.1e}" for error in errors.values()))
     yield row("order", "", *(f"{np.log2(errors[n // 2] / errors[n]):.2f}" for n in (10, 20, 40)))
 
 
@@ -275,7 +270,7 @@ def row(*cells: object) -> str:
 
 
 def rule(columns: int) -> str:
-    """Return the line under the head of a Markdown table."""
+    """Return the line below the header of a Markdown table."""
     return "|" + "---|" * columns
 
 

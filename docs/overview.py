@@ -15,7 +15,7 @@ from ancf_casadi.estimation.figures import MEASURED
 from ancf_casadi.plot import png
 from problems.study import paper
 from problems.study.figures import COLOURS
-from problems.study.reproduction import LAWS
+from problems.study.transients import LAW_NAMES
 
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.876, stop=10.0)
 
@@ -39,8 +39,8 @@ def overview(results: dict) -> Figure:
     comparison = results["damping_comparison"]
     measured = 100 * np.array(comparison["experiment"])
     ratios.semilogy(modes, measured, "s", ms=11, mfc="none", color=MEASURED, label="identified")
-    for name in LAWS:
-        ratios.semilogy(modes, 100 * np.array(comparison[name]), "o-", color=COLOURS[name], label=f"{name} law")
+    for law, name in LAW_NAMES.items():
+        ratios.semilogy(modes, 100 * np.array(comparison[law]), "o-", color=COLOURS[law], label=name)
     ratios.set(xlabel="mode", ylabel="damping ratio, %", xticks=modes)
     ratios.set_title("Five modes, one beam, three damping laws", fontsize=10)
     ratios.legend(frameon=False)

@@ -1,4 +1,4 @@
-"""Measure the error of the reduced model against the full beam, and print the tables of ``reduction.md``."""
+"""Measure the error of the reduced model relative to the full beam, and print the tables of ``reduction.md``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any
 import casadi as cs
 import numpy as np
 from accuracy import BEAM, DAMPED, LENGTH, WEIGHTLESS, bent, row, rule
-from numpy.typing import NDArray
 from scipy.optimize import root
 
 from ancf_casadi import (
@@ -21,8 +20,7 @@ from ancf_casadi import (
     simulate,
     simulate_reduced,
 )
-
-Array = NDArray[np.float64]
+from ancf_casadi.support.arrays import Array
 
 KEPT = (1, 3, 5, 8)
 EXACT = {0.1: 1.000194484, 0.2: 1.000785941}  # spectral Galerkin with harmonic balance, no ANCF
@@ -32,13 +30,14 @@ AMPLITUDES = {
     1: (0.005, 0.01, 0.02, 0.05, 0.1),
     4: (0.001, 0.002, 0.005, 0.01, 0.02),
 }
-QUARTER = 100  # steps in a quarter of the period
+QUARTER = 100  # steps per quarter period
 
 
 def frequency(reduced: ReducedModel, amplitude: float) -> float:
-    """Return omega/omega_linear of the periodic motion of mode 1 with a tip amplitude (m), of a weightless beam.
+    """Return omega/omega_linear of the periodic motion of mode 1 at a tip amplitude (m), without gravity.
 
-    Released at rest, it has all modal coordinates at 0 after a quarter of the period; unknown are that and the shape.
+    If the beam is released at rest in the right shape, all modal coordinates are zero after a quarter period.  The
+    unknowns are the shape and the period.
     """
     m, base, p = reduced.count, np.zeros(9), reduced.values
     x, h = cs.MX.sym("x", 2 * m), cs.MX.sym("h")
@@ -48,13 +47,13 @@ def frequency(reduced: ReducedModel, amplitude: float) -> float:
     period = 1 / reduced.modes.frequencies[0]
     across = np.array([-reduced.model.beam.axis[1], reduced.model.beam.axis[0]])
 
-    def unbalance(z: Array) -> Array:
+    def residual(z: Array) -> Array:
         q = z[:m] * scale
         length = np.full((1, QUARTER), z[m] * period / 4 / QUARTER)
         last = quarter(np.concatenate([q, np.zeros(m)]), length).full()[:m, -1]
         return np.append(last / scale, float(across @ reduced.tip(q, base).full().ravel()) / amplitude - 1)
 
-    found = root(unbalance, np.eye(m + 1)[0] + np.eye(m + 1)[m], options={"xtol": 1e-12})
+    found = root(residual, np.eye(m + 1)[0] + np.eye(m + 1)[m], options={"xtol": 1e-12})
     assert np.abs(found.fun).max() < 1e-9
     return float(1 / found.x[m])
 
@@ -65,13 +64,13 @@ def weightless() -> Model:
 
 
 def counted(modes: int) -> str:
-    """Return the head of a column."""
+    """Return the heading of a column."""
     return f"{modes} mode" + "s" * (modes > 1)
 
 
 def backbone() -> Iterator[str]:
-    """Frequency of mode 1 by its amplitude, less the exact value; no gravity."""
-    yield row("tip amplitude, of L", "exact omega/omega_linear", *(counted(m) for m in KEPT))
+    """Frequency of mode 1 as a function of its amplitude, minus the exact value, without gravity."""
+    yield row("tip amplitude / L", "exact omega/omega_linear", *(counted(m) for m in KEPT))
     yield rule(2 + len(KEPT))
     models = [reduce_model(weightless(), modes=m) for m in KEPT]
     for amplitude, exact in EXACT.items():
@@ -80,13 +79,13 @@ def backbone() -> Iterator[str]:
 
 
 def release() -> Iterator[str]:
-    """Error of the tip of a beam released from a bend, five periods, by amplitude."""
-    yield row("mode", "tip amplitude, of L", *(counted(m) for m in KEPT), "12 modes, 41 points")
+    """Error of the tip after a release, over five periods, relative to the amplitude."""
+    yield row("mode", "tip amplitude / L", *(counted(m) for m in KEPT), "12 modes, 41 slope points")
     yield rule(3 + len(KEPT))
     model = weightless()
     modes = natural_modes(model)
     models = {m: reduce_model(model, modes=m, damping=DAMPED) for m in KEPT}
-    fine = reduce_model(model, modes=12, damping=DAMPED, points=41)
+    fine = reduce_model(model, modes=12, damping=DAMPED, slope_points=41)
     for mode, amplitudes in AMPLITUDES.items():
         for amplitude in amplitudes:
             settings: dict[str, Any] = {
@@ -106,9 +105,9 @@ def release() -> Iterator[str]:
 
 
 def shaken() -> Iterator[str]:
-    """Error of the tip of the hanging beam, driven at mode 1 for 1.5 s and left alone for 1.5 s, of L."""
+    """Error of the tip of the hanging beam relative to L: mode 1 is driven for 1.5 s and then decays for 1.5 s."""
     model = Model(Beam.uniform(**BEAM, elements=20))
-    yield row("amplitude of the base, mm", "of the tip, of L", *(counted(m) for m in KEPT))
+    yield row("base amplitude, mm", "tip amplitude / L", *(counted(m) for m in KEPT))
     yield rule(2 + len(KEPT))
     for amplitude in (1e-3, 5e-3, 20e-3):
         settings: dict[str, Any] = {
@@ -124,25 +123,27 @@ def shaken() -> Iterator[str]:
         yield row(f"{1e3 * amplitude:g}", f"{np.abs(full[:, 0]).max() / LENGTH:.3f}", *cells)
 
 
-def points() -> Iterator[str]:
-    """Error of the frequency at 0.2 L and of a release at 0.3 L, 5 modes, by the points followed."""
+def slope_points() -> Iterator[str]:
+    """Error with 5 modes and different numbers of slope points: frequency at 0.2 L, and release from 0.3 L."""
     choices = (8, 10, 12, 16, 24, 41)
-    yield row("points", *choices)
+    yield row("slope points", *choices)
     yield rule(1 + len(choices))
     model = weightless()
     modes = natural_modes(model)
     settings: dict[str, Any] = {"start": bent(modes, 0, 0.3 * LENGTH), "duration": 3.0, "sample_rate": 60.0}
     full = simulate(model, damping=DAMPED, method="radau", tolerance=1e-9, **settings).tip
-    models = [reduce_model(model, modes=modes, damping=DAMPED, points=k) for k in choices]
-    backbones = [frequency(reduce_model(model, modes=modes, points=k), 0.2 * LENGTH) - EXACT[0.2] for k in choices]
+    models = [reduce_model(model, modes=modes, damping=DAMPED, slope_points=k) for k in choices]
+    backbones = [
+        frequency(reduce_model(model, modes=modes, slope_points=k), 0.2 * LENGTH) - EXACT[0.2] for k in choices
+    ]
     runs = [simulate_reduced(reduced, **settings).tip for reduced in models]
-    yield row("omega/omega_linear, less the exact", *(f"{error:.1e}" for error in backbones))
-    yield row("tip, of 0.3 L", *(f"{np.abs(run - full).max() / (0.3 * LENGTH):.1e}" for run in runs))
+    yield row("omega/omega_linear, minus the exact", *(f"{error:.1e}" for error in backbones))
+    yield row("tip error / 0.3 L", *(f"{np.abs(run - full).max() / (0.3 * LENGTH):.1e}" for run in runs))
     yield row("operations in `rhs`", *(reduced.rhs.n_instructions() for reduced in models))
 
 
 if __name__ == "__main__":
-    for table in (backbone, release, shaken, points):
+    for table in (backbone, release, shaken, slope_points):
         print(f"\n{(table.__doc__ or '').splitlines()[0]}\n")
         for line in table():
             print(line, flush=True)

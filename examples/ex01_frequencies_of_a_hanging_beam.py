@@ -1,6 +1,6 @@
 """Natural frequencies of a hanging, a standing and a weightless cantilever.
 
-Gravity stretches or presses a beam: f1 of the paper's steel strip is 1.6553 Hz without gravity (beta L = 1.8751),
+Gravity stretches or compresses a beam: f1 of the paper's steel strip is 1.6553 Hz without gravity (beta L = 1.8751),
 1.8761 Hz hanging and 1.3994 Hz standing.
 """
 

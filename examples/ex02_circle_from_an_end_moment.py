@@ -1,6 +1,6 @@
 """A cantilever bent to a full circle by the moment M = 2 pi E I/L at its end.
 
-The curvature is M/(E I) everywhere, so the tip comes back to the clamp: 20 elements close the circle to 8e-5 L.
+The curvature is M/(E I) everywhere, so the tip returns to the clamp.  With 20 elements the gap is 8e-5 L.
 """
 
 import numpy as np
@@ -20,12 +20,12 @@ beam = Beam.uniform(
 bending_stiffness = beam.elastic_modulus[0] * beam.sections[0].second_moment
 circle = static_equilibrium(Model(beam), tip_moment=2 * np.pi * bending_stiffness / beam.length)
 gap = float(np.linalg.norm(circle.tip)) / beam.length
-top = circle.position(beam.length / 2)  # a circle of circumference L is L/pi high
+top = circle.position(beam.length / 2)  # the diameter of a circle of circumference L is L/pi
 
 if __name__ == "__main__":
     import matplotlib.pyplot as plt
 
-    print(f"the tip ends {gap:.1e} L from the clamp, and the circle is {top[1] / beam.length:.4f} L high")
+    print(f"gap between tip and clamp {gap:.1e} L, diameter of the circle {top[1] / beam.length:.4f} L")
     plt.plot(*np.array([circle.position(s) for s in np.linspace(0.0, beam.length, 200)]).T)
     plt.gca().set(aspect="equal", xlabel="x, m", ylabel="y, m", title=f"gap {gap:.1e} L")
     plt.show()

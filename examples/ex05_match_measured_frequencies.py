@@ -1,7 +1,7 @@
-"""The beam nearest to a steel strip whose first five frequencies are the measured ones (the paper's Tables 9 and 10).
+"""Match a steel strip to its first five measured frequencies with the least change (the paper's Tables 9 and 10).
 
-Widths and thicknesses of 20 elements, density and elastic modulus may change by 10 %.  All five frequencies are met to
-1e-8, with no property at its bound.
+Widths and thicknesses of 20 elements, density and elastic modulus may change by 10 %.  The match meets all five
+frequencies to 1e-8, with no property at its bound.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
-"""The thickness profile with the widest gap between the first two frequencies at a given mass, by IPOPT.
+"""Widest gap between the first two frequencies at a given mass: the thickness profile found by IPOPT.
 
 The thickness of each of 8 elements may change by a factor of 2.  The frequencies are a CasADi Function of the
-parameters, with the equilibrium under gravity inside it and exact derivatives.
+parameters that includes the equilibrium under gravity and has exact derivatives.
 """
 
 import casadi as cs
@@ -21,7 +21,7 @@ p = cs.MX(values(functions.parameters))
 p[where] *= factors
 f = functions.frequencies(p)
 opti.minimize(-(f[1] - f[0]))
-opti.subject_to(cs.sum1(factors) == beam.elements)  # the mass
+opti.subject_to(cs.sum1(factors) == beam.elements)  # constant mass
 opti.subject_to(opti.bounded(0.5, factors, 2.0))
 opti.set_initial(factors, 1.0)
 opti.solver("ipopt", {"print_time": False, "ipopt.print_level": 0, "ipopt.sb": "yes"})
@@ -29,7 +29,7 @@ solution = opti.solve()
 
 profile = np.array(solution.value(factors)) * beam.thickness[0]
 before = natural_modes(Model(beam), count=2).frequencies
-after = natural_modes(Model(beam.with_(thickness=profile)), count=2).frequencies  # found without the export
+after = natural_modes(Model(beam.with_(thickness=profile)), count=2).frequencies  # not by the exported Functions
 
 if __name__ == "__main__":
     print("thickness", *(f"{1e3 * h:.3f}" for h in profile), "mm")

@@ -13,8 +13,9 @@ from problems.matching.preference import LeastChange, Smoothness
 from problems.matching.result import FrequencyMatch
 from problems.matching.unknowns import Global, PerElement, Smooth
 from problems.transient.comparison import compare_laws
-from problems.transient.fitting import TransientFit, fit_transient
+from problems.transient.fitting import fit_transient
 from problems.transient.marker_record import MarkerRecord
+from problems.transient.result import TransientFit
 
 __all__ = [
     "DecayFit",

@@ -1,5 +1,6 @@
-"""Beams that several tests share, and the surroundings that all tests have."""
+"""Shared beams, and the environment of all tests."""
 
+import os
 import signal
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -7,22 +8,27 @@ from typing import Any
 import pytest
 
 from ancf_casadi import Beam, Model
+from ancf_casadi.support.compilation import c_compiler
 
 PAPER = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}  # Table 1
 
 
 @pytest.fixture(scope="session", autouse=True)
-def interpreted(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Run the equations without a C compiler, which a test that is about it turns on; keep off the user's cache."""
+def private_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep compiled functions apart from the user's cache, in one folder for all processes of a run."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "ancf-casadi-cache"
+    folder.mkdir(mode=0o700, exist_ok=True)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ANCF_CASADI_COMPILE", "0")
-        patch.setenv("ANCF_CASADI_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("ANCF_CASADI_CACHE", str(folder))
+        if not c_compiler():
+            patch.setenv("ANCF_CASADI_COMPILE", "0")
         yield
 
 
 @pytest.fixture(scope="session", autouse=True)
 def signals() -> None:
-    """Take signals as a program in a terminal does, also in the background, where some are ignored."""
+    """Handle signals as in a terminal; a process in the background ignores some of them."""
     for number in (signal.SIGINT, getattr(signal, "SIGHUP", signal.SIGTERM), signal.SIGTERM):
         if signal.getsignal(number) == signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
@@ -30,7 +36,7 @@ def signals() -> None:
 
 @pytest.fixture(scope="session")
 def paper_beam() -> Callable[..., Beam]:
-    """Maker of the paper's beam (Table 1), hanging, with 20 elements; keywords of ``Beam.uniform`` change it."""
+    """Factory of the paper's beam (Table 1), hanging, 20 elements; takes keywords of ``Beam.uniform``."""
 
     def make(elements: int = 20, **changes: Any) -> Beam:
         return Beam.uniform(**{**PAPER, "elements": elements, **changes})
@@ -40,7 +46,7 @@ def paper_beam() -> Callable[..., Beam]:
 
 @pytest.fixture(scope="session")
 def rubber_beam() -> Callable[..., Beam]:
-    """Maker of a beam that swings like the paper's but is 40 times as thick and as much softer.
+    """Factory of a beam that swings like the paper's, but is 40 times as thick and softer to match.
 
     Its axial modes are slow enough for an explicit integrator.
     """

@@ -1,3 +1,6 @@
+import ast
+import importlib
+import re
 import subprocess
 import sys
 from importlib.resources import files
@@ -8,6 +11,9 @@ import pytest
 import ancf_casadi
 
 ROOT = Path(__file__).parents[1]
+MODULES = sorted(path for package in ("ancf_casadi", "problems") for path in (ROOT / package).rglob("*.py"))
+FOLDERS = sorted({path.parent for path in MODULES})
+MOST_MODULES, MOST_LINES = 15, 400
 
 
 def python(code):
@@ -44,3 +50,28 @@ def test_every_error_is_an_ancf_error_and_says_where():
     error = ancf_casadi.InputError("must be positive", "width")
     assert (str(error), error.where) == ("width: must be positive", "width")
     assert isinstance(error, ancf_casadi.AncfError)
+
+
+@pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: str(folder.relative_to(ROOT)))
+def test_a_folder_is_small_and_says_what_belongs_there(folder):
+    assert len(list(folder.glob("*.py"))) <= MOST_MODULES
+    assert ast.get_docstring(ast.parse((folder / "__init__.py").read_text()))
+
+
+def test_no_file_is_long():
+    assert {str(path): lines for path in MODULES if (lines := len(path.read_text().splitlines())) > MOST_LINES} == {}
+
+
+def test_no_module_is_hidden_by_a_name_of_its_package():
+    for path in MODULES:
+        *package, name = path.relative_to(ROOT).with_suffix("").parts
+        if name != "__init__" and package:
+            found = getattr(importlib.import_module(".".join(package)), name, None)
+            assert found is None or found is sys.modules[".".join([*package, name])], path
+
+
+def test_the_page_on_the_architecture_names_every_folder_and_only_files_that_exist():
+    page = (ROOT / "docs" / "architecture.md").read_text()
+    named = set(re.findall(r"`((?:ancf_casadi|problems)/[\w/.]*)`", page))
+    assert named and all((ROOT / path).exists() for path in named)
+    assert {f"{folder.relative_to(ROOT)}/" for folder in FOLDERS} <= named

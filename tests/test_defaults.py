@@ -1,4 +1,4 @@
-"""The first call of a newcomer, with all defaults: right, quick, and honest about the integrator it used."""
+"""Calls with all defaults are accurate and fast, and report the integrator used."""
 
 import warnings
 
@@ -21,7 +21,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.integration import FEWEST_ELEMENTS, IDAS_WORK, SPARE_STEPS
-from ancf_casadi.dynamics.tolerance import IDAS_LARGEST, IDAS_SHARE, RADAU_SHARE, expected_travel
+from ancf_casadi.dynamics.tolerance import IDAS_LARGEST, IDAS_PER_TRAVEL, RADAU_PER_TRAVEL, expected_travel
 from ancf_casadi.dynamics.trajectory import State
 
 L = 0.5
@@ -41,18 +41,18 @@ def modes():
 
 
 def quietly(model, **settings):
-    """A run with all defaults, without the warning that tells of a change of the integrator."""
+    """Return a run with all defaults, without the warning about a change of the integrator."""
     with warnings.catch_warnings(action="ignore"):
         return simulate(model, **settings)
 
 
-# ------------------------------------------------------------------------------------------ right and quick
+# ----------------------------------------------------------------------------------------- accurate and fast
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("mode", "amplitude"), [(0, 5e-3), (1, 0.5e-3)])
 def test_a_driven_beam_is_followed_to_a_ten_thousandth_of_its_travel_within_few_steps(modes, mode, amplitude):
-    """The impact at the start used to set the mesh ringing: millions of steps of IDAS, and a failure at 3.8 s."""
+    """The impact at the start once made the mesh vibrate: millions of steps of IDAS, and a failure at 3.8 s."""
     law, base = ModalDamping(modes, RATIOS), HarmonicBase(amplitude, modes.frequencies[mode], stop=0.6)
     settings = {"damping": law, "base": base, "duration": 1.0}
     run = quietly(modes.model, **settings)
@@ -75,14 +75,14 @@ def test_an_undamped_release_from_four_fifths_of_the_length_keeps_its_energy():
 
 
 def bent(modes, mode, amplitude):
-    """The rest of the beam without gravity under the load that bends it like a mode."""
+    """Return the state of a weightless beam under the load that bends it like a mode."""
     model, free = modes.model, modes.model.free
     shape = modes.shapes[:, mode] / modes.tip_amplitudes()[mode]
     load = model.mass(model.properties).sparse() @ shape * amplitude * modes.angular_frequencies[mode] ** 2
     e = model.straight.copy()
-    for share in np.linspace(0.2, 1.0, 5):
+    for factor in np.linspace(0.2, 1.0, 5):
         for _ in range(8):
-            off = model.elastic_force(e, model.properties).full().ravel() - share * load
+            off = model.elastic_force(e, model.properties).full().ravel() - factor * load
             stiffness = model.tangent_stiffness(e, model.properties).full()[free, free]
             e[free] -= np.linalg.solve(stiffness, off[free])
     return State(e, np.zeros(model.size))
@@ -96,10 +96,10 @@ def test_defaults_damp_and_detune_no_mode_by_themselves(mode, amplitude):
     settings = {"start": start, "duration": 3 / frequency, "sample_rate": 50 * frequency}
     found = []
     for run in (quietly(modes.model, **settings), simulate(modes.model, method="radau", tolerance=1e-10, **settings)):
-        rates = modes.modal_coordinate(run.velocities + modes.equilibrium.coordinates, mode)
-        share = modes.modal_coordinate(run.coordinates, mode) - 1j * rates / modes.angular_frequencies[mode]
-        omega = np.polyfit(run.time, np.unwrap(np.angle(share)), 1)[0]
-        found.append((-np.polyfit(run.time, np.log(abs(share)), 1)[0] / omega, omega))
+        velocity = modes.modal_coordinate(run.velocities + modes.equilibrium.coordinates, mode)
+        phasor = modes.modal_coordinate(run.coordinates, mode) - 1j * velocity / modes.angular_frequencies[mode]
+        omega = np.polyfit(run.time, np.unwrap(np.angle(phasor)), 1)[0]
+        found.append((-np.polyfit(run.time, np.log(abs(phasor)), 1)[0] / omega, omega))
     assert abs(found[0][0] - found[1][0]) < 1e-5
     assert found[0][1] == pytest.approx(found[1][1], rel=3e-5)
     assert found[1][1] == pytest.approx(modes.angular_frequencies[mode], rel=2e-3)
@@ -108,7 +108,7 @@ def test_defaults_damp_and_detune_no_mode_by_themselves(mode, amplitude):
 @pytest.mark.slow
 @pytest.mark.parametrize("number", range(20))
 def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
-    """20 calls over base motions, starts and laws; a step costs about 20 us of IDAS or 0.3 ms of Radau."""
+    """20 combinations of base motion, start and law; a step takes about 20 us with IDAS and 0.3 ms with Radau."""
     rng = np.random.default_rng(number)
     hanging = bool(rng.integers(2))
     model = steel(int(rng.choice([8, 12, 20])), axis=(0.0, -1.0) if hanging else (1.0, 0.0))
@@ -131,7 +131,7 @@ def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
         None,
     ][number // 4]
     pull = static_equilibrium(model, tip_force=(rng.uniform(0.1, 1.0) * BENDING_STIFFNESS / L**2, 0.0))
-    straight = "equilibrium" if hanging else "straight"  # a hanging beam hardly stretches as its weight sets in
+    straight = "equilibrium" if hanging else "straight"  # its weight hardly stretches a hanging beam
     start = pull if base is None else ["equilibrium", straight, pull][rng.integers(3)]
     run = quietly(model, damping=law, base=base, start=start, duration=0.5)
     scale = max(np.ptp(run.kinetic_energy), np.ptp(run.strain_energy))
@@ -145,7 +145,7 @@ def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
 
 
 def test_a_beam_that_rings_is_handed_to_radau_with_one_warning_that_says_when_and_why(modes):
-    """An impact on the clamp sets off modes of the mesh that nothing damps."""
+    """An impact on the clamp excites undamped modes of the mesh."""
     base = HarmonicBase(1e-2, modes.frequencies[0])
     with pytest.warns(UserWarning, match=r"^radau was used from \S+ s on: .*IDAS.*method='radau'") as caught:
         run = simulate(modes.model, base=base, start="impact", duration=0.3)
@@ -160,7 +160,7 @@ def test_a_motion_too_small_for_idas_is_left_to_radau(modes):
     with pytest.warns(UserWarning, match=r"2\.0e-05 of the length, is so small"):
         run = simulate(modes.model, base=base, duration=0.2)
     assert [use.method for use in run.integrators] == ["radau"]
-    assert run.integrators[0].tolerance == pytest.approx(RADAU_SHARE * 1e-5 / L)
+    assert run.integrators[0].tolerance == pytest.approx(RADAU_PER_TRAVEL * 1e-5 / L)
 
 
 def test_strict_methods_do_not_change(modes):
@@ -176,7 +176,7 @@ def test_the_default_follows_the_motion_and_an_explicit_tolerance_is_used_as_giv
     base = HarmonicBase(5e-3, modes.frequencies[0])
     run = simulate(modes.model, base=base, duration=0.2)
     assert run.integrators[0].method == "idas"
-    assert run.integrators[0].tolerance == pytest.approx(IDAS_SHARE * 5e-3 / L)
+    assert run.integrators[0].tolerance == pytest.approx(IDAS_PER_TRAVEL * 5e-3 / L)
     resting = simulate(modes.model, duration=0.02)
     assert resting.integrators[0].tolerance == IDAS_LARGEST
     given = simulate(modes.model, base=base, duration=0.02, tolerance=3e-7)
@@ -210,7 +210,7 @@ def test_the_expected_travel_is_that_of_base_and_start():
     assert expected_travel(model, moved, shaken) == pytest.approx(0.1 * expected_travel(model, still, shaken))
 
 
-# ------------------------------------------------------------------------------------ going on from a state
+# ------------------------------------------------------------------------------------ continuing from a state
 
 
 BASE = HarmonicBase(5e-3, 1.9, stop=0.4)
@@ -225,7 +225,7 @@ def whole():
 @pytest.mark.parametrize("sample", [1, 50, 106, -20])
 @pytest.mark.parametrize("method", ["idas", "radau"])
 def test_going_on_from_any_sample_of_a_driven_run_gives_the_uninterrupted_run(whole, sample, method):
-    """While the base moves, after its stop, and off the samples' grid of the first run."""
+    """While the base moves, after its stop, and between the samples of the first run."""
     state = whole.state(sample)
     assert state.time == whole.time[sample]
     duration = whole.time[-1] - state.time

@@ -1,4 +1,4 @@
-"""Figures have what they promise, and are the same bytes each time."""
+"""Figures show their data with the right labels, and give the same bytes each time."""
 
 import sys
 import zlib
@@ -26,7 +26,7 @@ def record() -> Measurement:
     return Measurement(time, np.where(time < RELEASE, 4e-3, 4e-3 * np.cos(20 * (time - RELEASE))))
 
 
-def test_a_decay_shows_record_and_fit_from_the_release_on():
+def test_a_decay_figure_shows_record_and_fit_from_the_release():
     figure = decay_figure(record(), lambda time: 4e-3 * np.cos(20 * (np.asarray(time) - RELEASE)), RELEASE)
     (axes,) = figure.axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("time, s", "displacement, mm")
@@ -39,10 +39,10 @@ def test_a_decay_shows_record_and_fit_from_the_release_on():
     assert list(release.get_xdata()) == [RELEASE, RELEASE]
 
 
-def test_a_motion_shows_the_tip_from_the_clamp_and_shapes_of_the_beam(motion):
+def test_a_motion_figure_shows_the_tip_relative_to_the_clamp_and_shapes_of_the_beam(motion):
     figure = motion_figure(motion)
     over_time, in_plane = figure.axes
-    assert (over_time.get_xlabel(), over_time.get_ylabel()) == ("time, s", "tip to clamp, mm")
+    assert (over_time.get_xlabel(), over_time.get_ylabel()) == ("time, s", "tip relative to clamp, mm")
     assert (in_plane.get_xlabel(), in_plane.get_ylabel()) == ("x, mm", "y, mm")
     relative = motion.tip - motion.base
     for line, component in zip(over_time.lines, relative.T, strict=True):
@@ -52,8 +52,8 @@ def test_a_motion_shows_the_tip_from_the_clamp_and_shapes_of_the_beam(motion):
     assert (last.get_xdata()[-1], last.get_ydata()[-1]) == pytest.approx(1e3 * motion.tip[-1], abs=1e-6)
 
 
-def test_png_is_whole_and_the_same_each_time(motion):
-    """Signature, size in the header, end mark, and no date or version that would change it."""
+def test_png_is_complete_and_the_same_each_time(motion):
+    """Signature, image size in the header, end mark, and no date or version that would change the bytes."""
     first, second = png(motion_figure(motion)), png(motion_figure(motion))
     assert first == second
     assert first.startswith(b"\x89PNG\r\n\x1a\n")
@@ -65,7 +65,7 @@ def test_png_is_whole_and_the_same_each_time(motion):
 
 
 def test_drawing_needs_no_display_and_no_global_state():
-    """Figures are made without pyplot, which would pick a backend and keep them alive."""
+    """Figures are drawn without pyplot, which would select a backend and keep the figures alive."""
     code = "import sys, ancf_casadi.plot, problems.study.figures; print('matplotlib.pyplot' in sys.modules)"
     done = run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "False\n"

@@ -1,4 +1,4 @@
-"""The README keeps its word: its Python runs, its commands exist, and CI runs its test line."""
+"""The README is correct: its Python runs, its commands exist, and CI runs its test line."""
 
 import re
 from pathlib import Path

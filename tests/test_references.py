@@ -1,4 +1,4 @@
-"""Numbers that other programs, laboratories and closed forms give.
+"""Reference values from other programs, laboratories and closed forms.
 
 References
 ----------
@@ -28,25 +28,25 @@ BOTH = pytest.mark.parametrize("method", ["idas", "radau"])
 
 # ------------------------------------------------------------------------------------------------- the Princeton beam
 
-PRINCETON = {"length": 0.508, "elastic_modulus": 71.7e9, "density": 2700.0}  # m, Pa; the density does not count
+PRINCETON = {"length": 0.508, "elastic_modulus": 71.7e9, "density": 2700.0}  # m, Pa; the density has no influence
 WIDE, THIN = 12.3777e-3, 3.2024e-3  # m
 SHEAR_STIFFNESS = 5 / 6 * 71.7e9 / (2 * 1.31) * WIDE * THIN  # k G A of a rectangle, Poisson's ratio 0.31; N
 
 
 def princeton_tip(force, width, thickness):
-    """Deflection of the tip under a dead force across it, m."""
+    """Deflection of the tip under a dead force normal to the beam, m."""
     sides = {"width": width, "thickness": thickness, "elements": 20, "axis": (1.0, 0.0), "gravity": (0.0, 0.0)}
     return static_equilibrium(Model(Beam.uniform(**PRINCETON, **sides)), tip_force=(0.0, force)).tip[1]
 
 
 @pytest.mark.parametrize(("force", "deflection"), [(8.896, 0.146245978), (13.345, 0.200677707)])
-def test_the_princeton_beam_bends_flapwise_as_beam_elements_of_ansys_say(force, deflection):
+def test_the_princeton_beam_bends_flapwise_like_beam_elements_of_ansys(force, deflection):
     """Obrezkov, Mikkola and Matikainen 2022."""
     assert princeton_tip(force, WIDE, THIN) == pytest.approx(deflection, rel=3e-5)
 
 
 @pytest.mark.parametrize(("force", "deflection"), [(8.896, 0.01071417630), (13.345, 0.01606423724)])
-def test_the_princeton_beam_bends_edgewise_as_beam_elements_of_ansys_say_but_for_the_shear(force, deflection):
+def test_the_princeton_beam_bends_edgewise_like_beam_elements_of_ansys_except_for_shear(force, deflection):
     """Obrezkov, Mikkola and Matikainen 2022; an Euler-Bernoulli beam lacks F L/(k G A), 5e-4 of the deflection."""
     bending = princeton_tip(force, THIN, WIDE)
     shear = force * PRINCETON["length"] / SHEAR_STIFFNESS
@@ -80,7 +80,7 @@ def arm(elements):
 
 
 def stretched(model):
-    """Coordinates of the beam that rotates steadily, seen along with it: Q_e(e) = omega^2 M e."""
+    """Coordinates of the steadily rotating beam in the rotating frame: Q_e(e) = omega^2 M e."""
     e, free, p = model.straight.copy(), model.free, model.properties
     load = SPEED**2 * model.mass(p).sparse()
     for _ in range(6):
@@ -93,7 +93,7 @@ def stretched(model):
 
 
 def test_the_extension_of_a_rotating_beam_converges_to_the_closed_form():
-    """The clamp holds the length of the first slope, 3e-5 of it, which costs an error of order 2."""
+    """The clamp keeps the first slope at length 1 (the closed form has 1 + 7.7e-5), an error of order 2."""
     assert pytest.approx(5.14317e-4, rel=2e-6) == EXTENSION
     errors = [stretched(arm(elements))[-4] - ARM - EXTENSION for elements in (4, 8, 16)]
     np.testing.assert_allclose(-np.diff(np.log2(errors)), 2.0, atol=0.05)
@@ -123,7 +123,7 @@ def test_after_the_spin_up_of_simo_and_vu_quoc_the_beam_has_the_extension_of_ste
     run = simulate(arm(8), damping=law, base=base, duration=17.0, sample_rate=20.0, method="radau", tolerance=1e-6)
     steady = run.time > 16.0
     lag = np.angle(np.exp(1j * (np.arctan2(run.tip[:, 1], run.tip[:, 0]) - angle[: run.time.size])))
-    assert lag.min() * ARM < -0.5  # the tip trails by half a metre on the way
+    assert lag.min() * ARM < -0.5  # the tip trails by half a metre during the spin-up
     assert np.linalg.norm(run.tip[steady], axis=1) - ARM == pytest.approx(EXTENSION, rel=2e-3)
     assert abs(lag[steady]).max() * ARM < 5e-3
     assert abs(run.balance_error).max() < 1e-4 * run.kinetic_energy.max()

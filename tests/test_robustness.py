@@ -1,7 +1,7 @@
-"""Simulations of whatever a user may reasonably choose end well, or say why not.
+"""Simulations of all reasonable settings finish, or give the reason for their failure.
 
-With nothing to damp the modes of the mesh, a large motion keeps them ringing.  ``radau`` passes over them and always
-ends within its steps; ``idas`` follows them, and may say that it takes too many.
+If nothing damps the modes of the mesh, a large motion keeps them vibrating.  ``radau`` passes over these vibrations and
+always finishes within its steps; ``idas`` follows them, and may report too many steps.
 """
 
 import numpy as np
@@ -70,7 +70,7 @@ def experiments(draw):
     arguments = {"damping": law, "duration": PERIODS / f, "sample_rate": 50 * f}
     arguments |= {"method": method, "most_steps": MOST_STEPS[method]}
     usual = 1e-8 if method == "idas" else 1e-6
-    small = {"tolerance": min(usual, 1e-5 * size / length)}  # a small motion wants a small tolerance
+    small = {"tolerance": min(usual, 1e-5 * size / length)}  # a small motion needs a small tolerance
     if kind == "harmonic":
         base = HarmonicBase(amplitude=size, frequency=f, stop=0.6 / f, direction=(np.sin(angle), -np.cos(angle)))
         return model, arguments | {"base": base} | small
@@ -89,7 +89,7 @@ def experiments(draw):
 @settings(max_examples=15, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(st.data())
 def test_every_reasonable_experiment_ends_within_its_steps_and_balances_its_energy(data):
-    """Or there is no equilibrium to start from, or ``idas`` says that its steps are too many."""
+    """Allowed failures: there is no equilibrium to start from, or ``idas`` reports too many steps."""
     try:
         model, arguments = data.draw(experiments())
         run = simulate(model, **arguments)

@@ -1,4 +1,4 @@
-"""Both integrators against exact solutions, balances of energy, reference values, and each other."""
+"""Both integrators against exact solutions, energy balances, reference values, and each other."""
 
 from itertools import pairwise
 
@@ -19,7 +19,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.mechanics.element import StrainMeasures
+from ancf_casadi.mechanics.strain import StrainMeasures
 
 LENGTH = 0.5
 WEIGHTLESS = {"gravity": (0.0, 0.0), "axis": (1.0, 0.0)}
@@ -29,20 +29,20 @@ BOTH = pytest.mark.parametrize("method", ["idas", "radau"])
 
 @pytest.fixture(scope="module")
 def thick(rubber_beam):
-    """Horizontal beam whose axial waves are slow, so that an undamped run need not resolve 100 kHz."""
+    """A horizontal beam with slow axial waves, so that an undamped run need not resolve 100 kHz."""
     return Model(rubber_beam(6, axis=(1.0, 0.0)))
 
 
 def bent(modes, amplitudes):
-    """Rest under the load that bends the linear beam like sum A_k phi_k: no stretch, unlike the mode shapes."""
+    """Return the state under the load that bends the linear beam like sum A_k phi_k, without stretching it."""
     model, free = modes.model, modes.model.free
     weights = np.array(amplitudes) * modes.angular_frequencies**2 / modes.tip_amplitudes()
     load = model.mass(model.properties).sparse() @ modes.shapes @ weights
     load_at_rest = model.elastic_force(modes.equilibrium.coordinates, model.properties).full().ravel()
     e = modes.equilibrium.coordinates.copy()
-    for share in np.linspace(0.2, 1.0, 5):
+    for factor in np.linspace(0.2, 1.0, 5):
         for _ in range(12):
-            off = model.elastic_force(e, model.properties).full().ravel() - load_at_rest - share * load
+            off = model.elastic_force(e, model.properties).full().ravel() - load_at_rest - factor * load
             stiffness = model.tangent_stiffness(e, model.properties).sparse()[free, free]
             correction = scipy.sparse.linalg.spsolve(stiffness.tocsc(), off[free])
             e[free] -= correction
@@ -51,21 +51,21 @@ def bent(modes, amplitudes):
 
 
 def phasor(run, modes, mode):
-    """Complex share q - i q_t/omega of a mode; its argument grows by omega, its logarithm falls by zeta omega."""
+    """Phasor q - i q_t/omega of a mode: its phase grows by omega, its logarithm falls by zeta omega, per second."""
     rest = modes.equilibrium.coordinates
-    rates = modes.modal_coordinate(run.velocities + rest, mode)
-    return modes.modal_coordinate(run.coordinates, mode) - 1j * rates / modes.angular_frequencies[mode]
+    velocity = modes.modal_coordinate(run.velocities + rest, mode)
+    return modes.modal_coordinate(run.coordinates, mode) - 1j * velocity / modes.angular_frequencies[mode]
 
 
 def decay_and_frequency(run, modes, mode):
     """Damping ratio and frequency (Hz) of a mode."""
-    share = phasor(run, modes, mode)
-    omega = np.polyfit(run.time, np.unwrap(np.angle(share)), 1)[0]
-    return -np.polyfit(run.time, np.log(abs(share)), 1)[0] / omega, omega / (2 * np.pi)
+    q = phasor(run, modes, mode)
+    omega = np.polyfit(run.time, np.unwrap(np.angle(q)), 1)[0]
+    return -np.polyfit(run.time, np.log(abs(q)), 1)[0] / omega, omega / (2 * np.pi)
 
 
 def released(model, load, **settings):
-    """Weightless beam let go from rest under a tip force of load E I/L^2 across it."""
+    """Return the motion of a weightless beam released from a transverse tip force of load E I/L^2."""
     stiffness = model.beam.elastic_modulus[0] * model.beam.sections[0].second_moment
     start = static_equilibrium(model, tip_force=(0.0, load * stiffness / LENGTH**2))
     return simulate(model, start=start, **settings)
@@ -136,7 +136,7 @@ def test_the_frequency_of_a_hanging_beam_hardly_depends_on_its_amplitude(paper_b
 
 
 def backbone(model, amplitude, across, method, tolerance):
-    """Shift of the frequency of mode 1 and its mean tip amplitude/L, from upward crossings; the others are damped."""
+    """Return the frequency shift and mean tip amplitude/L of mode 1, from upward crossings; other modes are damped."""
     modes = natural_modes(model, count=6)
     others = ModalDamping(modes, (0.0, 0.1, 0.1, 0.1, 0.1, 0.1)) + RayleighDamping(beta=3e-5)
     run = simulate(
@@ -151,7 +151,7 @@ def backbone(model, amplitude, across, method, tolerance):
     x = run.tip[:, across]
     (before,) = np.nonzero((x[:-1] < 0) & (x[1:] >= 0))
     crossings = run.time[before] - x[before] / (x[before + 1] - x[before]) / 1000.0
-    frequency = (len(crossings) - 2) / (crossings[-1] - crossings[1])  # the first swing still holds the others
+    frequency = (len(crossings) - 2) / (crossings[-1] - crossings[1])  # the first swing still contains the other modes
     swings = [abs(x[i:j]).max() for i, j in pairwise(before[1:])]
     return frequency / modes.frequencies[0] - 1, np.mean(swings) / LENGTH
 
@@ -274,7 +274,7 @@ def test_damping_by_the_reference_stiffness_resists_the_turn(paper_beam, method)
 
 
 def turned(model, law, speed, method):
-    """Motion of a beam under a clamp that turns evenly, begun with its motion."""
+    """Return the motion of a beam whose clamp turns at constant speed, started with that motion."""
     t = np.linspace(0.0, 0.25, 101)
     base = SampledBase(t, np.zeros((101, 2)), speed * t)
     return simulate(model, base=base, damping=law, duration=0.12, sample_rate=500.0, method=method, tolerance=1e-8)
@@ -286,7 +286,7 @@ def turned(model, law, speed, method):
 @pytest.mark.parametrize("law", ["rayleigh", "quadratic", "modal"])
 @pytest.mark.parametrize("struck", [False, True], ids=["let go", "struck"])
 def test_both_integrators_find_the_same_motion_forces_and_energies_also_within_their_steps(thick, law, struck):
-    """Let go horizontally; or driven, and the clamp stopped at speed between two samples."""
+    """Released horizontally; or driven, and the clamp stopped at speed between two samples."""
     damping = {
         "rayleigh": RayleighDamping(alpha=0.2, beta=3e-5),
         "quadratic": QuadraticDamping(eta1=0.2, eta2=1.0) + RayleighDamping(beta=3e-5),
@@ -311,7 +311,7 @@ def test_both_integrators_find_the_same_motion_forces_and_energies_also_within_t
 
 @BOTH
 def test_the_power_of_the_clamps_force_is_the_work_of_the_base(thick, method):
-    """Samples ten times as dense as the steps of radau: Simpson's rule."""
+    """By Simpson's rule, with samples ten times as dense as the steps of Radau."""
     run = simulate(
         thick,
         base=HarmonicBase(0.02, 4.0, direction=(0.6, 0.8)),

@@ -1,28 +1,29 @@
-"""External damping laws: proportional, quadratic and generic, and their sums.
+"""External damping laws of Section 4 of the paper, and sums of laws.
 
-A law adds the force Q_damp(e, e_t) to the left of the equation of motion, M e_tt + Q_damp + Q_e = Q_g.  The rates e_t
-are those of the laboratory frame, so that external damping is motion against the still air.
+A law adds the force Q_damp(e, e_t) to the left of the equation of motion, M e_tt + Q_damp + Q_e = Q_g.  The velocities
+e_t are those in the laboratory frame: external damping resists motion relative to the still air.
 
-    proportional    Q = alpha M e_t + beta (stiffness-proportional part),          Eq. (14)
-    quadratic       Q = int S^T (gamma1 v + gamma2 |v| v) dp,                       Eq. (19), (23)
-    generic         Q = R M Phi diag(2 zeta omega) Phi^T M R^T e_t,                 Eq. (32), R: ``turning``
+    proportional    Rayleigh (proportional)  Q = alpha M e_t + beta (stiffness part),              Eqs. (11)-(16)
+    quadratic       quadratic                Q = int S^T (gamma1 v + gamma2 |v| v) dp,             Eqs. (19)-(26)
+    generic         modal (generic)          Q = R M Phi diag(2 zeta omega) Phi^T M R^T e_t,       Eqs. (28)-(32)
+    law             parameters of a law, sums of laws
+    turning         rotation R of the modal law with the clamp
 
-A force is the sum of a local part, written with the element Functions and sparse, and of a part R B diag(d) B^T R^T e_t
-of low rank, which an integrator can keep sparse by making B^T R^T e_t its unknowns; R turns with the clamp.  Both are
-symbolic in the properties of the beam and in the parameters of the law.  A coefficient of exactly 0 is no parameter:
-its term is absent.
+Each force has a local part, a sum over the elements, and a low-rank part R B diag(d) B^T R^T e_t.  An integrator keeps
+its matrices sparse by taking B^T R^T e_t as further unknowns.  Both parts are symbolic in the properties of the beam
+and in the parameters of the law.  A coefficient of exactly 0 is not a parameter, and its term is left out.
 
-Each law tells the equivalent damping ratio it gives a mode that swings with a tip amplitude A: the viscous ratio with
-the same loss of energy in a period.
+Each law predicts its equivalent damping ratio for a mode with the tip amplitude A: the viscous ratio that loses the
+same energy per period.
 
 References
 ----------
-"Comparison of external damping models in a large deformation problem", Section 4; with Eq. (18), (31) and the units of
-eta2 put right (damping on the left; Phi^-T = M Phi; 1/m).
+"Comparison of external damping models in a large deformation problem", Section 4.  Corrected here: the sign of Eq. (18)
+(damping is on the left), Eq. (31) (Phi^-T = M Phi), and the unit of eta2 (1/m; the tables of the paper use 1/mm).
 """
 
 from ancf_casadi.damping.generic import ModalDamping
-from ancf_casadi.damping.law import DampingLaw, Forces, SumOfLaws
+from ancf_casadi.damping.law import DampingLaw, Forces, Parameter, SumOfLaws
 from ancf_casadi.damping.proportional import ProportionalStiffness, RayleighDamping
 from ancf_casadi.damping.quadratic import DRAG_CONSTANT, QuadraticDamping
 
@@ -31,6 +32,7 @@ __all__ = [
     "DampingLaw",
     "Forces",
     "ModalDamping",
+    "Parameter",
     "ProportionalStiffness",
     "QuadraticDamping",
     "RayleighDamping",

@@ -1,4 +1,13 @@
-"""Generic damping from measured modal parameters, Q = R M Phi diag(2 zeta omega) Phi^T M R^T e_t, Eq. (32)."""
+"""Modal (generic) damping from measured modal parameters, Eqs. (28)-(32).
+
+With mass-normalised modes, Phi^T M Phi = I, Eq. (30), the inverse transformation of diag(2 zeta omega), Eq. (29), is
+
+    C = M Phi diag(2 zeta omega) Phi^T M,                Eq. (32)
+    Q = R C R^T e_t,
+
+in which R turns the matrix with the clamp (``turning``).  With fewer measured modes than degrees of freedom, Phi has
+no inverse: then Eq. (32) is the definition, and leaves all other modes undamped.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +19,7 @@ from typing import Any, final
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping.law import DampingLaw, Forces, S, named
+from ancf_casadi.damping.law import DampingLaw, Forces, Parameter, S, values_by_name
 from ancf_casadi.damping.turning import turned
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
@@ -18,20 +27,22 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_sequence, number, physical, shown
 from ancf_casadi.vibration.modes import Modes
 
+LARGEST_RATIO = 1.0 - 1e-6  # usual upper bound of an estimate
+
 
 @final
 @dataclass(frozen=True, eq=False)
 class ModalDamping(DampingLaw):
-    """Generic damping from measured modal parameters, C = M Phi diag(2 zeta omega) Phi^T M, Eq. (32).
+    """Modal (generic) damping, C = M Phi diag(2 zeta omega) Phi^T M, Eq. (32).
 
-    Modes beyond those given are undamped.  The matrix turns with the clamp (``turning``).
+    Modes beyond those given are undamped.  The matrix turns with the clamp.
 
     Parameters
     ----------
     modes : Modes
         Natural modes of the beam, at least as many as there are ratios.
     ratios : sequence of float
-        Damping ratio of each mode from the first, at least 0 and below 1.
+        Damping ratio of each mode, starting with the first; at least 0 and below 1.
     frequencies : sequence of float, optional
         Measured natural frequencies, Hz; those of ``modes`` if not given.
 
@@ -62,13 +73,16 @@ class ModalDamping(DampingLaw):
         object.__setattr__(self, "frequencies", frequencies)
 
     @property
-    def parameters(self) -> tuple[tuple[str, float], ...]:
+    def parameters(self) -> tuple[Parameter, ...]:
         """The damping ratios."""
-        return tuple((f"ratio{k + 1}", zeta) for k, zeta in enumerate(self.ratios))
+        return tuple(
+            Parameter(f"ratio{k}", zeta, "1", f"damping ratio of mode {k}", upper=LARGEST_RATIO)
+            for k, zeta in enumerate(self.ratios, start=1)
+        )
 
     def with_parameters(self, values: Sequence[float] | Array) -> ModalDamping:
-        """Return the law with other ratios."""
-        return replace(self, ratios=tuple(named(self, values).values()))
+        """Return the law with other damping ratios."""
+        return replace(self, ratios=tuple(values_by_name(self, values).values()))
 
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return zero."""
@@ -77,12 +91,12 @@ class ModalDamping(DampingLaw):
     def projection(self, model: Model) -> Array:
         """Return B = M Phi, so that C = B diag(2 zeta omega) B^T.
 
-        If the modes are those of a beam along another axis, B is turned to the axis of the model.
+        If the modes belong to a beam along another axis, B is turned to the axis of the model.
 
         Raises
         ------
         InputError
-            If the modes are those of a mesh with another number of elements.
+            If the modes belong to a mesh with another number of elements.
         """
         if self.modes.model.size != model.size:
             raise InputError("belong to a beam with another number of elements", "modes")
@@ -91,17 +105,16 @@ class ModalDamping(DampingLaw):
         axes = self.modes.model.beam.axis, cs.MX(cs.DM(model.beam.axis))
         return np.asarray(cs.evalf(turned(B, *axes)).full())
 
-    def rates(self, parameters: cs.MX) -> cs.MX:
+    def modal_coefficients(self, parameters: cs.MX) -> cs.MX:
         """Return 2 zeta omega."""
         return 4 * math.pi * cs.DM(list(self.frequencies or ())) * parameters
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
-        """Return phi^T C phi / (2 omega) for each mode, at any amplitude: the given ratios for the given modes."""
+        """Return phi^T C phi / (2 omega) of each mode at any amplitude; for the given modes, the given ratios."""
         check_instance(modes, "modes", Modes)
-        rates = 4 * math.pi * np.array(self.ratios) * np.array(self.frequencies)
-        return np.asarray(
-            rates @ (self.projection(modes.model).T @ modes.shapes) ** 2 / (2 * modes.angular_frequencies)
-        )
+        coefficients = 4 * math.pi * np.array(self.ratios) * np.array(self.frequencies)
+        squares = (self.projection(modes.model).T @ modes.shapes) ** 2
+        return np.asarray(coefficients @ squares / (2 * modes.angular_frequencies))
 
 
 def _damping_ratio(value: Any, where: str) -> float:

@@ -1,10 +1,11 @@
-"""What every damping law can do, and the sum of several laws."""
+"""Base class of the damping laws, their parameters, and the sum of several laws."""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Protocol, TypeVar, final
 
@@ -15,17 +16,42 @@ from ancf_casadi.damping.turning import turned
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, number
-from ancf_casadi.support.inputs import numbers as finite_numbers
+from ancf_casadi.support.inputs import check_instance, number, numbers
 from ancf_casadi.vibration.modes import Modes
 
 S = TypeVar("S", cs.SX, cs.MX)
 
 
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of a damping law or of a base motion.
+
+    Parameters
+    ----------
+    name : str
+        Its name, a C identifier.
+    value : float
+        Its value.
+    unit : str
+        SI unit, in ASCII; ``1`` if it has none.
+    description : str
+        Its meaning.
+    lower, upper : float
+        Usual bounds of an estimate.
+    """
+
+    name: str
+    value: float
+    unit: str
+    description: str
+    lower: float = 0.0
+    upper: float = math.inf
+
+
 class Forces(Protocol):
     """Forces that a damping law combines: those of a beam, of one of its elements, or of a reduced model.
 
-    Its Functions are those of ``Element``, of coordinates or rates and properties.
+    The Functions are those of ``Element``, of coordinates or velocities and of properties.
     """
 
     @property
@@ -34,7 +60,7 @@ class Forces(Protocol):
 
     @property
     def line_inertia_force(self) -> Callable[..., Any]:
-        """(e_t, p) -> the share of a mass along the beam in M e_t."""
+        """(e_t, p) -> the contribution of the mass along the beam to M e_t."""
 
     @property
     def strain_rate_force(self) -> Callable[..., Any]:
@@ -46,7 +72,7 @@ class Forces(Protocol):
 
     @property
     def reference_force(self) -> Callable[..., Any]:
-        """(e_t, p) -> K e_t with K of the undeformed body."""
+        """(e_t, p) -> K e_t, with K of the undeformed body."""
 
     @property
     def drag_force(self) -> Callable[..., Any]:
@@ -54,48 +80,48 @@ class Forces(Protocol):
 
 
 class DampingLaw(ABC):
-    """What every damping law can do."""
+    """Base class of the damping laws."""
 
     @property
     @abstractmethod
-    def parameters(self) -> tuple[tuple[str, float], ...]:
-        """Name and value of each parameter."""
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters of the law."""
 
     @abstractmethod
     def with_parameters(self, values: Sequence[float] | Array) -> DampingLaw:
-        """Return the law with other values of its parameters, in their order.
+        """Return the law with other values of its parameters, given in their order.
 
         Raises
         ------
         InputError
-            If a value is out of its range.
+            If a value is out of range.
         """
 
     @abstractmethod
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
-        """Return the part of the force that is a sum over the elements, (d,), N and N m.
+        """Return the local part of the force, a sum over the elements, (d,), N and N m.
 
         Parameters
         ----------
         body : Forces
-            A whole beam or one element of it: the force of the beam is the sum of those of its elements.
+            A beam or one of its elements.
         e, e_t, properties : SX or MX
-            Coordinates (d,), rates and properties of the body.
+            Coordinates (d,), velocities and properties of the body.
         parameters : SX or MX
             The parameters of the law.
         """
 
     @property
     def dissipative(self) -> bool:
-        """True if the force adds energy to no motion."""
+        """True if the force never adds energy to a motion."""
         return True
 
     def projection(self, model: Model) -> Array:
-        """Return B (4 n + 4, m) of the part R B diag(d) B^T R^T e_t of the force; m is 0 where there is none."""
+        """Return B (4 n + 4, m) of the low-rank part R B diag(d) B^T R^T e_t of the force; without it, m is 0."""
         return np.zeros((model.size, 0))
 
-    def rates(self, parameters: cs.MX) -> cs.MX:
-        """Return d (m,) of the part R B diag(d) B^T R^T e_t of the force, 1/s."""
+    def modal_coefficients(self, parameters: cs.MX) -> cs.MX:
+        """Return d (m,), 1/s, of the low-rank part R B diag(d) B^T R^T e_t of the force."""
         return cs.MX(0, 1)
 
     @abstractmethod
@@ -104,14 +130,15 @@ class DampingLaw(ABC):
 
     @final
     def force(self, model: Model, e: cs.MX, e_t: cs.MX) -> cs.MX:
-        """Return the whole generalized force Q_damp, (4 n + 4,), N and N m, with the parameters' values."""
-        values, properties = cs.MX(cs.DM([value for _, value in self.parameters])), cs.MX(cs.DM(model.properties))
+        """Return the whole generalized force Q_damp, (4 n + 4,), N and N m, for the values of the parameters."""
+        values = cs.MX(cs.DM([parameter.value for parameter in self.parameters]))
+        local = self.local_force(model, e, e_t, cs.MX(cs.DM(model.properties)), values)
         B = turned(cs.MX(cs.DM(self.projection(model))), model.beam.axis, e[2:NODE])
-        return self.local_force(model, e, e_t, properties, values) + B @ (self.rates(values) * (B.T @ e_t))
+        return local + B @ (self.modal_coefficients(values) * (B.T @ e_t))
 
     @final
     def __add__(self, other: DampingLaw) -> DampingLaw:
-        """Return the law whose force is the sum of both."""
+        """Return the law whose force is the sum of both forces."""
         check_instance(other, "damping", DampingLaw)
         return SumOfLaws((*_terms(self), *_terms(other)))
 
@@ -119,7 +146,7 @@ class DampingLaw(ABC):
 @final
 @dataclass(frozen=True)
 class SumOfLaws(DampingLaw):
-    """Several laws acting together; made by adding them.
+    """Several laws that act together; made by adding them.
 
     Parameters
     ----------
@@ -130,18 +157,25 @@ class SumOfLaws(DampingLaw):
     laws: tuple[DampingLaw, ...]
 
     @property
-    def parameters(self) -> tuple[tuple[str, float], ...]:
-        """The parameters of all terms, in their order."""
-        return tuple(parameter for law in self.laws for parameter in law.parameters)
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters of all terms in order; a name that occurs again is numbered, as in ``alpha_2``."""
+        found: dict[str, Parameter] = {}
+        for parameter in (parameter for term in _terms(self) for parameter in term.parameters):
+            name, count = parameter.name, 1
+            while name in found:
+                count += 1
+                name = f"{parameter.name}_{count}"
+            found[name] = replace(parameter, name=name)
+        return tuple(found.values())
 
     @property
     def dissipative(self) -> bool:
-        """True if every term adds energy to no motion."""
+        """True if no term ever adds energy to a motion."""
         return all(law.dissipative for law in self.laws)
 
     def with_parameters(self, values: Sequence[float] | Array) -> SumOfLaws:
         """Return the sum with other values of the parameters of all terms."""
-        own = iter(numbers(self, values))
+        own = iter(checked_values(self, values))
         return SumOfLaws(tuple(law.with_parameters([next(own) for _ in law.parameters]) for law in self.laws))
 
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
@@ -150,51 +184,58 @@ class SumOfLaws(DampingLaw):
         return sum((law.local_force(body, e, e_t, properties, own) for law, own in terms), 0 * e_t)
 
     def projection(self, model: Model) -> Array:
-        """Return the projections side by side."""
+        """Return the projections of all terms side by side."""
         return np.hstack([law.projection(model) for law in self.laws])
 
-    def rates(self, parameters: cs.MX) -> cs.MX:
-        """Return the rates of all terms."""
-        return cs.vertcat(*(law.rates(own) for law, own in zip(self.laws, self._split(parameters), strict=True)))
+    def modal_coefficients(self, parameters: cs.MX) -> cs.MX:
+        """Return the modal damping coefficients of all terms."""
+        terms = zip(self.laws, self._split(parameters), strict=True)
+        return cs.vertcat(*(law.modal_coefficients(own) for law, own in terms))
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
-        """Return the sum of the equivalent ratios."""
+        """Return the sum of the equivalent damping ratios."""
         return np.asarray(np.sum([law.damping_ratios(modes, amplitudes) for law in self.laws], axis=0))
 
     def _split(self, parameters: S) -> list[S]:
-        """Return each term's share of the parameters."""
+        """Return the parameters of each term."""
         ends = np.cumsum([0, *(len(law.parameters) for law in self.laws)]).tolist()
         return [cs.reshape(parameters[begin:end], end - begin, 1) for begin, end in pairwise(ends)]
 
 
-def weighted(forces: Sequence[Any], parameters: S, rates: S) -> S:
-    """Return the sum of forces times the parameters, as many; zeros of the size of ``rates`` if there are none."""
-    total = 0 * rates
+def weighted_sum(forces: Sequence[Any], parameters: S, e_t: S) -> S:
+    """Return the sum of the forces, each times its parameter; without forces, zeros of the size of ``e_t``."""
+    total = 0 * e_t
     for weight, force in zip(cs.vertsplit(parameters) if forces else [], forces, strict=True):
         total += weight * force
     return total
 
 
-def nonzero(**coefficients: float) -> tuple[tuple[str, float], ...]:
-    """Return the coefficients that are parameters, with their names."""
-    return tuple((name, value) for name, value in coefficients.items() if value)
+def nonzero(*parameters: Parameter) -> tuple[Parameter, ...]:
+    """Return the parameters whose value is not 0."""
+    return tuple(parameter for parameter in parameters if parameter.value)
 
 
-def numbers(law: DampingLaw, values: Sequence[float] | Array) -> list[float]:
-    """Return one value a parameter of the law."""
-    found = finite_numbers(values, "values")
+def checked_values(law: DampingLaw, values: Sequence[float] | Array) -> tuple[float, ...]:
+    """Return one finite value per parameter of a law.
+
+    Raises
+    ------
+    InputError
+        If there are more or fewer values, or one is not finite.
+    """
+    found = numbers(values, "values")
     if len(found) != len(law.parameters):
-        raise InputError(f"has {len(found)} for {len(law.parameters)} parameters", "values")
-    return [*found]
+        raise InputError(f"has {len(found)} values for {len(law.parameters)} parameters", "values")
+    return found
 
 
-def named(law: DampingLaw, values: Sequence[float] | Array) -> dict[str, Any]:
-    """Return the values with the names of the law's parameters."""
-    return {name: value for (name, _), value in zip(law.parameters, numbers(law, values), strict=True)}
+def values_by_name(law: DampingLaw, values: Sequence[float] | Array) -> dict[str, Any]:
+    """Return the values by the names of the parameters of a law."""
+    return dict(zip((parameter.name for parameter in law.parameters), checked_values(law, values), strict=True))
 
 
-def coefficients(law: DampingLaw, *names: str) -> None:
-    """Check the coefficients of a law and keep them as floats.
+def check_coefficients(law: DampingLaw, *names: str) -> None:
+    """Check the coefficients of a law, and keep them as floats.
 
     Raises
     ------
@@ -209,4 +250,5 @@ def coefficients(law: DampingLaw, *names: str) -> None:
 
 
 def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
-    return law.laws if isinstance(law, SumOfLaws) else (law,)
+    """Return the terms of a law, those of sums within a sum included."""
+    return tuple(term for part in law.laws for term in _terms(part)) if isinstance(law, SumOfLaws) else (law,)

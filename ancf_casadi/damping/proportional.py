@@ -1,4 +1,8 @@
-"""Proportional damping, Q = alpha M e_t + beta (stiffness-proportional part), Eq. (14)."""
+"""Rayleigh (proportional) damping, Eqs. (11)-(16).
+
+Q = C e_t,    C = alpha M + beta K,                             Eqs. (11), (14)
+zeta = alpha/(2 omega) + beta omega/2                           Eq. (16)
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,16 @@ from typing import Literal, final, get_args
 
 import numpy as np
 
-from ancf_casadi.damping.law import DampingLaw, Forces, S, coefficients, named, nonzero, weighted
+from ancf_casadi.damping.law import (
+    DampingLaw,
+    Forces,
+    Parameter,
+    S,
+    check_coefficients,
+    nonzero,
+    values_by_name,
+    weighted_sum,
+)
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, choice
 from ancf_casadi.vibration.modes import Modes
@@ -20,7 +33,7 @@ ProportionalStiffness = Literal["strain-rate", "tangent", "reference"]
 @final
 @dataclass(frozen=True)
 class RayleighDamping(DampingLaw):
-    """Proportional damping C = alpha M + beta K, Eq. (14).
+    """Rayleigh (proportional) damping, C = alpha M + beta K, Eq. (14).
 
     Parameters
     ----------
@@ -29,16 +42,16 @@ class RayleighDamping(DampingLaw):
     beta : float
         Stiffness-proportional coefficient, s.
     stiffness : {"strain-rate", "tangent", "reference"}
-        What K means in large motion.  ``strain-rate``: a Kelvin-Voigt force on the rates of axial strain and
-        curvature, objective, with the elastic K of the straight beam as its linearisation.  ``tangent``: the tangent
-        stiffness where the beam is; where that is indefinite, as in a beam that buckles, the force adds energy, of
-        which ``simulate`` warns.  ``reference``: the constant K of the straight beam, the paper's letter; it is
-        not objective, and in rotated elements its axial part resists the motion itself.
+        The meaning of K in large motion.  ``strain-rate``: a Kelvin-Voigt force from the rates of axial strain and
+        curvature.  It is objective, and its linearisation is the elastic K of the straight beam.  ``tangent``: the
+        current tangent stiffness.  Where this is indefinite, as in a beam that buckles, the force adds energy, and
+        ``simulate`` warns.  ``reference``: the constant K of the straight beam, as in the paper.  It is not
+        objective: in rotated elements its axial part resists the motion itself.
 
     Raises
     ------
     InputError
-        If a coefficient is negative or not finite, or the name unknown.
+        If a coefficient is negative or not finite, or the name is unknown.
     """
 
     alpha: float = 0.0
@@ -47,16 +60,19 @@ class RayleighDamping(DampingLaw):
 
     def __post_init__(self) -> None:
         """Validate."""
-        coefficients(self, "alpha", "beta")
+        check_coefficients(self, "alpha", "beta")
         choice(self.stiffness, get_args(ProportionalStiffness), "stiffness")
         if self.stiffness == "reference" and self.beta > 0.0:
             message = "damping proportional to the reference stiffness is not objective: it resists large rotations"
             warnings.warn(message, stacklevel=3)
 
     @property
-    def parameters(self) -> tuple[tuple[str, float], ...]:
-        """Alpha (1/s) and beta (s)."""
-        return nonzero(alpha=self.alpha, beta=self.beta)
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The coefficients alpha (1/s) and beta (s) that are not 0."""
+        return nonzero(
+            Parameter("alpha", self.alpha, "1/s", "damping proportional to the mass"),
+            Parameter("beta", self.beta, "s", "damping proportional to the stiffness"),
+        )
 
     @property
     def dissipative(self) -> bool:
@@ -65,10 +81,10 @@ class RayleighDamping(DampingLaw):
 
     def with_parameters(self, values: Sequence[float] | Array) -> RayleighDamping:
         """Return the law with other coefficients."""
-        return replace(self, **named(self, values))
+        return replace(self, **values_by_name(self, values))
 
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
-        """Return alpha M e_t and the stiffness-proportional force, Eq. (11) with Eq. (14)."""
+        """Return alpha M e_t and the stiffness-proportional force, Eqs. (11), (14)."""
         forces = []
         if self.alpha:
             forces.append(body.inertia_force(e_t, properties))
@@ -78,21 +94,21 @@ class RayleighDamping(DampingLaw):
             forces.append(body.tangent_force(e, e_t, properties))
         elif self.beta:
             forces.append(body.reference_force(e_t, properties))
-        return weighted(forces, parameters, e_t)
+        return weighted_sum(forces, parameters, e_t)
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
-        """Return zeta = alpha/(2 omega) + beta phi^T K phi/(2 omega) at any amplitude.
+        """Return zeta = alpha/(2 omega) + beta phi^T K phi/(2 omega), at any amplitude.
 
-        With the ``tangent`` stiffness phi^T K phi is omega^2, and this Eq. (16).  The other two lack the stiffness that
-        gravity adds or takes: 4 % of the beta part in mode 2 of the paper's beam.
+        With the ``tangent`` stiffness phi^T K phi is omega^2, and this is Eq. (16).  The other two lack the stiffness
+        due to gravity: 4 % of the beta part in mode 2 of the paper's beam.
         """
         check_instance(modes, "modes", Modes)
         stiffness = modes.angular_frequencies**2
         if self.stiffness != "tangent":
-            model, p, rest = modes.model, modes.model.properties, modes.equilibrium.coordinates
+            model, p, shapes = modes.model, modes.model.properties, modes.shapes
             if self.stiffness == "strain-rate":
-                forces = [model.strain_rate_force(rest, phi, p).full().ravel() for phi in modes.shapes.T]
+                forces = model.strain_rate_force(modes.equilibrium.coordinates, shapes, p).full()
             else:
-                forces = list((model.tangent_stiffness(model.straight, p).sparse() @ modes.shapes).T)
-            stiffness = np.array([phi @ force for phi, force in zip(modes.shapes.T, forces, strict=True)])
+                forces = model.tangent_stiffness(model.straight, p).sparse() @ shapes
+            stiffness = (shapes * forces).sum(axis=0)
         return np.asarray((self.alpha + self.beta * stiffness) / (2 * modes.angular_frequencies))

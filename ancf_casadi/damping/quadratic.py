@@ -1,4 +1,13 @@
-"""Quadratic damping, Q = int S^T (gamma1 v + gamma2 |v| v) dp, Eq. (19), (23)."""
+"""Quadratic damping, Eqs. (19)-(26).
+
+The air resists the velocity v = S e_t along the beam, Eq. (20), with the force per length gamma1 v + gamma2 |v| v,
+Eq. (19), and so
+
+    Q = int S^T (gamma1 v + gamma2 |v| v) dp,                       Eq. (23)
+    gamma1 = eta1 mu,    gamma2 = eta2 mu 1183/876.                 Eq. (25)
+
+For the one-mode shape of Eq. (21) this is Eq. (26), M e_tt + eta1 M e_t + eta2 M e_t |e_t| + K e = 0.
+"""
 
 from __future__ import annotations
 
@@ -9,29 +18,35 @@ from typing import final
 
 import numpy as np
 
-from ancf_casadi.damping.law import DampingLaw, Forces, S, coefficients, named, nonzero, weighted
+from ancf_casadi.damping.law import (
+    DampingLaw,
+    Forces,
+    Parameter,
+    S,
+    check_coefficients,
+    nonzero,
+    values_by_name,
+    weighted_sum,
+)
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, numbers
 from ancf_casadi.vibration.modes import Modes
 
-DRAG_CONSTANT = 1183 / 876  # gamma2 = eta2 mu 1183/876, Eq. (24)-(25) exact; the paper rounds 876/1183 to 0.74
+DRAG_CONSTANT = 1183 / 876  # exact for Eqs. (24), (25); the paper rounds 876/1183 to 0.74
 
 
 @final
 @dataclass(frozen=True)
 class QuadraticDamping(DampingLaw):
-    """Air drag along the beam, linear and quadratic in the speed: gamma1 v + gamma2 |v| v, Eq. (19).
-
-    gamma1 = eta1 mu and gamma2 = eta2 mu 1183/876, Eq. (25), so that Eq. (26) is what it becomes in the one-mode
-    form of Eq. (21).
+    """Air drag along the beam, linear and quadratic in the velocity: gamma1 v + gamma2 |v| v, Eq. (19).
 
     Parameters
     ----------
     eta1 : float
-        Linear coefficient, 1/s.
+        Linear coefficient gamma1/mu, 1/s.
     eta2 : float
-        Quadratic coefficient, 1/m.  The paper's tables are per mm.
+        Quadratic coefficient 876/1183 gamma2/mu, 1/m.  The tables of the paper give it in 1/mm.
 
     Raises
     ------
@@ -44,16 +59,19 @@ class QuadraticDamping(DampingLaw):
 
     def __post_init__(self) -> None:
         """Validate."""
-        coefficients(self, "eta1", "eta2")
+        check_coefficients(self, "eta1", "eta2")
 
     @property
-    def parameters(self) -> tuple[tuple[str, float], ...]:
-        """Eta1 (1/s) and eta2 (1/m)."""
-        return nonzero(eta1=self.eta1, eta2=self.eta2)
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The coefficients eta1 (1/s) and eta2 (1/m) that are not 0."""
+        return nonzero(
+            Parameter("eta1", self.eta1, "1/s", "linear air drag per mass per length"),
+            Parameter("eta2", self.eta2, "1/m", "quadratic air drag per mass per length"),
+        )
 
     def with_parameters(self, values: Sequence[float] | Array) -> QuadraticDamping:
         """Return the law with other coefficients."""
-        return replace(self, **named(self, values))
+        return replace(self, **values_by_name(self, values))
 
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return eta1 int S^T mu v dp + eta2 1183/876 int S^T mu |v| v dp, Eq. (23)."""
@@ -62,32 +80,29 @@ class QuadraticDamping(DampingLaw):
             forces.append(body.line_inertia_force(e_t, properties))
         if self.eta2:
             forces.append(DRAG_CONSTANT * body.drag_force(e_t, properties))
-        return weighted(forces, parameters, e_t)
+        return weighted_sum(forces, parameters, e_t)
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return zeta = b eta1/(2 omega) + 4 eta2 c A/(3 pi), with c = 1183/876 int mu |phi|^3 dp / phi^T M phi.
 
-        The mode shape phi is 1 at the tip; c is 1 for the shape of Eq. (21), and less for the higher modes.
-        b = int mu phi^2 dp / phi^T M phi is 1 unless the tip carries a mass.
+        The mode shape phi is 1 at the tip.  The constant c is 1 for the shape of Eq. (21), and smaller for the higher
+        modes; b = int mu phi^2 dp / phi^T M phi is 1 unless the tip carries a mass.
 
         Raises
         ------
         InputError
-            If there is not one amplitude a mode.
+            If there is not one amplitude per mode.
         """
         check_instance(modes, "modes", Modes)
         amplitudes = numbers(amplitudes, "amplitudes")
-        model = modes.model
-        shapes = modes.shapes / modes.tip_amplitudes()
-        mass = model.mass(model.properties).sparse()
-        linear, quadratic = [], []
-        for phi in shapes.T:
-            forces = (
-                function(phi, model.properties).full() for function in (model.line_inertia_force, model.drag_force)
-            )
-            shares = [float(phi @ force.ravel() / (phi @ (mass @ phi))) for force in forces]
-            linear.append(self.eta1 * shares[0])
-            quadratic.append(4 * self.eta2 * DRAG_CONSTANT * shares[1] / (3 * math.pi))
         if len(amplitudes) != modes.count:
             raise InputError(f"has {len(amplitudes)} values for {modes.count} modes", "amplitudes")
-        return np.asarray(np.array(linear) / (2 * modes.angular_frequencies) + np.array(quadratic) * np.abs(amplitudes))
+        model = modes.model
+        shapes = modes.shapes / modes.tip_amplitudes()
+        modal_mass = (shapes * (model.mass(model.properties).sparse() @ shapes)).sum(axis=0)
+        b, c = (
+            (shapes * function(shapes, model.properties).full()).sum(axis=0) / modal_mass
+            for function in (model.line_inertia_force, model.drag_force)
+        )
+        linear = self.eta1 * b / (2 * modes.angular_frequencies)
+        return np.asarray(linear + 4 * self.eta2 * DRAG_CONSTANT * c * np.abs(amplitudes) / (3 * math.pi))

@@ -1,6 +1,20 @@
-"""Large motion in time: the equation of motion, the motion of the clamp, and the integrators.
+"""Large motion in time: the equation of motion, Eq. (6) with damping, the motion of the clamp, and the integrators.
 
-``equations`` joins the model, Eq. (6), with a damping law and the clamp of ``base_motion``; ``simulation`` holds
-``simulate``, ``idas`` and ``radau`` the integrators that it chooses from, ``trajectory`` its result.  ``derivatives``
-differentiates a motion.
+``base_motion`` moves the clamp, and ``equations`` joins the model with a damping law and the clamp; ``element_forces``
+has the Functions of one element.  ``start`` sets up a motion, ``simulation`` holds ``simulate``, ``integration``
+chooses the integrator, ``segments`` divides the time, and ``trajectory`` is the result.  ``derivatives`` differentiates
+a motion, and ``signals`` names the inputs and outputs of exported models.
+
+The project has five time steppers, each for a task that the others do not serve:
+
+    IDAS (``idas``)                   full beam whose mesh does not vibrate: many cheap steps of order 2, by an
+                                      established solver against which Radau is checked
+    Radau IIA (``radau``)             full beam in large or fast motion, or after impacts: few long steps of order 5,
+                                      which damp vibrations of the mesh and have exact derivatives (``derivatives``)
+    reduced model                     a few modal coordinates without stiff modes: explicit exponential steps of order 4
+    (``reduction.stepping``)          (Lawson), exact for small undamped motion, without a nonlinear system to solve
+    one mode (``decay.one_mode``)     Eq. (26) in the variables of its free oscillation, with sensitivities, for fits
+                                      that integrate one decay after another
+    exported step                     full beam outside the toolkit: one implicit step of order 2 as a plain Function,
+    (``export.functions.step``)       because C code and controllers cannot call an integrator
 """

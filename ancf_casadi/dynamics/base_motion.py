@@ -1,12 +1,12 @@
 """Prescribed motion of the clamp.
 
-A base motion is a sequence of smooth pieces; in each, displacement u(t) and rotation phi(t) of the clamp, counted from
-where the beam was at rest, move the clamped node to
+A base motion is a sequence of smooth pieces.  In each piece, displacement u(t) and rotation phi(t) of the clamp from
+where the beam was at rest move the clamped node to
 
-    r_0 = u,    tau_0 = R(phi) axis,
+    r_0 = u,    tau_0 = R(phi) axis.
 
-and symbolic differentiation gives its velocity and acceleration.  The integrator restarts where a piece ends, so that
-no step straddles a kink.  Motions are symbolic in their parameters too.
+Velocity and acceleration follow by symbolic differentiation.  The integrator restarts at the end of each piece, so that
+no step crosses a kink.  Base motions are symbolic in their parameters too.
 """
 
 from __future__ import annotations
@@ -21,24 +21,28 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ancf_casadi.damping import Parameter
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import array, choice, number, physical, positive, positive_or_infinite, vector
 
 StopAt = Literal["rest", "once"]
 
 SPLINE_DEGREE = 5  # the acceleration of the clamp is then twice continuously differentiable
+AMPLITUDE_ACCURACY = 0.10  # relative; the usual bounds of an estimated amplitude
+AT_REST = 1e-9  # in half periods; the base is at rest at the time asked for
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A smooth part of a base motion.
+    """A smooth piece of a base motion.
 
     Parameters
     ----------
     end : float
-        Time at which it ends, s; infinite for the last.
+        End time, s; infinite for the last piece.
     motion : callable
-        From the time (s) and the parameters of the motion to displacement (m, two components) and rotation (rad).
+        Function of the time (s) and the parameters of the motion that returns displacement (m, two components) and
+        rotation (rad).
     """
 
     end: float
@@ -46,20 +50,20 @@ class Piece:
 
 
 class BaseMotion(ABC):
-    """What every base motion can do."""
+    """Base class of the base motions."""
 
     @property
-    def parameters(self) -> tuple[tuple[str, float], ...]:
-        """Name and value of each parameter."""
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters of the motion."""
         return ()
 
     @abstractmethod
     def pieces(self) -> tuple[Piece, ...]:
-        """Return the smooth parts in order, from time 0; the last has no end."""
+        """Return the smooth pieces in order, from time 0; the last has no end."""
 
     @final
     def pieces_after(self, time: float) -> list[Piece]:
-        """Return the smooth parts that end after a time (s)."""
+        """Return the smooth pieces that end after a time (s)."""
         return [piece for piece in self.pieces() if piece.end > time]
 
 
@@ -71,9 +75,9 @@ class FixedBase(BaseMotion):
     Parameters
     ----------
     displacement : (float, float)
-        Where it is held, m from the origin.
+        Position of the clamp, m.
     rotation : float
-        Angle by which it is turned from the axis of the beam, counterclockwise, rad.
+        Angle from the axis of the beam to its direction at the clamp, counterclockwise, rad.
 
     Raises
     ------
@@ -95,24 +99,75 @@ class FixedBase(BaseMotion):
         return (Piece(math.inf, lambda t, parameters: cs.MX(place)),)
 
 
+class _Oscillation(BaseMotion):
+    """u = amplitude sin(2 pi (f t + f_t t^2/2)) along a direction, then a stop."""
+
+    amplitude: float
+    stop: float
+    direction: tuple[float, float]
+    stop_at: StopAt
+
+    @property
+    @abstractmethod
+    def _frequency(self) -> tuple[float, float]:
+        """Frequency f at time 0, Hz, and its constant rate of change f_t, Hz/s."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The amplitude, m."""
+        lower, upper = (1.0 - AMPLITUDE_ACCURACY) * self.amplitude, (1.0 + AMPLITUDE_ACCURACY) * self.amplitude
+        return (Parameter("amplitude", self.amplitude, "m", "amplitude of the base motion", lower, upper),)
+
+    @property
+    def stop_time(self) -> float:
+        """Time of the actual stop, s."""
+        if self.stop_at == "once" or self.stop == math.inf:
+            return self.stop
+        f, f_t = self._frequency
+        half_periods = math.ceil((2 * f + f_t * self.stop) * self.stop - 0.5 - AT_REST) + 0.5
+        square = f**2 + f_t * half_periods  # of the frequency at rest
+        return half_periods / (f + math.sqrt(square)) if square > 0.0 else -f / f_t  # at rest where the frequency is 0
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """Return the oscillation and, if it stops, the hold."""
+        f, f_t = self._frequency
+
+        def oscillation(t: cs.MX, amplitude: cs.MX) -> cs.MX:
+            return amplitude * cs.sin(2 * math.pi * f * t + math.pi * f_t * t**2) * cs.DM([*self.direction, 0.0])
+
+        return _until(self.stop_time, oscillation)
+
+    def _validate(self) -> None:
+        """Check what all oscillations share, and normalise the direction."""
+        positive(self.amplitude, "amplitude")
+        if self.stop != math.inf:
+            physical(self.stop, "stop")
+        choice(self.stop_at, get_args(StopAt), "stop_at")
+        x, y = vector(self.direction, "direction")
+        length = math.hypot(x, y)
+        if length == 0.0:
+            raise InputError("must not be the zero vector", "direction")
+        object.__setattr__(self, "direction", (x / length, y / length))
+
+
 @final
 @dataclass(frozen=True)
-class HarmonicBase(BaseMotion):
+class HarmonicBase(_Oscillation):
     """u = amplitude sin(2 pi frequency t), then a sudden stop.
 
     Parameters
     ----------
     amplitude : float
-        Amplitude, m, above 0.
+        Amplitude, m, positive.
     frequency : float
-        Frequency, Hz, above 0.
+        Frequency, Hz, positive.
     stop : float, optional
-        Time asked for the stop, s, above 0; never if not given.
+        Requested stop time, s, positive; the motion goes on for ever if not given.
     direction : (float, float)
-        Direction of the motion, any length above 0; kept as a unit vector.
+        Direction of the motion, of any positive length; kept as a unit vector.
     stop_at : {"rest", "once"}
-        ``rest``: stop at the first instant of zero base speed after ``stop``, and hold.  ``once``: stop at ``stop``
-        itself, where the base speed may jump: a blow to the clamp.
+        ``rest``: stop at the first instant of zero base velocity after ``stop``, and hold.  ``once``: stop at ``stop``
+        itself, where the base velocity may jump, which is an impact on the clamp.
 
     Raises
     ------
@@ -128,50 +183,33 @@ class HarmonicBase(BaseMotion):
 
     def __post_init__(self) -> None:
         """Validate, and normalise the direction."""
-        positive(self.amplitude, "amplitude")
         physical(self.frequency, "frequency")
-        if positive_or_infinite(self.stop, "stop") != math.inf:
-            physical(self.stop, "stop")
-        choice(self.stop_at, get_args(StopAt), "stop_at")
-        object.__setattr__(self, "direction", _unit(self.direction))
+        positive_or_infinite(self.stop, "stop")
+        self._validate()
 
     @property
-    def parameters(self) -> tuple[tuple[str, float], ...]:
-        """The amplitude, m."""
-        return (("amplitude", self.amplitude),)
-
-    @property
-    def stop_time(self) -> float:
-        """Time at which the base does stop, s."""
-        if self.stop_at == "once" or self.stop == math.inf:
-            return self.stop
-        half_periods = math.ceil(2 * self.frequency * self.stop - 0.5 - 1e-9)
-        return (half_periods + 0.5) / (2 * self.frequency)
-
-    def pieces(self) -> tuple[Piece, ...]:
-        """Return the harmonic motion and, if it stops, the hold."""
-        omega = 2 * math.pi * self.frequency
-        return _until(self.stop_time, _along(self.direction, lambda t, amplitude: amplitude * cs.sin(omega * t)))
+    def _frequency(self) -> tuple[float, float]:
+        return self.frequency, 0.0
 
 
 @final
 @dataclass(frozen=True)
-class SweepBase(BaseMotion):
-    """u = amplitude sin(phase(t)), the frequency growing or falling evenly from one value to another, then a stop.
+class SweepBase(_Oscillation):
+    """u = amplitude sin(phase(t)), with the frequency changing linearly in time from one value to another, then a stop.
 
     Parameters
     ----------
     amplitude : float
-        Amplitude, m, above 0.
+        Amplitude, m, positive.
     frequencies : (float, float)
-        Frequency at time 0 and at the stop, Hz, above 0.
+        Frequency at time 0 and at ``stop``, Hz, positive.
     stop : float
-        Time asked for the stop, s, above 0.
+        Requested stop time, s, positive.
     direction : (float, float)
-        Direction of the motion, any length above 0; kept as a unit vector.
+        Direction of the motion, of any positive length; kept as a unit vector.
     stop_at : {"rest", "once"}
         ``rest``: sweep on to the first instant of zero base velocity after ``stop``, and hold.  ``once``: stop at
-        ``stop`` itself, where the base velocity may jump: a blow to the clamp.
+        ``stop`` itself, where the base velocity may jump, which is an impact on the clamp.
 
     Raises
     ------
@@ -187,41 +225,15 @@ class SweepBase(BaseMotion):
 
     def __post_init__(self) -> None:
         """Validate, and normalise the direction."""
-        positive(self.amplitude, "amplitude")
         for frequency in vector(self.frequencies, "frequencies"):
             physical(frequency, "frequencies")
         physical(self.stop, "stop")
-        choice(self.stop_at, get_args(StopAt), "stop_at")
-        object.__setattr__(self, "direction", _unit(self.direction))
+        self._validate()
 
     @property
-    def parameters(self) -> tuple[tuple[str, float], ...]:
-        """The amplitude, m."""
-        return (("amplitude", self.amplitude),)
-
-    @property
-    def stop_time(self) -> float:
-        """Time at which the base does stop, s."""
-        if self.stop_at == "once":
-            return self.stop
-        first, rate = self.frequencies[0], self._rate
-        cycles = (math.ceil((sum(self.frequencies) * self.stop) - 0.5 - 1e-9) + 0.5) / 2
-        square = first**2 + 2 * rate * cycles
-        return 2 * cycles / (first + math.sqrt(square)) if square > 0.0 else -first / rate  # where the frequency is 0
-
-    @property
-    def _rate(self) -> float:
-        """Rate of the frequency, Hz/s."""
-        return (self.frequencies[1] - self.frequencies[0]) / self.stop
-
-    def pieces(self) -> tuple[Piece, ...]:
-        """Return the sweep and the hold."""
-        first, rate = self.frequencies[0], self._rate
-
-        def sweep(t: cs.MX, amplitude: cs.MX) -> cs.MX:
-            return amplitude * cs.sin(2 * math.pi * (first * t + rate * t**2 / 2))
-
-        return _until(self.stop_time, _along(self.direction, sweep))
+    def _frequency(self) -> tuple[float, float]:
+        first, last = self.frequencies
+        return first, (last - first) / self.stop
 
 
 @final
@@ -232,7 +244,7 @@ class SampledBase(BaseMotion):
     Parameters
     ----------
     time : array_like (k,)
-        Instants, s, increasing; the motion begins with the first.
+        Instants, s, increasing; the motion begins with the first one.
     displacement : array_like (k, 2)
         Displacement, m, counted from the first sample.
     rotation : array_like (k,), optional
@@ -267,7 +279,7 @@ class SampledBase(BaseMotion):
 
     def pieces(self) -> tuple[Piece, ...]:
         """Return the measured motion and the hold."""
-        from scipy.interpolate import make_interp_spline  # slow to import, and needed here alone
+        from scipy.interpolate import make_interp_spline  # slow to import, and used only here
 
         time = np.asarray(self.time, dtype=float)
         motion = np.column_stack([np.asarray(self.displacement), np.asarray(self.rotation)])
@@ -277,18 +289,7 @@ class SampledBase(BaseMotion):
 
 
 def _until(stop: float, motion: Callable[[cs.MX, cs.MX], cs.MX]) -> tuple[Piece, ...]:
-    """Return a motion and, if it ends, the hold of where it has come to."""
+    """Return a motion and, if it stops, the hold at its last position."""
     if stop == math.inf:
         return (Piece(math.inf, motion),)
     return Piece(stop, motion), Piece(math.inf, lambda t, parameters: motion(cs.MX(stop), parameters))
-
-
-def _along(direction: tuple[float, float], size: Callable[[cs.MX, cs.MX], cs.MX]) -> Callable[[cs.MX, cs.MX], cs.MX]:
-    return lambda t, parameters: size(t, parameters) * cs.DM([*direction, 0.0])
-
-
-def _unit(direction: tuple[float, float]) -> tuple[float, float]:
-    x, y = vector(direction, "direction")
-    if math.hypot(x, y) == 0.0:
-        raise InputError("must not be the zero vector", "direction")
-    return x / math.hypot(x, y), y / math.hypot(x, y)

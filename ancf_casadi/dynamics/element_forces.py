@@ -1,14 +1,15 @@
-"""The inner Functions of the equation of motion: one element under a damping law, all its terms at once.
+"""Functions of one element under a damping law, with all terms of the equation of motion.
 
 With c = (acceleration of gravity, parameters of the law), an element contributes
 
     Q = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g    and the power e_t . Q_damp,
 
-Q_damp the local part of the damping.  The integrators map these Functions over the elements of the beam.  They know
-neither the mesh nor any number of the beam or the law: their machine code is short, and the same for all beams.
+in which Q_damp is the local part of the damping.  The integrators map these Functions over the elements of the beam.
+The Functions contain neither the mesh nor any number of the beam or the law, so their machine code is short and the
+same for all beams.
 
 A call from CasADi's virtual machine costs about as much as the forces of an element.  Compiled Functions therefore take
-``TOGETHER`` elements in a loop of their own; the last call is filled up with copies of the last element.
+``TOGETHER`` elements per call; the last call is padded with copies of the last element.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ import casadi as cs
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.mechanics.element import Element
 
-TOGETHER = 10  # elements in a call
+TOGETHER = 10  # elements per call
 
 
 @dataclass(frozen=True, eq=False)
-class Kernels:
+class ElementFunctions:
     """The Functions of one element under a damping law.
 
-    Inputs are coordinates e (d), rates e_t and accelerations e_tt, the properties p of the element, and c.
+    The inputs are coordinates e (d), velocities e_t and accelerations e_tt, the properties p of the element, and c.
 
     Parameters
     ----------
@@ -84,30 +85,26 @@ class Kernels:
         return self.law.local_force(self.element, e, e_t, p, c[2:])
 
     def _function(self, name: str, inputs: list[cs.SX], outputs: list[cs.SX], **options: Any) -> cs.Function:
-        return self.make(kernel(name, inputs, outputs, **options))
+        """Return a Function of columns, one per element of a call."""
+        one = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True, **options})
+        return self.make(side_by_side(one, **options))
 
     def _fixed(self, name: str, inputs: list[cs.SX], outputs: list[cs.SX]) -> cs.Function:
-        """Return a Function that nobody differentiates."""
+        """Return a Function without derivatives."""
         return self._function(name, inputs, outputs, is_diff_in=[False] * len(inputs))
 
 
-def kernel(name: str, inputs: list[cs.SX], outputs: list[cs.SX], **options: Any) -> cs.Function:
-    """Return a Function of columns, one for each of ``TOGETHER`` elements or nodes."""
-    one = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True, **options})
-    return side_by_side(one, **options)
-
-
 def side_by_side(one: cs.Function, **options: Any) -> cs.Function:
-    """Return a Function of columns, one for each of ``TOGETHER`` elements, from that of one column."""
+    """Return the Function of ``TOGETHER`` columns that evaluates a Function of one column for each."""
     columns = [cs.MX.sym(f"x{k}", one.size1_in(k), TOGETHER) for k in range(one.n_in())]
     return cs.Function(one.name(), columns, one.map(TOGETHER).call(columns), options)
 
 
 def mapped(function: cs.Function, *columns: cs.MX) -> list[cs.MX]:
-    """Evaluate a kernel for matrices of any number of columns."""
+    """Evaluate a Function from ``side_by_side`` for any number of columns."""
     count, together = columns[0].size2(), function.size2_in(0)
-    filling = -count % together
-    filled = [cs.horzcat(x, cs.repmat(x[:, -1], 1, filling)) if filling else x for x in columns]
-    results = function.map((count + filling) // together).call(filled)
+    padding = -count % together
+    padded = [cs.horzcat(x, cs.repmat(x[:, -1], 1, padding)) if padding else x for x in columns]
+    results = function.map((count + padding) // together).call(padded)
     widths = [function.size2_out(k) // together for k in range(function.n_out())]
     return [result[:, : count * width] for width, result in zip(widths, results, strict=True)]

@@ -1,18 +1,18 @@
-"""The equation of motion as the integrators use it: its terms, its parameters, and the motion of the clamped node.
+"""The equation of motion, Eq. (6) with damping, in the form that the integrators use.
 
-The free coordinates q, their rates v and accelerations a obey
+The free coordinates q, their velocities v and accelerations a obey
 
-    q_t = v,    v_t = a,    0 = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g   (free rows),
+    q_t = v,    v_t = a,    0 = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g   (free rows).
 
-in which the clamped node carries the base motion: its position, velocity and acceleration enter e, e_t and e_tt.  The
-rows of the clamped node give the generalized force of the base on it.
+The clamped node carries the base motion: its position, velocity and acceleration are part of e, e_t and e_tt.  The rows
+of the clamped node give the generalized force of the base on it.
 
-A damping force is a local part, as sparse as the mesh, and a part R B diag(d) B^T R^T e_t of low rank, which turns with
-the clamp (``damping.turning``), and which each integrator treats in its own way to keep its matrices sparse.
+The damping force has a local part, as sparse as the mesh, and a low-rank part R B diag(d) B^T R^T e_t, which turns with
+the clamp (``damping.turning``).  Each integrator keeps its matrices sparse in its own way.
 
-Gravity, the properties of the elements, the parameters of the law and B are inputs.  The forces of one element and
-their derivatives (``kernels``) are all that is compiled: mapped over the elements, they serve all beams, all meshes and
-all values of a law's parameters.
+Gravity, the properties of the elements, the parameters of the law and B are inputs.  Only the forces of one element and
+their derivatives (``element_forces``) are compiled: mapped over the elements, they serve all beams, all meshes and all
+values of the parameters of a law.
 """
 
 from __future__ import annotations
@@ -27,13 +27,14 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.turning import turned
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
-from ancf_casadi.dynamics.element_forces import Kernels, mapped
+from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.layout import Layout
 
 
 def as_it_is(function: cs.Function) -> cs.Function:
-    """Return a Function for CasADi's virtual machine, or for code that it generates."""
+    """Return a Function unchanged, for CasADi's virtual machine or for code that it generates."""
     return function
 
 
@@ -67,55 +68,61 @@ class Equations:
 
     @cached_property
     def parameters(self) -> Array:
-        """What the forces depend on besides the motion: gravity, properties, the law's parameters, B."""
-        values = [value for _, value in self.law.parameters]
-        parts = [self.model.beam.gravity, self.model.properties.T.ravel(), values, self.projection.T.ravel()]
+        """All inputs of the forces besides the motion: gravity, properties, parameters of the law, B."""
+        law = [parameter.value for parameter in self.law.parameters]
+        parts = [self.model.beam.gravity, self.model.properties.T.ravel(), law, self.projection.T.ravel()]
         return np.concatenate([np.asarray(part, dtype=float) for part in parts])
 
+    @cached_property
+    def layout(self) -> Layout:
+        """Layout of ``parameters``."""
+        law, projection = len(self.law.parameters), self.projection.size
+        return Layout.of(gravity=2, properties=self.model.properties.size, law=law, projection=projection)
+
     def balance(self, parameters: cs.MX) -> Balance:
-        """Return the terms of the equation of motion for (symbolic) parameters, laid out as ``parameters`` is."""
-        model, law = self.model, self.law
-        sizes = [2, model.properties.size, len(law.parameters), self.projection.size]
-        gravity, properties, own, projection = cs.vertsplit(parameters, np.cumsum([0, *sizes]).tolist())
+        """Return the terms of the equation of motion for (symbolic) parameters in the order of ``parameters``."""
+        model = self.model
+        gravity, properties, coefficients, projection = cs.vertsplit(parameters, self.layout.offsets)
         return Balance(
             equations=self,
             gravity=gravity,
             properties=cs.reshape(properties, *model.properties.shape),
-            own=own,
+            coefficients=coefficients,
             projection=cs.reshape(projection, *self.projection.shape),
         )
 
     @cached_property
-    def kernels(self) -> tuple[Kernels, ...]:
-        """The Functions of an element of each group of the model; for a single element the virtual machine serves."""
+    def element_functions(self) -> tuple[ElementFunctions, ...]:
+        """The Functions of an element of each group of the model; those of a single element are not compiled."""
         return tuple(
-            Kernels(group.element, self.law, self.make if group.count > 1 else as_it_is) for group in self.model.groups
+            ElementFunctions(group.element, self.law, self.make if group.count > 1 else as_it_is)
+            for group in self.model.groups
         )
 
     def mapped(self, name: str, balance: Balance, *vectors: cs.MX) -> list[list[cs.MX]]:
-        """Evaluate one of the kernels for all elements.
+        """Evaluate one of the element Functions for all elements.
 
         Parameters
         ----------
         name : str
-            Name of the kernel.
+            Name of the Function.
         balance : Balance
             The terms of the equation of motion, with their parameters.
         vectors : MX (4 n + 4, s)
-            Coordinates, rates and so on at all nodes, in s columns, one for each state.
+            Coordinates, velocities and so on at all nodes, in s columns, one per state.
 
         Returns
         -------
         list of list of MX
-            For each output of the kernel, the values for the elements of each group, side by side, state by state.
+            For each output of the Function, the values for the elements of each group, side by side, state by state.
         """
-        states, c = vectors[0].size2(), cs.vertcat(balance.gravity, balance.own)
+        states, c = vectors[0].size2(), cs.vertcat(balance.gravity, balance.coefficients)
         results = []
-        for group, kernels in zip(self.model.groups, self.kernels, strict=True):
-            kernel: cs.Function = getattr(kernels, name)
+        for group, functions in zip(self.model.groups, self.element_functions, strict=True):
+            function: cs.Function = getattr(functions, name)
             count = states * group.count
             p = cs.repmat(group.properties(balance.properties), 1, states)
-            results.append(mapped(kernel, *map(group.gather, vectors), p, cs.repmat(c, 1, count)))
+            results.append(mapped(function, *map(group.gather, vectors), p, cs.repmat(c, 1, count)))
         return [list(outputs) for outputs in zip(*results, strict=True)]
 
     @cached_property
@@ -127,9 +134,8 @@ class Equations:
 
     def clamp(self, piece: Piece, base: BaseMotion) -> cs.Function:
         """(t) -> position, velocity and acceleration of the clamped node, (12,)."""
-        t = cs.MX.sym("t")
-        node = clamped_node(self.model, piece, t, cs.MX(cs.DM([value for _, value in base.parameters])))
-        return cs.Function("clamp", [t], [node])
+        t, values = cs.MX.sym("t"), [parameter.value for parameter in base.parameters]
+        return cs.Function("clamp", [t], [clamped_node(self.model, piece, t, cs.MX(cs.DM(values)))])
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,36 +146,37 @@ class Balance:
     ----------
     equations : Equations
         Beam and damping law.
-    gravity, properties, own, projection : MX
-        Acceleration of gravity (2,), properties P (4, n), the law's parameters, and B (4 n + 4, m) as modelled.
+    gravity, properties, coefficients, projection : MX
+        Acceleration of gravity (2,), properties P (4, n), parameters of the law, and B (4 n + 4, m) along the axis.
     """
 
     equations: Equations
     gravity: cs.MX
     properties: cs.MX
-    own: cs.MX
+    coefficients: cs.MX
     projection: cs.MX
 
     @property
-    def rates(self) -> cs.MX:
-        """Rates d of the part R B diag(d) B^T R^T e_t of the damping force, 1/s."""
-        return self.equations.law.rates(self.own)
+    def modal_coefficients(self) -> cs.MX:
+        """Coefficients d of the low-rank part R B diag(d) B^T R^T e_t of the damping force, 1/s."""
+        return self.equations.law.modal_coefficients(self.coefficients)
 
     def local_damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the local part of the damping force."""
-        return self.equations.law.local_force(self.equations.model, e, e_t, self.properties, self.own)
+        return self.equations.law.local_force(self.equations.model, e, e_t, self.properties, self.coefficients)
 
     def turned_projection(self, e: cs.MX) -> cs.MX:
-        """Return R B, which has turned with the clamp from the beam's axis."""
+        """Return R B, turned with the clamp from the axis of the beam."""
         return turned(self.projection, self.equations.model.beam.axis, e[2:NODE])
 
-    def modal_rates(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
+    def modal_velocities(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return B^T R^T e_t."""
         return self.projection.T @ turned(e_t, e[2:NODE], self.equations.model.beam.axis)
 
-    def modal_damping(self, e: cs.MX, modal_rates: cs.MX) -> cs.MX:
-        """Return R B diag(d) w, the part of low rank of the damping force, with the modal rates w."""
-        return turned(self.projection @ (self.rates * modal_rates), self.equations.model.beam.axis, e[2:NODE])
+    def modal_damping(self, e: cs.MX, modal_velocities: cs.MX) -> cs.MX:
+        """Return R B diag(d) w, the low-rank part of the damping force, for the modal velocities w."""
+        force = self.projection @ (self.modal_coefficients * modal_velocities)
+        return turned(force, self.equations.model.beam.axis, e[2:NODE])
 
     def damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the damping force."""
@@ -185,9 +192,9 @@ class Balance:
         return model.elastic_force(e, self.properties) - model.gravity_force(self.properties, self.gravity)
 
     def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX) -> tuple[cs.MX, cs.MX]:
-        """Return all forces but that of low rank, (4 n + 4, s), and the powers they lose to damping, (1, s).
+        """Return all forces except the low-rank damping, (4 n + 4, s), and the powers they lose to damping, (1, s).
 
-        Coordinates, rates and accelerations have s columns.
+        Coordinates, velocities and accelerations have s columns.
         """
         equations = self.equations
         forces, powers = equations.mapped("balance", self, e, e_t, e_tt)
@@ -195,26 +202,26 @@ class Balance:
         return equations.model.sum_at_nodes(forces), sum(lost[1:], lost[0])
 
     def of_low_rank(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
-        """Return the part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s)."""
+        """Return the low-rank part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s)."""
         states = zip(cs.horzsplit(e), cs.horzsplit(e_t), strict=True)
-        return cs.horzcat(*(self.modal_damping(one, self.modal_rates(one, rates)) for one, rates in states))
+        return cs.horzcat(*(self.modal_damping(x, self.modal_velocities(x, x_t)) for x, x_t in states))
 
     def tangents(self, e: cs.MX, e_t: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
         """Return the entries of K = d(Q_damp + Q_e)/de, D = dQ_damp/de_t and M of all elements, (entries, s).
 
-        They are in the order of ``Model.entries``, and without the part of low rank of the damping force.
+        The entries are in the order of ``Model.entries``, without the low-rank part of the damping force.
         """
         k, d, m = self.equations.mapped("tangents", self, e, e_t)
         columns = [cs.vertcat(*(cs.reshape(block, -1, e.size2()) for block in blocks)) for blocks in (k, d, m)]
         return columns[0], columns[1], columns[2]
 
     def resistance(self, e: cs.MX, e_t: cs.MX, u: cs.MX, w: cs.MX) -> cs.MX:
-        """Return D u + M w, without the part of low rank of the damping force."""
+        """Return D u + M w, without the low-rank part of the damping force."""
         return self.equations.model.sum_at_nodes(self.equations.mapped("resistance", self, e, e_t, u, w)[0])
 
 
 def clamped_node(model: Model, piece: Piece, t: cs.MX, parameters: cs.MX) -> cs.MX:
-    """Return position, velocity and acceleration of the clamped node, (12,), in a piece of a base motion at time t."""
+    """Return position, velocity and acceleration of the clamped node, (12,), at time t in a piece of a base motion."""
     x, y, angle = cs.vertsplit(cs.densify(piece.motion(t, parameters)))
     ax, ay = model.beam.axis
     node = cs.vertcat(x, y, cs.cos(angle) * ax - cs.sin(angle) * ay, cs.sin(angle) * ax + cs.cos(angle) * ay)

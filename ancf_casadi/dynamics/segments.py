@@ -1,37 +1,42 @@
-"""Segments of time, on which an integrator reports, and what it finds on each.
+"""Time segments between integrator restarts, and the solution on each segment.
 
-A smooth piece of the base motion is cut at samples of the result.  Between two segments progress is shown and Ctrl-C
-acted upon; what the segments before have found is kept where a run is interrupted or fails.
+Each smooth piece of the base motion is divided into segments that end at samples of the result.  After each segment,
+progress is shown and Ctrl-C takes effect.  If a run is interrupted or fails, the finished segments are kept.
+
+Both integrators take an ``InitialValueProblem`` and yield one ``SegmentSolution`` per segment.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
+import casadi as cs
 import numpy as np
 
+from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.support.arrays import Array
 
-CLOSE = 1e-9  # of a sampling interval; instants nearer than that are the same
+CLOSE = 1e-9  # of a sampling interval; instants closer than that are the same
 
 
 @dataclass(frozen=True)
 class Segment:
-    """A segment of time.
+    """A time segment.
 
     Parameters
     ----------
     start, length : float
         Its start and length, s.
     points : int
-        Number of instants at equal intervals, the start not among them, that end it.
+        Number of instants at equal intervals after the start; the last is the end.
     samples : int
-        How many of them, from the first, are instants of the result.
+        Number of these instants, counted from the first, that are samples of the result.
     first : bool
-        Whether the start is an instant of the result too, the first.
+        Whether the start is also a sample of the result, the first one.
     """
 
     start: float
@@ -52,28 +57,59 @@ class Segment:
 
     @property
     def kept(self) -> slice:
-        """Which of ``instants`` are instants of the result."""
+        """Indices of the samples of the result in ``instants``."""
         return slice(0 if self.first else 1, self.samples + 1)
 
 
 @dataclass(frozen=True, eq=False)
+class InitialValueProblem:
+    """The motion from a state to the end of a smooth piece of the base motion, as an integrator takes it.
+
+    Parameters
+    ----------
+    equations : Equations
+        The equation of motion.
+    clamp : Function
+        (t) -> position, velocity and acceleration of the clamped node, (12,).
+    start : State
+        The state at the start of the first segment.
+    segments : sequence of Segment
+        Consecutive time segments.
+    tolerance : float
+        Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.
+    largest_step : float
+        Largest step, s.
+    options : mapping
+        Options of CasADi's IDAS interface; Radau has none.
+    """
+
+    equations: Equations
+    clamp: cs.Function
+    start: State
+    segments: Sequence[Segment]
+    tolerance: float
+    largest_step: float = math.inf
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
 class SegmentSolution:
-    """What an integrator finds on a segment.
+    """The solution on a segment.
 
     Parameters
     ----------
     coordinates, velocities : array (k, 4 n + 4)
-        Nodal coordinates and their rates at its samples.
+        Nodal coordinates and velocities at the samples.
     forces : array (k, 4)
-        Generalized force of the base on the clamped node.
+        Generalized force of the base on the clamped node at the samples.
     energies : array (k, 2)
-        Energy lost to damping and work of the base since its start, J.
+        Energy lost to damping and work of the base since the start of the segment, J, at the samples.
     end : State
-        The state at its end.
+        The state at the end of the segment.
     end_energies : array (2,)
-        The energies at its end.
+        The energies at the end of the segment.
     segment : Segment
-        The time segment.
+        The segment.
     steps : int
         Steps of the integrator.
     """
@@ -88,10 +124,10 @@ class SegmentSolution:
     steps: int
 
 
-def cut(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Segment]:
-    """Cut the time from begin to end at samples, ``size`` samples a segment; the ends may lie between two samples.
+def divide(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Segment]:
+    """Divide [begin, end] into segments of ``size`` samples; the ends may lie between two samples.
 
-    Samples are taken from ``origin`` on, the start of the motion, at a rate per second.
+    The samples start at ``origin``, the start of the motion, with a given rate (1/s).
     """
     first, last = math.ceil((begin - origin) * rate - CLOSE), math.floor((end - origin) * rate + CLOSE)
     if first > last:

@@ -1,21 +1,20 @@
-"""What an exported model takes and gives, entry by entry: name, unit, description and value.
+"""Inputs and outputs of an exported model: name, unit, description and value of each entry.
 
-One table serves all forms of the model, so that a header, an FMU and a document name the same thing alike:
+All export formats share these tables, so that a C header, an FMU and a document use the same names:
 
-    parameters p    gravity, the properties of the elements one element after the other, those of the damping law
-    state           free coordinates q and their rates v, absolute, in the laboratory frame; of the reduced model, which
-                    has no properties among its parameters, modal coordinates and their rates
-    base            displacement (x, y) and rotation of the clamp from where the beam is at rest, with their first and
-                    second rates; a rotation turns the axis of the beam counterclockwise
+    parameters p    gravity, the properties of each element in turn, the parameters of the damping law
+    state           free coordinates q and velocities v in the laboratory frame; in the reduced model, whose parameters
+                    contain no properties, modal coordinates and their velocities
+    base            displacement (x, y) and rotation of the clamp from where the beam is at rest, with their velocities
+                    and accelerations; a positive rotation turns the axis of the beam counterclockwise
 
-Elements count from 1 at the clamp; node i ends element i, and node 0 is clamped, or free behind an elastic clamp.
-Names are identifiers of C.  The projection B of a generic damping law is no parameter: the shapes of its modes are part
-of the law; nor are a mass at the tip and the stiffness of the clamp, which are part of the beam.
+Elements are numbered from 1 at the clamp.  Node i ends element i; node 0 is clamped, or free behind an elastic clamp.
+Names are C identifiers.  Three things are fixed in the model and so are not parameters: the projection B of a modal
+(generic) law, the mass at the tip, and the stiffness of the clamp.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
@@ -29,13 +28,6 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 PROPERTY_UNITS = {"width": "m", "thickness": "m", "density": "kg/m3", "elastic_modulus": "Pa"}
-LAW_PARAMETERS = {
-    "alpha": ("1/s", "damping proportional to the mass"),
-    "beta": ("s", "damping proportional to the stiffness"),
-    "eta1": ("1/s", "linear air drag by mass per length"),
-    "eta2": ("1/m", "quadratic air drag by mass per length"),
-    "ratio": ("1", "damping ratio of mode"),
-}
 COORDINATES = (("x", "m", "position, x"), ("y", "m", "position, y"), ("slope_x", "1", "slope dr/ds, x"),
                ("slope_y", "1", "slope dr/ds, y"))  # fmt: skip
 BASE = (("base_x", "m", "displacement of the clamp, x"), ("base_y", "m", "displacement of the clamp, y"),
@@ -44,18 +36,18 @@ BASE = (("base_x", "m", "displacement of the clamp, x"), ("base_y", "m", "displa
 
 @dataclass(frozen=True)
 class Signal:
-    """One number that goes into the model or comes out of it.
+    """A scalar input or output of an exported model.
 
     Parameters
     ----------
     name : str
-        Its name, an identifier of C.
+        Its name, a C identifier.
     unit : str
-        SI unit, in characters of ASCII; ``1`` if it has none.
+        SI unit, in ASCII; ``1`` if it has none.
     description : str
-        What it is.
+        Its meaning.
     value : float
-        Value of a parameter, or start of a state or an input.
+        Value of a parameter, or start value of a state or an input.
     """
 
     name: str
@@ -66,22 +58,22 @@ class Signal:
 
 @dataclass(frozen=True, eq=False)
 class MotionFunctions:
-    """An equation of motion as CasADi Functions, and what their entries mean: what C, an FMU and a file are made from.
+    """An equation of motion as CasADi Functions with named entries, the source of C code, FMUs and function files.
 
     Parameters
     ----------
     parameters, states, base, outputs : tuple of Signal
-        What the entries of p, of (q, v), of base and of (tip, markers, energies) are, with the values of the model.
+        The entries of p, of (q, v), of base and of (tip, markers, energies), with the values of the model.
     rhs : Function
-        (q, v, base, p) -> a, the second rates of q.
+        (q, v, base, p) -> a, the accelerations of q.
     step : Function
-        (q, v, base, p, h) -> q_next, v_next, after a time h (s); base (9, k) at k instants of the step.
+        (q, v, base, p, h) -> q_next, v_next after a step h (s); base (9, k) at k instants of the step.
     tip : Function
         (q, base) -> r, the position of the tip (2,), m.
     markers : Function
-        (q, base) -> r, the positions of the points asked for (2, k), m.
+        (q, base) -> r, the positions of the markers (2, k), m.
     energies : Function
-        (q, v, base, p) -> T kinetic, U strain, V of gravity, J.
+        (q, v, base, p) -> T kinetic, U strain, V gravitational, J.
     """
 
     parameters: tuple[Signal, ...]
@@ -96,7 +88,7 @@ class MotionFunctions:
 
     @property
     def named(self) -> dict[str, cs.Function]:
-        """All Functions by the names they have here, which are those in C."""
+        """All Functions by their names, which are those in C."""
         return {field.name: getattr(self, field.name) for field in fields(self) if field.type == "cs.Function"}
 
     @property
@@ -111,83 +103,60 @@ class MotionFunctions:
 
 
 def values(signals: Sequence[Signal]) -> Array:
-    """Return the values of some signals."""
+    """Return the values of signals."""
     return np.array([signal.value for signal in signals], dtype=float)
 
 
 def parameter_signals(equations: Equations) -> tuple[Signal, ...]:
-    """Return the parameters p, in their order, with the values of the beam and the law."""
+    """Return the parameters p in order, with the values of the beam and the law."""
     described = [(f"gravity_{c}", "m/s2", f"acceleration of gravity, {c}") for c in "xy"]
     for i in range(1, equations.model.beam.elements + 1):
         described += [
             (f"{name}_{i}", PROPERTY_UNITS[name], f"{name.replace('_', ' ')} of element {i}") for name in PROPERTIES
         ]
-    taken: set[str] = set()
-    for name, _ in equations.law.parameters:
-        described.append((_unique(name, taken), *_of_law(name)))
-    own = equations.parameters[: equations.parameters.size - equations.projection.size]
-    return tuple(Signal(*about, float(value)) for about, value in zip(described, own, strict=True))
+    described += [(own.name, own.unit, own.description) for own in equations.law.parameters]
+    given = equations.parameters[: equations.parameters.size - equations.projection.size]
+    return tuple(Signal(*about, float(value)) for about, value in zip(described, given, strict=True))
 
 
 def state_signals(equilibrium: Equilibrium) -> tuple[Signal, ...]:
-    """Return the state (q, v), in its order, started at rest in an equilibrium."""
+    """Return the state (q, v) in order, starting at rest in an equilibrium."""
     model = equilibrium.model
-    positions, rates = [], []
+    positions, velocities = [], []
     for k in range(model.size)[model.free]:
         node, component = divmod(k - NODE * model.root, NODE)
         name, unit, what = COORDINATES[component]
         start = float(equilibrium.coordinates[k])
         positions.append(Signal(f"{name}_{node}", unit, f"{what}, of node {node}", start))
-        rates.append(Signal(f"rate_{name}_{node}", _rate(unit), f"rate of {name}_{node}"))
-    return (*positions, *rates)
+        velocities.append(Signal(f"velocity_{name}_{node}", f"{unit}/s", f"velocity of {name}_{node}"))
+    return (*positions, *velocities)
 
 
 def modal_signals(frequencies: Sequence[float]) -> tuple[Signal, ...]:
-    """Return modal coordinates (q, v), at rest, of modes of some frequencies in Hz."""
+    """Return the modal coordinates and velocities (q, v), at rest, of modes with the given frequencies (Hz)."""
     unit, known = "m kg^0.5", list(enumerate(frequencies, start=1))
     return (
         *(Signal(f"q_{k}", unit, f"modal coordinate of mode {k}, {f:.6g} Hz") for k, f in known),
-        *(Signal(f"rate_q_{k}", _rate(unit), f"rate of q_{k}") for k, _ in known),
+        *(Signal(f"velocity_q_{k}", f"{unit}/s", f"velocity of q_{k}") for k, _ in known),
     )
 
 
 def base_signals() -> tuple[Signal, ...]:
-    """Return the motion of the clamp: displacements and rotation, their rates, and the rates of those."""
+    """Return the motion of the clamp: displacements and rotation, their velocities and accelerations."""
     return (
         *(Signal(name, unit, what) for name, unit, what in BASE),
-        *(Signal(f"{name}_rate", _rate(unit), f"rate of {name}") for name, unit, _ in BASE),
-        *(Signal(f"{name}_rate2", _rate(unit, 2), f"second rate of {name}") for name, unit, _ in BASE),
+        *(Signal(f"{name}_velocity", f"{unit}/s", f"velocity of {name}") for name, unit, _ in BASE),
+        *(Signal(f"{name}_acceleration", f"{unit}/s2", f"acceleration of {name}") for name, unit, _ in BASE),
     )
 
 
 def output_signals(markers: Sequence[float] = ()) -> tuple[Signal, ...]:
-    """Return what the Functions ``tip``, ``markers`` and ``energies`` give, in this order."""
+    """Return the outputs of the Functions ``tip``, ``markers`` and ``energies``, in this order."""
     points = [("tip", "the tip")]
     points += [(f"marker_{k}", f"the point at arc length {float(s):g} m") for k, s in enumerate(markers, start=1)]
     return (
         *(Signal(f"{name}_{c}", "m", f"position of {where}, {c}") for name, where in points for c in "xy"),
         Signal("kinetic_energy", "J", "kinetic energy"),
         Signal("strain_energy", "J", "strain energy"),
-        Signal("gravity_energy", "J", "potential energy in the field of gravity, 0 at the origin"),
+        Signal("gravity_energy", "J", "potential energy of gravity, 0 at the origin"),
     )
-
-
-def _of_law(name: str) -> tuple[str, str]:
-    mode = re.fullmatch(r"ratio(\d+)", name)
-    unit, what = LAW_PARAMETERS.get("ratio" if mode else name, ("SI", f"{name} of the damping law"))
-    return unit, f"{what} {mode[1]}" if mode else what
-
-
-def _unique(name: str, taken: set[str]) -> str:
-    """Return the name, numbered where laws that act together share it."""
-    found, number = name, 1
-    while found in taken:
-        number += 1
-        found = f"{name}_{number}"
-    taken.add(found)
-    return found
-
-
-def _rate(unit: str, order: int = 1) -> str:
-    below = "s" if order == 1 else f"s{order}"
-    return f"{unit}/{below}"

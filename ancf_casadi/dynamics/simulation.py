@@ -1,13 +1,12 @@
 """Simulation of the large motion of a beam.
 
-``simulate`` checks what is asked for, finds the initial state and puts the solution together; ``integration`` goes
-through the motion with
+``simulate`` checks its arguments, sets up the motion (``start``) and collects the solution; ``integration`` runs
 
-    idas     backward differentiation formulas of variable step, order 2
+    idas     backward differentiation formulas with variable steps, order 2
     radau    implicit Runge-Kutta collocation of order 5, with longer steps
-    auto     IDAS, and Radau from the time on at which IDAS crawls; the default
+    auto     IDAS, and Radau from the time at which IDAS starts to crawl; the default
 
-Compilation.  The forces of an element are compiled if there is a C compiler, which changes no digit.
+Compilation.  The forces of an element are compiled if there is a C compiler; this does not change any digit.
 """
 
 from __future__ import annotations
@@ -15,34 +14,29 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from types import NoneType
 from typing import Any, get_args
 
 import numpy as np
 from tqdm import tqdm
 
-from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.dissipation import warn_of_energy_gain
-from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.integration import Integration, Method, SmoothPiece
-from ancf_casadi.dynamics.segments import CLOSE, SegmentSolution
-from ancf_casadi.dynamics.start import Start, base_of, initial_state
-from ancf_casadi.dynamics.tolerance import expected_travel
+from ancf_casadi.dynamics.integration import Integration, Method
+from ancf_casadi.dynamics.segments import SegmentSolution
+from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import compiled
-from ancf_casadi.support.inputs import check_instance, choice, flag, physical, positive, positive_or_infinite
+from ancf_casadi.support.inputs import check_instance, choice, flag, positive, positive_or_infinite, whole
 from ancf_casadi.support.interrupts import noted_interrupts
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
-MOST_SAMPLES = 1e7  # 13 GB at 20 elements
-MOST_STEPS = 5_000_000  # a minute or two
-CHECKED = 1001  # instants of a piece of the base motion
+MOST_STEPS = 5_000_000  # one or two minutes
 BAR = "{l_bar}{bar}| {n:.2f}/{total:.2f} s [{elapsed}<{remaining}]"
 
 
@@ -72,27 +66,27 @@ def simulate(
     damping : DampingLaw, optional
         The damping law; undamped if not given.
     base : BaseMotion, optional
-        Motion of the clamp.  If not given, the clamp is fixed: where a ``State`` has it, else at the origin.
+        Motion of the clamp.  If not given, the clamp is fixed: at its place in a ``State``, else at the origin.
     sample_rate : float
         Samples per second in the result, 1/s.
     start : {"equilibrium", "straight", "impact"}, Equilibrium or State
-        ``equilibrium``: the shape of rest under gravity.  ``straight``: as manufactured; gravity then acts.  An
+        ``equilibrium``: the shape at rest under gravity.  ``straight``: as manufactured; gravity then acts.  An
         ``Equilibrium``: released from there.  All three move with the base, at rest relative to it.  ``impact``: at
-        rest under gravity also where the base starts with a velocity, which is a blow to the clamp.  A ``State``: as
-        given, at its own time, so that a run goes on from any sample of another: ``start=run.state(-1)``.
+        rest under gravity even if the base starts with a velocity, which is an impact on the clamp.  A ``State``: as
+        given, at its own time; ``start=run.state(-1)`` continues another run, from any of its samples.
     method : {"auto", "idas", "radau"}
-        The integrator.  ``auto``: IDAS, and Radau from the time on at which IDAS takes too many steps; a warning says
-        so, and ``integrators`` of the result.  ``idas`` and ``radau`` are strict.
+        The integrator.  ``auto``: IDAS, and Radau from the time at which IDAS takes too many steps, which a warning
+        and ``integrators`` of the result report.  ``idas`` and ``radau`` never change.
     tolerance : float, optional
         Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.  If not
         given, it follows the expected motion (``ancf_casadi.dynamics.tolerance``).
     largest_step : float
-        No step is longer, s: for a base motion with short events, or for even steps, which follow a steady vibration
-        better than the tolerance by itself.
+        Largest step, s: for a base motion with short events, or for even steps, which follow a steady vibration better
+        than the tolerance alone.
     options : mapping, optional
         Options of CasADi's IDAS interface; they override the defaults.
     most_steps : int
-        Steps after which a run is given up.
+        Number of steps after which a run is given up.
     progress : bool
         Whether to show a progress bar in simulated seconds.
 
@@ -100,8 +94,8 @@ def simulate(
     ------
     InputError
         If a number is not positive, the method or the start is unknown, the base motion is not finite, the start
-        belongs to another model, or is a state that stretches the beam by more than 1 % or whose clamp is not where
-        the base motion has it, or IDAS refuses an option.
+        belongs to another model, or is a state that stretches the beam by more than 1 % or whose clamp disagrees with
+        the base motion, or IDAS refuses an option.
     EquilibriumError
         If there is no equilibrium to start from.
     SimulationError
@@ -114,141 +108,110 @@ def simulate(
 
     Notes
     -----
-    Ctrl-C does not raise during the integration: the run ends with the current time segment, a 25th of it at most, and
-    returns what is done, with ``interrupted`` set.
+    Ctrl-C does not raise during the integration.  The run ends with the current time segment, at most a 25th of the
+    run, and returns the finished part with ``interrupted`` set.
     """
     began = time.perf_counter()
-    check_instance(model, "model", Model)
-    check_instance(damping, "damping", DampingLaw, NoneType)
-    check_instance(base, "base", BaseMotion, NoneType)
-    check_instance(start, "start", str, Equilibrium, State)
-    check_instance(options, "options", Mapping, NoneType)
     choice(method, get_args(Method), "method")
-    duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
+    check_instance(options, "options", Mapping, NoneType)
     if options and method == "radau":
         raise InputError("are those of IDAS; method='radau' has none", "options")
-    most_steps = round(positive(most_steps, "most_steps"))
-    largest_step, progress = positive_or_infinite(largest_step, "largest_step"), flag(progress, "progress")
-    base = base_of(model, base, start)
-    equations = Equations(model, RayleighDamping() if damping is None else damping, compiled)
-    instants = sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
     tolerance = None if tolerance is None else positive(tolerance, "tolerance")
-    length = float(instants[-1] - instants[0])
-    paths: list[SegmentSolution] = []
-    uses: list[IntegratorUse] = []
-    interrupted = False
+    largest_step, most_steps = positive_or_infinite(largest_step, "largest_step"), whole(most_steps, "most_steps", 1)
+    hidden = not flag(progress, "progress")
     with noted_interrupts() as interrupts:
-        pieces = smooth_pieces(equations, base, float(instants[0]), float(instants[-1]))
-        nodes = clamped_nodes(pieces)
-        state = initial_state(model, pieces[0].clamp, start)
-        integration = Integration(
-            equations=equations,
-            pieces=pieces,
-            start=state,
+        setup = set_up(
+            model,
+            duration=duration,
+            damping=damping,
+            base=base,
             sample_rate=sample_rate,
-            method=method,
-            tolerance=tolerance,
-            travel=expected_travel(model, nodes, state) if tolerance is None else math.nan,
-            largest_step=largest_step,
-            options=options or {},
+            start=start,
+            make=compiled,
         )
-        with tqdm(total=length, disable=not progress, bar_format=BAR) as bar:
+        done, interrupted, length = _Solution(setup, began), False, float(setup.times[-1] - setup.times[0])
+        integration = Integration(setup, method, tolerance, largest_step, options or {})
+        with tqdm(total=length, disable=hidden, bar_format=BAR) as bar:
             try:
-                for path, use in integration.integrate():
-                    paths.append(path)
-                    if not uses or use != uses[-1]:
-                        uses.append(use)
-                    _check_steps(paths, most_steps)
+                for solution, use in integration.integrate():
+                    done.add(solution, use, most_steps)
                     if interrupts:
                         interrupted = True
                         break
-                    bar.update(min(path.segment.length, length - bar.n))
+                    bar.update(min(solution.segment.length, length - bar.n))
             except SimulationError as error:
-                error.partial = _trajectory(model, instants, paths, uses, began)
+                error.partial = done.trajectory()
                 raise
-    run = replace(_trajectory(model, instants, paths, uses, began), interrupted=interrupted)
+    run = replace(done.trajectory(), interrupted=interrupted)
     for warning in run.warnings:
         warnings.warn(warning, stacklevel=2)
-    warn_of_energy_gain(run, equations.law)
+    warn_of_energy_gain(run, setup.equations.law)
     return run
 
 
-def smooth_pieces(equations: Equations, base: BaseMotion, begin: float, end: float) -> list[SmoothPiece]:
-    """Return the smooth pieces of a base motion between two instants (s)."""
-    pieces = []
-    for piece in base.pieces_after(begin):
-        pieces.append(SmoothPiece(begin, min(piece.end, end), equations.clamp(piece, base)))
-        begin = piece.end
-        if begin >= end:
-            break
-    return pieces
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """The solution of a motion, collected segment by segment.
 
-
-def clamped_nodes(pieces: Sequence[SmoothPiece]) -> Array:
-    """Return the clamped node at instants all over a base motion, (k, 12).
-
-    Raises
-    ------
-    InputError
-        If its motion is not finite.
+    Parameters
+    ----------
+    setup : MotionSetup
+        The motion.
+    began : float
+        Time on the clock at which the run began, s.
+    segments : list of SegmentSolution
+        The solution on each segment so far.
+    uses : list of IntegratorUse
+        The integrators so far.
     """
-    found = []
-    for piece in pieces:
-        times = np.linspace(piece.begin, piece.end, CHECKED)
-        nodes = piece.clamp(times[None, :]).full().T
-        finite = np.isfinite(nodes).all(axis=1)
-        if not finite.all():
-            raise InputError(f"its position, speed or acceleration is not finite at {times[~finite][0]:g} s", "base")
-        found.append(nodes)
-    return np.vstack(found)
 
+    setup: MotionSetup
+    began: float
+    segments: list[SegmentSolution] = field(default_factory=list)
+    uses: list[IntegratorUse] = field(default_factory=list)
 
-def _check_steps(paths: Sequence[SegmentSolution], most: int) -> None:
-    """Give up a run that crawls."""
-    steps, last = sum(path.steps for path in paths), paths[-1].segment
-    if steps > most:
-        raise SimulationError(
-            f"the integrator took {steps} steps up to {last.end:g} s, more than {most}, lately of "
-            f"{last.length / paths[-1].steps:.1e} s: modes of the mesh may ring with nothing to damp them; try "
-            "method='radau', a little damping proportional to the strain rate, a larger tolerance, or more most_steps",
-            last.end,
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return sum(solution.steps for solution in self.segments)
+
+    def add(self, solution: SegmentSolution, use: IntegratorUse, most_steps: int) -> None:
+        """Add the solution on a segment.
+
+        Raises
+        ------
+        SimulationError
+            If the run has taken too many steps.
+        """
+        self.segments.append(solution)
+        if not self.uses or use != self.uses[-1]:
+            self.uses.append(use)
+        last = solution.segment
+        if self.steps > most_steps:
+            raise SimulationError(
+                f"the integrator took {self.steps} steps up to {last.end:g} s, more than {most_steps}, the last ones "
+                f"of {last.length / solution.steps:.1e} s: undamped vibrations of the mesh may keep them short; try "
+                "method='radau', a little damping proportional to the strain rate, a larger tolerance, or more "
+                "most_steps",
+                last.end,
+            )
+
+    def trajectory(self) -> Trajectory:
+        """Return the motion up to the last segment."""
+        model, done = self.setup.equations.model, self.segments
+        starts = np.cumsum([np.zeros(2), *(solution.end_energies for solution in done)], axis=0)
+        energies = [start + solution.energies for start, solution in zip(starts, done, strict=False)]
+        lost, work = np.vstack([np.empty((0, 2)), *energies]).T
+        none = np.empty((0, model.size))
+        return Trajectory(
+            model=model,
+            time=self.setup.times[: len(lost)],
+            coordinates=np.vstack([none, *(solution.coordinates for solution in done)]),
+            velocities=np.vstack([none, *(solution.velocities for solution in done)]),
+            clamp_force=np.vstack([np.empty((0, NODE)), *(solution.forces for solution in done)]),
+            dissipated_energy=lost,
+            base_work=work,
+            steps=self.steps,
+            wall_seconds=time.perf_counter() - self.began,
+            integrators=tuple(self.uses),
         )
-
-
-def sample_times(duration: float, sample_rate: float, origin: float = 0.0) -> Array:
-    """Return the instants of the samples, s, from ``origin`` on.
-
-    Raises
-    ------
-    InputError
-        If they are too many, or fewer than two.
-    """
-    if duration * sample_rate > MOST_SAMPLES:
-        raise InputError(f"{duration * sample_rate:.3g} samples are more than {MOST_SAMPLES:.0e}", "sample_rate")
-    instants = origin + np.arange(math.floor(duration * sample_rate + CLOSE) + 1) / sample_rate
-    if len(instants) < 2:
-        raise InputError(f"must be one sampling interval at least, {1 / sample_rate:g} s, got {duration:g}", "duration")
-    return instants
-
-
-def _trajectory(
-    model: Model, instants: Array, paths: Sequence[SegmentSolution], uses: Sequence[IntegratorUse], began: float
-) -> Trajectory:
-    """Put the segments together; there may be fewer than asked for."""
-    before = np.cumsum([np.zeros(2), *(path.end_energies for path in paths)], axis=0)
-    energies = np.vstack(
-        [np.empty((0, 2)), *(start + path.energies for start, path in zip(before, paths, strict=False))]
-    )
-    none = np.empty((0, model.size))
-    return Trajectory(
-        model=model,
-        time=instants[: len(energies)],
-        coordinates=np.vstack([none, *(path.coordinates for path in paths)]),
-        velocities=np.vstack([none, *(path.velocities for path in paths)]),
-        clamp_force=np.vstack([np.empty((0, NODE)), *(path.forces for path in paths)]),
-        dissipated_energy=energies[:, 0],
-        base_work=energies[:, 1],
-        steps=sum(path.steps for path in paths),
-        wall_seconds=time.perf_counter() - began,
-        integrators=tuple(uses),
-    )

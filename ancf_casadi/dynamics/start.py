@@ -1,40 +1,195 @@
-"""The state in which a motion begins.
+"""Setup of a motion: clamp motion, samples and initial state.
 
-A beam at rest under gravity, or straight as manufactured, moves with its clamp as one rigid body: with the velocity
-v_0 of the clamp and its angular velocity w,
+``set_up`` makes the checks and the setup that ``simulate`` and ``motion`` share.
+
+At the start, a beam at rest under gravity, or straight as manufactured, moves with its clamp as one rigid body.  With
+the velocity v_0 of the clamp and its angular velocity w,
 
     r_t = v_0 + w (z x (r - r_0)),        tau_t = w (z x tau),
 
-so that no impact acts on the clamp where the base motion begins with a velocity.  An impact is a start of its own.
+so that a base motion that begins with a velocity causes no impact on the clamp.  An impact is a start of its own.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from types import NoneType
 from typing import Literal, get_args
 
 import casadi as cs
 import numpy as np
 
+from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
+from ancf_casadi.dynamics.equations import Equations, as_it_is
+from ancf_casadi.dynamics.segments import CLOSE
+from ancf_casadi.dynamics.tolerance import expected_travel
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.element import axial_strain
 from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.strain import axial_strain
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import shown
+from ancf_casadi.support.inputs import check_instance, is_one_of, physical, shown
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
 Start = Literal["equilibrium", "straight", "impact"]
 
-LARGEST_STRETCH = 0.01  # axial strain of a given state; that of an equilibrium is balanced
-AGREEMENT = (
-    1e-6  # of the length (positions), of 1 (slopes) and of the largest velocity: difference of a state and its base
-)
+MOST_SAMPLES = 1e7  # 13 GB at 20 elements
+CHECKED = 1001  # instants at which each piece of a base motion is checked
+LARGEST_STRAIN = 0.01  # axial, of a given state; an equilibrium is balanced and needs no check
+AGREEMENT = 1e-6  # of a state with its base: relative to the length, the slope, and the largest velocity
+
+
+@dataclass(frozen=True, eq=False)
+class TimedPiece:
+    """A smooth piece of the base motion between two instants.
+
+    Parameters
+    ----------
+    begin, end : float
+        First and last instant, s.
+    clamp : Function
+        (t) -> position, velocity and acceleration of the clamped node, (12,).
+    """
+
+    begin: float
+    end: float
+    clamp: cs.Function
+
+
+@dataclass(frozen=True, eq=False)
+class MotionSetup:
+    """Setup of a motion.
+
+    Parameters
+    ----------
+    equations : Equations
+        The equation of motion.
+    base : BaseMotion
+        Motion of the clamp.
+    pieces : sequence of TimedPiece
+        Its smooth pieces, from the first to the last sample.
+    clamped_nodes : array (k, 12)
+        Position, velocity and acceleration of the clamped node at instants throughout the motion.
+    start : State
+        The initial state.
+    sample_rate : float
+        Samples per second, 1/s.
+    times : array (k,)
+        The samples, s.
+    """
+
+    equations: Equations
+    base: BaseMotion
+    pieces: Sequence[TimedPiece]
+    clamped_nodes: Array
+    start: State
+    sample_rate: float
+    times: Array
+
+    @cached_property
+    def travel(self) -> float:
+        """The expected travel, relative to the length of the beam."""
+        return expected_travel(self.equations.model, self.clamped_nodes, self.start)
+
+
+def set_up(
+    model: Model,
+    *,
+    duration: float,
+    damping: DampingLaw | None,
+    base: BaseMotion | None,
+    sample_rate: float,
+    start: Start | Equilibrium | State,
+    make: Callable[[cs.Function], cs.Function] = as_it_is,
+) -> MotionSetup:
+    """Check the arguments that ``simulate`` and ``motion`` share, and return the setup of the motion.
+
+    Parameters
+    ----------
+    model, duration, damping, base, sample_rate, start
+        As of ``simulate``.
+    make : callable
+        Compiles the Functions of an element, or leaves them to the virtual machine.
+
+    Raises
+    ------
+    InputError
+        If an argument is not usable.
+    EquilibriumError
+        If there is no equilibrium to start from.
+    """
+    check_instance(model, "model", Model)
+    check_instance(damping, "damping", DampingLaw, NoneType)
+    check_instance(base, "base", BaseMotion, NoneType)
+    check_instance(start, "start", str, Equilibrium, State)
+    duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
+    base = base_of(model, base, start)
+    equations = Equations(model, RayleighDamping() if damping is None else damping, make)
+    times = sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
+    pieces = timed_pieces(equations, base, float(times[0]), float(times[-1]))
+    return MotionSetup(
+        equations=equations,
+        base=base,
+        pieces=pieces,
+        clamped_nodes=clamped_nodes(pieces),
+        start=initial_state(model, pieces[0].clamp, start),
+        sample_rate=sample_rate,
+        times=times,
+    )
+
+
+def sample_times(duration: float, sample_rate: float, origin: float = 0.0) -> Array:
+    """Return the instants of the samples, s, from ``origin`` on.
+
+    Raises
+    ------
+    InputError
+        If there are too many samples, or fewer than two.
+    """
+    if duration * sample_rate > MOST_SAMPLES:
+        raise InputError(f"{duration * sample_rate:.3g} samples are more than {MOST_SAMPLES:.0e}", "sample_rate")
+    times = origin + np.arange(math.floor(duration * sample_rate + CLOSE) + 1) / sample_rate
+    if len(times) < 2:
+        raise InputError(f"must be at least one sampling interval, {1 / sample_rate:g} s, got {duration:g}", "duration")
+    return times
+
+
+def timed_pieces(equations: Equations, base: BaseMotion, begin: float, end: float) -> list[TimedPiece]:
+    """Return the smooth pieces of a base motion between two instants (s)."""
+    pieces = []
+    for piece in base.pieces_after(begin):
+        pieces.append(TimedPiece(begin, min(piece.end, end), equations.clamp(piece, base)))
+        begin = piece.end
+        if begin >= end:
+            break
+    return pieces
+
+
+def clamped_nodes(pieces: Sequence[TimedPiece]) -> Array:
+    """Return the clamped node at instants throughout a base motion, (k, 12).
+
+    Raises
+    ------
+    InputError
+        If the base motion is not finite.
+    """
+    found = []
+    for piece in pieces:
+        times = np.linspace(piece.begin, piece.end, CHECKED)
+        nodes = piece.clamp(times[None, :]).full().T
+        finite = np.isfinite(nodes).all(axis=1)
+        if not finite.all():
+            raise InputError(f"its position, velocity or acceleration is not finite at {times[~finite][0]:g} s", "base")
+        found.append(nodes)
+    return np.vstack(found)
 
 
 def base_of(model: Model, base: BaseMotion | None, start: Start | Equilibrium | State) -> BaseMotion:
-    """Return the base motion: as given, or a clamp fixed at the origin, or where a given state has it."""
+    """Return the given base motion; without one, a fixed clamp: at its place in a given state, else at the origin."""
     if base is not None:
         return base
     if not isinstance(start, State) or start.coordinates.shape != (model.size,):
@@ -45,7 +200,7 @@ def base_of(model: Model, base: BaseMotion | None, start: Start | Equilibrium | 
 
 
 def initial_state(model: Model, clamp: cs.Function, start: Start | Equilibrium | State) -> State:
-    """Return the state at the start of a motion.
+    """Return the initial state of a motion.
 
     Parameters
     ----------
@@ -59,8 +214,8 @@ def initial_state(model: Model, clamp: cs.Function, start: Start | Equilibrium |
     Raises
     ------
     InputError
-        If the start is not one of those that ``simulate`` knows, belongs to another model, or is a state that
-        stretches the beam or does not agree with the motion of the clamp.
+        If the start is unknown, belongs to another model, or is a state that stretches the beam or disagrees with the
+        motion of the clamp.
     EquilibriumError
         If there is no equilibrium to start from.
     """
@@ -68,42 +223,42 @@ def initial_state(model: Model, clamp: cs.Function, start: Start | Equilibrium |
         _check_state(model, clamp(start.time).full().ravel(), start)
         return start
     check_start(model, start)
-    rates = clamp(0.0).full().ravel()[NODE : 2 * NODE]
+    velocity = clamp(0.0).full().ravel()[NODE : 2 * NODE]
     if isinstance(start, Equilibrium):
         coordinates = start.coordinates
     else:
         coordinates = model.straight if start == "straight" else static_equilibrium(model).coordinates
     if start == "impact":
         return State(coordinates, np.zeros(model.size))
-    return State(coordinates, rigid_motion(model)(coordinates, rates).full().ravel())
+    return State(coordinates, rigid_motion(model)(coordinates, velocity).full().ravel())
 
 
 def check_start(model: Model, start: Start | Equilibrium | State) -> None:
-    """Refuse a start of no known kind, or an equilibrium of another model.
+    """Refuse an unknown start, or an equilibrium of another model.
 
     Raises
     ------
     InputError
-        If it is one.
+        If the start is one of these.
     """
     if isinstance(start, Equilibrium):
         if start.model != model:
             raise InputError("the equilibrium belongs to another model", "start")
-    elif not isinstance(start, State) and not (isinstance(start, str) and start in get_args(Start)):
+    elif not isinstance(start, State) and not is_one_of(start, get_args(Start)):
         known = ", ".join(get_args(Start))
         raise InputError(f"must be one of {known}, an Equilibrium or a State, got {shown(start)}", "start")
 
 
 def rigid_motion(model: Model) -> cs.Function:
-    """(coordinates, rates of the clamped node) -> rates of a beam that moves as one with the clamped node."""
-    e, rates = cs.MX.sym("e", model.size), cs.MX.sym("rates", NODE)
+    """(coordinates, velocity of the clamped node) -> velocities of a beam that moves with it as a rigid body."""
+    e, velocity = cs.MX.sym("e", model.size), cs.MX.sym("velocity", NODE)
     nodes = cs.reshape(e, NODE, -1)
     x, y = nodes[2, 0], nodes[3, 0]
-    turn = (x * rates[3] - y * rates[2]) / (x * x + y * y)
+    turn = (x * velocity[3] - y * velocity[2]) / (x * x + y * y)
     arms = nodes - cs.vertcat(nodes[:2, 0], 0.0, 0.0)
     turning = cs.vertcat(-arms[1, :], arms[0, :], -arms[3, :], arms[2, :])
-    moved = turn * turning + cs.vertcat(rates[:2], 0.0, 0.0)
-    return cs.Function("rigid_motion", [e, rates], [cs.vec(moved)])
+    moved = turn * turning + cs.vertcat(velocity[:2], 0.0, 0.0)
+    return cs.Function("rigid_motion", [e, velocity], [cs.vec(moved)])
 
 
 def _check_state(model: Model, clamp: Array, state: State) -> None:
@@ -111,28 +266,28 @@ def _check_state(model: Model, clamp: Array, state: State) -> None:
     for name, given in (("coordinates", state.coordinates), ("velocities", state.velocities)):
         if given.shape != (model.size,) or not np.isfinite(given).all():
             raise InputError(f"the {name} must be {model.size} finite numbers", "start")
-    stretch = np.abs(axial_strain(model.gauss_slopes(state.coordinates), "engineering")).max()
-    if stretch > LARGEST_STRETCH:
+    strain = np.abs(axial_strain(model.gauss_slopes(state.coordinates), "engineering")).max()
+    if strain > LARGEST_STRAIN:
         raise InputError(
-            f"stretches the beam by {100 * stretch:.1f} %, which sets off axial waves; bend it without stretching, "
+            f"stretches the beam by {100 * strain:.1f} %, which sets off axial waves; bend it without stretching, "
             "as static_equilibrium with a tip load does",
             "start",
         )
-    node, rates, _ = np.split(clamp, 3)
+    node, velocity, _ = np.split(clamp, 3)
     off = np.abs(state.coordinates[:NODE] - node) / np.array([model.beam.length, model.beam.length, 1.0, 1.0])
     if off.max() > AGREEMENT:
         raise InputError(
             f"the clamp of the state is at {_point(state.coordinates)}, that of the base motion at {_point(node)} at "
-            f"{state.time:g} s, or turned against it; give the base motion that led there and the time of the state, "
-            "or no base to hold the clamp where it is",
+            f"{state.time:g} s, or its direction differs; give the base motion that led to the state and the time of "
+            "the state, or no base to hold the clamp where it is",
             "start",
         )
-    difference = np.abs(state.velocities[:NODE] - rates).max()
-    if difference > AGREEMENT * max(np.abs(state.velocities).max(), np.abs(rates).max()):
+    difference = np.abs(state.velocities[:NODE] - velocity).max()
+    if difference > AGREEMENT * max(np.abs(state.velocities).max(), np.abs(velocity).max()):
         raise InputError(
             f"the clamp of the state has the velocity {_point(state.velocities)} m/s, the base motion "
-            f"{_point(rates)} m/s at {state.time:g} s, which is an impact; give the base motion that led there and the "
-            "time of the state",
+            f"{_point(velocity)} m/s at {state.time:g} s, which is an impact; give the base motion that led to the "
+            "state and the time of the state",
             "start",
         )
 

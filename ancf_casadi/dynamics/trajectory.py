@@ -1,15 +1,15 @@
-"""What a simulated motion shows: places, forces, energies.
+"""Result of a simulation: positions, forces and energies.
 
-Axial force and bending moment follow from the strains, N = E A eps and M = E I kappa.  In an element the
-curvature of a cubic is accurate at its two Gauss points, and elsewhere taken from the straight line through those; the
-axial strain is accurate as their mean only, and taken from the straight line through the means of two elements.
+Axial force and bending moment follow from the strains, N = E A eps and M = E I kappa.  The curvature of a cubic element
+is accurate at its two Gauss points; elsewhere it is taken from the straight line through them.  Only the mean of the
+axial strain over an element is accurate; it is taken from the straight line through the means of two elements.
 
-The balance of energy is
+The energy balance is
 
     T + U + V - (T + U + V at the start) = work of the base - energy lost to damping,
 
-with kinetic energy T, strain energy U, and the potential V = -Q_g.e of gravity; work and loss are integrated
-along with the motion.
+with kinetic energy T, strain energy U, and the potential V = -Q_g.e of gravity.  Work and loss are integrated with the
+motion.
 """
 
 from __future__ import annotations
@@ -17,29 +17,27 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Integral
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.element import axial_strain, curvature
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.shape import gauss
+from ancf_casadi.mechanics.strain import axial_strain, curvature
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, number, shown
+from ancf_casadi.support.inputs import array, number, whole
 
-AT_ONCE = 1000  # samples whose energy is computed together, for the memory it takes
+AT_ONCE = 1000  # samples whose energy is computed together, to limit memory
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Where a beam is and how it moves at one instant, a start for a simulation.
+    """Coordinates and velocities of a beam at one instant, a start for a simulation.
 
     Parameters
     ----------
     coordinates, velocities : array (4 n + 4,)
-        Nodal coordinates and their rates in the laboratory frame, those of the clamp first.
+        Nodal coordinates and velocities in the laboratory frame, those of the clamp first.
     time : float
         Time on the clock of the base motion, s.
     """
@@ -57,18 +55,18 @@ class State:
 
 @dataclass(frozen=True)
 class IntegratorUse:
-    """The integrator of a motion from some time on.
+    """The integrator of a motion from a given time on.
 
     Parameters
     ----------
     start : float
-        Time from which it was used, s.
+        Time at which it was first used, s.
     method : str
         ``idas`` or ``radau``.
     tolerance : float
         Its tolerance.
     reason : str
-        Why it was taken instead of the default; empty where it is the default, or was asked for.
+        Reason for not using the default; empty for the default, or if the caller chose the integrator.
     """
 
     start: float
@@ -86,9 +84,9 @@ class Trajectory:
     model : Model
         The beam.
     time : array (k,)
-        Instants, s, from 0, or from the time of the state that the motion continues.
+        Instants, s, from 0, or from the time of the state from which the motion continues.
     coordinates, velocities : array (k, 4 n + 4)
-        Nodal coordinates and their rates in the laboratory frame.
+        Nodal coordinates and velocities in the laboratory frame.
     clamp_force : array (k, 4)
         Generalized force of the base on the clamped node: its force, N, and the force conjugate to its slope, N m.
     dissipated_energy : array (k,)
@@ -98,11 +96,11 @@ class Trajectory:
     steps : int
         Steps of the integrator.
     wall_seconds : float
-        Time it took, s, building the integrator included.
+        Computing time, s, including the construction of the integrator.
     integrators : tuple of IntegratorUse
-        Which integrator was used from when; more than one where the default changed from IDAS to Radau.
+        The integrators used; more than one if the default changed from IDAS to Radau.
     interrupted : bool
-        Whether the run was stopped before its end: then this is what was done.
+        Whether the run was stopped before its end, so that only its finished part is here.
     """
 
     model: Model
@@ -119,10 +117,10 @@ class Trajectory:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Why the default integrator was not used all through."""
+        """Reasons for which the default integrator was not used throughout."""
         return tuple(
-            f"radau was used from {use.start:.6g} s on: {use.reason}; method='radau' uses it from the start, "
-            "method='idas' never"
+            f"radau was used from {use.start:.6g} s on: {use.reason}; use method='radau' to start with it, or "
+            "method='idas' to exclude it"
             for use in self.integrators
             if use.reason
         )
@@ -139,7 +137,7 @@ class Trajectory:
 
     @property
     def relative_coordinates(self) -> Array:
-        """Nodal coordinates as seen from the clamp, (k, 4 n + 4)."""
+        """Nodal coordinates relative to the position of the clamp, (k, 4 n + 4)."""
         nodes = self.coordinates.reshape(len(self.time), -1, NODE).copy()
         nodes[:, :, :2] -= self.base[:, None, :]
         return nodes.reshape(self.coordinates.shape)
@@ -150,10 +148,9 @@ class Trajectory:
         Raises
         ------
         InputError
-            If there is no such sample.
+            If the sample does not exist.
         """
-        if not isinstance(index, Integral) or not -len(self.time) <= index < len(self.time):
-            raise InputError(f"there are {len(self.time)} samples, got {shown(index)}", "index")
+        index = whole(index, "index", -len(self.time), len(self.time) - 1)
         return State(self.coordinates[index], self.velocities[index], float(self.time[index]))
 
     def position(self, s: float) -> Array:
@@ -177,7 +174,7 @@ class Trajectory:
         return np.asarray(self.velocities @ self.model.interpolation(s).T)
 
     def slope(self, s: float) -> Array:
-        """Return the direction of the beam at arc length ``s`` (m), angle against the x axis, (k,), rad, unwrapped.
+        """Return the angle from the x axis to the beam at arc length ``s`` (m), (k,), rad, unwrapped.
 
         Raises
         ------
@@ -206,7 +203,7 @@ class Trajectory:
         InputError
             If the point is not on the beam.
         """
-        self.model.element_of(s)
+        self.model.element_at(s)
         place = s / self.model.beam.element_length - 0.5
         index = min(max(int(place), 0), self.model.beam.elements - 2)
         first, second = self._mean_axial_force(index), self._mean_axial_force(index + 1)
@@ -220,7 +217,7 @@ class Trajectory:
         InputError
             If the point is not on the beam.
         """
-        width, thickness, _, modulus = self.model.properties[:, self.model.element_of(s)]
+        width, thickness, _, modulus = self.model.properties[:, self.model.element_at(s)]
         return np.asarray(float(modulus * width * thickness**3 / 12) * self.curvature(s))
 
     @cached_property
@@ -239,7 +236,7 @@ class Trajectory:
 
     @cached_property
     def potential_energy(self) -> Array:
-        """V of gravity, (k,), J, 0 for a beam at the origin."""
+        """V of gravity, (k,), J; 0 at the origin."""
         force = self.model.gravity_force(self.model.properties, self.model.beam.gravity).full().ravel()
         return np.asarray(-self.coordinates @ force)
 
@@ -250,7 +247,7 @@ class Trajectory:
 
     @property
     def balance_error(self) -> Array:
-        """What is left of the balance of energy, (k,), J; 0 for an exact solution."""
+        """Error of the energy balance, (k,), J; 0 for an exact solution."""
         return np.asarray(self.energy - self.energy[0] - self.base_work + self.dissipated_energy)
 
     def _mean_axial_force(self, index: int) -> Array:
@@ -262,8 +259,8 @@ class Trajectory:
         return np.asarray(float(modulus * width * thickness) * np.mean(strains, axis=0))
 
     def _from_gauss_points(self, s: float, strain: Callable[[Array, Array], Array]) -> Array:
-        """Return a strain of r' and r'' at arc length s from the straight line through the two Gauss points."""
-        l, index = self.model.beam.element_length, self.model.element_of(s)
+        """Return a strain, a function of r' and r'', at arc length s from the line through the two Gauss points."""
+        l, index = self.model.beam.element_length, self.model.element_at(s)
         first, second = ((index + gauss(2)[0]) * l).tolist()
         values = [
             strain(

@@ -1,6 +1,7 @@
-"""The beam and its equations of motion, symbolic in CasADi.
+"""The beam and its equations of motion, symbolic in CasADi: Section 2 of the paper, Eqs. (1) to (8).
 
-A ``Beam`` holds geometry, material and gravity; ``Model`` assembles its elements.  Eqs. (2) and (3) are in ``shape``,
-the strain energy and the elastic force, Eqs. (6) and (8), and the mass and gravity, Eq. (7), in ``element``; the sums
-over the elements are in ``model``.  Nothing here imports scipy or matplotlib.
+``beam`` holds geometry, material and gravity.  ``shape`` has the shape functions, Eqs. (2) and (3); ``strain`` the
+strain measures in Eq. (8); ``element`` the energies, Eqs. (5) and (8), and the forces and matrices of one element,
+Eqs. (6) and (7).  ``clamp`` and ``tip_mass`` are further elements.  ``group`` places equal elements in the beam, and
+``model`` assembles them.  Nothing here imports scipy or matplotlib.
 """

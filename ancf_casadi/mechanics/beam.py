@@ -1,13 +1,12 @@
 """The beam: geometry, material, orientation and gravity, in SI units.
 
-A beam of length L is cut into n elements of equal length l = L/n.  Each element has a rectangular section of
+A beam of length L is divided into n elements of equal length l = L/n.  Each element has a rectangular section of
 width b (out of the plane) and thickness h (in the plane of motion), a density rho and an elastic modulus E, so that
 
     area A = b h,    second moment I = b h^3 / 12,    mass per length mu = rho A.
 
-It is straight when free of load, clamped at its first node, and points along ``axis`` there.  The clamp may yield to
-turning like a spring, and the tip carry a mass; neither does unless given.
-The laboratory frame has x to the right and y up.
+The unloaded beam is straight.  It is clamped at its first node and points along ``axis`` there.  Optionally the clamp
+is a torsional spring, and the tip carries a mass.  The laboratory frame has x to the right and y up.
 """
 
 from __future__ import annotations
@@ -15,20 +14,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import read_toml
-from ancf_casadi.support.inputs import check_keys, is_sequence, number, positive, shown, vector
+from ancf_casadi.support.inputs import check_keys, is_sequence, number, positive, positive_or_infinite, vector, whole
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 LUMPED = ("tip_mass", "clamp_stiffness")
 MINIMUM_ELEMENTS = 2
-MAXIMUM_ELEMENTS = 10_000  # more are a slip
-SMALLEST, LARGEST = 1e-100, 1e100  # in SI; what is beyond overflows in products
-ROUNDING = 1e-15  # of the length of a unit vector
+MAXIMUM_ELEMENTS = 10_000  # a larger number is a typing error
+SMALLEST, LARGEST = 1e-100, 1e100  # in SI units; products of values outside overflow or vanish
+UNIT_TOLERANCE = 1e-15  # deviation from 1 of the length of a unit vector
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ class Section:
     Raises
     ------
     InputError
-        If one is not a positive number, or beyond 1e100 m.
+        If a side is not a positive number, or exceeds 1e100 m.
     """
 
     width: float
@@ -70,7 +68,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Beam:
-    """A clamped beam with one value of each property an element.
+    """A clamped beam with one value of each property per element.
 
     ``Beam.uniform`` and ``Beam.from_toml`` are the usual ways to make one.
 
@@ -85,20 +83,20 @@ class Beam:
     elastic_modulus : tuple of float
         Elastic modulus of each element, Pa.
     axis : (float, float)
-        Direction of the beam at the clamp, any length above 0; kept as a unit vector.
+        Direction of the beam at the clamp, of any length above 0; stored as a unit vector.
     gravity : (float, float)
         Acceleration of gravity, m/s^2.
     tip_mass : float
-        Mass of a point at the tip, kg.
+        Point mass at the tip, kg.
     clamp_stiffness : float
-        Stiffness of the clamp against turning, N m/rad; infinite where it is rigid.
+        Torsional stiffness of the clamp, N m/rad; infinite for a rigid clamp.
 
     Raises
     ------
     InputError
-        If a value is not finite and positive (gravity: not finite; tip mass: negative), the axis is zero, the lengths
-        differ, there are fewer than 2 or more than 10000 elements, or the mass or a stiffness of one is beyond the
-        range of numbers.
+        If a value is not finite and positive (gravity: not finite; tip mass: negative), the axis is zero, the tuples
+        differ in length, there are fewer than 2 or more than 10000 elements, or the mass or a stiffness of an element
+        is beyond the range of numbers.
     """
 
     length: float
@@ -116,27 +114,24 @@ class Beam:
         object.__setattr__(self, "length", positive(self.length, "length"))
         for name in PROPERTIES:
             if not is_sequence(getattr(self, name)):
-                raise InputError("must have one value an element; Beam.uniform spreads a number", name)
+                raise InputError("must have one value per element; Beam.uniform also takes one number", name)
             object.__setattr__(self, name, tuple(positive(value, name) for value in getattr(self, name)))
             if len(getattr(self, name)) != len(self.width):
                 raise InputError(f"has {len(getattr(self, name))} values for {len(self.width)} elements", name)
-        _check_count(self.elements)
+        whole(self.elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
         self._check_range()
         axis, gravity = vector(self.axis, "axis"), vector(self.gravity, "gravity")
         norm = math.hypot(*axis)
         if norm == 0.0:
             raise InputError("must not be the zero vector", "axis")
-        if abs(norm - 1.0) > ROUNDING:  # a unit vector stays what it is, to the last bit
+        if abs(norm - 1.0) > UNIT_TOLERANCE:  # a unit vector keeps all its digits
             axis = axis[0] / norm, axis[1] / norm
         object.__setattr__(self, "axis", axis)
         object.__setattr__(self, "gravity", gravity)
         if number(self.tip_mass, "tip_mass") < 0.0:
             raise InputError(f"must not be negative, got {self.tip_mass:g}", "tip_mass")
         object.__setattr__(self, "tip_mass", float(self.tip_mass))
-        rigid = isinstance(self.clamp_stiffness, Real) and self.clamp_stiffness == math.inf
-        object.__setattr__(
-            self, "clamp_stiffness", math.inf if rigid else positive(self.clamp_stiffness, "clamp_stiffness")
-        )
+        object.__setattr__(self, "clamp_stiffness", positive_or_infinite(self.clamp_stiffness, "clamp_stiffness"))
 
     @classmethod
     def uniform(
@@ -153,14 +148,14 @@ class Beam:
         tip_mass: float = 0.0,
         clamp_stiffness: float = math.inf,
     ) -> Beam:
-        """Make a beam whose properties are the same in all elements, or given element by element.
+        """Make a beam with properties that are the same in all elements, or given element by element.
 
         Parameters
         ----------
         length : float
             Length, m.
         width, thickness : float or sequence of float
-            Section, m; a sequence gives one value an element.
+            Section, m; a sequence gives one value per element.
         density : float or sequence of float
             Density, kg/m^3.
         elastic_modulus : float or sequence of float
@@ -175,9 +170,7 @@ class Beam:
         InputError
             As ``Beam``, and if a sequence does not have ``elements`` values.
         """
-        if isinstance(elements, bool) or not isinstance(elements, Integral):
-            raise InputError(f"must be a whole number, got {shown(elements)}", "elements")
-        _check_count(int(elements))
+        elements = whole(elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
         given = {"width": width, "thickness": thickness, "density": density, "elastic_modulus": elastic_modulus}
         spread: dict[str, Any] = {name: _spread(value, elements, name) for name, value in given.items()}
         lumped: dict[str, Any] = {"tip_mass": tip_mass, "clamp_stiffness": clamp_stiffness}
@@ -206,7 +199,7 @@ class Beam:
         if not isinstance(table, dict):
             raise InputError("has no table [beam]", where)
         required = {"length", "elements", *PROPERTIES}
-        check_keys(table, required, {"axis", "gravity", "tip_mass", "clamp_stiffness"}, f"{where}: [beam]")
+        check_keys(table, required, {"axis", "gravity", *LUMPED}, f"{where}: [beam]")
         try:
             return cls.uniform(**table)
         except InputError as error:
@@ -229,11 +222,11 @@ class Beam:
 
     @property
     def mass(self) -> float:
-        """Mass of the beam without that at its tip, kg."""
+        """Mass of the beam without the tip mass, kg."""
         return sum(rho * s.area for rho, s in zip(self.density, self.sections, strict=True)) * self.element_length
 
     def with_(self, **changes: Any) -> Beam:
-        """Return a copy with some fields changed; numbers are spread over the elements.
+        """Return a copy with some fields changed; a number applies to all elements.
 
         Raises
         ------
@@ -243,13 +236,13 @@ class Beam:
         names = {field.name for field in fields(self)}
         for name, value in changes.items():
             if name not in names:
-                raise InputError(f"is not a property of a beam; those are {', '.join(sorted(names))}", name)
+                raise InputError(f"is not a property of a beam; known are {', '.join(sorted(names))}", name)
             if name in PROPERTIES:
                 changes[name] = _spread(value, self.elements, name)
         return replace(self, **changes)
 
     def _check_range(self) -> None:
-        """Refuse what no arithmetic can hold: mostly a value in the wrong unit."""
+        """Reject values whose products overflow or vanish, mostly because of a wrong unit."""
         l = self.element_length
         if l == 0.0:
             raise InputError(f"{self.length:g} m is beyond the range of numbers; check the units", "length")
@@ -265,13 +258,6 @@ class Beam:
                     raise InputError(
                         f"the {name} of element {k + 1} is {value:g}, beyond the range of numbers; check the units"
                     )
-
-
-def _check_count(elements: int) -> None:
-    if elements < MINIMUM_ELEMENTS:
-        raise InputError(f"needs at least {MINIMUM_ELEMENTS} elements, got {shown(elements)}", "elements")
-    if elements > MAXIMUM_ELEMENTS:
-        raise InputError(f"takes at most {MAXIMUM_ELEMENTS} elements, got {min(elements, 10**99):.3g}", "elements")
 
 
 def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:

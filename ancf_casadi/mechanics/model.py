@@ -5,19 +5,19 @@ shared by neighbouring elements.  Forces and matrices add up over the elements,
 
     M e_tt + Q_damp(e, e_t) + Q_e(e) = Q_g,                  Eq. (6), with damping on the left,
 
-and node 0, position and slope, is clamped: the ``free`` coordinates are those of the other nodes.  The element
-Functions are mapped over the elements, never expanded here, so graphs stay small and all derivatives sparse.
-A tip mass is one more element, at the last node.  Where the clamp is elastic, the base is a further node ahead of the
-beam's own, 4 (n + 2) numbers in all, and the clamp one more element between the two.
+and position and slope of node 0 are clamped: the ``free`` coordinates are those of the other nodes.  The Functions of
+an element are mapped over the elements and never expanded here, so graphs stay small and all derivatives sparse.
+A tip mass is one more element, at the last node.  With an elastic clamp the base is a node ahead of the beam's own,
+4 (n + 2) coordinates in all, and the clamp is one more element between the two.
 
-The properties P are a matrix with one column (width, thickness, density, elastic modulus) an element, so that
-every Function here is symbolic in them too; ``Model.properties`` holds the beam's own.
+The properties P are a matrix with one column (width, thickness, density, elastic modulus) per element.  Every Function
+here is symbolic in P; ``Model.properties`` holds the values of the beam.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -28,8 +28,10 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.mechanics.clamp import elastic_clamp
-from ancf_casadi.mechanics.element import Element, StrainMeasures, element
+from ancf_casadi.mechanics.element import Element, element
+from ancf_casadi.mechanics.group import Group
 from ancf_casadi.mechanics.shape import gauss, hermite, hermite_curvature, hermite_slope
+from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.mechanics.tip_mass import tip_mass
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, number
@@ -37,68 +39,24 @@ from ancf_casadi.support.inputs import check_instance, number
 NODE = 4  # coordinates of a node: position and slope
 
 
-@dataclass(frozen=True, eq=False)
-class Group:
-    """Elements of one kind, side by side.
-
-    Parameters
-    ----------
-    element : Element
-        The Functions of one of them.
-    coordinates : array (d, k)
-        Which nodal coordinates each of the k elements sees.
-    columns : int
-        How many columns of the properties P are theirs, from the first: k, or 0.
-    given : tuple of float
-        The properties that are not in P.
-    """
-
-    element: Element
-    coordinates: Index
-    columns: int
-    given: tuple[float, ...]
-
-    @property
-    def count(self) -> int:
-        """Number k of elements."""
-        return int(self.coordinates.shape[1])
-
-    def properties(self, P: Any) -> Any:
-        """Return the properties of each element as columns, from those of the beam."""
-        given = cs.DM(self.given)
-        return cs.vertcat(P[:, : self.columns], cs.repmat(given, 1, self.columns)) if self.columns else given
-
-    def gather(self, e: cs.MX) -> cs.MX:
-        """Return the coordinates of each element as columns, (d, k s), from those of all nodes, s columns."""
-        columns = np.arange(e.size2())[:, None] * e.size1()
-        places = (self.coordinates.T.ravel() + columns).ravel()
-        return cs.reshape(e.nz[places.tolist()], len(self.coordinates), -1)
-
-    def scatter(self, forces: cs.MX, size: int) -> cs.MX:
-        """Return the sum at all nodes of element forces, (size, s) from columns (d, k s)."""
-        rows = self.coordinates.T.ravel()
-        pattern = cs.Sparsity.triplet(size, rows.size, rows.tolist(), list(range(rows.size)))
-        return cs.DM(pattern, 1.0) @ cs.reshape(forces, rows.size, -1)
-
-
 @dataclass(frozen=True)
 class Model:
     """A beam as symbolic equations of motion.
 
-    Each Function takes nodal coordinates e (4 n + 4, or 4 n + 8 behind an elastic clamp), rates e_t, and properties
+    Each Function takes nodal coordinates e (4 n + 4, or 4 n + 8 with an elastic clamp), velocities e_t, and properties
     P (4, n).
 
     Parameters
     ----------
     beam : Beam
-        What is modelled.
+        The beam.
     measures : StrainMeasures
         The strain measures of Eq. (8).
 
     Raises
     ------
     InputError
-        If one is of another class.
+        If ``beam`` is not a Beam, or ``measures`` are not StrainMeasures.
     """
 
     beam: Beam
@@ -110,12 +68,12 @@ class Model:
         check_instance(self.measures, "measures", StrainMeasures)
 
     def __reduce__(self) -> tuple[type[Model], tuple[Beam, StrainMeasures]]:
-        """Travel between processes without the Functions, which are derived again there."""
+        """Send the model to another process without its Functions, which are derived again there."""
         return Model, (self.beam, self.measures)
 
     @property
     def root(self) -> int:
-        """Number of the beam's first node: 0, or 1 behind an elastic clamp."""
+        """Number of the beam's first node: 0, or 1 with an elastic clamp."""
         return int(math.isfinite(self.beam.clamp_stiffness))
 
     @property
@@ -125,18 +83,18 @@ class Model:
 
     @property
     def free(self) -> slice:
-        """The coordinates that the clamp leaves free."""
+        """The coordinates that are not clamped."""
         return slice(NODE, self.size)
 
     @cached_property
     def scale(self) -> Array:
-        """What a coordinate is measured by: the length of the beam for positions, 1/2 for slopes, (4 n + 4,)."""
+        """Typical size of each coordinate: the length of the beam for positions, 1/2 for slopes, (4 n + 4,)."""
         length = self.beam.length
         return np.tile([length, length, 0.5, 0.5], self.size // NODE)
 
     @cached_property
     def properties(self) -> Array:
-        """The beam's properties P, (4, n)."""
+        """The properties P of the beam, (4, n)."""
         return np.array([getattr(self.beam, name) for name in PROPERTIES])
 
     @cached_property
@@ -153,24 +111,24 @@ class Model:
 
     @cached_property
     def groups(self) -> tuple[Group, ...]:
-        """The elements of the beam; the clamp, if it is elastic; the tip mass, if there is one."""
-        beam, n, pair = self.beam, self.beam.elements, np.arange(2 * NODE)[:, None]
-        given = (beam.element_length, *beam.axis)
-        groups = [Group(self.element, pair + NODE * (np.arange(n) + self.root), n, given)]
+        """The elements of the beam, the clamp if it is elastic, and the tip mass if there is one."""
+        beam, n, coordinates = self.beam, self.beam.elements, np.arange(2 * NODE)
+        constants = (beam.element_length, *beam.axis)
+        places = NODE * (np.arange(n)[:, None] + self.root) + coordinates
+        groups = [Group(self.element, places, n, constants, {})]
         if self.root:
-            groups.append(Group(elastic_clamp(), pair, 1, (*given, beam.clamp_stiffness)))
+            clamp = {"clamp_stiffness": beam.clamp_stiffness}
+            groups.append(Group(elastic_clamp(), coordinates[None, :], 1, constants, clamp))
         if beam.tip_mass:
-            groups.append(Group(tip_mass(), self.size - NODE + pair[:NODE], 0, (beam.tip_mass,)))
+            tip = self.size - NODE + coordinates[None, :NODE]
+            groups.append(Group(tip_mass(), tip, 0, (), {"tip_mass": beam.tip_mass}))
         return tuple(groups)
 
     @cached_property
     def strain_energy(self) -> cs.Function:
         """(e, P) -> U, J, Eq. (8)."""
         e, p = self._symbols()
-        energies = [
-            cs.sum2(group.element.strain_energy.map(group.count)(group.gather(e), group.properties(p)))
-            for group in self.groups
-        ]
+        energies = map(cs.sum2, self._mapped("strain_energy", p, e))
         return cs.Function("strain_energy", [e, p], [sum(energies, cs.MX(0))], ["e", "P"], ["U"])
 
     @cached_property
@@ -182,15 +140,12 @@ class Model:
     def tangent_stiffness(self) -> cs.Function:
         """(e, P) -> K = dQ_e/de, sparse."""
         e, p = self._symbols()
-        blocks = [
-            group.element.tangent_stiffness.map(group.count)(group.gather(e), group.properties(p))
-            for group in self.groups
-        ]
-        return cs.Function("tangent_stiffness", [e, p], [self._matrix(blocks)], ["e", "P"], ["K"])
+        stiffness = self._matrix(self._mapped("tangent_stiffness", p, e))
+        return cs.Function("tangent_stiffness", [e, p], [stiffness], ["e", "P"], ["K"])
 
     @cached_property
     def tangent_force(self) -> cs.Function:
-        """(e, e_t, P) -> K e_t, the rate of the elastic force."""
+        """(e, e_t, P) -> K e_t, the time derivative of the elastic force."""
         return self._force("tangent_force", "e", "e_t")
 
     @cached_property
@@ -212,17 +167,16 @@ class Model:
     def mass(self) -> cs.Function:
         """P -> M, Eq. (7), sparse."""
         _, p = self._symbols()
-        blocks = [group.element.mass.map(group.count)(group.properties(p)) for group in self.groups]
-        return cs.Function("mass", [p], [self._matrix(blocks)], ["P"], ["M"])
+        return cs.Function("mass", [p], [self._matrix(self._mapped("mass", p))], ["P"], ["M"])
 
     @cached_property
     def line_inertia_force(self) -> cs.Function:
-        """(e_tt, P) -> int S^T mu r_tt dp, or any other rate: the beam's own share of M e_tt."""
+        """(e_tt, P) -> int S^T mu r_tt dp, the part of M e_tt from mass along the beam; also for velocities."""
         return self._force("line_inertia_force", "e_tt")
 
     @cached_property
     def inertia_force(self) -> cs.Function:
-        """(e_tt, P) -> M e_tt, or any other rate."""
+        """(e_tt, P) -> M e_tt; also for velocities."""
         return self._force("inertia_force", "e_tt")
 
     @cached_property
@@ -243,13 +197,16 @@ class Model:
 
     @cached_property
     def entries(self) -> tuple[Index, Index]:
-        """Rows and columns of the entries of all element matrices, group by group, matrices by columns."""
-        rows = [np.tile(group.coordinates, (len(group.coordinates), 1)).T.ravel() for group in self.groups]
-        columns = [np.repeat(group.coordinates, len(group.coordinates), 0).T.ravel() for group in self.groups]
+        """Rows and columns of the entries of all element matrices, group by group, each matrix column by column."""
+        rows, columns = [], []
+        for group in self.groups:
+            d = group.coordinates.shape[1]
+            rows.append(np.tile(group.coordinates, d).ravel())
+            columns.append(np.repeat(group.coordinates, d, axis=1).ravel())
         return np.concatenate(rows), np.concatenate(columns)
 
     def matrix(self, values: cs.MX, first: int = 0) -> cs.MX:
-        """Return the sparse sum of all element matrices without the ``first`` coordinates; values as ``entries``."""
+        """Return the sparse sum of element matrices, without the first ``first`` coordinates; values as ``entries``."""
         rows, columns = (index - first for index in self.entries)
         kept = np.flatnonzero((rows >= 0) & (columns >= 0))
         pairs, target = np.unique(np.column_stack([columns[kept], rows[kept]]), axis=0, return_inverse=True)
@@ -259,7 +216,7 @@ class Model:
         return cs.MX(pattern, cs.DM(sums, 1.0) @ values)
 
     def interpolation(self, s: float) -> Array:
-        """Return S with r(s) = S e for the material point at arc length ``s`` (m) from the clamp, (2, 4 n + 4).
+        """Return S with r(s) = S e, Eq. (2), for the point at arc length ``s`` (m) from the clamp, (2, 4 n + 4).
 
         Raises
         ------
@@ -294,7 +251,7 @@ class Model:
         points = ((np.arange(self.beam.elements)[:, None] + gauss(2)[0]) * l).ravel()
         return np.array([self.slope_interpolation(float(s)) @ e for s in points]).T
 
-    def element_of(self, s: float) -> int:
+    def element_at(self, s: float) -> int:
         """Return the number, from 0, of the element with the point at arc length ``s`` (m).
 
         Raises
@@ -307,25 +264,30 @@ class Model:
             raise InputError(f"the point must be on the beam, 0 to {self.beam.length:g} m, got {s:g}", "s")
         return min(int(s / self.beam.element_length), self.beam.elements - 1)
 
-    def _interpolation(self, s: float, functions: Any) -> Array:
-        index, l = self.element_of(s), self.beam.element_length
+    def _interpolation(self, s: float, functions: Callable[[Any, float], tuple[Any, ...]]) -> Array:
+        index, l = self.element_at(s), self.beam.element_length
         row, first = np.zeros(self.size // 2), 2 * (index + self.root)
         row[first : first + 4] = functions(s / l - index, l)
         return np.asarray(np.kron(row, np.eye(2)), dtype=np.float64)
 
     def _symbols(self) -> tuple[cs.MX, cs.MX]:
-        """Nodal coordinates and properties."""
+        """Symbols of the nodal coordinates e and the properties P."""
         return cs.MX.sym("e", self.size), cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
 
+    def _mapped(self, name: str, p: cs.MX, *vectors: cs.MX) -> list[cs.MX]:
+        """Evaluate the element Function ``name`` for all elements of each group, from vectors at all nodes."""
+        results = []
+        for group in self.groups:
+            function: cs.Function = getattr(group.element, name)
+            results.append(function.map(group.count)(*map(group.gather, vectors), group.properties(p)))
+        return results
+
     def _force(self, name: str, *inputs: str, output: str = "Q") -> cs.Function:
-        """Sum up at the nodes a force of the elements, a function of nodal coordinates or rates and the properties."""
+        """Return the sum at the nodes of the element force ``name`` as a Function of ``inputs`` and the properties."""
         vectors = [cs.MX.sym(symbol, self.size) for symbol in inputs]
         _, p = self._symbols()
-        forces = []
-        for group in self.groups:
-            one: cs.Function = getattr(group.element, name)
-            forces.append(one.map(group.count)(*map(group.gather, vectors), group.properties(p)))
-        return cs.Function(name, [*vectors, p], [self.sum_at_nodes(forces)], [*inputs, "P"], [output])
+        total = self.sum_at_nodes(self._mapped(name, p, *vectors))
+        return cs.Function(name, [*vectors, p], [total], [*inputs, "P"], [output])
 
     def _matrix(self, blocks: Sequence[cs.MX]) -> cs.MX:
         """Return the sum of the element matrices of each group as one sparse matrix."""

@@ -1,22 +1,22 @@
-"""The reduced model: CasADi Functions of a few modal coordinates, made from the full model.
+"""The reduced model as CasADi Functions of a few modal coordinates.
 
     M(q) q_tt = -h(q, q_t, base, p)
 
-keeps the large bending of the beam, its inertia, gravity and damping; axial motion, whose waves would set the step of
-an integrator, is left out (``slopes``, ``projection``).  Small motion about the rest has the modes of the full beam.
-What a few modes cannot follow grows with the amplitude: ``docs/reduction.md`` shows how much.
+is Eq. (8) with damping, projected on the bending modes (``forces``).  It keeps the large bending, the inertia, gravity
+and damping of the beam.  It has no axial motion, whose waves would limit the steps of an explicit integrator.  Small
+motion about the rest has the modes of the full beam.  The error grows with the amplitude: ``docs/reduction.md``.
 
-As all Functions are straight lines of scalar operations on vectors of a few numbers, they are fast as C code.  They
-leave by the ways of the full model (``write_c``, ``save_functions``, ``write_fmu``), or in C together with it:
-``write_c(beam_functions(model, law), folder, also=reduced.functions)``.
+All Functions are sequences of scalar operations on short vectors, which makes them fast as C code.  M is factored as
+L D L^T.  ``write_c``, ``save_functions`` and ``write_fmu`` export them like those of the full model, and
+``write_c(beam_functions(model, law), folder, also=reduced.functions)`` writes both models to one C file.
 
-One step of time.  With w_k the natural frequencies, q_tt = -w^2 q + N(q, q_t, t), and the exact flow E(t) of the linear
-part carries the classical Runge-Kutta method of order 4 for the rest (Lawson's method):
+Time step.  With the natural angular frequencies w_k, q_tt = -w^2 q + N(q, q_t, t).  Lawson's method integrates the
+linear part by its exact flow E(t), and the remainder N by the classical Runge-Kutta method of order 4:
 
     k1 = N(x),  k2 = N(E(h/2)(x + h/2 k1)),  k3 = N(E(h/2) x + h/2 k2),  k4 = N(E(h) x + h E(h/2) k3),
     x_next = E(h)(x + h/6 k1) + h/3 E(h/2)(k2 + k3) + h/6 k4.
 
-Small motion is exact with any step; only what is nonlinear or damped asks for small ones.
+Small undamped motion is exact with any step; only nonlinear and damping forces require short steps.
 
 References
 ----------
@@ -29,15 +29,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import NoneType
-from typing import Any
 
 import casadi as cs
-import numpy as np
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.signals import (
     MotionFunctions,
+    Signal,
     base_signals,
     modal_signals,
     output_signals,
@@ -46,34 +45,35 @@ from ancf_casadi.dynamics.signals import (
 )
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.reduction.kinematics import selected, slopes_of
-from ancf_casadi.reduction.projection import BASE, Projected, projection_of
+from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
+from ancf_casadi.reduction.kinematics import nodal_slopes, select_points
+from ancf_casadi.reduction.projection import Projection, project_model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
 MOST_DRAG_POINTS = 100
-STAGES = 3  # instants of a step at which the base motion is needed: begin, middle, end
+STAGES = 3  # instants of a step at which the base motion enters: start, middle, end
 
 
 @dataclass(frozen=True, eq=False)
 class ReducedFunctions(MotionFunctions):
     """A beam in a few modes as CasADi Functions, called ``reduced_rhs`` and so on.
 
-    The modal coordinates q (m,) are those of the mass-normalised modes, m kg^1/2; v are their rates.  ``base`` (9,) is
-    displacement (x, y; m) and rotation (rad) of the clamp, their rates, and the rates of those; p (2 + l,) is gravity
-    (x, y; m/s^2) and the parameters of the damping law.
+    q (m,) are the modal coordinates of the mass-normalised modes, m kg^1/2; v are their velocities.  ``base`` (9,) is
+    the displacement (x, y; m) and rotation (rad) of the clamp, then their velocities, then their accelerations.
+    p (2 + l,) is gravity (x, y; m/s^2) and the parameters of the damping law.
 
     Parameters
     ----------
     parameters, states, base, outputs, rhs, tip, markers, energies
-        As those of ``MotionFunctions``; a is q_tt, in m kg^1/2/s^2.
+        As in ``MotionFunctions``; a is q_tt, in m kg^1/2/s^2.
     step : Function
-        (q, v, base, p, h) -> q_next, v_next after h seconds, with base (9, 3) at the begin, middle and end of the step.
+        (q, v, base, p, h) -> q_next, v_next after h seconds, with base (9, 3) at the start, middle and end of the step.
     mass : Function
         (q) -> M.
     coordinates : Function
-        (q, v, base) -> e, e_t, nodal coordinates of the full model and their rates (4 n + 4,).
+        (q, v, base) -> e, e_t, nodal coordinates and velocities of the full model, (4 n + 4,).
     """
 
     mass: cs.Function
@@ -82,7 +82,7 @@ class ReducedFunctions(MotionFunctions):
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel(ReducedFunctions):
-    """A beam in a few modes, with what it was made from; made by ``reduce_model``.
+    """A beam in a few modes, with the modes and the damping law behind it; ``reduce_model`` returns it.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class ReducedModel(ReducedFunctions):
     law : DampingLaw
         The damping law.
     parameters, states, base, outputs, rhs, step, mass, energies, tip, markers, coordinates
-        As those of ``ReducedFunctions``.
+        As in ``ReducedFunctions``.
     """
 
     modes: Modes
@@ -119,32 +119,33 @@ def reduce_model(
     modes: int | Modes = 5,
     damping: DampingLaw | None = None,
     markers: Sequence[float] = (),
-    points: int | None = None,
+    slope_points: int | None = None,
     drag_points: int | None = None,
 ) -> ReducedModel:
-    """Make the reduced model of a beam.
+    """Return the reduced model of a beam.
 
     Parameters
     ----------
     model : Model
         The full model.
     modes : int or Modes
-        How many modes to keep, or the modes themselves, whose equilibrium is then the rest.
+        The modes kept.  An int m keeps the m lowest modes about the equilibrium under gravity.  ``Modes`` are kept
+        as they are, and their equilibrium is the state of rest.
     damping : DampingLaw, optional
-        The damping law; undamped if not given.  Not with the ``reference`` stiffness, which resists rotations.
+        The damping law; undamped if not given.  Proportional damping with ``stiffness="reference"`` is refused.
     markers : sequence of float
-        Arc lengths of the points whose positions ``markers`` gives, m.
-    points : int, optional
-        Points of the beam whose slope is followed, more than modes and at most all 2 n + 1 nodes and midpoints;
+        Arc lengths of observed points, m.  The Function ``markers`` returns their positions.
+    slope_points : int, optional
+        Number of points at which the slope is evaluated: more than m, and at most the 2 n + 1 nodes and midpoints;
         2 m + 2 if not given.
     drag_points : int, optional
-        Points at which the quadratic drag acts, at most 100; 4 m + 4 if not given.
+        Number of points at which the quadratic drag acts, at most 100; 4 m + 4 if not given.
 
     Raises
     ------
     InputError
         If the modes belong to another model or stretch the beam, a number of points is out of its range, a marker is
-        not on the beam, or the damping law is not defined for bending alone.
+        not on the beam, or the damping law needs a force that the reduced model does not have.
     EquilibriumError
         If there is no stable equilibrium under gravity.
     """
@@ -154,38 +155,10 @@ def reduce_model(
     if modes.model != model:
         raise InputError("belong to another model", "modes")
     law = RayleighDamping() if damping is None else damping
-    m, every = modes.count, slopes_of(modes)
-    most = len(every.angles)
-    points = min(2 * m + 2, most) if points is None else whole(points, "points", m + 1, most)
-    usual = min(4 * m + 4, MOST_DRAG_POINTS)
-    drag_points = usual if drag_points is None else whole(drag_points, "drag_points", 1, MOST_DRAG_POINTS)
     markers = numbers(markers, "markers")
-    projection = projection_of(modes, every, selected(every, points), drag_points)
-
-    full = parameter_signals(Equations(model, law))
-    parameters = (*full[:2], *full[2 + model.properties.size :])  # without the properties of the elements
-    q, v, base, p = (cs.MX.sym(n, k) for n, k in (("q", m), ("v", m), ("base", BASE), ("p", len(parameters))))
-    symbols = {"q": q, "v": v, "base": base, "p": p}
-    beam = Projected(projection, q, v, base, p[:2])
-    slope, rate = cs.horzcat(*beam.slope), cs.horzcat(*beam.slope_rate)
-    position = np.tile([1.0, 0.0], len(projection.slopes.shape) // 2)[:, None]
-    e, e_t = (
-        cs.vec((cs.DM(projection.slopes.shape) @ part + position @ base[k : k + 2].T).T)
-        for k, part in ((0, slope), (3, rate))
-    )
-    weight, potential = cs.DM(projection.mass_moment), projection.total_mass * base[:2]
-    factor = cs.DM(projection.mass_factor)
-    moving = projection.total_mass / 2 * cs.sumsqr(base[3:5]) + cs.dot(base[3:5], rate.T @ weight)
-    forces = beam.driving() + beam.damping(law, p[2:], modes)
-
-    def function(name: str, inputs: Sequence[str], **outputs: Any) -> cs.Function:
-        name = f"reduced_{name}"
-        graph = cs.Function(name, [symbols[key] for key in inputs], [*outputs.values()])
-        scalars = [cs.SX.sym(key, symbols[key].numel()) for key in inputs]
-        return cs.Function(name, scalars, cs.cse(graph.call(scalars)), [*inputs], [*outputs])
-
-    motion = ("q", "v", "base", "p")
-    rhs = function("rhs", motion, a=_divide(beam.mass, -forces))
+    parameters = _parameters(model, law)
+    projection = _projection(modes, slope_points, drag_points)
+    functions = _functions(modes, law, projection, len(parameters), markers)
     return ReducedModel(
         modes=modes,
         law=law,
@@ -193,65 +166,89 @@ def reduce_model(
         states=modal_signals(modes.frequencies.tolist()),
         base=base_signals(),
         outputs=output_signals(markers),
-        rhs=rhs,
-        step=_step(rhs, modes),
-        mass=function("mass", ("q",), M=Projected(projection, q, v, cs.MX.zeros(BASE), p[:2]).mass),
-        energies=function(
-            "energies",
-            motion,
-            T=cs.sumsqr(factor @ rate) / 2 + moving,
-            U=projection.rest_energy + cs.dot(cs.DM(projection.rest_force) + beam.bending(q) / 2, q),
-            V=-cs.dot(p[:2], slope.T @ weight + potential),
-        ),
-        tip=function("tip", ("q", "base"), r=e[-4:-2]),
-        markers=function(
-            "markers",
-            ("q", "base"),
-            r=cs.horzcat(cs.MX(2, 0), *(cs.DM(model.interpolation(s)) @ e for s in markers)),
-        ),
-        coordinates=function("coordinates", ("q", "v", "base"), e=e, e_t=e_t),
+        step=_step(functions["rhs"], modes),
+        **functions,
     )
 
 
-def _divide(matrix: cs.MX, vector: cs.MX) -> cs.MX:
-    """Return A^-1 b for a positive definite A, by A = L D L^T as scalar operations."""
-    size = vector.numel()
-    A, b = cs.SX.sym("A", size, size), cs.SX.sym("b", size)
-    L, D, x = [[cs.SX(0)] * size for _ in range(size)], [cs.SX(0)] * size, cs.vertsplit(b)
-    for j in range(size):
-        D[j] = A[j, j] - sum(L[j][k] ** 2 * D[k] for k in range(j))
-        for i in range(j + 1, size):
-            L[i][j] = (A[i, j] - sum(L[i][k] * L[j][k] * D[k] for k in range(j))) / D[j]
-    for i in range(size):
-        x[i] -= sum(L[i][k] * x[k] for k in range(i))
-    x = [entry / pivot for entry, pivot in zip(x, D, strict=True)]
-    for i in reversed(range(size)):
-        x[i] -= sum(L[k][i] * x[k] for k in range(i + 1, size))
-    return cs.Function("divide", [A, b], [cs.vertcat(*x)])(matrix, vector)
+def _parameters(model: Model, law: DampingLaw) -> tuple[Signal, ...]:
+    """Return gravity and the parameters of the law: those of the full model without the properties of the elements."""
+    signals = parameter_signals(Equations(model, law))
+    return *signals[:2], *signals[2 + model.properties.size :]
+
+
+def _projection(modes: Modes, slope_points: int | None, drag_points: int | None) -> Projection:
+    """Return the constants of the reduced model, with the default numbers of points where none are given."""
+    m, nodal = modes.count, nodal_slopes(modes)
+    most = len(nodal.angles)
+    slope_points = min(2 * m + 2, most) if slope_points is None else whole(slope_points, "slope_points", m + 1, most)
+    usual = min(4 * m + 4, MOST_DRAG_POINTS)
+    drag_points = usual if drag_points is None else whole(drag_points, "drag_points", 1, MOST_DRAG_POINTS)
+    return project_model(modes, nodal, select_points(nodal, slope_points), drag_points)
+
+
+def _functions(
+    modes: Modes, law: DampingLaw, projection: Projection, parameters: int, markers: Sequence[float]
+) -> dict[str, cs.Function]:
+    """Return the Functions of the reduced model except the time step, by name."""
+    model, m = modes.model, modes.count
+    inputs = {
+        "q": cs.SX.sym("q", m),
+        "v": cs.SX.sym("v", m),
+        "base": cs.SX.sym("base", BASE_SIZE),
+        "p": cs.SX.sym("p", parameters),
+    }
+    q, v, base, p = inputs.values()
+    motion = ReducedMotion(projection, q, v, base, gravity=p[:2])
+    e = motion.nodal(*motion.slope, base[:2])
+    e_t = motion.nodal(*motion.slope_velocity, base[3:5])
+    M = ReducedMotion(projection, q, v, cs.SX.zeros(BASE_SIZE), p[:2]).mass  # the same at any position of the clamp
+    T, U, V = motion.energies
+    forces = motion.undamped_forces + motion.damping(law, p[2:], model)
+    positions = cs.horzcat(cs.SX(2, 0), *(cs.DM(model.interpolation(s)) @ e for s in markers))
+
+    def function(name: str, arguments: Sequence[str], **outputs: cs.SX) -> cs.Function:
+        symbols = [inputs[argument] for argument in arguments]
+        return cs.Function(f"reduced_{name}", symbols, cs.cse([*outputs.values()]), [*arguments], [*outputs])
+
+    return {
+        "rhs": function("rhs", ("q", "v", "base", "p"), a=_solve(motion.mass, -forces)),
+        "mass": function("mass", ("q",), M=M),
+        "energies": function("energies", ("q", "v", "base", "p"), T=T, U=U, V=V),
+        "tip": function("tip", ("q", "base"), r=e[-4:-2]),
+        "markers": function("markers", ("q", "base"), r=positions),
+        "coordinates": function("coordinates", ("q", "v", "base"), e=e, e_t=e_t),
+    }
+
+
+def _solve(matrix: cs.SX, vector: cs.SX) -> cs.SX:
+    """Return A^-1 b for a positive definite matrix A = L D L^T."""
+    D, LT, permutation = cs.ldl(matrix)
+    return cs.ldl_solve(vector, D, LT, permutation)
 
 
 def _step(rhs: cs.Function, modes: Modes) -> cs.Function:
-    """Return (q, v, base, p, h) -> q_next, v_next."""
+    """Return Lawson's method as a Function (q, v, base, p, h) -> q_next, v_next."""
     q, v, p = (cs.MX.sym(name, rhs.numel_in(name)) for name in ("q", "v", "p"))
-    base, h, omega = cs.MX.sym("base", BASE, STAGES), cs.MX.sym("h"), cs.DM(modes.angular_frequencies)
+    base, h, omega = cs.MX.sym("base", BASE_SIZE, STAGES), cs.MX.sym("h"), cs.DM(modes.angular_frequencies)
     cosine, sine = cs.cos(omega * h / 2), cs.sin(omega * h / 2)
 
-    def half(x: cs.MX) -> cs.MX:
-        """E(h/2) x."""
+    def flow(x: cs.MX) -> cs.MX:
+        """Return E(h/2) x."""
         return cs.horzcat(
             cosine * x[:, 0] + sine / omega * x[:, 1],
             cosine * x[:, 1] - sine * omega * x[:, 0],
         )
 
-    def rest(x: cs.MX, stage: int) -> cs.MX:
-        """N(x)."""
+    def remainder(x: cs.MX, stage: int) -> cs.MX:
+        """Return N(x)."""
         return cs.horzcat(cs.MX.zeros(modes.count), rhs(x[:, 0], x[:, 1], base[:, stage], p) + omega**2 * x[:, 0])
 
     x = cs.horzcat(q, v)
-    k1 = rest(x, 0)
-    k2 = rest(half(x + h / 2 * k1), 1)
-    k3 = rest(half(x) + h / 2 * k2, 1)
-    k4 = rest(half(half(x) + h * k3), 2)
-    found = half(half(x + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
-    return cs.Function("reduced_step", [q, v, base, p, h], [found[:, 0], found[:, 1]], ["q", "v", "base", "p", "h"],
+    k1 = remainder(x, 0)
+    k2 = remainder(flow(x + h / 2 * k1), 1)
+    k3 = remainder(flow(x) + h / 2 * k2, 1)
+    k4 = remainder(flow(flow(x) + h * k3), 2)
+    x_next = flow(flow(x + h / 6 * k1) + h / 3 * (k2 + k3)) + h / 6 * k4
+    return cs.Function("reduced_step", [q, v, base, p, h], [x_next[:, 0], x_next[:, 1]], ["q", "v", "base", "p", "h"],
                        ["q_next", "v_next"])  # fmt: skip

@@ -1,15 +1,17 @@
-"""Motion of the reduced model in time, by its own steps.
+"""Motion of the reduced model in time, by Lawson's method with fixed steps (``reduced``).
 
-Steps are equal between one sample, or end of a piece of the base motion, and the next, and so small that the period of
-the highest mode has ``steps_a_period`` of them at least.
+The samples of the result and the ends of the pieces of the base motion divide the time into intervals.  Each interval
+has equal steps, at least ``steps_per_period`` of them in the period of the highest mode.
 
-A state of the full beam is projected: the modal coordinates make the reduced shape e(q) that is nearest to it in the
-norm of the mass matrix, and their rates the nearest velocities.  The second is also what an impulse leaves where the
-speed of the base jumps: the impulsive forces of the clamp do no work on the motions it allows.
+Projection.  A state (e, e_t) of the full beam becomes a state (q, v) of the reduced model.  The modal coordinates give
+the reduced shape e(q) nearest to e in the norm of the mass matrix, and v the velocity nearest to e_t.  The projected
+velocity is also the state after an impact, where the velocity of the clamp jumps: the impulse of the clamp does no work
+on the motions that the clamp allows.
 """
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,29 +20,27 @@ from types import NoneType
 
 import casadi as cs
 import numpy as np
-from numpy.typing import NDArray
 
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.segments import CLOSE
-from ancf_casadi.dynamics.simulation import sample_times
-from ancf_casadi.dynamics.start import Start, base_of, initial_state
+from ancf_casadi.dynamics.start import Start, base_of, initial_state, sample_times
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
-from ancf_casadi.reduction.projection import BASE
+from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import STAGES, ReducedModel
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import compiled, interpreted
 from ancf_casadi.support.inputs import check_instance, physical, positive, whole
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
-STEPS_A_PERIOD = 20
-CHUNK = 1000  # steps in one call
-COMPILED_FROM = 0.25  # s of simulated time
-COMPILED_UP_TO = 20_000  # operations in the right-hand side; more take a compiler minutes
+STEPS_PER_PERIOD = 20
+CHUNK = 1000  # steps per call of a CasADi Function
+COMPILED_FROM = 0.25  # s of simulated time; a shorter run ends before the compiler would
+COMPILED_UP_TO = 20_000  # operations in the right-hand side; compiling more takes minutes
 MOST_STEPS = 100_000_000
-ITERATIONS = 30  # of the projection of a shape
-NEAREST = 1e-12  # of the largest modal coordinate: the last change of a projected shape
+PROJECTION_ITERATIONS = 30
+PROJECTION_TOLERANCE = 1e-12  # last change of a projected shape, relative to the largest modal coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,15 +52,15 @@ class ReducedTrajectory:
     reduced : ReducedModel
         The reduced model.
     time : array (k,)
-        Instants, s, from 0.
+        Instants, s, from 0, or from the time of the ``State`` at the start.
     q, v : array (k, m)
-        Modal coordinates and their rates.
+        Modal coordinates and their velocities.
     base : array (k, 9)
         Motion of the clamp.
     steps : int
-        Steps of time.
+        Number of time steps.
     wall_seconds : float
-        Time it took, s, compilation included.
+        Computing time including compilation, s.
     """
 
     reduced: ReducedModel
@@ -78,7 +78,7 @@ class ReducedTrajectory:
 
     @cached_property
     def velocities(self) -> Array:
-        """Rates of the nodal coordinates of the full model, (k, 4 n + 4)."""
+        """Nodal velocities of the full model, (k, 4 n + 4)."""
         return np.asarray(self.reduced.coordinates(self.q.T, self.v.T, self.base.T)[1].full().T)
 
     @property
@@ -103,7 +103,7 @@ class ReducedTrajectory:
         return np.vstack([part.full() for part in self.reduced.energies(self.q.T, self.v.T, self.base.T, values)]).T
 
     def state(self, index: int) -> State:
-        """Return the state of the full model at a sample, a start for ``simulate``.
+        """Return the state of the full model at a sample, as a start for ``simulate`` or ``simulate_reduced``.
 
         Raises
         ------
@@ -111,8 +111,7 @@ class ReducedTrajectory:
             If there is no such sample.
         """
         index = whole(index, "index", -len(self.time), len(self.time) - 1)
-        e, e_t = self.reduced.coordinates(self.q[index], self.v[index], self.base[index])
-        return State(e.full().ravel(), e_t.full().ravel(), float(self.time[index]))
+        return _full_state(self.reduced, self.q[index], self.v[index], self.base[index], float(self.time[index]))
 
 
 def simulate_reduced(
@@ -122,9 +121,9 @@ def simulate_reduced(
     base: BaseMotion | None = None,
     sample_rate: float = 1000.0,
     start: Start | Equilibrium | State = "equilibrium",
-    steps_a_period: float = STEPS_A_PERIOD,
+    steps_per_period: float = STEPS_PER_PERIOD,
 ) -> ReducedTrajectory:
-    """Step the reduced model through a motion.
+    """Simulate a motion of the reduced model.
 
     Parameters
     ----------
@@ -133,23 +132,23 @@ def simulate_reduced(
     duration : float
         Simulated time, s.
     base : BaseMotion, optional
-        Motion of the clamp; fixed if not given.
+        Motion of the clamp.  If not given, the clamp is fixed: at its position in a ``State``, else at the origin.
     sample_rate : float
-        Samples a second in the result, 1/s.
+        Samples per second in the result, 1/s.
     start : {"equilibrium", "straight", "impact"}, Equilibrium or State
-        As for ``simulate``; projected on the modes.
-    steps_a_period : float
-        Steps in a period of the highest mode kept, at least.
+        As in ``simulate``; the state of the full model is projected on the modes.
+    steps_per_period : float
+        Steps per period of the highest mode, at least.
 
     Raises
     ------
     InputError
-        If a number is not positive or makes too many steps, the base motion is not finite, or the start is none of
-        those, belongs to another model or cannot be projected.
+        If a number is not positive or leads to too many steps, the base motion is not finite, or the start is unknown,
+        belongs to another model or cannot be projected.
     EquilibriumError
         If there is no equilibrium to start from.
     SimulationError
-        If the motion does not stay finite: the steps are too long for it.
+        If the motion does not stay finite because the steps are too long.
     """
     began = time.perf_counter()
     check_instance(reduced, "reduced", ReducedModel)
@@ -157,112 +156,130 @@ def simulate_reduced(
     check_instance(start, "start", str, Equilibrium, State)
     origin = start.time if isinstance(start, State) else 0.0
     instants = sample_times(physical(duration, "duration"), physical(sample_rate, "sample_rate"), origin)
-    finish, base = float(instants[-1]), base_of(reduced.model, base, start)
-    per_second = float(reduced.modes.frequencies[-1]) * positive(steps_a_period, "steps_a_period")
-    if (finish - origin) * per_second > MOST_STEPS:
-        raise InputError(
-            f"makes {(finish - origin) * per_second:.1e} steps, more than {MOST_STEPS:.0e}", "steps_a_period"
-        )
-    longest = 1 / per_second
+    end, base = float(instants[-1]), base_of(reduced.model, base, start)
+    longest_step = _longest_step(reduced, end - origin, positive(steps_per_period, "steps_per_period"))
     pieces = base.pieces_after(origin)
     state = initial_state(reduced.model, Equations(reduced.model, reduced.law).clamp(pieces[0], base), start)
-    small = reduced.rhs.n_instructions() <= COMPILED_UP_TO
-    advance = _advance(reduced, compile_it=small and finish - origin >= COMPILED_FROM)
+    advance = _stepper(reduced, end - origin)
 
-    found: list[Array] = []
-    moved: list[Array] = []
-    steps, now = 0, origin
+    samples: list[Array] = []  # of (q, v)
+    clamps: list[Array] = []  # motion of the clamp at these samples
+    steps, taken, now = 0, 0, origin
     for piece in pieces:
-        curve, end = _curve(piece, base), min(piece.end, finish)
-        x = project(reduced, state, curve(now).full().ravel())
-        if not found:
-            found, moved = [x[None]], [curve(now).full().T]
-        inside = instants[(instants > now) & (instants <= end)]
-        begins, h, last = _steps(now, inside, end, longest)
-        base_at = curve((begins[:, None] + h[:, None] * np.linspace(0.0, 1.0, STAGES)).reshape(1, -1)).full()
-        if not np.isfinite(base_at).all():
-            raise InputError(f"its position, speed or acceleration is not finite before {end:g} s", "base")
-        path = advance(x, base_at, h)
-        lost = ~np.isfinite(path).all(axis=1)
-        if lost.any():
-            message = "the motion does not stay finite: the steps are too long for it; try more steps_a_period"
-            raise SimulationError(message, float(begins[lost][0]))
-        found.append(path[last])
-        moved.append(curve(inside[None]).full().T)
-        now, steps = end, steps + len(h)
-        state = State(*(part.full().ravel() for part in reduced.coordinates(*np.split(path[-1], 2), curve(end))))
-        if end >= finish:
+        clamp, piece_end = _clamp_motion(piece, base), min(piece.end, end)
+        count = int(np.searchsorted(instants, piece_end, side="right"))
+        starts, h, sampled = _steps(now, instants[taken:count], piece_end, longest_step)
+        stages = clamp((starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, STAGES)).reshape(1, -1)).full()
+        if not np.isfinite(stages).all():
+            raise InputError(f"its position, velocity or acceleration is not finite before {piece_end:g} s", "base")
+        path = advance(project(reduced, state, clamp(now).full().ravel()), stages, h)
+        _check_finite(path, starts)
+        samples.append(path[sampled])
+        clamps.append(clamp(instants[None, taken:count]).full().T[: count - taken])  # CasADi returns 1 for no instant
+        q, v = np.split(path[-1], 2)
+        state = _full_state(reduced, q, v, clamp(piece_end).full().ravel(), piece_end)
+        steps, taken, now = steps + len(h), count, piece_end
+        if piece_end >= end:
             break
-    q, v = np.split(np.vstack(found), 2, axis=1)
-    return ReducedTrajectory(reduced, instants, q, v, np.vstack(moved), steps, time.perf_counter() - began)
+    q, v = np.split(np.vstack(samples), 2, axis=1)
+    return ReducedTrajectory(reduced, instants, q, v, np.vstack(clamps), steps, time.perf_counter() - began)
 
 
 def project(reduced: ReducedModel, state: State, base: Array) -> Array:
-    """Return the modal coordinates and their rates nearest to a state of the full model, (2 m,).
+    """Return the modal coordinates and velocities nearest to a state of the full model, (2 m,).
 
     Parameters
     ----------
     reduced : ReducedModel
         The reduced model.
     state : State
-        Of the full model.
+        State of the full model.
     base : array (9,)
         Motion of the clamp.
 
     Raises
     ------
     InputError
-        If no shape near the state is found.
+        If the Gauss-Newton iteration finds no shape near the state.
     """
     m, mass = reduced.count, reduced.model.mass(reduced.model.properties).sparse()
-    shape, jacobian = reduced.coordinates, reduced.coordinates.jacobian()
+    shape, shape_jacobian = reduced.coordinates, reduced.coordinates.jacobian()
     q, size = np.zeros(m), float(np.sqrt(mass.diagonal().sum())) * reduced.model.beam.length
-    for _ in range(ITERATIONS):
+    for _ in range(PROJECTION_ITERATIONS):
         e, e_t = shape(q, np.zeros(m), base)
-        J = jacobian(q, np.zeros(m), base, e, e_t)[0].full()
+        J = shape_jacobian(q, np.zeros(m), base, e, e_t)[0].full()
         change = np.linalg.solve(J.T @ mass @ J, J.T @ (mass @ (state.coordinates - e.full().ravel())))
         q += change
-        if not np.abs(change).max() > NEAREST * size:
-            rates = J.T @ (mass @ (state.velocities - e_t.full().ravel()))
-            return np.concatenate([q, np.linalg.solve(J.T @ mass @ J, rates)])
-    raise InputError("is too far from what the modes kept can make; keep more modes, or bend it less", "start")
+        if not np.abs(change).max() > PROJECTION_TOLERANCE * size:
+            momenta = J.T @ (mass @ (state.velocities - e_t.full().ravel()))
+            return np.concatenate([q, np.linalg.solve(J.T @ mass @ J, momenta)])
+    raise InputError("is too far from any shape of the modes kept; keep more modes, or bend the beam less", "start")
 
 
-def _steps(now: float, inside: Array, end: float, longest: float) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Return begin and length of the steps over instants to an end, and which step ends at each instant."""
-    marks = np.unique(np.concatenate([[now], inside, [end]]))
+def _full_state(reduced: ReducedModel, q: Array, v: Array, base: Array, at: float) -> State:
+    """Return the state of the full model at a time (s)."""
+    e, e_t = reduced.coordinates(q, v, base)
+    return State(e.full().ravel(), e_t.full().ravel(), at)
+
+
+def _longest_step(reduced: ReducedModel, duration: float, steps_per_period: float) -> float:
+    """Return the longest step, s, or raise an InputError if it leads to too many steps."""
+    per_second = float(reduced.modes.frequencies[-1]) * steps_per_period
+    if duration * per_second > MOST_STEPS:
+        raise InputError(f"makes {duration * per_second:.1e} steps, more than {MOST_STEPS:.0e}", "steps_per_period")
+    return 1 / per_second
+
+
+def _steps(now: float, instants: Array, end: float, longest: float) -> tuple[Array, Array, Index]:
+    """Return start and length of each step from ``now`` to ``end``, and the number of steps before each instant."""
+    marks = np.unique(np.concatenate([[now], instants, [end]]))
     counts = np.maximum(np.ceil(np.diff(marks) / longest - CLOSE), 1).astype(int)
-    h = np.repeat(np.diff(marks) / counts, counts)
-    return now + np.cumsum(h) - h, h, np.cumsum(counts)[: len(inside)] - 1
+    lengths = np.repeat(np.diff(marks) / counts, counts)
+    steps_before = np.concatenate([[0], np.cumsum(counts)])
+    return now + np.cumsum(lengths) - lengths, lengths, steps_before[np.searchsorted(marks, instants)]
 
 
-def _curve(piece: Piece, base: BaseMotion) -> cs.Function:
-    """(t) -> motion of the clamp, (9,)."""
+def _check_finite(path: Array, starts: Array) -> None:
+    """Raise a SimulationError at the first step that is not finite."""
+    lost = ~np.isfinite(path[1:]).all(axis=1)
+    if lost.any():
+        message = "the motion does not stay finite because the steps are too long; increase steps_per_period"
+        raise SimulationError(message, float(starts[lost][0]))
+
+
+def _clamp_motion(piece: Piece, base: BaseMotion) -> cs.Function:
+    """Return the Function (t) -> displacement and rotation of the clamp, velocities and accelerations, (9,)."""
     t = cs.MX.sym("t")
-    where = cs.densify(piece.motion(t, cs.MX(cs.DM([value for _, value in base.parameters]))))
-    rate = cs.densify(cs.jacobian(where, t))
-    return cs.Function("curve", [t], [cs.vertcat(where, rate, cs.densify(cs.jacobian(rate, t)))])
+    position = cs.densify(piece.motion(t, cs.MX(cs.DM([own.value for own in base.parameters]))))
+    velocity = cs.densify(cs.jacobian(position, t))
+    return cs.Function("clamp", [t], [cs.vertcat(position, velocity, cs.densify(cs.jacobian(velocity, t)))])
 
 
-def _advance(reduced: ReducedModel, *, compile_it: bool) -> Callable[[Array, Array, Array], Array]:
-    """Return the function from state, base motion (9, 3 k) and steps (k,) to the states after each step, (k, 2 m)."""
+def _stepper(reduced: ReducedModel, duration: float) -> Callable[[Array, Array, Array], Array]:
+    """Return the function that makes many steps, compiled if the motion is long and the model small.
+
+    It takes the state (2 m,), the base motion at the stages (9, 3 k) and the lengths of the steps (k,), and returns the
+    states before and after each step, (k + 1, 2 m).
+    """
     m, names = reduced.count, ("q", "v", "base", "p", "h")
     symbols = [cs.MX.sym(name, *reduced.step.size_in(name)) for name in names]
     fixed = {"is_diff_in": [False] * len(names), "is_diff_out": [False, False]}
     step = cs.Function("reduced_advance", symbols, [*reduced.step(*symbols)], fixed)
-    step = compiled(step) if compile_it else interpreted(step)
-    x, base, h = cs.MX.sym("x", 2 * m), cs.MX.sym("base", BASE, STAGES), cs.MX.sym("h")
+    worth_compiling = duration >= COMPILED_FROM and reduced.rhs.n_instructions() <= COMPILED_UP_TO
+    step = compiled(step) if worth_compiling else interpreted(step)
+    x, base, h = cs.MX.sym("x", 2 * m), cs.MX.sym("base", BASE_SIZE, STAGES), cs.MX.sym("h")
     one = cs.Function("one", [x, base, h], [cs.vertcat(*step(x[:m], x[m:], base, reduced.values, h))])
-    many = one.mapaccum("many", CHUNK)
+
+    @functools.cache
+    def many(steps: int) -> cs.Function:
+        return one.mapaccum("many", steps)
 
     def advance(x: Array, base: Array, h: Array) -> Array:
-        path = [np.empty((0, 2 * m))]
+        path = [x[None]]
         for begin in range(0, len(h), CHUNK):
-            some = h[begin : begin + CHUNK]
-            padding = CHUNK - len(some)  # steps of no length, which change nothing
-            part = np.pad(base[:, STAGES * begin : STAGES * (begin + CHUNK)], ((0, 0), (0, STAGES * padding)))
-            path.append(many(x, part, np.pad(some, (0, padding))[None]).full().T[: len(some)])
-            x = path[-1][-1]
+            lengths = h[begin : begin + CHUNK]
+            stages = base[:, STAGES * begin : STAGES * (begin + CHUNK)]
+            path.append(many(len(lengths))(path[-1][-1], stages, lengths[None]).full().T)
         return np.vstack(path)
 
     return advance

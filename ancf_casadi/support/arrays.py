@@ -1,4 +1,4 @@
-"""Names of the array types that the annotations use."""
+"""Array types for annotations."""
 
 from __future__ import annotations
 

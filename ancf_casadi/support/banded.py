@@ -1,10 +1,10 @@
-"""Banded matrices: their storage, their factors, and a part of low rank.
+"""Banded matrices: storage, LU factors, and an added matrix of low rank.
 
-A matrix A with w diagonals on either side of the main one is stored by diagonals, entry (i, j) in row w + i - j and
-column j of an array (2 w + 1, N).  The LU factors of LAPACK need w more rows above, for their pivots: an array
-(3 w + 1, N) with entry (i, j) in row 2 w + i - j.
+A matrix A with w diagonals on either side of the main one is stored by diagonals: entry (i, j) is in row w + i - j and
+column j of an array (2 w + 1, N).  LAPACK's LU factors need w more rows on top for pivoting: entry (i, j) is in row
+2 w + i - j of an array (3 w + 1, N).
 
-Systems with A + U V^T are solved with the factors of A by Woodbury's identity,
+Woodbury's identity solves systems with A + U V^T with the factors of A,
 
     (A + U V^T)^-1 = A^-1 - X (1 + V^T X)^-1 V^T A^-1,    X = A^-1 U.
 """
@@ -21,22 +21,22 @@ from scipy.linalg import lapack
 
 from ancf_casadi.support.arrays import Array, Index
 
-ROUTINES = {"d": (lapack.dgbtrf, lapack.dgbtrs), "D": (lapack.zgbtrf, lapack.zgbtrs)}  # factorise, and solve
+ROUTINES = {"d": (lapack.dgbtrf, lapack.dgbtrs), "D": (lapack.zgbtrf, lapack.zgbtrs)}  # factorise, solve
 
 
 def sparse(banded: Array) -> scipy.sparse.dia_array:
-    """Return a matrix stored by diagonals, (2 w + 1, N), as a sparse one."""
+    """Return a matrix stored by diagonals, (2 w + 1, N), as a sparse array."""
     width, size = len(banded) // 2, banded.shape[1]
     return scipy.sparse.dia_array((banded, np.arange(width, -width - 1, -1)), shape=(size, size))
 
 
 def lapack_place(rows: Index, columns: Index, width: int) -> Index:
-    """Return the places of entries in the storage of LAPACK, read column by column."""
+    """Return the indices of entries in LAPACK's storage, read column by column."""
     return np.asarray(2 * width + rows - columns + (3 * width + 1) * columns)
 
 
 def lapack_storage(values: NDArray[Any], width: int) -> NDArray[Any]:
-    """Return a view of values, column by column, as an array in the storage of LAPACK, (3 w + 1, N)."""
+    """Return a view of values, given column by column, as an array in LAPACK's storage, (3 w + 1, N)."""
     return values.reshape(-1, 3 * width + 1).T
 
 
@@ -59,14 +59,14 @@ def factorised(banded: Array) -> Factors:
 
 @dataclass(frozen=True, eq=False)
 class Factors:
-    """The factors of a matrix A + U V^T with banded A; their numbers are not finite if A is singular.
+    """The factors of a matrix A + U V^T with banded A; they contain infinite values or NaN if A is singular.
 
     Parameters
     ----------
     band, pivots : array
-        Triangular factors of A in the storage of LAPACK, and their pivots.
+        Triangular factors of A in LAPACK's storage, and their pivots.
     width : int
-        Number w of diagonals of A on either side.
+        Number w of diagonals of A on either side of the main one.
     rows : array (m, N)
         V^T.
     correction : array (N, m)
@@ -83,7 +83,7 @@ class Factors:
     def of(
         band: NDArray[Any], width: int, left: NDArray[Any] | None = None, right: NDArray[Any] | None = None
     ) -> Factors:
-        """Factorise A in the storage of LAPACK, (3 w + 1, N), which is overwritten; ``left`` is U, ``right`` is V."""
+        """Factorise A, given in LAPACK's storage (3 w + 1, N) and overwritten; ``left`` is U, ``right`` is V."""
         factorise, substitute = ROUTINES[band.dtype.char]
         factors, pivots, _ = factorise(band, width, width, overwrite_ab=1)
         if left is None or right is None or not right.size:

@@ -1,17 +1,18 @@
-"""Functions compiled to machine code, if there is a C compiler.
+"""Compilation of Functions to machine code, if there is a C compiler.
 
-CasADi's virtual machine evaluates a Function two to four times slower than compiled C.  What is compiled here are the
-Functions of one element (``kernels``), which know neither the mesh nor the numbers of a beam: a compiled file is kept,
-and found again by a hash of the Function.  Machine code and virtual machine do the same operations in the same order,
-without contraction to fused ones, and give the same digits.
+CasADi's virtual machine evaluates a Function two to four times slower than compiled C.  Only the Functions of one
+element are compiled (``dynamics.element_forces``); they depend neither on the mesh nor on the numbers of a beam, so one
+library serves all beams.  It is kept, and found again by a hash of the Function.  Machine code and virtual machine do
+the same operations in the same order, without fused ones, and give the same digits.
 
-Compiler.  The command in ``CC``, else ``cc`` or ``gcc``, else the package ``ziglang``.  Without one, or if it fails,
-one warning says so, and the virtual machine serves.  ``ANCF_CASADI_COMPILE=0`` does without, silently.
+Compiler.  The command in ``CC``, else ``cc`` or ``gcc``, else the package ``ziglang``.  If there is none, or it fails,
+one warning says so, and the virtual machine runs the Functions.  ``ANCF_CASADI_COMPILE=0`` turns compilation off
+without a warning.
 
 Cache.  ``ANCF_CASADI_CACHE``, else ``ancf-casadi`` in ``XDG_CACHE_HOME`` or ``~/.cache``.  A library runs with the
-rights of the user.  As ssh does with its keys, the folder and the files in it must belong to the user, no folder above
-may be open to others, and nothing may be writable by group or others; else a private temporary folder serves.  The name
-of a library holds the SHA-256 digest of its contents; a file that does not match is built anew.
+rights of the user.  As ssh requires of its keys, the folder and its files must belong to the user, no folder above may
+be open to others, and nothing may be writable by group or others; otherwise a private temporary folder is used.  The
+name of a library contains the SHA-256 digest of its contents; a library that does not match its name is built again.
 """
 
 from __future__ import annotations
@@ -41,31 +42,31 @@ from ancf_casadi.support.arrays import Array
 LIBRARY = ("-fno-math-errno", "-fPIC", "-shared", "-ffp-contract=off")
 FLAGS = ("-O1", *LIBRARY)  # -O3 takes twice as long, and its code is no faster
 SECONDS = 300  # for one compilation
-FORMAT = "2"  # of the cache; to be raised when the same function is to be compiled anew
+FORMAT = "2"  # of the cache; raise it to compile the same functions again
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
-_failed: set[tuple[str, ...]] = set()  # compilers that this process does not try again
+_failed: set[tuple[str, ...]] = set()  # compilers that this process tries no more
 
 
 def interpreted(function: cs.Function) -> cs.Function:
-    """Return a function for the virtual machine, as a straight line of scalar operations."""
+    """Return a function for the virtual machine, expanded to scalar operations."""
     return function.expand(function.name(), _differentiability(function))
 
 
 def compiled(function: cs.Function, *, derivatives: bool = False) -> cs.Function:
-    """Return a function as machine code, or as ``interpreted`` does if that cannot be made.
+    """Return a function as machine code, or for the virtual machine if it cannot be compiled.
 
     Parameters
     ----------
     function : Function
         The function to compile; its name is that of the C function.
     derivatives : bool
-        Whether to compile its directional derivatives, forward and reverse, too.
+        Also compile its directional derivatives, forward and reverse.
 
     Warns
     -----
     UserWarning
-        Once in a process, if there is no compiler or it fails.
+        Once per process, if there is no compiler or it fails.
     """
     compiler = c_compiler()
     if os.environ.get("ANCF_CASADI_COMPILE") == "0" or compiler in _failed:
@@ -119,7 +120,7 @@ def _safe_folder() -> Path:
 
 
 def _danger(folder: Path) -> str:
-    """Tell who else could put a library in a folder; empty if nobody but root."""
+    """Return who else could put a library into a folder; empty if only root could."""
     if os.name != "posix":
         return ""
     for path in (folder, *folder.parents):
@@ -138,7 +139,7 @@ def _temporary_folder() -> tempfile.TemporaryDirectory[str]:
 
 @functools.cache
 def _private_folder(why: str) -> Path:
-    """Return a temporary folder that goes with the process, and say why it serves, once."""
+    """Return a temporary folder that is removed with the process, and warn of the reason once."""
     warnings.warn(
         f"compiled functions are not kept: {why}; set ANCF_CASADI_CACHE to a folder that only you can write",
         stacklevel=5,
@@ -147,7 +148,7 @@ def _private_folder(why: str) -> Path:
 
 
 def _kept(folder: Path, stem: str) -> Path | None:
-    """Return a library from the cache, if it is there and whole; remove it if it is not."""
+    """Return a library from the cache if it is there and intact; remove it if it is damaged."""
     for path in sorted(folder.glob(f"{stem}-*.so")):
         if _is_own(path) and path.name == f"{stem}-{_digest(path)}.so":
             return path
@@ -156,7 +157,7 @@ def _kept(folder: Path, stem: str) -> Path | None:
 
 
 def _is_own(path: Path) -> bool:
-    """Tell whether a path is a file of the user that only the user can write."""
+    """Return whether a path is a regular file that belongs to the user and that only the user can write."""
     status = path.lstat()
     if not stat.S_ISREG(status.st_mode):
         return False
@@ -168,7 +169,7 @@ def _digest(path: Path) -> str:
 
 
 def _built(function: cs.Function, derivatives: bool, compiler: tuple[str, ...], folder: Path, stem: str) -> Path | None:
-    """Compile a function to a library in a folder, where it appears as a whole; return None if that fails."""
+    """Compile a function to a library, which appears in the folder only when complete; None if that fails."""
     generator = cs.CodeGenerator("source.c")
     generator.add(function)
     if derivatives:
@@ -180,7 +181,7 @@ def _built(function: cs.Function, derivatives: bool, compiler: tuple[str, ...], 
             source, draft = Path(place) / "source.c", Path(place) / "library.so"
             source.write_text(generator.dump() + _jacobian_patterns(function))
             call = [*compiler, *FLAGS, str(source), "-o", str(draft), "-lm"]
-            drafts = os.environ | {"TMPDIR": place}  # which a compiler that is stopped leaves behind
+            drafts = os.environ | {"TMPDIR": place}  # a compiler that is stopped leaves its files there
             subprocess.run(call, check=True, capture_output=True, timeout=SECONDS, env=drafts, text=True)
             draft.chmod(0o700)
             library = folder / f"{stem}-{_digest(draft)}.so"
@@ -196,7 +197,7 @@ def _built(function: cs.Function, derivatives: bool, compiler: tuple[str, ...], 
 
 
 def _jacobian_patterns(function: cs.Function) -> str:
-    """Return C that tells CasADi where the Jacobian has entries; without, every output depends on all inputs."""
+    """Return C code with the sparsity of the Jacobian; without it CasADi takes every Jacobian as dense."""
     patterns = [function.jac_sparsity(k, i).compress() for k in range(function.n_out()) for i in range(function.n_in())]
     tables = [f"{{{', '.join(map(str, pattern))}}}" for pattern in patterns]
     size = max(map(len, patterns))
@@ -207,14 +208,14 @@ def _jacobian_patterns(function: cs.Function) -> str:
 
 
 def _remove_drafts(folder: Path) -> None:
-    """Remove what killed compilers have left."""
+    """Remove the files that killed compilers left behind."""
     for path in folder.glob("tmp*"):
         if path.is_dir() and path.lstat().st_mtime < time.time() - 2 * SECONDS:
             shutil.rmtree(path, ignore_errors=True)
 
 
 def _give_up(compiler: tuple[str, ...], why: str) -> None:
-    """Say once that the virtual machine serves, and try a compiler no more."""
+    """Warn once that the virtual machine is used, and try this compiler no more."""
     _failed.add(compiler)
     warnings.warn(
         f"{why}; the equations run uncompiled, two to four times slower. Install gcc or clang, set CC to a C compiler, "
@@ -231,16 +232,16 @@ def _differentiability(function: cs.Function) -> dict[str, list[bool]]:
 
 
 class Buffered:
-    """A Function bound to arrays: called, it reads its inputs from them and writes to ``outputs``.
+    """A Function bound to arrays: a call reads its inputs from them and writes to ``outputs``.
 
-    A call costs half a microsecond besides the work itself.
+    The overhead of a call is half a microsecond.
 
     Parameters
     ----------
     function : Function
-        What to call; its inputs and outputs are dense.
+        The Function; its inputs and outputs are dense.
     inputs : array
-        Its inputs, real or complex, contiguous, matrices by columns; what they hold when called is what counts.
+        Its inputs, real or complex, contiguous, matrices by columns; a call uses the values that they hold then.
     """
 
     def __init__(self, function: cs.Function, *inputs: NDArray[Any]) -> None:
@@ -254,6 +255,6 @@ class Buffered:
             buffer.set_res(k, array.data)
 
     def __call__(self) -> list[Array]:
-        """Evaluate, and return ``outputs``, the same arrays each time."""
+        """Evaluate, and return ``outputs``, the same arrays in every call."""
         self._evaluate()
         return self.outputs

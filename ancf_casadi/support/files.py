@@ -1,4 +1,4 @@
-"""Read files as a whole, within a limit of size, and write them so that none is ever half-written."""
+"""Reading files up to a size limit, and writing them so that none is ever incomplete."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from typing import Any
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import check_instance
 
+MOST_BYTES = 64 * 2**20  # of a file that is read
+
 
 def check_folder(path: str | Path) -> Path:
-    """Check that a folder can be written or made, before any work is done and without touching it.
+    """Check, without touching it, that a folder can be written or made.
 
     Raises
     ------
@@ -22,7 +24,7 @@ def check_folder(path: str | Path) -> Path:
     """
     folder = Path(path)
     existing = folder.absolute()
-    while not os.path.exists(existing):  # a name that is too long is not there either
+    while not os.path.exists(existing):  # also false for a name that is too long
         existing = existing.parent
     if not existing.is_dir():
         raise InputError("is not a folder", str(existing))
@@ -32,7 +34,7 @@ def check_folder(path: str | Path) -> Path:
 
 
 def check_file(path: str | Path) -> Path:
-    """Check that a file can be written, before any work is done and without touching it.
+    """Check, without touching it, that a file can be written.
 
     Raises
     ------
@@ -49,9 +51,9 @@ def check_file(path: str | Path) -> Path:
 
 
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a file as a whole: it is complete under its name, or not there; folders are made.
+    """Write a complete file or none; missing folders are made.
 
-    A symbolic link stays one, and what it points to is written.
+    A symbolic link is kept, and its target is written.
 
     Raises
     ------
@@ -76,7 +78,7 @@ def write_file(path: Path, content: str | bytes) -> None:
 
 
 def remove_file(path: Path) -> None:
-    """Remove a file, if there is one.
+    """Remove a file if it exists.
 
     Raises
     ------
@@ -89,11 +91,8 @@ def remove_file(path: Path) -> None:
         raise InputError(f"cannot be removed ({error.strerror or error})", str(path)) from None
 
 
-MOST_BYTES = 64 * 2**20  # of a file that is read as a whole
-
-
 def check_path(path: Any, where: str) -> None:
-    """Check that something is the name of a file; ``open`` takes a number for a file that is open already.
+    """Check that a value is the name of a file; ``open`` would take a number as a file that is already open.
 
     Raises
     ------
@@ -120,7 +119,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """Read a file of reasonable size.
+    """Read a file of at most 64 MiB.
 
     Raises
     ------

@@ -1,11 +1,12 @@
-"""Checks of what a caller gives: numbers, vectors, tables and files.
+"""Checks of arguments: numbers, vectors, names and tables.
 
-Each check returns the value in the form the toolkit works with, or raises ``InputError`` naming the place.
+Each check returns the value in the form that the toolkit uses, or raises an ``InputError`` that names the argument.
 """
 
 from __future__ import annotations
 
 import math
+import re
 import reprlib
 from collections.abc import Mapping, Sequence
 from numbers import Integral
@@ -38,7 +39,7 @@ INSTEAD: Mapping[tuple[str, str], str] = {
     ("list", "DampingLaw"): "the sum of the laws",
     ("tuple", "DampingLaw"): "the sum of the laws",
     ("ndarray", "Measurement"): "Measurement(time, displacement)",
-}  # what to give instead of one class where another is needed
+}  # (class given, class needed) -> the expression to use instead
 IN_WORDS = {"str": "a text", "PathLike": "a path", "Mapping": "a mapping", "ndarray": "an array"}
 
 
@@ -65,14 +66,14 @@ def check_instance(value: Any, where: str, *kinds: type) -> None:
     Raises
     ------
     InputError
-        If it is anything else, with what to give instead where that is known.
+        If it is not; the message proposes the right expression where it is known.
     """
     if not isinstance(value, kinds):
         raise InputError(_mistaken(value, kinds), where)
 
 
 def instances(values: Any, where: str, kind: type) -> tuple[Any, ...]:
-    """Return a sequence of at least one instance of a class as a tuple.
+    """Return a sequence of one or more instances of a class as a tuple.
 
     Raises
     ------
@@ -90,7 +91,7 @@ def instances(values: Any, where: str, kind: type) -> tuple[Any, ...]:
 
 
 def choices(values: Any, known: Sequence[str], where: str) -> tuple[str, ...]:
-    """Return a sequence of names, each one of several.
+    """Return a sequence of names, each of them a known one.
 
     Raises
     ------
@@ -103,20 +104,30 @@ def choices(values: Any, known: Sequence[str], where: str) -> tuple[str, ...]:
 
 
 def choice(value: Any, known: Sequence[str], where: str) -> str:
-    """Return one of several names.
+    """Return a known name.
 
     Raises
     ------
     InputError
         If it is anything else.
     """
-    if not isinstance(value, str) or value not in known:
+    if not is_one_of(value, known):
         raise InputError(f"must be one of {', '.join(known)}, got {shown(value)}", where)
-    return value
+    return str(value)
+
+
+def is_one_of(value: Any, known: Sequence[str]) -> bool:
+    """Return whether a value is one of some names."""
+    return isinstance(value, str) and value in known
+
+
+def matches(value: Any, pattern: str) -> bool:
+    """Return whether a value is a text that matches a regular expression as a whole."""
+    return isinstance(value, str) and re.fullmatch(pattern, value) is not None
 
 
 def _mistaken(value: Any, kinds: tuple[type, ...]) -> str:
-    """Return what was expected and what was given, with what to give instead."""
+    """Return a message with the expected class, the given one, and the expression to use instead."""
     *most, last = [_with_article(kind) for kind in kinds if kind is not NoneType]
     expected = f"{', '.join(most)} or {last}" if most else last
     pairs = [(type(value).__name__, kind.__name__) for kind in kinds]
@@ -125,7 +136,7 @@ def _mistaken(value: Any, kinds: tuple[type, ...]) -> str:
 
 
 def _given(value: Any) -> str:
-    """Return a value as one reads it in a message about its class."""
+    """Return a value as a message about its class shows it."""
     if isinstance(value, type):
         return f"the class {value.__name__}"
     if value is None or isinstance(value, str | bytes | int | float | complex):
@@ -139,7 +150,7 @@ def _with_article(kind: type) -> str:
 
 
 def shown(value: Any) -> str:
-    """Return a value as one reads it in a message, on one line and cut short where it is long."""
+    """Return a value as messages show it: on one line, and shortened if it is long."""
     return " ".join(reprlib.repr(value).split())
 
 
@@ -158,7 +169,7 @@ def positive(value: Any, where: str) -> float:
 
 
 def physical(value: Any, where: str) -> float:
-    """Return a time or a frequency as a float: a number from 1e-30 to 1e30, whose powers are finite too.
+    """Return a time or a frequency as a float: a number from 1e-30 to 1e30, so that its powers are finite.
 
     Raises
     ------
@@ -209,7 +220,7 @@ def numbers(values: Any, where: str) -> tuple[float, ...]:
 
 
 def is_sequence(value: Any) -> bool:
-    """Whether something is a sequence of values in their order, an array included, and no text."""
+    """Return whether a value is a sequence or an array, and no text."""
     if isinstance(value, np.ndarray):
         return value.ndim > 0
     return isinstance(value, Sequence) and not isinstance(value, str | bytes)
@@ -244,7 +255,7 @@ def vector(value: Any, where: str) -> tuple[float, float]:
 
 
 def array(values: ArrayLike, where: str, *, finite: bool = True) -> Array:
-    """Return numbers as an array, a copy.
+    """Return a copy of numbers as an array.
 
     Raises
     ------
@@ -261,7 +272,7 @@ def array(values: ArrayLike, where: str, *, finite: bool = True) -> Array:
 
 
 def check_keys(table: dict[str, Any], required: set[str], optional: set[str], where: str) -> None:
-    """Check that a table has all its required keys, and none that is unknown.
+    """Check that a table has all required keys and no unknown key.
 
     Raises
     ------

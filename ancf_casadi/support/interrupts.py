@@ -1,7 +1,7 @@
-"""Ctrl-C, and requests to end, while a solver library is at work.
+"""Ctrl-C and requests to end while a solver library runs.
 
-A signal that raises inside a CasADi call surfaces as a failure of the solver, or not at all.  It is therefore noted
-while the call runs, and acted upon after it.  A function written in Python that the library calls can ask
+A signal that raises an exception inside a CasADi call surfaces as a failure of the solver, or not at all.  It is
+therefore noted during the call and acted upon after it.  A Python function that the library calls can ask
 ``interrupted`` and give up its work, so that the call ends soon.
 """
 
@@ -10,44 +10,55 @@ from __future__ import annotations
 import contextlib
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 ENDING = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 
-_noted: list[list[int]] = []  # by the contexts that are open, the innermost last; of the main thread alone
+_noted: list[list[int]] = []  # signals noted in each open context, the innermost last; main thread only
 
 
 @contextlib.contextmanager
 def noted_interrupts() -> Iterator[list[int]]:
-    """Note each Ctrl-C instead of raising; outside the main thread, or where it is ignored, there is none to note.
+    """Note each Ctrl-C instead of raising; outside the main thread, or if Ctrl-C is ignored, there is none to note.
 
-    SIGTERM and SIGHUP are noted as well, if the program handles them, and delivered to it at the end.
+    SIGTERM and SIGHUP are noted as well if the program handles them, and delivered to it at the end.
     """
     noted: list[int] = []
-    before: dict[int, Any] = {}
-    if threading.current_thread() is threading.main_thread():
-        before = {number: signal.getsignal(number) for number in ENDING if callable(signal.getsignal(number))}
+    before = _handlers(callable)
     if not before:
         yield noted
         return
-    for number in before:
-        signal.signal(number, lambda number, frame: noted.append(number))
     _noted.append(noted)
     try:
-        yield noted
+        with _handled(before, lambda number, frame: noted.append(number)):
+            yield noted
     finally:
         _noted.pop()
-        for number, handler in before.items():
-            signal.signal(number, handler)
         for number in noted:
             if number != signal.SIGINT:
                 signal.raise_signal(number)
 
 
 @contextlib.contextmanager
+def raised_endings() -> Iterator[list[int]]:
+    """Note Ctrl-C, SIGTERM and SIGHUP, and raise ``KeyboardInterrupt`` for each, so that a program can clean up.
+
+    The exception may reach the program as any error of the CasADi call that was running, or as a run that ended early.
+    """
+    noted: list[int] = []
+
+    def end(number: int, _: object) -> None:
+        noted.append(number)
+        raise KeyboardInterrupt
+
+    with _handled(_handlers(lambda handler: handler in (signal.default_int_handler, signal.SIG_DFL)), end):
+        yield noted
+
+
+@contextlib.contextmanager
 def delayed_interrupts() -> Iterator[None]:
-    """Raise KeyboardInterrupt after a Ctrl-C, but only at the end, in place of any other error.
+    """Delay Ctrl-C: raise ``KeyboardInterrupt`` at the end, in place of any other error.
 
     Raises
     ------
@@ -63,5 +74,24 @@ def delayed_interrupts() -> Iterator[None]:
 
 
 def interrupted() -> bool:
-    """Return whether a Ctrl-C was noted in a context that is still open; the work under way is then to be given up."""
+    """Return whether a Ctrl-C was noted in an open context; the work under way should then be given up."""
     return any(_noted)
+
+
+def _handlers(wanted: Callable[[Any], bool]) -> dict[int, Any]:
+    """Return the present handlers that are wanted, by signal; none outside the main thread."""
+    if threading.current_thread() is not threading.main_thread():
+        return {}
+    return {number: signal.getsignal(number) for number in ENDING if wanted(signal.getsignal(number))}
+
+
+@contextlib.contextmanager
+def _handled(before: dict[int, Any], handler: Callable[[int, Any], object]) -> Iterator[None]:
+    """Handle signals in another way, and restore their handlers at the end."""
+    for number in before:
+        signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number, usual in before.items():
+            signal.signal(number, usual)

@@ -1,13 +1,13 @@
-"""Many independent runs, one after the other or through any executor of ``concurrent.futures``.
+"""Independent runs, one after the other or through any executor of ``concurrent.futures``.
 
     if __name__ == "__main__":
         runs = run_all([partial(simulate, model, damping=law, duration=10.0) for law in laws], jobs=2)
 
-The tasks travel to other processes, so they are functions of a module, or ``functools.partial`` of one, and so are what
-they return.  A run gives the same numbers wherever it takes place.
+Tasks and results are pickled on their way to other processes, so a task is a function of a module, or
+``functools.partial`` of one.  A run gives the same numbers in any process.
 
-Each process begins by importing the script that asked for it.  A script that asks for processes at its top level, and
-not under ``if __name__ == "__main__":``, would ask again in each of them; such a script is refused.
+Each process first imports the script that asked for it.  A script that asks for processes at its top level, and not
+under ``if __name__ == "__main__":``, would ask again in each of them; such a script is refused.
 
 A process ends with its parent, however the parent ends: it waits for the end of a pipe that only the parent holds open.
 """
@@ -50,18 +50,18 @@ def run_all(
     Parameters
     ----------
     tasks : sequence of callable
-        What to call, without arguments.
+        Functions without arguments.
     executor : Executor, optional
-        Where: a pool of processes, a dask client's executor, ...; ``jobs`` processes if not given.
+        Executor of the tasks, such as a pool of processes or that of a dask client; ``jobs`` processes if not given.
     jobs : int
-        Processes, where no executor is given; with 1 the tasks are called here, one after the other.  With more, a
-        script must call this under ``if __name__ == "__main__":``.
+        Number of processes if no executor is given; with 1 the tasks run in this process, one after the other.  With
+        more, a script must call this under ``if __name__ == "__main__":``.
     sizes : sequence of float, optional
-        What each task costs; the largest begin first.  1 each if not given.
+        Cost of each task; the most expensive start first.  1 each if not given.
     progress : bool
-        Whether to show a progress bar; a task counts as much as its size.
+        Show a progress bar, in which a task counts by its size.
     title : str
-        What stands before it.
+        Title of the progress bar.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def run_all(
     NumericsError
         If a process ends before its task is done.
     Exception
-        What a task raises; without an executor, those that have not begun by then are dropped.
+        The exception of a task; without an executor, tasks that have not started by then are dropped.
     """
     if not is_sequence(tasks) or not all(map(callable, tasks)):
         raise InputError(f"must be a sequence of functions without arguments, got {shown(tasks)}", "tasks")
@@ -96,7 +96,7 @@ def run_all(
 
 @contextlib.contextmanager
 def processes(jobs: int) -> Iterator[Executor]:
-    """Give processes that leave Ctrl-C to this one, and end with it, or at once where it stops early.
+    """Provide processes that leave Ctrl-C to this process and end with it, or at once if it stops early.
 
     Raises
     ------
@@ -119,22 +119,22 @@ def processes(jobs: int) -> Iterator[Executor]:
 
 
 def _check_portable(tasks: Sequence[Callable[[], object]]) -> None:
-    """Refuse tasks that cannot travel to another process."""
+    """Refuse tasks that cannot be sent to another process."""
     for position, task in enumerate(tasks, start=1):
         try:
             pickle.dumps(task)
         except (pickle.PicklingError, AttributeError, TypeError) as error:
             raise InputError(
-                f"number {position} cannot travel to another process ({error}); use a function of a module, or "
+                f"number {position} cannot be sent to another process ({error}); use a function of a module, or "
                 "functools.partial of one",
                 "tasks",
             ) from None
 
 
 def _check_script() -> None:
-    """End a process that asks for processes while it imports the script; refuse a script without a file."""
-    if getattr(multiprocessing.current_process(), "_inheriting", False):  # as multiprocessing itself finds out
-        sys.exit(1)  # in silence: the process that asked first reports it
+    """End a process that asks for processes while it imports the script; refuse a script that is no file."""
+    if getattr(multiprocessing.current_process(), "_inheriting", False):  # the test of multiprocessing itself
+        sys.exit(1)  # without a message: the first process reports it
     main = sys.modules["__main__"]
     script = getattr(main, "__file__", None)
     if getattr(main, "__spec__", None) is None and script is not None and not os.path.exists(script):
@@ -142,7 +142,7 @@ def _check_script() -> None:
 
 
 def _begin(pool: Executor, jobs: int) -> None:
-    """Start the processes, and wait for the first."""
+    """Start the processes, and wait until the first is ready."""
     try:
         first, *_ = [pool.submit(int) for _ in range(jobs)]
         first.result()
@@ -157,7 +157,7 @@ def _begin(pool: Executor, jobs: int) -> None:
 def _finished(
     tasks: Sequence[Callable[[], Result]], order: Sequence[int], executor: Executor | None
 ) -> Iterator[tuple[int, Result]]:
-    """Yield number and result of each task as it is done."""
+    """Yield the number and the result of each task once it is done."""
     if executor is None:
         for k in order:
             yield k, tasks[k]()
@@ -174,12 +174,12 @@ def _finished(
 
 def _start_process() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    tqdm.set_lock(threading.RLock())  # its own is shared between processes, and would outlive one that is ended
+    tqdm.set_lock(threading.RLock())  # the usual lock is shared, and a process that is killed would keep it
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 def _end_with_parent() -> None:
-    """Wait for the end of the parent; CasADi lets this thread go on during its calls."""
+    """Wait for the end of the parent; this thread runs on during calls of CasADi."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

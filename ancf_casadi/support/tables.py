@@ -20,15 +20,15 @@ class Table:
     Parameters
     ----------
     name : str
-        Short name, for files.
+        Short name, used for files.
     title : str
-        What it shows.
+        Title of the table.
     columns : sequence of str
-        Heads, with units.
+        Column heads with units.
     rows : sequence of sequences
-        Cells: text, numbers, or None where there is nothing.
+        Cells: text, numbers, or None for an empty cell.
     notes : sequence of str
-        What to know about it.
+        Remarks below the table.
     """
 
     name: str
@@ -55,12 +55,12 @@ class Table:
 
 
 def to_json(value: Any) -> str:
-    """Return plain data as JSON text; what is not finite becomes null.
+    """Return plain data as JSON text; numbers that are not finite become null.
 
     Parameters
     ----------
     value : dict, list, str, float, int, bool or None
-        The data, nested.
+        The data, lists and dicts nested.
     """
     return json.dumps(_finite(value), indent=2, allow_nan=False) + "\n"
 

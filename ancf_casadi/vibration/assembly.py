@@ -1,15 +1,15 @@
-"""Forces, stiffness and mass of a structure from its parts, and products with the stiffness that keep their digits.
+"""Forces, stiffness and mass of a structure as numbers, and products with the stiffness that keep their digits.
 
 The entries of the stiffness K of n elements are of the size of n^4 times its lowest eigenvalues (relative to the mass).
 Rounding the assembled K, or its factors, to u = 1e-16 therefore moves the low frequencies by up to n^4 u: measured
-4e-7 with 400 elements, 4e-6 with 1000, and with 10 000 nothing is left.  Two things keep the digits:
+4e-7 with 400 elements, 4e-6 with 1000, and nothing is left with 10 000.  Two measures keep the digits:
 
-- A product K x is summed up element by element as the derivative of the element's force along x, with the positions in
-  x relative to the first node of the element.  These differences are exact, and strains of u x/l instead of u x/l^2
-  remain.  The factors of K serve to solve K x = b in steps that this product corrects (iterative refinement).
-- Rounding a position by u L strains an element by u n, and evaluating the strain of a steel beam by u = 1e-16 is a
-  noise of 1e-10 N.  What is left of the balance R at the rounded coordinates e tells the rest, de = -K^-1 R, too small
-  to be added to e but not to the stiffness: K + (dK/de) de is that of the equilibrium.
+- A product K x is summed element by element as the derivative of the element's force along x, with the positions in x
+  relative to the first node of the element.  These differences are exact, and the error in the strains is u x/l instead
+  of u x/l^2.  The factors of K solve K x = b approximately; this product corrects them (iterative refinement).
+- Rounding a position by u L strains an element by u n, and evaluating the strain of a steel beam to u = 1e-16 leaves a
+  noise of 1e-10 N.  The balance R that remains at the rounded coordinates e gives the rest of them, de = -K^-1 R.  It
+  is too small to be added to e but not to the stiffness: K + (dK/de) de is the stiffness at the equilibrium.
 
 References
 ----------
@@ -20,12 +20,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
+import casadi as cs
 import numpy as np
+import scipy.sparse
 
+from ancf_casadi.mechanics.beam import LUMPED
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.support.arrays import Array
-from ancf_casadi.vibration.parts import Part, beam_parts, blocks, structure_properties, tip_load_part
+from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.compilation import Buffered
+from ancf_casadi.vibration.element_balance import ElementBalance, element_balance, tip_load_balance
 
 BAND = 2 * NODE - 1  # diagonals on either side of the main one
 REFINEMENTS = 12  # of a solution, at most
@@ -34,7 +39,7 @@ ROUNDING = float(np.finfo(float).eps)
 
 @dataclass(frozen=True, eq=False)
 class Position:
-    """Nodal coordinates, and what rounding has taken from them.
+    """Nodal coordinates with the remainder that rounding has cut off.
 
     Parameters
     ----------
@@ -49,25 +54,54 @@ class Position:
 
     @classmethod
     def of(cls, coordinates: Array) -> Position:
-        """Return given coordinates as they are."""
+        """Return given coordinates without a remainder."""
         return cls(coordinates, np.zeros_like(coordinates))
 
 
-def relative(rows: Array) -> Array:
-    """Return coordinates (pieces, d) of pieces with positions relative to that of their first node."""
-    pairs = rows.reshape(len(rows), -1, 2).copy()
-    pairs[:, ::2] -= pairs[:, :1].copy()
-    return pairs.reshape(rows.shape)
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Equal elements of a structure, and the places of their coordinates and properties.
+
+    Parameters
+    ----------
+    balance : ElementBalance
+        Forces and mass of one of them.
+    coordinates : array (elements, d)
+        Indices of their coordinates in the structure.
+    properties : array (elements, k)
+        Indices of their properties in the structure.
+    """
+
+    balance: ElementBalance
+    coordinates: Index
+    properties: Index
+
+
+def structure_properties(model: Model) -> Array:
+    """Return all properties: P row by row, the tip mass, and the clamp stiffness (0 if rigid), (4 n + 2,)."""
+    lumped = [model.beam.tip_mass, model.beam.clamp_stiffness if model.root else 0.0]
+    return np.concatenate([model.properties.ravel(), lumped])
+
+
+def beam_parts(model: Model) -> tuple[Part, ...]:
+    """Return the groups of a model as parts with the properties of ``structure_properties``."""
+    places, parts = np.arange(model.properties.size).reshape(model.properties.shape), []
+    for group in model.groups:
+        balance = element_balance(group.element, group.constants, len(group.lumped), model.beam.gravity)
+        own = places[:, : group.columns].T.reshape(group.count, -1)
+        lumped = np.array([places.size + LUMPED.index(name) for name in group.lumped], dtype=np.int64)
+        parts.append(Part(balance, group.coordinates, np.hstack([own, np.tile(lumped, (group.count, 1))])))
+    return tuple(parts)
 
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """A beam as parts with properties.
+    """A beam and its loads as parts with properties.
 
     Parameters
     ----------
     model : Model
-        The beam, whose own properties are not used.
+        The beam; ``properties`` replace its own.
     parts : tuple of Part
         The parts.
     properties : array (properties,)
@@ -84,46 +118,76 @@ class Structure:
         parts, properties = beam_parts(model), structure_properties(model)
         if not any(tip_load):
             return cls(model, parts, properties)
-        load = tip_load_part(model, properties.size)
+        tip, given = np.arange(model.size - NODE, model.size), properties.size + np.arange(3)
+        load = Part(tip_load_balance(), tip[None, :], given[None, :])
         return cls(model, (*parts, load), np.concatenate([properties, tip_load]))
 
-    def of_part(self, part: Part, at: Position) -> tuple[Array, Array]:
-        """Return the coordinates of the pieces, positions relative to the first node, and the properties, as rows."""
+    def inputs(self, part: Part, at: Position) -> tuple[Array, Array]:
+        """Return coordinates, with positions relative to the first node, and properties, one row per element."""
         return relative(at.coordinates[part.coordinates]), self.properties[part.properties]
 
-    def balance(self, at: Position) -> tuple[Array, Array, Array]:
+    def linearisation(self, at: Position) -> tuple[Array, Array, Array]:
         """Return R, and K and M by diagonals, of the free coordinates, at the rounded coordinates."""
-        size, free = self.model.size, self.model.free
-        force, stiffness, mass = np.zeros(size), np.zeros((2 * BAND + 1, size)), np.zeros((2 * BAND + 1, size))
+        size, free, bands = self.model.size, self.model.free, 2 * BAND + 1
+        force, stiffness, mass = np.zeros((size, 1)), np.zeros((bands * size, 1)), np.zeros((bands * size, 1))
         for part in self.parts:
-            of_force, of_stiffness, _, of_mass = blocks(part.piece.balance, *self.of_part(part, at))
-            np.add.at(force, part.coordinates, of_force[:, :, 0])
+            of_force, of_stiffness, _, of_mass = per_element(part.balance.linearisation, *self.inputs(part, at))
             rows, columns = part.coordinates[:, :, None], part.coordinates[:, None, :]
-            place = BAND + rows - columns, columns
-            np.add.at(stiffness, place, of_stiffness)
-            np.add.at(mass, place, of_mass)
-        return force[free], stiffness[:, free], mass[:, free]
+            places = (BAND + rows - columns) * size + columns
+            force += scatter(part.coordinates, of_force, size)
+            stiffness += scatter(places, of_stiffness, bands * size)
+            mass += scatter(places, of_mass, bands * size)
+        return force[free, 0], stiffness.reshape(bands, size)[:, free], mass.reshape(bands, size)[:, free]
 
     def stiffness_product(self, at: Position) -> Callable[[Array], Array]:
-        """Return x -> K x of the free coordinates, (free,), element by element."""
+        """Return x -> K x for the free coordinates, summed element by element."""
         size, free = self.model.size, self.model.free
-        given = [(part, *self.of_part(part, at), relative(at.remainder[part.coordinates])) for part in self.parts]
+        given = [(part, *self.inputs(part, at), relative(at.remainder[part.coordinates])) for part in self.parts]
 
         def product(x: Array) -> Array:
-            whole, force = np.zeros(size), np.zeros(size)
+            whole, force = np.zeros(size), np.zeros((size, 1))
             whole[free] = x
             for part, e, p, de in given:
-                (of_force,) = blocks(part.piece.stiffness_product, e, p, de, relative(whole[part.coordinates]))
-                np.add.at(force, part.coordinates, of_force[:, :, 0])
-            return force[free]
+                (of_force,) = per_element(part.balance.stiffness_product, e, p, de, relative(whole[part.coordinates]))
+                force += scatter(part.coordinates, of_force, size)
+            return force[free, 0]
 
         return product
+
+
+def relative(rows: Array) -> Array:
+    """Return coordinates of elements, (elements, d), with positions relative to their first node."""
+    pairs = rows.reshape(len(rows), -1, 2).copy()
+    pairs[:, ::2] -= pairs[:, :1].copy()
+    return pairs.reshape(rows.shape)
+
+
+def per_element(function: cs.Function, *inputs: Array) -> list[Array]:
+    """Call a Function for each element, inputs as rows; return its outputs, each (elements, rows, columns)."""
+    count = len(inputs[0])
+    evaluate = Buffered(_mapped(function, count), *(np.ascontiguousarray(values) for values in inputs))
+    return [output.reshape(count, -1, function.size1_out(k)).transpose(0, 2, 1) for k, output in enumerate(evaluate())]
+
+
+@lru_cache(maxsize=64)
+def _mapped(function: cs.Function, count: int) -> cs.Function:
+    return function.map(count)
+
+
+def scatter(places: Index, values: Array, size: int) -> Array:
+    """Return the sums at each place, (size, C), of values (elements, ..., C) with places (elements, ...)."""
+    count, columns = places.size, values.size // places.size
+    if columns == 1:
+        return np.asarray(np.bincount(places.ravel(), values.ravel(), size)[:, None], dtype=np.float64)
+    incidence = scipy.sparse.csc_array((np.ones(count), places.ravel(), np.arange(count + 1)), shape=(size, count))
+    return np.asarray(incidence @ values.reshape(count, columns))
 
 
 def refined(solve: Callable[[Array], Array], product: Callable[[Array], Array], right: Array) -> Array:
     """Return x of A x = b from an approximate inverse and the exact product with A, by iterative refinement.
 
-    The corrections fall by one factor each; they end when the next one would be below rounding, or no longer fall.
+    The corrections shrink by a nearly constant factor.  The iteration ends when the next one would be below rounding,
+    or when they stop shrinking.
     """
     x = solve(right)
     last = float(np.linalg.norm(x))

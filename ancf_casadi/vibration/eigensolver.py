@@ -1,18 +1,18 @@
-"""The lowest eigenvalues and vectors of small motion about an equilibrium, to nearly all digits on any mesh.
+"""The lowest eigenvalues and eigenvectors of small motion about an equilibrium, to nearly all digits on any mesh.
 
 With the stiffness K and the mass M the modes solve K phi = lambda M phi, lambda = omega^2.  The stiff axial modes put
-the largest lambda many orders above the smallest, so Lanczos' method works on the inverse,
+the largest lambda many orders of magnitude above the smallest, so Lanczos' method works on the inverse,
 
     (K + a M)^-1 M phi = phi/(lambda + a),
 
 with banded Cholesky factors of K + a M and solutions refined by products K x that keep their digits
-(``ancf_casadi.vibration.assembly``).  The shift a is what rounding may take from an eigenvalue,
+(``ancf_casadi.vibration.assembly``).  The shift a bounds the error of an eigenvalue by rounding,
 
-    a = c u sum_i K_ii (over the positions) / total mass,    u = 1e-16,
+    a = c u sum_i K_ii (over the positions) / total mass,    u = 1e-16.
 
-1e-6 of the lowest lambda with 20 elements, as much as itself with 4000: it lets the factors exist where rounding alone
-would make K indefinite.  Rayleigh's quotient with the same product gives lambda from phi, to the square of its error.
-The equilibrium is stable if and only if all lambda are positive.
+It is 1e-6 of the lowest lambda with 20 elements, and as large as the lowest lambda with 4000.  With the shift the
+factors exist even if rounding alone would make K indefinite.  Rayleigh's quotient with the same product gives lambda
+with the square of the error of phi.  The equilibrium is stable if and only if all lambda are positive.
 
 References
 ----------
@@ -37,7 +37,7 @@ SHIFT = 10.0  # c
 
 
 def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array, Array] | None:
-    """Return the lowest eigenvalues and their mass-normalised vectors; None where the equilibrium is not stable.
+    """Return the lowest eigenvalues and mass-normalised mode shapes; None if the equilibrium is not stable.
 
     Parameters
     ----------
@@ -46,44 +46,48 @@ def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array,
     at : Position
         Its equilibrium.
     count : int
-        Number of modes, at most that of the free coordinates.
+        Number of modes, at most the number of free coordinates.
 
     Returns
     -------
-    (array (count,), array (free, count)) or None
-        Squared angular frequencies, (rad/s)^2, ascending, and shapes.
+    (array (count,), array (size, count)) or None
+        Squared angular frequencies, (rad/s)^2, ascending, and mode shapes in all coordinates, zero at the clamp.
 
     Raises
     ------
     EquilibriumError
         If Lanczos' method does not converge.
     """
-    _, stiffness, mass = structure.balance(at)
+    _, stiffness, mass = structure.linearisation(at)
     inertia, product = sparse(mass).tocsr(), structure.stiffness_product(at)
     try:
         vectors = _vectors(stiffness, mass, product, count)
     except np.linalg.LinAlgError:
         return None
     except scipy.sparse.linalg.ArpackError as error:
-        raise EquilibriumError(f"the modes were not found: {error}; ask for fewer, or use fewer elements") from None
+        raise EquilibriumError(
+            f"the modes were not found ({error}); ask for fewer modes or use fewer elements"
+        ) from None
     eigenvalues = np.empty(count)
     for k, phi in enumerate(vectors.T):
         phi /= np.sqrt(phi @ (inertia @ phi))
         eigenvalues[k] = phi @ product(phi)
     if not (eigenvalues > 0.0).all():
         return None
-    order = np.argsort(eigenvalues)
-    return eigenvalues[order], vectors[:, order]
+    order, shapes = np.argsort(eigenvalues), np.zeros((structure.model.size, count))
+    shapes[structure.model.free] = vectors[:, order]
+    return eigenvalues[order], shapes
 
 
 def _vectors(stiffness: Array, mass: Array, product: Callable[[Array], Array], count: int) -> Array:
-    """Return the vectors of the lowest eigenvalues as columns."""
+    """Return the eigenvectors of the lowest eigenvalues as columns."""
     size, inertia = mass.shape[1], sparse(mass).tocsr()
-    along = np.resize([1.0, 0.0, 0.0, 0.0], size)
-    shift = SHIFT * ROUNDING * stiffness[BAND].reshape(-1, NODE)[:, :2].sum() / (along @ (inertia @ along))
+    translation = np.resize([1.0, 0.0, 0.0, 0.0], size)
+    total_mass = translation @ (inertia @ translation)
+    shift = SHIFT * ROUNDING * stiffness[BAND].reshape(-1, NODE)[:, :2].sum() / total_mass
     shifted = stiffness + shift * mass
     factors = scipy.linalg.cholesky_banded(shifted[BAND:], lower=True), True
-    if 2 * count + 1 >= size:  # more than Lanczos' method is for
+    if 2 * count + 1 >= size:  # too many for Lanczos' method
         _, vectors = scipy.linalg.eigh(inertia.toarray(), sparse(shifted).toarray())
         return np.asarray(vectors[:, : -count - 1 : -1])
 
@@ -99,5 +103,5 @@ def _vectors(stiffness: Array, mass: Array, product: Callable[[Array], Array], c
     start = np.random.default_rng(0).standard_normal(size) / np.sqrt(stiffness[BAND])
     _, vectors = scipy.sparse.linalg.eigsh(
         sparse(stiffness), count, inertia, sigma=-shift, OPinv=inverse, v0=start
-    )  # which uses its first argument for its size alone
+    )  # eigsh uses only the size of its first argument
     return np.asarray(vectors)

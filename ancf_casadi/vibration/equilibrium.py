@@ -4,18 +4,18 @@ At rest the elastic force balances the loads, for all free coordinates:
 
     R(e, s) = Q_e(e) - s (Q_g + S(L)^T F + m dtheta/de) = 0,      theta = atan2(tau_y, tau_x) at the tip,
 
-with tip force F, tip moment m (positive counterclockwise) and load factor s = 1.  The moment follows the tip's slope,
-so it has a part in the tangent stiffness dR/de.
+with tip force F, tip moment m (positive counterclockwise) and load factor s = 1.  The moment follows the slope at the
+tip, so it contributes to the tangent stiffness dR/de.
 
 Newton's method converges from a neighbouring equilibrium.  The load factor therefore grows from 0, where the beam is
-straight, in steps that keep the turn of every slope small; a step that fails or turns too far is halved, so that the
-path is followed rather than another equilibrium found.  The path of the discrete beam ends where an element bends by
-0.6 rad or so: two Gauss points no longer hold a cubic that curved (measured for a pure end moment with 5 to 10
-elements).  What the loads make unstable (a standing beam beyond buckling) is still an equilibrium:
-``Equilibrium.is_stable`` tells.
+straight, in steps that keep the rotation of every slope small.  A step that fails or rotates a slope too far is halved,
+so the solver follows the path instead of jumping to another equilibrium.  The path of the discrete beam ends where an
+element bends by about 0.6 rad, because two Gauss points do not control a cubic with more curvature (measured for a
+pure end moment with 5 to 10 elements).  An unstable equilibrium, such as a standing beam beyond buckling, is returned
+too; ``Equilibrium.is_stable`` marks it.
 
-The steps of Newton's method are refined, and one step further, too small to be added to the coordinates, is kept beside
-them (``ancf_casadi.vibration.assembly``): on any mesh the balance is met to rounding of the forces.
+The Newton steps are refined iteratively.  A last step, too small to be added to the coordinates, is kept beside them
+(``ancf_casadi.vibration.assembly``), so the balance holds to the rounding error of the forces on any mesh.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ from ancf_casadi.vibration.eigensolver import lowest_modes
 
 NEWTON_ITERATIONS = 12
 NEWTON_TOLERANCE = 1e-11  # of the beam's length (positions) and of 1/2 (slopes)
-LARGEST_TURN = 0.5  # change of a slope in one load step
-SMALLEST_STEP = 1e-5  # of the load
-MOST_TRIALS = 500  # of load steps; a path that needs more crawls towards a fold
+LARGEST_ROTATION = 0.5  # change of a slope in one load step
+SMALLEST_STEP = 1e-5  # of the load factor
+MOST_TRIALS = 500  # of load steps; a path that needs more is close to a fold
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Equilibrium:
     tip_moment : float
         Moment at the tip, counterclockwise, N m.
     remainder : array (4 n + 4,), optional
-        Rest that rounding has taken from the coordinates; nothing if not given.
+        The part of the coordinates lost by rounding; zero if not given.
     """
 
     model: Model
@@ -94,24 +94,24 @@ class Equilibrium:
 
     @property
     def tip_angle(self) -> float:
-        """Angle of the tip's slope against the x axis, rad, in (-pi, pi]."""
+        """Angle of the slope at the tip from the x axis, rad, in (-pi, pi]."""
         return float(np.arctan2(self.coordinates[-1], self.coordinates[-2]))
 
     @cached_property
     def stiffness(self) -> scipy.sparse.csc_array:
         """Tangent stiffness dR/de of the free coordinates, loads included, sparse."""
-        return sparse(self.structure.balance(self.exact)[1]).tocsc()
+        return sparse(self.structure.linearisation(self.exact)[1]).tocsc()
 
     @cached_property
     def is_stable(self) -> bool:
-        """Whether the tangent stiffness is positive definite."""
+        """Stability: True if the tangent stiffness is positive definite."""
         return lowest_modes(self.structure, self.exact, 1) is not None
 
 
 def static_equilibrium(
     model: Model, *, tip_force: tuple[float, float] = (0.0, 0.0), tip_moment: float = 0.0
 ) -> Equilibrium:
-    """Find the equilibrium that grows from the straight beam as gravity and the tip loads grow together.
+    """Return the equilibrium reached from the straight beam as gravity and the tip loads grow together.
 
     Parameters
     ----------
@@ -132,39 +132,39 @@ def static_equilibrium(
     check_instance(model, "model", Model)
     force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
     rest = Position.of(model.straight)
-    weight = -Structure.of(model).balance(rest)[0]
+    weight = -Structure.of(model).linearisation(rest)[0]
     factor, step, trials = 0.0, 1.0, 0
     while factor < 1.0:
         trials += 1
-        share = min(factor + step, 1.0)
-        loaded = Structure.of(model, (share * force[0], share * force[1], share * moment))
-        trial = neighbour(loaded, rest, (1.0 - share) * weight)
+        s = min(factor + step, 1.0)
+        loaded = Structure.of(model, (s * force[0], s * force[1], s * moment))
+        trial = neighbour(loaded, rest, (1.0 - s) * weight)
         if trial is None:
             step /= 2
             if step < SMALLEST_STEP or trials > MOST_TRIALS:
                 raise EquilibriumError(
                     f"no static equilibrium was found beyond {factor:.4g} of the load (tip force {force} N, tip moment "
-                    f"{moment:g} N m, gravity {model.beam.gravity} m/s^2); either an element bends by more than half a "
-                    "radian, which a cubic cannot follow (use more elements), the beam buckles (tilt the axis), or a "
-                    "value is in the wrong unit"
+                    f"{moment:g} N m, gravity {model.beam.gravity} m/s^2). Either an element bends by more than half a "
+                    "radian, which a cubic cannot follow (use more elements), or the beam buckles (tilt the axis), or "
+                    "a value is in the wrong unit"
                 )
             continue
-        rest, factor = trial, share
+        rest, factor = trial, s
         step *= 2
     return Equilibrium(model, rest.coordinates, force, moment, rest.remainder)
 
 
-def neighbour(structure: Structure, near: Position, held: Array | float = 0.0) -> Position | None:
-    """Return the equilibrium next to a position; None if Newton's method does not converge or a slope turns too far.
+def neighbour(structure: Structure, near: Position, support: Array | float = 0.0) -> Position | None:
+    """Return the equilibrium next to a position; None if Newton's method fails or a slope rotates too far.
 
     Parameters
     ----------
     structure : Structure
         The structure and its loads.
     near : Position
-        Where to start.
-    held : array (free,), optional
-        Forces that act besides and hold back a part of the loads, N and N m; they enter the balance as they are.
+        Start of Newton's method.
+    support : array (free,), optional
+        Generalized forces that carry a part of the loads; they are added to the balance.
     """
     model, at = structure.model, near
     free, scale = model.free, model.scale[model.free]
@@ -172,10 +172,10 @@ def neighbour(structure: Structure, near: Position, held: Array | float = 0.0) -
     converged = False
     for _ in range(NEWTON_ITERATIONS):
         at = Position.of(at.coordinates)
-        force, stiffness, _ = structure.balance(at)
+        force, stiffness, _ = structure.linearisation(at)
         update = np.zeros(model.size)
         try:
-            update[free] = -refined(factorised(stiffness).solve, structure.stiffness_product(at), force + held)
+            update[free] = -refined(factorised(stiffness).solve, structure.stiffness_product(at), force + support)
         except np.linalg.LinAlgError:
             return None
         if not np.isfinite(update).all():
@@ -183,10 +183,10 @@ def neighbour(structure: Structure, near: Position, held: Array | float = 0.0) -
         if converged:
             return Position(at.coordinates, update)
         at = Position.of(at.coordinates + update)
-        turns = np.linalg.norm(at.coordinates[slopes] - near.coordinates[slopes], axis=1)
-        if turns.max() > 2 * LARGEST_TURN:
+        rotation = np.linalg.norm(at.coordinates[slopes] - near.coordinates[slopes], axis=1).max()
+        if rotation > 2 * LARGEST_ROTATION:
             return None
         converged = np.abs(update[free] / scale).max() < NEWTON_TOLERANCE
-        if converged and turns.max() > LARGEST_TURN:
+        if converged and rotation > LARGEST_ROTATION:
             return None
     return None

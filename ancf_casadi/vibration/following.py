@@ -1,13 +1,13 @@
-"""Modes followed while the properties change, by their shapes and not by their order.
+"""Modes followed by their shapes, not by their order, while the properties change.
 
-Between two states a mode is the one whose shape stays, by the modal assurance criterion with the masses as weights,
+Between two states a mode keeps its shape.  The measure is the modal assurance criterion weighted with the masses,
 
     MAC = (phi^T M phi_0)^2 / (phi_0^T M phi_0),                    phi^T M phi = 1.
 
-The modes phi of a state share the shape phi_0 between them, sum MAC <= 1, so one with more than a half is the only one.
-Where no mode has as much, or the equilibrium moves too far, the change is divided and followed in steps.  Modes of
-different kinds, bending and axial, cross without knowing of each other; modes that are coupled turn away from the
-crossing, and there, in the end, the larger share decides.
+For one shape phi_0 the values of all modes phi add up to at most 1, so a mode with more than one half is unique.  If no
+mode reaches one half, or the equilibrium moves too far, the change is divided into smaller steps.  Uncoupled modes,
+such as bending and axial modes, cross without changing shape.  Coupled modes veer away from the crossing; there, in the
+smallest step, the assignment with the largest sum of MAC values decides.
 
 References
 ----------
@@ -23,32 +23,26 @@ from scipy.optimize import linear_sum_assignment
 
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.vibration.assembly import Structure
-from ancf_casadi.vibration.modal_state import modal_state
+from ancf_casadi.vibration.modal_state import ModalState, modes_near
 from ancf_casadi.vibration.modes import Modes
-from ancf_casadi.vibration.sensitivities import ModalState
 
-SPARE = 4  # modes above the highest one that are looked at too
-CERTAIN = 0.5  # MAC beyond which a mode is the only one
+SPARE = 4  # modes above the highest followed one that are computed too
+UNIQUE = 0.5  # MAC above which no other mode can be the same
 SMALLEST_STEP = 1e-3  # of a change of the properties
 
 
 def followed_modes(modes: Modes, numbers: Index) -> ModalState:
-    """Return the state of some modes, to follow them from.
+    """Return some modes as a state from which they can be followed.
 
     Parameters
     ----------
     modes : Modes
         The modes of a beam under gravity alone.
     numbers : array of int (m,)
-        Which of them, from 0.
+        Numbers of the modes to follow, from 0.
     """
-    state = modal_state(Structure.of(modes.model), modes.equilibrium.exact, modes.count)
-    if state is None:
-        raise EquilibriumError("the equilibrium is unstable, so it has no modes to follow")
-    shapes = modes.shapes[:, numbers]
-    shares = _shares(state, shapes, state)
-    return _selected(state, np.abs(shares).argmax(axis=0), shares)
+    rest, eigenvalues = modes.equilibrium, modes.angular_frequencies[numbers] ** 2
+    return ModalState(rest.structure, rest.exact, numbers, eigenvalues, modes.shapes[:, numbers])
 
 
 def follow(start: ModalState, properties: Array) -> ModalState:
@@ -75,31 +69,31 @@ def follow(start: ModalState, properties: Array) -> ModalState:
     return here
 
 
-def _step(here: ModalState, properties: Array, any_share: bool) -> ModalState | None:
-    """Return the modes of a neighbouring state; None where there is none, or a mode is not certain."""
+def _step(here: ModalState, properties: Array, smallest: bool) -> ModalState | None:
+    """Return the modes of a neighbouring state; None if there is none, or a mode is not unique in a divisible step."""
     model = here.model
     count = min(model.size - model.free.start, int(here.numbers.max()) + 1 + SPARE)
-    state = modal_state(replace(here.structure, properties=properties), here.at, count)
+    state = modes_near(replace(here.structure, properties=properties), here.at, count)
     if state is None:
         return None
-    shares = _shares(here, here.shapes, state)
-    modes, targets = linear_sum_assignment(-(shares**2))
+    correlations = _correlations(here, here.shapes, state)
+    modes, targets = linear_sum_assignment(-(correlations**2))
     order = modes[np.argsort(targets)]
-    if not any_share and (shares[order, np.arange(len(order))] ** 2).min() <= CERTAIN:
+    if not smallest and (correlations[order, np.arange(len(order))] ** 2).min() <= UNIQUE:
         return None
-    return _selected(state, order, shares)
+    return _selected(state, order, correlations)
 
 
-def _shares(before: ModalState, shapes: Array, after: ModalState) -> Array:
-    """Return phi^T M phi_0 / (phi_0^T M phi_0)^(1/2), (modes after, shapes)."""
+def _correlations(before: ModalState, shapes: Array, after: ModalState) -> Array:
+    """Return phi^T M phi_0 / (phi_0^T M phi_0)^(1/2), the signed root of the MAC, (modes after, shapes)."""
     free = before.model.free
     inertia = after.inertia @ shapes[free]
     return np.asarray(after.shapes[free].T @ inertia / np.sqrt(np.sum(shapes[free] * inertia, axis=0)))
 
 
-def _selected(state: ModalState, order: Index, shares: Array) -> ModalState:
-    """Return the state with these modes only, their signs those of the shapes they follow."""
-    signs = np.sign(shares[order, np.arange(len(order))])
+def _selected(state: ModalState, order: Index, correlations: Array) -> ModalState:
+    """Return the state with these modes only, with the signs of the shapes they follow."""
+    signs = np.sign(correlations[order, np.arange(len(order))])
     return replace(
         state,
         numbers=state.numbers[order],

@@ -1,29 +1,132 @@
-"""The equilibrium next to a known one and its lowest modes, for any properties, as fast as an optimiser needs them.
+"""The modes of a beam with varied properties, as fast as an optimiser needs them, and their linearisation.
 
-``natural_modes`` finds the equilibrium from the straight beam.  Here Newton's method starts from a neighbouring
+``natural_modes`` follows the equilibrium from the straight beam.  Here Newton's method starts from a neighbouring
 equilibrium, and the properties are numbers in Functions derived once.  Newton's method and the eigenvalue solver are
 the same (``ancf_casadi.vibration.equilibrium``, ``ancf_casadi.vibration.eigensolver``).
 """
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
+from functools import cached_property
 
-from ancf_casadi.vibration.assembly import Position, Structure
+import numpy as np
+import scipy.sparse
+
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.banded import Factors, factorised, sparse
+from ancf_casadi.vibration.assembly import BAND, Part, Position, Structure, per_element
 from ancf_casadi.vibration.eigensolver import lowest_modes
 from ancf_casadi.vibration.equilibrium import neighbour
-from ancf_casadi.vibration.sensitivities import ModalState
+from ancf_casadi.vibration.pencil import Pencil
 
 
-def modal_state(structure: Structure, near: Position, count: int) -> ModalState | None:
-    """Return the equilibrium next to a position and its lowest modes; None where there is no stable one.
+@dataclass(frozen=True, eq=False)
+class ModalState:
+    """An equilibrium and some of its modes, with the matrices that their derivatives need.
 
     Parameters
     ----------
     structure : Structure
-        The beam.
+        The beam and its properties.
+    at : Position
+        The equilibrium.
+    numbers : array of int (m,)
+        Numbers of the modes in ascending order of frequency, from 0.
+    eigenvalues : array (m,)
+        Squared angular frequencies, (rad/s)^2.
+    shapes : array (4 n + 4, m)
+        Mass-normalised mode shapes.
+    """
+
+    structure: Structure
+    at: Position
+    numbers: Index
+    eigenvalues: Array
+    shapes: Array
+
+    @property
+    def model(self) -> Model:
+        """The beam; ``properties`` replace its own."""
+        return self.structure.model
+
+    @property
+    def properties(self) -> Array:
+        """The properties, in the order of ``structure_properties``."""
+        return self.structure.properties
+
+    @property
+    def coordinates(self) -> Array:
+        """Nodal coordinates at rest, (4 n + 4,)."""
+        return self.at.coordinates
+
+    @property
+    def frequencies(self) -> Array:
+        """Natural frequencies, Hz."""
+        return np.asarray(np.sqrt(self.eigenvalues) / (2 * np.pi))
+
+    @cached_property
+    def inertia(self) -> scipy.sparse.csr_array:
+        """Mass matrix M of the free coordinates, sparse."""
+        return sparse(self._matrices[1]).tocsr()
+
+    @cached_property
+    def stiffness_factors(self) -> Factors:
+        """Factors of the stiffness K of the free coordinates."""
+        return factorised(self._matrices[0])
+
+    @cached_property
+    def pencils(self) -> list[Pencil]:
+        """K - lambda M of each mode."""
+        stiffness, mass = self._matrices
+        return [
+            Pencil.of(stiffness - eigenvalue * mass, stiffness[BAND], phi)
+            for eigenvalue, phi in zip(self.eigenvalues, self.shapes[self.model.free].T, strict=True)
+        ]
+
+    @cached_property
+    def force_jacobians(self) -> list[tuple[Part, Array]]:
+        """dR/dp of the elements of each part, (elements, d, k)."""
+        return [(part, per_element(part.balance.linearisation, *self.inputs(part))[2]) for part in self.structure.parts]
+
+    @cached_property
+    def pencil_jacobians(self) -> list[tuple[Part, Array, Array, Array]]:
+        """Outputs of ``ElementBalance.pencil_jacobians`` for each part, (m, elements, rows, columns)."""
+        found = []
+        for part in self.structure.parts:
+            shape = len(self.eigenvalues), len(part.coordinates)
+            outputs = per_element(part.balance.pencil_jacobians, *self.inputs_of_modes(part))
+            by_coordinate, by_property, of_norm = (output.reshape(*shape, *output.shape[1:]) for output in outputs)
+            found.append((part, by_coordinate, by_property, of_norm))
+        return found
+
+    def inputs(self, part: Part) -> tuple[Array, Array]:
+        """Return coordinates and properties, one row per element."""
+        return self.structure.inputs(part, self.at)
+
+    def inputs_of_modes(self, part: Part) -> tuple[Array, Array, Array, Array]:
+        """Return coordinates, properties, shapes and eigenvalues, one row per element, mode by mode."""
+        m, elements = len(self.eigenvalues), len(part.coordinates)
+        e, p = self.inputs(part)
+        phi = self.shapes.T[:, part.coordinates].reshape(m * elements, -1)
+        return np.tile(e, (m, 1)), np.tile(p, (m, 1)), phi, np.repeat(self.eigenvalues, elements)[:, None]
+
+    @cached_property
+    def _matrices(self) -> tuple[Array, Array]:
+        """Stiffness and mass of the free coordinates by diagonals."""
+        return self.structure.linearisation(self.at)[1:]
+
+
+def modes_near(structure: Structure, near: Position, count: int) -> ModalState | None:
+    """Return the equilibrium next to a position and its lowest modes; None if there is no stable one.
+
+    Parameters
+    ----------
+    structure : Structure
+        The beam and its properties.
     near : Position
-        Where to start.
+        Start of Newton's method.
     count : int
         Number of modes.
     """
@@ -31,6 +134,4 @@ def modal_state(structure: Structure, near: Position, count: int) -> ModalState 
     found = None if at is None else lowest_modes(structure, at, count)
     if at is None or found is None:
         return None
-    shapes = np.zeros((structure.model.size, count))
-    shapes[structure.model.free] = found[1]
-    return ModalState(structure, at, np.arange(count), found[0], shapes)
+    return ModalState(structure, at, np.arange(count), *found)

@@ -1,11 +1,11 @@
 """Natural frequencies and mode shapes of small motion about a static equilibrium.
 
-With the tangent stiffness K at the equilibrium (gravity tension and tip loads included) and the mass matrix M, both
-of the free coordinates, the modes solve
+With the tangent stiffness K at the equilibrium (gravity and tip loads included) and the mass matrix M, both of the
+free coordinates, the modes satisfy
 
     K phi = omega^2 M phi,        Phi^T M Phi = I,               Eq. (30).
 
-``ancf_casadi.vibration.eigensolver`` solves for them.
+``ancf_casadi.vibration.eigensolver`` computes them.
 
 References
 ----------
@@ -16,7 +16,6 @@ Allemang 2003, "The modal assurance criterion: twenty years of use and abuse" (M
 from __future__ import annotations
 
 from dataclasses import dataclass
-from numbers import Integral
 from types import NoneType
 
 import numpy as np
@@ -24,7 +23,7 @@ import numpy as np
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, check_instance, shown, whole
+from ancf_casadi.support.inputs import array, check_instance, whole
 from ancf_casadi.vibration.eigensolver import lowest_modes
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
@@ -36,12 +35,12 @@ class Modes:
     Parameters
     ----------
     equilibrium : Equilibrium
-        The state of rest they swing about.
+        The equilibrium about which they vibrate.
     frequencies : array (m,)
         Natural frequencies, Hz.
     shapes : array (4 n + 4, m)
-        Mass-normalised mode shapes Phi in all nodal coordinates, zero at the clamp; the tip's larger component is
-        positive.
+        Mass-normalised mode shapes Phi in all nodal coordinates, zero at the clamp.  The larger component of the tip
+        displacement is positive.
     """
 
     equilibrium: Equilibrium
@@ -50,7 +49,7 @@ class Modes:
 
     @property
     def model(self) -> Model:
-        """The model whose modes these are."""
+        """The model of the beam."""
         return self.equilibrium.model
 
     @property
@@ -64,14 +63,14 @@ class Modes:
         return 2 * np.pi * self.frequencies
 
     def tip_amplitudes(self) -> Array:
-        """Return the size of each mass-normalised mode shape at the tip, (m,), kg^-1/2."""
+        """Return the magnitude of each mass-normalised mode shape at the tip, (m,), kg^-1/2."""
         tip = self.model.interpolation(self.model.beam.length)
         return np.asarray(np.linalg.norm(tip @ self.shapes, axis=0))
 
     def modal_coordinate(self, coordinates: Array, mode: int) -> Array:
-        """Return the share of one mode in given motions, as the displacement of the tip in that mode.
+        """Return the modal coordinate of one mode in given motions, scaled to the displacement of the tip.
 
-        The projection phi^T M (e - e_rest) is blind to all the other modes of small motion.
+        The projection phi^T M (e - e_rest) excludes all other modes of small motion.
 
         Parameters
         ----------
@@ -83,7 +82,7 @@ class Modes:
         Returns
         -------
         array (...,)
-            Tip displacement in the mode, m.
+            Displacement of the tip in the mode, m.
 
         Raises
         ------
@@ -106,22 +105,20 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
     model : Model
         The beam.
     count : int
-        How many modes, 1 to 4 n.
+        Number of modes, 1 to 4 n (4 n + 4 with an elastic clamp).
     equilibrium : Equilibrium, optional
-        State of rest; the one under gravity alone if not given.
+        The equilibrium; by default under gravity alone.
 
     Raises
     ------
     InputError
-        If ``count`` is not a whole number in its range, or the equilibrium belongs to another model.
+        If ``count`` is not a whole number in this range, or the equilibrium belongs to another model.
     EquilibriumError
         If the equilibrium is unstable, or none is found.
     """
     check_instance(model, "model", Model)
     check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
-    available = model.size - model.free.start
-    if isinstance(count, bool) or not isinstance(count, Integral) or not 1 <= count <= available:
-        raise InputError(f"must be 1 to {available} for {model.beam.elements} elements, got {shown(count)}", "count")
+    count = whole(count, "count", 1, model.size - model.free.start)
     if equilibrium is None:
         equilibrium = static_equilibrium(model)
     if equilibrium.model != model:
@@ -133,21 +130,20 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
             "the equilibrium is unstable, so it has no modes; a standing beam may be too slender for its weight"
             + (", and elements as short as the beam is thick are unstable in bending: use fewer" if short else "")
         )
-    shapes = np.zeros((model.size, count))
-    shapes[model.free] = found[1]
+    eigenvalues, shapes = found
     tip = model.interpolation(model.beam.length) @ shapes
     larger = np.abs(tip).argmax(axis=0)
     shapes *= np.where(tip[larger, np.arange(count)] < 0, -1.0, 1.0)
-    return Modes(equilibrium, np.sqrt(found[0]) / (2 * np.pi), shapes)
+    return Modes(equilibrium, np.sqrt(eigenvalues) / (2 * np.pi), shapes)
 
 
 def mac(first: Array, second: Array) -> Array:
-    """Return the modal assurance criterion between two sets of shapes, MAC = (a.b)^2 / (a.a b.b).
+    """Return the modal assurance criterion (MAC) of two sets of shapes, (a.b)^2 / (a.a b.b).
 
     Parameters
     ----------
     first, second : array (k, m1), (k, m2)
-        Shapes as columns, in the same coordinates of one kind.
+        Shapes as columns, in the same coordinates, all with one unit.
 
     Returns
     -------
@@ -157,7 +153,7 @@ def mac(first: Array, second: Array) -> Array:
     Raises
     ------
     InputError
-        If the shapes are not finite numbers in columns of one length.
+        If the shapes are not finite numbers in columns of equal length.
     """
     first, second = array(first, "first"), array(second, "second")
     if first.ndim != 2 or second.ndim != 2 or len(first) != len(second):

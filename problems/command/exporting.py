@@ -1,6 +1,6 @@
-"""A beam and its damping written in the form that a caller names.
+"""Export of a beam and its damping in one of the formats, as ``ancf-casadi export`` does.
 
-JSON and the FMU keep what the beam was identified from; C and CasADi Functions are the equations alone.
+JSON and the FMU keep the identifications behind the beam; C and CasADi Functions hold the equation of motion only.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Format = Literal["json", "casadi", "c", "fmu"]
 FORMATS: dict[Format, str] = {
     "json": "json: a document that can be read again",
     "casadi": "casadi: a file of Functions",
-    "c": "c: a folder of C99",
+    "c": "c: a folder with C99 files",
     "fmu": "fmu: FMI 3.0, model exchange",
 }
 
@@ -49,31 +49,31 @@ def export(
     Parameters
     ----------
     source : Document
-        What is written.
+        The beam, its damping law and its identifications.
     form : {"json", "casadi", "c", "fmu"}
         The format.
     out : Path
-        The file; for C, the folder.
+        The file to write; for C, the folder.
     markers : sequence of float
-        Arc lengths of points to put out, m.
+        Arc lengths of the points whose positions are outputs, m.
     modes : int, optional
-        How many modes the reduced model keeps, which is then written; the full model if not given.
+        Number of modes of the reduced model; the full model is written if not given.
     identifications : sequence of Identification
-        What goes along, after what the document has.
+        Identifications to write after those of the source.
 
     Raises
     ------
     InputError
-        If the format has no place for what is to go along, or as the functions that write it.
+        If the format cannot hold the identifications, markers or reduced model, or the writer of the format refuses.
     EquilibriumError
         If the beam has no stable equilibrium, and the format needs one.
     """
     if identifications and form not in ("json", "fmu"):
-        raise InputError("goes along with json and fmu", "--identification")
+        raise InputError(f"cannot be kept in {form}; choose json or fmu", "--identification")
     if markers and form == "json":
-        raise InputError("JSON holds the beam itself, and no outputs", "--markers")
+        raise InputError("JSON holds the beam without outputs; choose another format", "--markers")
     if modes is not None and form == "json":
-        raise InputError("JSON holds the beam itself, from which the reduced model is made", "--reduced")
+        raise InputError("JSON holds the beam itself; choose another format for the reduced model", "--reduced")
     document = replace(
         source,
         identifications=[*source.identifications, *identifications],
@@ -81,32 +81,29 @@ def export(
     )
     if form == "json":
         write_document(out, document)
-    elif form == "fmu":
-        write_fmu(out, document, markers=markers, modes=modes, progress=True)
+        return (out,)
+    functions = _functions(document, markers, modes)
+    if form == "c":
+        return write_c(functions, out)
+    if form == "fmu":
+        write_fmu(functions, out, document=document, progress=True)
     else:
-        functions = _functions(document, markers, modes)
-        if form == "c":
-            return write_c(functions, out)
         save_functions(functions, out)
     return (out,)
 
 
-def _functions(document: Document, markers: Sequence[float], modes: int | None) -> BeamFunctions | ReducedModel:
-    if modes is None:
-        return beam_functions(document.model, document.damping, markers=markers)
-    return reduce_model(document.model, damping=document.damping, markers=markers, modes=modes)
-
-
 def read_identifications(results: Sequence[str], records: Sequence[str]) -> list[Identification]:
-    """Read what commands printed with ``--json``, each with the record it was made from, if these are given.
+    """Read the output of commands with ``--json``, and the hash of the record behind each if records are given.
 
     Raises
     ------
     InputError
-        If a file cannot be read, is no such result, or the records are not as many.
+        If a file cannot be read or is not such an output, or the numbers of results and records differ.
     """
     if records and len(records) != len(results):
-        raise InputError(f"there are {len(records)} for {len(results)} results of --identification", "--data")
+        raise InputError(
+            f"there are {len(records)} for {len(results)} results of --identification; give one per result", "--data"
+        )
     pairs = zip(results, [[record] for record in records] or [[] for _ in results], strict=True)
     found = []
     for path, data in pairs:
@@ -116,3 +113,9 @@ def read_identifications(results: Sequence[str], records: Sequence[str]) -> list
         except InputError as error:
             raise InputError(str(error), path) from None
     return found
+
+
+def _functions(document: Document, markers: Sequence[float], modes: int | None) -> BeamFunctions | ReducedModel:
+    if modes is None:
+        return beam_functions(document.model, document.damping, markers=markers)
+    return reduce_model(document.model, damping=document.damping, markers=markers, modes=modes)

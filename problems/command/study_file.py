@@ -1,8 +1,8 @@
-"""Beams, laws and base motions from TOML files, and beams and laws from JSON documents.
+"""Reading of beams, damping laws and base motions from TOML files, and of beams and laws from JSON documents.
 
-A TOML file has the table ``[beam]``, with the keys of ``Beam.uniform``, or with the one key ``document``: the name of
-a JSON document beside it, whose damping then holds unless the file has its own.  What else it may have, as the
-command asks: ``TABLE_KEYS``.
+A TOML file has the table ``[beam]``, either with the keys of ``Beam.uniform`` or with the single key ``document``, the
+name of a JSON document in the same folder; the damping of the document holds unless the file has its own.  All other
+tables and keys are listed in ``TABLE_KEYS``.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document.model_document import Document, read_document
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.element import StrainMeasures
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.files import read_toml
 from ancf_casadi.support.inputs import check_keys, numbers, shown
 from ancf_casadi.vibration.modes import natural_modes
@@ -28,18 +28,18 @@ from problems.matching.unknowns import Global, PerElement, PropertyUnknown, Smoo
 
 Made = TypeVar("Made")
 
-MODES = ("frequency_std", "points", "shapes", "shape_std")  # what [match] may have of MeasuredModes
+MODES = ("frequency_std", "points", "shapes", "shape_std")  # keys of [match] that belong to MeasuredModes
 MATCH = ("bounds", "objective", "starts", "seed", "unknowns")
-SIMULATION = ("sample_rate", "start", "method", "tolerance")  # what [simulation] may have beside its duration
+SIMULATION = ("sample_rate", "start", "method", "tolerance")  # optional keys of [simulation]
 TABLES = ("beam", "match", "damping", "base", "simulation")
 TABLE_KEYS = """\
 tables of a TOML file:
   [beam]        length, width, thickness (m), density (kg/m^3),
-                elastic_modulus (Pa): each but the length a number, or a list
-                with one an element; elements, axis, gravity (m/s^2),
+                elastic_modulus (Pa): each except the length a number, or a
+                list with one value per element; elements, axis, gravity (m/s^2),
                 tip_mass (kg), clamp_stiffness (N m/rad);
-                or document = "BEAM.json" alone: a JSON document beside it,
-                with its damping
+                or only document = "BEAM.json": a JSON document in the same
+                folder, with its damping
   [match]       targets (Hz), frequency_std (Hz), bounds, starts, seed,
                 objective ("least-squares" or "worst-error");
                 points (m), shapes, shape_std where shapes were measured;
@@ -59,7 +59,7 @@ tables of a TOML file:
 
 @dataclass(frozen=True)
 class Simulation:
-    """What ``simulate`` is asked for in a file.
+    """The arguments of ``simulate`` from a file.
 
     Parameters
     ----------
@@ -80,12 +80,12 @@ class Simulation:
 
 
 def read_source(path: str) -> Document:
-    """Read a beam and its damping from a TOML file, or from a JSON document, whose name ends in ``.json``.
+    """Read a beam and its damping from a TOML file, or from a JSON document (a name that ends in ``.json``).
 
     Raises
     ------
     InputError
-        If the file cannot be read, or a table, key or value is not usable.
+        If the file cannot be read, or a table, key or value cannot be used.
     """
     return read_document(path) if _is_document(path) else _source(_tables(path), path)
 
@@ -102,17 +102,19 @@ def read_model(path: str) -> Model:
 
 
 def read_match(path: str) -> tuple[Beam, dict[str, Any]]:
-    """Read a beam, and the arguments of ``match_frequencies`` to match it.
+    """Read a beam and the arguments of ``match_frequencies``.
 
     Raises
     ------
     InputError
-        As ``read_source``, or if the beam has other strain measures than those that are matched.
+        As ``read_source``, or if the strain measures of the beam are not those of a match.
     """
     tables = _tables(path)
     model = _beam(tables, path).model
     if model.measures != StrainMeasures():
-        raise InputError("the document has strain measures for which no frequencies are matched", f"{path}: [beam]")
+        raise InputError(
+            "the document has strain measures that a match does not support; use the defaults", f"{path}: [beam]"
+        )
     where = f"{path}: [match]"
     request = dict(_table(tables.get("match"), {"targets"}, {*MODES, *MATCH}, where))
     measured = {key: request.pop(key) for key in MODES if key in request}
@@ -146,7 +148,7 @@ def _is_document(path: str) -> bool:
 def _tables(path: str) -> dict[str, Any]:
     if _is_document(path):
         raise InputError(
-            f'a document holds beam and damping alone; write a TOML file with [beam] document = "{Path(path).name}"',
+            f'a document holds only beam and damping; write a TOML file with [beam] document = "{Path(path).name}"',
             path,
         )
     tables = read_toml(path)
@@ -163,7 +165,7 @@ def _source(tables: dict[str, Any], path: str) -> Document:
 
 
 def _beam(tables: dict[str, Any], path: str) -> Document:
-    """Return the beam of a file, with the damping of the document it may come from."""
+    """Return the beam of a file, with damping if it comes from a document."""
     table, where = tables["beam"], f"{path}: [beam]"
     if isinstance(table, dict) and "document" in table:
         check_keys(table, {"document"}, set(), where)

@@ -34,6 +34,7 @@ from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.decay.one_mode import longest_step
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.least_squares import least_squares
+from ancf_casadi.estimation.robust import HUBER, noise_of
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import choice, flag, instances, number, numbers, vector
 from problems.decay.laws import LAWS, DecayModel, Law
@@ -43,8 +44,6 @@ RATIO_BOUNDS = (0.0, 0.999)
 INTEGRATION_ERROR = 0.5  # standard errors, for an equal error of all samples; estimates shift by a tenth of that
 INTEGRATIONS = 3  # fits of an integrated law, in which its step settles
 REFINED = 0.7  # ratio of a step to the previous one, below which the fit is repeated
-HUBER = 1.345  # standard deviations of the noise
-NORMAL = 1.4826  # standard deviation of normal noise over the median of its absolute value
 ROBUST_ROUNDS = 3  # in which the scale of the noise settles
 ADVICE = "check the release (release_time), or fit a law with fewer terms"
 
@@ -221,7 +220,7 @@ def _match(
     }
     fit = least_squares(residuals, unknowns, **settings)
     for _ in range(ROBUST_ROUNDS * robust):
-        noise = NORMAL * float(np.median(np.abs(fit.residuals)))
+        noise = noise_of(fit.residuals)
         if noise <= ROUNDING * largest.amplitude:
             break
         starts = [replace(u, guess=value) for u, value in zip(unknowns, fit.values.tolist(), strict=True)]

@@ -1,4 +1,5 @@
 """Frequency matching: element properties within bounds so that the beam has the measured frequencies and shapes.
 
-The nonlinear program is Eqs. (31) and (32), in ``problem``; its results are those of Tables 9 and 10.
+This is the matching process of Section 5.1, with the results of Tables 9 and 10; the paper states no equation for it.
+``program`` has the nonlinear programs.
 """

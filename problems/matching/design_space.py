@@ -1,9 +1,14 @@
-"""The unknowns of a matching as one vector m: their bounds, and the properties and the beam that they stand for."""
+"""The unknowns of a matching as one vector m, their bounds, and the properties and the beam that m gives.
+
+The factors on all properties are f = 1 + T (m - m_0), with m_0 at the given beam.  Unknowns that are factors themselves
+have bounds of their own.  For the coefficients of a smooth property the bounds apply to its factors, which are linear
+in m: these rows of T are constraints.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,31 +20,31 @@ from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_sequence, numbers, shown
-from ancf_casadi.vibration.parts import structure_properties
+from ancf_casadi.vibration.assembly import structure_properties
 from problems.matching.unknowns import PAPER, Global, PerElement, PropertyUnknown, Smooth, check_bounds
 
 SMALLEST = 1e-7  # factor: a property never vanishes
-AT_BOUND = 1e-6  # of the width of the bounds
+AT_BOUND = 1e-6  # of half the width of the bounds
 
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """The unknowns m of a beam, N of them, and the properties they stand for.
+    """The N unknowns m of a beam, and the properties that they give.
 
     Parameters
     ----------
     beam : Beam
         The given beam.
     unknowns : tuple of Global, PerElement, Smooth
-        What may change.
+        Properties that may change.
     bounds : float
-        Largest relative change where an unknown states none.
+        Largest relative change of the properties whose unknown has no bounds of its own.
 
     Raises
     ------
     InputError
-        If there is no unknown, a property has two, the beam has no tip mass or no clamp stiffness to change, or bounds
-        or terms are not usable.
+        If there is no unknown, a property has two, the beam has no tip mass or clamp stiffness to change, or bounds or
+        terms are out of range.
     """
 
     beam: Beam
@@ -61,23 +66,23 @@ class DesignSpace:
             raise InputError("nothing may change; give at least one property", "unknowns")
         for name in given:
             if given.count(name) > 1:
-                raise InputError(f"{name} is given {given.count(name)} times", "unknowns")
+                raise InputError(f"{name} is given {given.count(name)} times; give it once", "unknowns")
             if name in LUMPED and getattr(self.beam, name) in (0.0, math.inf):
-                raise InputError(f"the beam has no {name} to change; give it one that you expect", "unknowns")
+                raise InputError(f"the beam has no {name} to change; give it an expected value", "unknowns")
         _ = self.map
 
     @property
     def size(self) -> int:
-        """How many unknowns, N."""
+        """Number of unknowns N."""
         return len(self.names)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """What they are called."""
+        """Names of the unknowns."""
         return tuple(name for unknown in self.unknowns for name in unknown.names(self.beam.elements))
 
     def rows_of(self, name: str) -> slice:
-        """Return where a property is among all of them, in the order of ``structure_properties``."""
+        """Return the rows of a property among all properties, in the order of ``structure_properties``."""
         n = self.beam.elements
         if name in LUMPED:
             row = n * len(PROPERTIES) + LUMPED.index(name)
@@ -86,7 +91,7 @@ class DesignSpace:
 
     @cached_property
     def map(self) -> Array:
-        """T, from unknowns to factors of all properties, those of the elements row by row, (4 n + 2, N)."""
+        """Matrix T from unknowns to factors on all properties, (4 n + 2, N)."""
         n = self.beam.elements
         columns = []
         for unknown in self.unknowns:
@@ -98,49 +103,41 @@ class DesignSpace:
 
     @cached_property
     def standard(self) -> Array:
-        """Values of the unknowns at the given beam, (N,)."""
-        return np.concatenate(
-            [np.full(block.stop - block.start, float(not smooth)) for block, smooth, _ in self._blocks]
-        )
+        """Values m_0 of the unknowns at the given beam, (N,)."""
+        return self._repeated(lambda smooth, _: 0.0 if smooth else 1.0)
 
     @cached_property
     def lower(self) -> Array:
         """Lower bounds of the unknowns, (N,)."""
-        return np.concatenate([
-            np.full(block.stop - block.start, -math.inf if smooth else max(1 - bounds, SMALLEST))
-            for block, smooth, bounds in self._blocks
-        ])  # fmt: skip
+        return self._repeated(lambda smooth, bounds: -math.inf if smooth else max(1 - bounds, SMALLEST))
 
     @cached_property
     def upper(self) -> Array:
         """Upper bounds of the unknowns, (N,)."""
-        return np.concatenate([
-            np.full(block.stop - block.start, math.inf if smooth else 1 + bounds)
-            for block, smooth, bounds in self._blocks
-        ])  # fmt: skip
+        return self._repeated(lambda smooth, bounds: math.inf if smooth else 1 + bounds)
 
     @cached_property
     def rows(self) -> Array:
-        """Changes of the factors of the smooth properties by the unknowns, (r, N)."""
-        n = self.beam.elements
-        rows = [self.map[n * k : n * (k + 1)] for k in self._smooth]
-        return np.concatenate(rows) if rows else np.zeros((0, self.size))
+        """Rows of T of the smooth properties, which give the changes of their factors, (r, N)."""
+        blocks = [self.map[self.rows_of(name)] for name in self._smooth]
+        return np.concatenate(blocks) if blocks else np.zeros((0, self.size))
 
     @cached_property
     def row_bounds(self) -> tuple[Array, Array]:
-        """Bounds of these changes, two of (r,)."""
-        widths = [
-            np.full(self.beam.elements, bounds)
-            for (_, smooth, bounds) in self._blocks
-            if smooth
-        ]  # fmt: skip
-        room = np.concatenate(widths) if widths else np.zeros(0)
-        return np.maximum(-room, SMALLEST - 1), room
+        """Lower and upper bounds of these changes, two of (r,)."""
+        widths = [bounds for _, smooth, bounds in self._blocks if smooth]
+        width = np.repeat(widths, self.beam.elements)
+        return np.maximum(-width, SMALLEST - 1), width
 
-    @property
-    def row_names(self) -> tuple[str, ...]:
-        """What these factors are called."""
-        return tuple(f"{PROPERTIES[k]}[{i + 1}]" for k in self._smooth for i in range(self.beam.elements))
+    @cached_property
+    def bounded_names(self) -> tuple[str, ...]:
+        """Names of all that has bounds: the unknowns, and the factors of the smooth properties; N + r."""
+        return self.names + tuple(f"{name}[{i + 1}]" for name in self._smooth for i in range(self.beam.elements))
+
+    def room(self, m: Array) -> tuple[Array, Array]:
+        """Return the changes down to the lower and up to the upper bounds, by ``bounded_names``, two of (N + r,)."""
+        values, (below, above) = np.concatenate([m, self.rows @ m]), self.row_bounds
+        return np.concatenate([self.lower, below]) - values, np.concatenate([self.upper, above]) - values
 
     @cached_property
     def given(self) -> Array:
@@ -161,7 +158,7 @@ class DesignSpace:
         return np.asarray(self.factors(m) * self.given)
 
     def changed(self, m: Array) -> Beam:
-        """Return the beam that the unknowns stand for."""
+        """Return the beam with these properties."""
         values = self.properties(m)
         changes: dict[str, Any] = {name: tuple(values[self.rows_of(name)].tolist()) for name in PROPERTIES}
         changes |= {
@@ -172,60 +169,58 @@ class DesignSpace:
         return self.beam.with_(**changes)
 
     def active_bounds(self, m: Array) -> tuple[str, ...]:
-        """Return the unknowns, and the elements of smooth properties, that are at a bound."""
-        values = np.concatenate([m, self.rows @ m])
-        lower, upper = (np.concatenate(pair) for pair in zip((self.lower, self.upper), self.row_bounds, strict=True))
+        """Return the names of the unknowns, and of the elements of smooth properties, that are at a bound."""
+        below, above = self.room(m)
         with np.errstate(invalid="ignore"):
-            there = np.minimum(values - lower, upper - values) < AT_BOUND * (upper - lower) / 2
-        there &= np.isfinite(lower)
-        return tuple(name for name, is_there in zip(self.names + self.row_names, there, strict=True) if is_there)
+            active = np.minimum(-below, above) < AT_BOUND * (above - below) / 2
+        active &= np.isfinite(below)
+        return tuple(name for name, at_bound in zip(self.bounded_names, active, strict=True) if at_bound)
 
-    def check_start(self, start: Sequence[float] | None) -> Array:
-        """Return values to start from as an array; those of the given beam if there are none.
+    def check_guess(self, guess: Sequence[float] | None) -> Array:
+        """Return first values of the unknowns as an array; those of the given beam if there are none.
 
         Raises
         ------
         InputError
             If they are not as many as the unknowns, or not within the bounds.
         """
-        if start is None:
+        if guess is None:
             return self.standard.copy()
-        m = np.array(numbers(start, "start"))
+        m = np.array(numbers(guess, "guess"))
         if m.size != self.size:
-            raise InputError(f"needs {self.size} factors, got {m.size}", "start")
-        inside = (m >= self.lower) & (m <= self.upper)
-        low, high = self.row_bounds
-        changes = self.rows @ m
-        if not inside.all():
-            k = int(np.flatnonzero(~inside)[0])
+            raise InputError(f"needs {self.size} factors, got {m.size}", "guess")
+        below, above = self.room(m)
+        excess = np.maximum(below, -above)
+        if (excess[: self.size] > 0.0).any():
+            k = int(np.flatnonzero(excess[: self.size] > 0.0)[0])
             raise InputError(
                 f"the factors must be above 0 and within {self.lower[k]:g} to {self.upper[k]:g}, got {m[k]:g} for "
                 f"{self.names[k]}",
-                "start",
+                "guess",
             )
-        if (changes < low).any() or (changes > high).any():
-            k = int(np.argmax(np.maximum(low - changes, changes - high)))
+        if (excess > 0.0).any():
+            k = int(excess.argmax())
+            change, most = (self.rows @ m)[k - self.size], self.row_bounds[1][k - self.size]
             raise InputError(
-                f"changes {self.row_names[k]} by {100 * changes[k]:.3g} %, beyond {100 * high[k]:g} %", "start"
+                f"changes {self.bounded_names[k]} by {100 * change:.3g} %, beyond {100 * most:g} %", "guess"
             )
         return m
 
     def random(self, generator: np.random.Generator) -> Array:
-        """Return a point within the bounds: uniform in them, and within a smooth property's as far in a random way."""
+        """Return random values within the bounds: uniform factors, and smooth changes of uniform size."""
         m = self.standard.copy()
         for block, smooth, bounds in self._blocks:
-            size = block.stop - block.start
             if not smooth:
                 m[block] = generator.uniform(self.lower[block], self.upper[block])
                 continue
-            way = generator.standard_normal(size)
-            largest = np.abs(self.map[:, block] @ way).max()
-            m[block] = way * (min(bounds, 1 - SMALLEST) * generator.uniform() / largest)
+            direction = generator.standard_normal(block.stop - block.start)
+            largest = np.abs(self.map[:, block] @ direction).max()
+            m[block] = direction * (min(bounds, 1 - SMALLEST) * generator.uniform() / largest)
         return m
 
     @cached_property
     def _blocks(self) -> tuple[tuple[slice, bool, float], ...]:
-        """Where the values of each unknown are, whether it is smooth, and its bounds."""
+        """Slice of the values of each property in m, whether it is smooth, and its bounds."""
         sizes = [len(unknown.names(self.beam.elements)) for unknown in self.unknowns]
         ends = np.cumsum([0, *sizes]).tolist()
         return tuple(
@@ -233,6 +228,11 @@ class DesignSpace:
             for unknown, begin, end in zip(self.unknowns, ends[:-1], ends[1:], strict=True)
         )
 
+    def _repeated(self, value: Callable[[bool, float], float]) -> Array:
+        """Return a value of each property, from whether it is smooth and its bounds, for each of its unknowns, (N,)."""
+        values = [value(smooth, bounds) for _, smooth, bounds in self._blocks]
+        return np.repeat(values, [block.stop - block.start for block, _, _ in self._blocks])
+
     @property
-    def _smooth(self) -> list[int]:
-        return [PROPERTIES.index(unknown.name) for unknown in self.unknowns if isinstance(unknown, Smooth)]
+    def _smooth(self) -> list[str]:
+        return [unknown.name for unknown in self.unknowns if isinstance(unknown, Smooth)]

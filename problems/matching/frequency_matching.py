@@ -1,13 +1,13 @@
-"""Frequency matching: the beam nearest to a given one whose modes are the measured ones, Tables 9 and 10.
+"""Frequency matching: find the beam nearest to a given one that has the measured modes, Tables 9 and 10.
 
     match = match_frequencies(beam, targets=(1.85, 10.19, 26.84), unknowns=(Smooth("thickness"), Global("density")))
     print(match.report())
 
-Unknowns (``matching_unknowns``) are factors on the beam's properties, within bounds.  Targets (``measured_modes``) are
-natural frequencies and, if measured, mode shapes, with their standard deviations.  More unknowns than data leave a
-family of beams; a preference (``matching_preference``) picks the answer, and what the data cannot tell is part of the
-result (``matching_identifiability``).  Where the bounds do not admit the targets, least squares gives the nearest beam,
-and ``objective="worst-error"`` the smallest worst relative error that is possible.
+The unknowns (``unknowns``) are factors on the properties of the beam, within bounds.  The targets (``measured_modes``)
+are natural frequencies and, if measured, mode shapes, with their standard deviations.  If there are more unknowns than
+data, a family of beams fits: a preference (``preference``) selects one of them, and the result says which properties
+the data leave open (``identifiability``).  If the targets are out of reach of the bounds, least squares gives the
+nearest beam, and ``objective="worst-error"`` the smallest possible worst relative error (``program``).
 
 References
 ----------
@@ -25,25 +25,24 @@ from typing import get_args
 
 import numpy as np
 
-from ancf_casadi.exceptions import FitError, NumericsError
+from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, choice, whole
 from ancf_casadi.support.parallel import run_all
-from ancf_casadi.vibration.modes import natural_modes
+from ancf_casadi.vibration.modal_state import ModalState, modes_near
 from problems.matching.design_space import DesignSpace
 from problems.matching.identifiability import Identifiability
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.preference import LeastChange, Preference, Smoothness
-from problems.matching.problem import Optimum, solve
+from problems.matching.program import Optimum, solve
 from problems.matching.response import Matching, Objective
 from problems.matching.result import FrequencyMatch
 from problems.matching.unknowns import PAPER, PropertyUnknown
 
 MOST_STARTS = 10_000
-SAME = 1e-9  # relative difference between the frequencies of the program and those computed afresh
-SAME_VALUE = 1e-3  # relative difference between the objectives of one optimum reached twice
+SAME_VALUE = 1e-3  # largest relative difference between the objectives of one optimum reached twice
+SPARE = 2  # modes above the highest one followed, for the MAC
 
 
 def match_frequencies(
@@ -54,7 +53,7 @@ def match_frequencies(
     bounds: float = 0.10,
     preference: Preference | None = None,
     objective: Objective = "least-squares",
-    start: Sequence[float] | None = None,
+    guess: Sequence[float] | None = None,
     starts: int = 1,
     seed: int = 0,
     executor: Executor | None = None,
@@ -62,46 +61,47 @@ def match_frequencies(
 ) -> FrequencyMatch:
     """Find the beam nearest to a given one that has the measured modes.
 
-    Where the bounds do not admit the targets, the answer is the nearest within the bounds; ``warnings``,
-    ``max_relative_error`` and ``at_bound`` tell.
+    If no beam within the bounds has them, the result is the nearest one; see its ``warnings``, ``max_relative_error``
+    and ``active_bounds``.
 
     Parameters
     ----------
     beam : Beam
-        The beam to start from; its gravity acts.
+        The given beam; its gravity acts.
     targets : sequence of float, or MeasuredModes
         Measured natural frequencies of the lowest modes, ascending, Hz; or frequencies and shapes with their standard
         deviations.
     unknowns : sequence of Global, PerElement, Smooth
-        What may change; if not given, width and thickness of each element, and density and elastic modulus.
+        Properties that may change; if not given, width and thickness of each element, and density and elastic modulus.
     bounds : float
-        Largest relative change of a property whose unknown states none, above 0 and at most 1.
+        Largest relative change of the properties whose unknown has no bounds of its own, above 0 and at most 1.
     preference : LeastChange or Smoothness, optional
-        Which of the beams that fit is meant; the one changed least if not given.
+        Selects one of the beams that fit; the one changed least if not given.
     objective : {"least-squares", "worst-error"}
-        Whether to minimise the squared residuals, or the largest relative frequency error whatever the deviations.
-    start : sequence of float, optional
-        Values to start from, in the order of the unknowns: factors, and coefficients of smooth properties.  The given
-        beam if there are none.
+        Minimise the squared residuals, or the largest relative frequency error regardless of the deviations.
+    guess : sequence of float, optional
+        First values of the unknowns, in their order: factors, and coefficients of smooth properties; those of the given
+        beam if not given.
     starts : int
-        How many starts: this one, and others drawn at random within the bounds.
+        Number of solutions from different values: from the guess, and from random values within the bounds.
     seed : int
-        What they are drawn from.
+        Seed of the random values.
     executor : Executor, optional
-        Where the starts are solved from; ``jobs`` processes if not given.
+        Runs the solutions; ``jobs`` processes if not given.
     jobs : int
-        Processes, where no executor is given; with more than 1 a script must call this under
+        Number of processes if no executor is given.  With more than 1, a script must call this function under
         ``if __name__ == "__main__":``.
 
     Raises
     ------
     InputError
-        If the targets are not positive and ascending (without shapes), more than the mesh has modes, or like no mode of
-        the beam; points off the beam, bounds not in (0, 1], unknowns none or twice, or the start not within the bounds.
+        If the targets are not positive and ascending (without shapes), are more than the modes of the mesh, or match no
+        mode of the beam; if a point is off the beam, the bounds are not in (0, 1], there is no unknown, a property has
+        two, or the guess is not within the bounds.
     EquilibriumError
         If the beam has no stable equilibrium.
     FitError
-        If IPOPT converges from no start, or the modes found are not those of the beam computed afresh.
+        If IPOPT converges from no start.
     """
     check_instance(beam, "beam", Beam)
     measured = MeasuredModes.of(targets)
@@ -110,7 +110,7 @@ def match_frequencies(
     choice(objective, get_args(Objective), "objective")
     check_instance(preference, "preference", LeastChange, Smoothness, NoneType)
     starts, jobs, seed = whole(starts, "starts", 1, MOST_STARTS), whole(jobs, "jobs", 1), whole(seed, "seed", 0)
-    first = space.check_start(start)
+    first = space.check_guess(guess)
     began = time.perf_counter()
     matching = Matching(space, measured, preference or LeastChange(), objective)
     _ = matching.standard
@@ -135,23 +135,14 @@ def _attempt(matching: Matching, start: Array) -> Optimum | NumericsError:
 
 
 def _result(matching: Matching, optimum: Optimum, build_seconds: float, starts: tuple[int, int, int]) -> FrequencyMatch:
-    space, response, m = matching.space, matching.response(), optimum.m
-    state, matched = response.state(m), space.changed(m)
-    free = matching.model.size - matching.model.free.start
-    modes = natural_modes(Model(matched), count=min(int(state.numbers.max()) + 3, free))
-    frequencies = modes.frequencies[state.numbers]
-    if np.abs(state.frequencies / frequencies - 1).max() > SAME:
-        raise FitError("the modes found are not those of the beam; start nearer to the measured frequencies")
-    mac = None
-    if matching.measured.shapes:
-        mac = matching.measured.mac(matching.observer @ modes.shapes)
-    noisy = matching.measured.frequency_std is not None
-    full = matching.response("least-squares")
+    """Return the match from the modes of the optimum; ``starts`` are their number, those that agree and that failed."""
+    space, full, m = matching.space, matching.response("least-squares"), optimum.m
+    state = matching.state(m)
     return FrequencyMatch(
-        beam=matched,
+        beam=space.changed(m),
         targets=matching.measured.frequencies,
         standard=tuple(matching.standard.frequencies.tolist()),
-        frequencies=tuple(frequencies.tolist()),
+        frequencies=tuple(state.frequencies.tolist()),
         active_bounds=space.active_bounds(m),
         iterations=optimum.iterations,
         build_seconds=build_seconds,
@@ -159,17 +150,25 @@ def _result(matching: Matching, optimum: Optimum, build_seconds: float, starts: 
         matching=matching,
         unknowns=m,
         modes=tuple((state.numbers + 1).tolist()),
-        mac=mac,
+        mac=_mac(matching, state) if matching.measured.shapes else None,
         residuals=full.residuals(m) / matching.unit,
         multipliers=optimum.multipliers,
         identifiability=Identifiability(
             space=space,
             values=m,
             jacobian=full.jacobian(m) / matching.unit,
-            prior=matching.weights * (noisy and matching.preference.weight is not None),
-            noisy=noisy,
+            prior=matching.preference_matrix * (matching.noisy and matching.preference.weight is not None),
+            noisy=matching.noisy,
         ),
         starts=starts[0],
         reached=starts[1],
         failed=starts[2],
     )
+
+
+def _mac(matching: Matching, state: ModalState) -> Array:
+    """Return the MAC of the measured shapes with all the lowest modes at the optimum, also those not followed."""
+    free = matching.model.size - matching.model.free.start
+    lowest = modes_near(state.structure, state.at, min(int(state.numbers.max()) + 1 + SPARE, free))
+    assert lowest is not None  # the equilibrium of the optimum is stable
+    return matching.measured.mac(matching.observer @ lowest.shapes)

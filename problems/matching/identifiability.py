@@ -1,15 +1,16 @@
-"""What measured modes tell of the properties of a beam, and what they leave open.
+"""Which properties of a beam the measured modes determine, and which they leave open.
 
-With the Jacobian J of the residuals by the unknowns m at the answer, its singular value decomposition J = U S V^T parts
-the combinations that the data fix, the rows of V^T with a singular value, from those that they cannot see, N dm with
-J N = 0.  To first order the data admit every m + dm with J dm = 0 within the bounds; the least and the largest value of
-each factor among them are linear programs, min and max of t^T dm.
+With the Jacobian J of the residuals by the unknowns m at the optimum, the singular value decomposition J = U S V^T
+separates the combinations that the data determine, the rows of V^T with a singular value, from the null space of J.  To
+first order, all m + dm with J dm = 0 within the bounds fit the data equally well.  The least and the greatest value of
+each factor t^T m among them are linear programs, min and max of t^T dm.  Most need no solver: if the move along the
+projection of t on the null space that takes a factor to its own bound stays within all others, the bound is the answer.
 
-With standard deviations, the factors that the data fix have the covariance T (J^T J)^+ T^T, those at a bound taken as
-known.  A preference whose weight is given adds its matrix to J^T J, as what was known before.
+With standard deviations, the factors that the data determine have the covariance T (J^T J)^+ T^T, where unknowns at a
+bound count as known.  A preference whose weight is given adds its matrix to J^T J as prior information.
 
-Frequencies are products of powers of global properties over wide ranges.  In logarithms the combinations of those that
-the data fix therefore read as exponents: without gravity, E h^2/rho.
+Over wide ranges, frequencies are products of powers of global properties.  In logarithms, the combinations of them that
+the data determine are exponents: without gravity, E h^2/rho.
 
 References
 ----------
@@ -29,8 +30,9 @@ from ancf_casadi.support.arrays import Array, Mask
 from problems.matching.design_space import DesignSpace
 from problems.matching.unknowns import Global
 
-RANK = 1e-6  # of the largest singular value; smaller ones are not seen
-FIXED = 1e-6  # share of an unknown in what the data cannot see, below which it is fixed
+RANK = 1e-6  # of the largest singular value; smaller ones count as zero
+NULL = 1e-6  # part of a factor in the null space, below which the data determine it
+TOUCH = 1e-9  # beyond a bound, by rounding
 ORDER = (
     "elastic_modulus",
     "thickness",
@@ -43,18 +45,18 @@ ORDER = (
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """What the data tell of the unknowns at an answer.
+    """The information of the data on the unknowns at an optimum.
 
     Parameters
     ----------
     space : DesignSpace
         The unknowns and their bounds.
     values : array (N,)
-        Where they are.
+        The optimum.
     jacobian : array (R, N)
-        Derivatives of the residuals, in units of their standard deviations if there are any.
+        Derivatives of the residuals, in units of their standard deviations if these are known.
     prior : array (N, N)
-        What was known before, the inverse of a covariance; zero if nothing.
+        Prior information, the inverse of a covariance; zero if there is none.
     noisy : bool
         Whether the standard deviations are known.
     """
@@ -66,64 +68,85 @@ class Identifiability:
     noisy: bool
 
     @cached_property
-    def singular_values(self) -> Array:
-        """Singular values of J, descending."""
-        return np.asarray(np.linalg.svd(self.jacobian, compute_uv=False))
+    def _svd(self) -> tuple[Array, Array]:
+        """Singular values of J, descending, and all rows of V^T."""
+        _, singular_values, rows = np.linalg.svd(self.jacobian)
+        return singular_values, rows
 
     @property
     def rank(self) -> int:
-        """How many combinations of the unknowns the data fix."""
-        return int(np.count_nonzero(self.singular_values > RANK * self.singular_values[0]))
+        """Number of combinations of the unknowns that the data determine."""
+        return int(np.count_nonzero(self._svd[0] > RANK * self._svd[0][0]))
+
+    @property
+    def determined(self) -> Array:
+        """Combinations of the unknowns that the data determine, the best known first, (rank, N)."""
+        return self._svd[1][: self.rank]
+
+    @property
+    def null_space(self) -> Array:
+        """Combinations of the unknowns that do not change the residuals, (N - rank, N)."""
+        return self._svd[1][self.rank :]
 
     @cached_property
-    def fixed(self) -> Array:
-        """Combinations of the unknowns that the data fix, the best known first, (rank, N)."""
-        return np.linalg.svd(self.jacobian)[2][: self.rank]
+    def factor_names(self) -> tuple[str, ...]:
+        """Names of the F factors that may change, of a global property or of an element."""
+        n = self.space.beam.elements
+        return tuple(
+            name
+            for unknown in self.space.unknowns
+            for name in (
+                (unknown.name,) if isinstance(unknown, Global) else [f"{unknown.name}[{i + 1}]" for i in range(n)]
+            )
+        )
 
     @cached_property
-    def unseen(self) -> Array:
-        """Combinations of the unknowns that the data cannot see, (N - rank, N)."""
-        return np.linalg.svd(self.jacobian)[2][self.rank :]
-
-    @cached_property
-    def quantities(self) -> tuple[tuple[str, ...], Array]:
-        """Names of the factors that may change, and their derivatives by the unknowns, (F, N)."""
-        n, names, rows = self.space.beam.elements, [], []
-        for unknown in self.space.unknowns:
-            share = self.space.map[self.space.rows_of(unknown.name)]
-            if isinstance(unknown, Global):
-                names.append(unknown.name)
-                rows.append(share[:1])
-            else:
-                names += [f"{unknown.name}[{i + 1}]" for i in range(n)]
-                rows.append(share)
-        return tuple(names), np.concatenate(rows)
+    def factor_jacobian(self) -> Array:
+        """Derivatives of these factors by the unknowns, (F, N)."""
+        blocks = [(unknown, self.space.map[self.space.rows_of(unknown.name)]) for unknown in self.space.unknowns]
+        return np.concatenate([rows[:1] if isinstance(unknown, Global) else rows for unknown, rows in blocks])
 
     @cached_property
     def factors(self) -> Array:
         """Values of these factors, (F,)."""
-        return 1 + self.quantities[1] @ (self.values - self.space.standard)
+        return np.asarray(1 + self.factor_jacobian @ (self.values - self.space.standard))
 
     @cached_property
     def spread(self) -> Array:
-        """Least and largest value of each factor among the beams that the data cannot tell apart, (F, 2)."""
+        """Least and greatest value of each factor among the beams that fit the data equally well, (F, 2)."""
         if self.rank == self.space.size:
             return np.column_stack([self.factors, self.factors])
-        space, values = self.space, self.values
-        low, high = space.row_bounds
-        changes = space.rows @ values
-        limits = {
-            "A_eq": self.fixed,
-            "b_eq": np.zeros(self.rank),
-            "A_ub": np.concatenate([space.rows, -space.rows]),
-            "b_ub": np.maximum(np.concatenate([high - changes, changes - low]), 0.0),
-            "bounds": np.column_stack([np.minimum(space.lower - values, 0.0), np.maximum(space.upper - values, 0.0)]),
-        }
-        ends = []
-        for row in self.quantities[1]:
-            least, most = (linprog(sign * row, **limits) for sign in (1.0, -1.0))
-            ends.append([least.fun if least.success else math.nan, -most.fun if most.success else math.nan])
-        return np.asarray(self.factors[:, None] + np.array(ends))
+        lower, upper = self.space.room(self.values)
+        lower, upper = np.minimum(lower, 0.0), np.maximum(upper, 0.0)
+        own = [self.space.bounded_names.index(name) for name in self.factor_names]
+        ends = [
+            np.where(self._reaches(bound[own], lower, upper), bound[own], math.nan) for bound in (lower, upper)
+        ]  # fmt: skip
+        for side, changes in zip((1.0, -1.0), ends, strict=True):
+            for k in np.flatnonzero(np.isnan(changes)).tolist():
+                changes[k] = self._extreme(side * self.factor_jacobian[k], lower, upper) * side
+        return np.asarray(self.factors[:, None] + np.column_stack(ends))
+
+    def _reaches(self, changes: Array, lower: Array, upper: Array) -> Mask:
+        """Return whether the projected move that changes each factor by so much stays within the bounds, (F,)."""
+        moves = self.factor_jacobian @ self.null_space.T @ self.null_space
+        with np.errstate(divide="ignore", invalid="ignore"):
+            moves *= (changes / np.sum(moves**2, axis=1))[:, None]
+            moves = np.concatenate([moves, moves @ self.space.rows.T], axis=1)
+            return np.asarray(((moves >= lower - TOUCH) & (moves <= upper + TOUCH)).all(axis=1))
+
+    def _extreme(self, row: Array, lower: Array, upper: Array) -> float:
+        """Return the minimum of t^T dm over the moves of the null space within the bounds; nan if none is found."""
+        space, size = self.space, self.space.size
+        found = linprog(
+            row,
+            A_eq=self.determined,
+            b_eq=np.zeros(self.rank),
+            A_ub=np.concatenate([space.rows, -space.rows]),
+            b_ub=np.concatenate([upper[size:], -lower[size:]]),
+            bounds=list(zip(lower[:size].tolist(), upper[:size].tolist(), strict=True)),
+        )
+        return math.nan if not found.success or found.fun is None else float(found.fun)
 
     @cached_property
     def held(self) -> Mask:
@@ -133,7 +156,7 @@ class Identifiability:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of the unknowns, (N, N), of the part that the data and what was known before fix."""
+        """Covariance of the unknowns, (N, N), of the part that data and prior determine."""
         values, directions = self._information
         known = values > RANK**2 * values[-1]
         return np.asarray((directions[:, known] / values[known]) @ directions[:, known].T)
@@ -142,18 +165,18 @@ class Identifiability:
     def standard_errors(self) -> Array:
         """Standard errors of the factors, (F,).
 
-        Nan for those that are not fixed or at a bound, and where no deviation is known.
+        Nan for factors that are not determined or are at a bound, and if no standard deviation is known.
         """
-        rows = self.quantities[1]
+        rows = self.factor_jacobian
         errors = np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance, rows))
         values, directions = self._information
         loose = directions[:, values <= RANK**2 * values[-1]]
-        fixed = np.linalg.norm(rows @ loose, axis=1) < FIXED * np.linalg.norm(rows, axis=1)
-        return np.where(fixed & self.noisy, errors, math.nan)
+        known = np.linalg.norm(rows @ loose, axis=1) < NULL * np.linalg.norm(rows, axis=1)
+        return np.where(known & self.noisy, errors, math.nan)
 
     @cached_property
     def _information(self) -> tuple[Array, Array]:
-        """Eigenvalues and directions of J^T J and the prior, of the unknowns that are not held."""
+        """Eigenvalues and eigenvectors of J^T J plus the prior, for the unknowns that are not held."""
         free = ~self.held
         information = (self.jacobian.T @ self.jacobian + self.prior) * np.outer(free, free)
         values, directions = np.linalg.eigh(information)
@@ -161,17 +184,17 @@ class Identifiability:
 
     @cached_property
     def exponents(self) -> tuple[tuple[str, ...], Array]:
-        """Global unknowns, and exponents of their products that the data fix with all else held, (r, G)."""
-        held = {unknown.name for unknown in self.space.unknowns if isinstance(unknown, Global)}
-        names = tuple(name for name in ORDER if name in held)
+        """Global unknowns, and exponents of the products of them that the data determine, (r, G), all else held."""
+        given = {unknown.name for unknown in self.space.unknowns if isinstance(unknown, Global)}
+        names = tuple(name for name in ORDER if name in given)
         if not names:
             return (), np.zeros((0, 0))
         columns = [self.space.names.index(name) for name in names]
         _, singular, rows = np.linalg.svd(self.jacobian[:, columns] * self.values[columns])
-        return names, _reduced(rows[: np.count_nonzero(singular > RANK * self.singular_values[0])])
+        return names, _row_echelon(rows[: np.count_nonzero(singular > RANK * self._svd[0][0])])
 
-    def words(self) -> tuple[str, ...]:
-        """Return in words what the data tell."""
+    def statements(self) -> tuple[str, ...]:
+        """Return sentences that say which combinations of the unknowns the data determine."""
         size = self.space.size
         said = [
             f"The data fix {self.rank} of {size} combinations of the unknowns."
@@ -184,13 +207,13 @@ class Identifiability:
                 " ".join(f"{name}^{value:.3g}" for name, value in zip(names, row, strict=True) if abs(value) > 1e-3)
                 for row in rows
             ]
-            held = "" if len(names) == size else " with everything else held"
+            held = "" if len(names) == size else ", with everything else held,"
             said.append(f"Of {', '.join(names)} they fix{held} " + (f"{' and '.join(products)} only." if products else
                         "nothing."))  # fmt: skip
         return tuple(said)
 
 
-def _reduced(rows: Array) -> Array:
+def _row_echelon(rows: Array) -> Array:
     """Return the reduced row echelon form of independent rows."""
     rows, done = rows.copy(), 0
     for column in range(rows.shape[1]):

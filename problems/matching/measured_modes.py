@@ -1,11 +1,11 @@
-"""Measured modes: natural frequencies and, where they were measured, mode shapes at points along the beam.
+"""Measured modes: natural frequencies and, if measured, mode shapes at points along the beam.
 
-A measured shape psi has any scale and sign, so it is compared with the transverse displacements v of a computed one
-at the same points by what the best multiple of v leaves,
+The scale and the sign of a measured shape psi are arbitrary.  Its residual is therefore the difference from the best
+multiple of the computed transverse displacements v of the same points,
 
     r = (psi - a v)/sigma,    a = (v^T W psi)/(v^T W v),    W = diag(1/sigma^2),
 
-which is the same for any scale and sign of v.  Transverse means perpendicular to the axis of the beam at its clamp.
+which does not depend on the scale and sign of v.  Transverse means perpendicular to the axis of the beam at its clamp.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, positive, shown
 
-SMALLEST = 1e-12  # standard deviation relative to the value
+SMALLEST = 1e-12  # relative standard deviation
 
 
 @dataclass(frozen=True)
@@ -32,22 +32,23 @@ class MeasuredModes:
     Parameters
     ----------
     frequencies : sequence of float
-        Natural frequencies of m modes, Hz; ascending where there are no shapes, which are then taken for the lowest.
+        Natural frequencies of m modes, Hz; without shapes those of the lowest modes, ascending.
     frequency_std : float or sequence of float, optional
-        Their standard deviations, Hz; one for all, or one each.  Without them relative errors count alike.
+        Standard deviations of the frequencies, Hz; one for all, or one for each.  If not given, all relative errors
+        have the same weight.
     points : sequence of float
         Arc lengths of k points from the clamp, m.
     shapes : sequence of sequences
-        Transverse displacements of the points in each mode, (m, k), of any scale and sign; nan where not measured.
+        Transverse displacements of the points in each mode, (m, k), with any scale and sign; nan if not measured.
     shape_std : float or sequence, optional
-        Their standard deviations, in the unit of each shape: one for all, one a mode, or (m, k).  Without them the
-        shapes only tell which mode is which.
+        Standard deviations of the displacements, in the unit of each shape: one for all, one per mode, or (m, k).  If
+        not given, the shapes only identify the modes.
 
     Raises
     ------
     InputError
-        If frequencies or deviations are not positive, sizes do not fit, frequencies without shapes do not ascend, a
-        shape has fewer than two points or no size, or a deviation is beyond 1e-12 to 1e12 of its value.
+        If frequencies or deviations are not positive, sizes do not match, frequencies without shapes do not ascend, a
+        shape has fewer than two points or is zero, or a deviation is outside 1e-12 to 1e12 times its value.
     """
 
     frequencies: tuple[float, ...]
@@ -74,16 +75,16 @@ class MeasuredModes:
         if len(self.shapes):
             self._check_shapes()
         elif self.points or self.shape_std is not None:
-            raise InputError("are missing; points and shape_std are theirs", "shapes")
+            raise InputError("are missing; points and shape_std belong to shapes", "shapes")
         elif (np.diff(frequencies) <= 0.0).any():
             raise InputError(
-                f"must be ascending, got {', '.join(f'{f:g}' for f in frequencies)} Hz; with shapes any order will do",
+                f"must be ascending, got {', '.join(f'{f:g}' for f in frequencies)} Hz; any order needs shapes",
                 "targets",
             )
 
     @classmethod
     def of(cls, targets: MeasuredModes | Sequence[float]) -> MeasuredModes:
-        """Return measured modes as such, or a sequence of frequencies as those of the lowest modes."""
+        """Return measured modes unchanged, and a sequence of frequencies as those of the lowest modes."""
         return targets if isinstance(targets, MeasuredModes) else cls(targets)  # type: ignore[arg-type]
 
     @property
@@ -93,48 +94,50 @@ class MeasuredModes:
 
     @property
     def relative_std(self) -> Array:
-        """Standard deviations of the frequencies relative to these, 1 each where there are none, (m,)."""
+        """Relative standard deviations of the frequencies, 1 if none are given, (m,)."""
         if self.frequency_std is None:
             return np.ones(self.count)
         return np.asarray(np.array(self.frequency_std) / np.array(self.frequencies))
 
     @property
     def measured(self) -> Mask:
-        """Which displacements of the shapes were measured, (m, k)."""
+        """True for the displacements of the shapes that were measured, (m, k)."""
         return np.asarray(np.isfinite(np.array(self.shapes).reshape(self.count, -1)))
 
     def observer(self, model: Model) -> Array:
-        """Return H with v = H e, the transverse displacements at the points, (k, 4 n + 4)."""
+        """Return H, (k, 4 n + 4), of the transverse displacements v = H e of the points."""
         x, y = model.beam.axis
         across = np.array([-y, x])
         rows = [across @ model.interpolation(point) for point in self.points]
         return np.array(rows).reshape(-1, model.size)
 
     def mac(self, displacements: Array) -> Array:
-        """Return the modal assurance criterion of the measured shapes with computed ones, (m, c).
+        """Return the modal assurance criterion (MAC) between the measured shapes and computed ones, (m, c).
 
         Parameters
         ----------
         displacements : array (k, c)
-            Transverse displacements of c modes at the points; modes that do not move there have 0.
+            Transverse displacements of the points in c modes; the MAC of a mode that does not move them is 0.
         """
         known = self.measured
         shapes = np.where(known, np.array(self.shapes), 0.0)
-        shapes = shapes / np.abs(shapes).max(axis=1, keepdims=True)  # of any scale
+        shapes = shapes / np.abs(shapes).max(axis=1, keepdims=True)  # the scale is arbitrary
         own = (shapes**2).sum(axis=1)[:, None] * (known @ displacements**2)
         return np.asarray((shapes @ displacements) ** 2 / np.where(own > 0.0, own, 1.0))
 
     def check_beam(self, beam: Beam) -> None:
-        """Check that the points are on the beam, and that its mesh has as many modes.
+        """Check that the points are on the beam, and that its mesh has enough modes.
 
         Raises
         ------
         InputError
-            If not.
+            If a point is off the beam, or the mesh has too few modes.
         """
         if self.count > 2 * beam.elements:
             raise InputError(
-                f"{self.count} modes are more than the {2 * beam.elements} of {beam.elements} elements", "targets"
+                f"{self.count} modes are more than the {2 * beam.elements} of {beam.elements} elements; "
+                "use more elements",
+                "targets",
             )
         for point in self.points:
             if not 0.0 <= point <= beam.length:
@@ -146,11 +149,11 @@ class MeasuredModes:
         rows = []
         for k, shape in enumerate(self.shapes, start=1):
             if not is_sequence(shape) or len(shape) != len(self.points):
-                raise InputError(f"shape {k} needs one displacement a point, {len(self.points)} of them", "shapes")
+                raise InputError(f"shape {k} needs one displacement per point, {len(self.points)} in all", "shapes")
             try:
                 rows.append(tuple(float(value) for value in shape))
             except (TypeError, ValueError):
-                raise InputError(f"shape {k} must be numbers, or nan where not measured", "shapes") from None
+                raise InputError(f"shape {k} must be numbers, or nan if not measured", "shapes") from None
             known = np.array(rows[-1])[~np.isnan(rows[-1])]
             if len(known) < 2 or not np.isfinite(known).all() or not known.any():
                 raise InputError(f"shape {k} needs two measured displacements, finite and not all zero", "shapes")
@@ -179,7 +182,7 @@ def _spread(given: Any, count: int, where: str) -> tuple[float, ...]:
 
 
 def _check_ratio(relative: Array, where: str) -> None:
-    """Refuse deviations so far from what deviates that their squares are beyond the range of numbers."""
+    """Refuse relative deviations whose squares would overflow or vanish."""
     if not ((relative > SMALLEST) & (relative < 1 / SMALLEST)).all():
         raise InputError(
             f"must be within {SMALLEST:g} to {1 / SMALLEST:g} times the measured value; check the unit", where

@@ -1,11 +1,14 @@
-"""Which modes of a beam the measured ones are, how far they differ, and how that changes with the unknowns.
+"""Residuals between the modes of a beam and the measured ones, and their derivatives by the unknowns.
 
-Targets with shapes belong to the modes of the given beam that look most like them (the assignment with the largest sum
-of MAC values), targets without to the lowest ones by their order.  From there each mode is followed by its own shape
-(``ancf_casadi.vibration.following``), so that no crossing makes two of them change places.
+Targets with shapes are assigned to the modes of the given beam by the largest sum of MAC values; targets without shapes
+to the lowest modes, by their order.  From there each mode is followed by its own shape
+(``ancf_casadi.vibration.following``), so that modes that cross are not exchanged.
 
-Residuals are f_k/target_k - 1 and what ``measured_modes`` leaves of each shape, all in units of the relative standard
-deviation of the best known frequency: 1 where none is given.
+Residuals are f_k/target_k - 1 and those of the shapes (``measured_modes``), all in units of the smallest relative
+standard deviation of a frequency, 1 if none is given.  They are functions r(x) of the observations x, the eigenvalues
+and the displacements v = H phi of the measured points, so that
+
+    dr/dm = r_x x_m,    d2(y^T r)/dm2 = (r_x^T y) x_mm + x_m^T (y^T r)_xx x_m.
 """
 
 from __future__ import annotations
@@ -23,32 +26,34 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.following import follow, followed_modes
+from ancf_casadi.vibration.modal_state import ModalState
 from ancf_casadi.vibration.modes import Modes, natural_modes
-from ancf_casadi.vibration.sensitivities import ModalState
+from ancf_casadi.vibration.second_derivatives import hessian
+from ancf_casadi.vibration.sensitivities import gradient
 from problems.matching.design_space import DesignSpace
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.preference import WEIGHT, LeastChange, Preference
 
 Objective = Literal["least-squares", "worst-error"]
 
-ALIKE = 0.5  # MAC below which no mode of the beam is the measured one
-FURTHER = 6  # modes looked through for a measured shape, beyond twice the number of shapes
+LEAST_MAC = 0.5  # below it, a mode of the beam is not the measured one
+MORE_MODES = 6  # searched for a measured shape, beyond twice the number of shapes
 
 
 @dataclass(frozen=True)
 class Matching:
-    """What is to be matched to what, and how.
+    """The statement of a matching.
 
     Parameters
     ----------
     space : DesignSpace
-        The beam, and what may change of it.
+        The given beam and the unknowns.
     measured : MeasuredModes
-        What was measured.
+        The measured modes.
     preference : Preference
-        Which of the beams that fit is meant.
+        Selects one of the beams that fit.
     objective : {"least-squares", "worst-error"}
-        Whether to minimise the squared residuals or the largest relative frequency error.
+        Minimise the squared residuals, or the largest relative frequency error.
     """
 
     space: DesignSpace
@@ -57,21 +62,21 @@ class Matching:
     objective: Objective = "least-squares"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel between processes without the modes, which are computed again there."""
+        """Pickle without the modes, which the other process computes again."""
         return Matching, (self.space, self.measured, self.preference, self.objective)
 
     @property
     def model(self) -> Model:
-        """The given beam as a model."""
+        """The model of the given beam."""
         return self.standard_modes.model
 
     @cached_property
     def standard_modes(self) -> Modes:
-        """The lowest modes of the given beam, the targets among them."""
+        """The lowest modes of the given beam, among them the modes of the targets."""
         model = Model(self.space.beam)
         count = self.measured.count
         if self.measured.shapes:
-            count = min(2 * count + FURTHER, model.size - model.free.start)
+            count = min(2 * count + MORE_MODES, model.size - model.free.start)
         return natural_modes(model, count=count)
 
     @cached_property
@@ -81,7 +86,7 @@ class Matching:
 
     @cached_property
     def observer(self) -> Array:
-        """Displacements at the measured points by nodal coordinates, (k, 4 n + 4)."""
+        """Matrix H from nodal coordinates to the displacements of the measured points, (k, 4 n + 4)."""
         return self.measured.observer(self.model)
 
     @cached_property
@@ -98,90 +103,97 @@ class Matching:
         mac = self.measured.mac(self.observer @ self.standard_modes.shapes)
         targets, modes = linear_sum_assignment(-mac)
         for target, mode in zip(targets.tolist(), modes.tolist(), strict=True):
-            if mac[target, mode] < ALIKE:
+            if mac[target, mode] < LEAST_MAC:
                 raise InputError(
                     f"no mode of the beam has the shape of target {target + 1} "
-                    f"({self.measured.frequencies[target]:g} Hz): the nearest has a MAC of "
-                    f"{mac[target].max():.2f}",
+                    f"({self.measured.frequencies[target]:g} Hz): the largest MAC is {mac[target].max():.2f}. Check "
+                    "the points and the order of the displacements",
                     "shapes",
                 )
         return np.asarray(modes, dtype=np.int64)
 
     @property
+    def noisy(self) -> bool:
+        """Whether the standard deviations of the data are known."""
+        return self.measured.frequency_std is not None
+
+    @property
     def unit(self) -> float:
-        """Relative standard deviation of the best known frequency, the unit of the residuals."""
+        """Smallest relative standard deviation of a frequency, the unit of the residuals."""
         return float(self.measured.relative_std.min())
 
     @cached_property
-    def weights(self) -> Array:
-        """Matrix of the preference against half the sum of squared residuals in units of their deviations, (N, N)."""
+    def preference_matrix(self) -> Array:
+        """Matrix of the preference, to be added to half the sum of the squared weighted residuals, (N, N)."""
         return self.preference.matrix(self.space, WEIGHT / self.unit**2)
 
-    def response(self, objective: Objective | None = None) -> Response:
-        """Return the residuals and their derivatives, of another objective if one is given."""
-        return Response(self, objective or self.objective)
-
-
-class Response:
-    """Residuals r(m) in units of that of the best known frequency, and their derivatives; the last point is kept.
-
-    Parameters
-    ----------
-    matching : Matching
-        What is to be matched.
-    objective : {"least-squares", "worst-error"}
-        Whether shapes and deviations count, or relative frequency errors alone.
-    """
-
-    def __init__(self, matching: Matching, objective: Objective) -> None:
-        self.matching = matching
-        self._residuals, self._slopes, self._curvature = _residual_functions(matching, objective == "worst-error")
-        self._along = scipy.sparse.csr_array(matching.space.directions).T
-        self._at: tuple[Array, ModalState] | None = None
-
-    @property
-    def size(self) -> int:
-        """Number of residuals."""
-        return int(self._residuals.size1_out(0))
+    @cached_property
+    def _last(self) -> dict[bytes, ModalState]:
+        return {}
 
     def state(self, m: Array) -> ModalState:
-        """Return the followed modes.
+        """Return the followed modes of the beam with the unknowns m; those of the last m are kept.
 
         Raises
         ------
         EquilibriumError
             If there is no stable equilibrium.
         """
-        if self._at is None or not np.array_equal(self._at[0], m):
-            space = self.matching.space
-            self._at = m.copy(), follow(self.matching.standard, space.properties(m))
-        return self._at[1]
+        if m.tobytes() not in self._last:
+            self._last.clear()
+            self._last[m.tobytes()] = follow(self.standard, self.space.properties(m))
+        return self._last[m.tobytes()]
+
+    def response(self, objective: Objective | None = None) -> Response:
+        """Return the residuals and their derivatives, for another objective if one is given."""
+        return Response(self, objective or self.objective)
+
+
+class Response:
+    """Residuals r(m) and their derivatives.
+
+    Parameters
+    ----------
+    matching : Matching
+        The statement of the matching.
+    objective : {"least-squares", "worst-error"}
+        With ``worst-error`` the residuals are the relative frequency errors alone, without their deviations.
+    """
+
+    def __init__(self, matching: Matching, objective: Objective) -> None:
+        self.matching = matching
+        self._r, self._r_x, self._r_xx = _residual_functions(matching, objective == "worst-error")
+        self._directions = scipy.sparse.csr_array(matching.space.directions).T
+
+    @property
+    def size(self) -> int:
+        """Number of residuals R."""
+        return int(self._r.size1_out(0))
 
     def residuals(self, m: Array) -> Array:
         """Return r, (R,)."""
-        return np.asarray(self._residuals(self._seen(self.state(m))).full().ravel())
+        return np.asarray(self._r(self._observations(self.matching.state(m))).full().ravel())
 
     def jacobian(self, m: Array) -> Array:
         """Return dr/dm, (R, N)."""
-        state = self.state(m)
-        return np.asarray(self._slopes(self._seen(state)).full() @ self._seen_slopes(state))
+        state = self.matching.state(m)
+        return np.asarray(self._r_x(self._observations(state)).full() @ self._observation_jacobian(state))
 
     def curvature(self, m: Array, y: Array) -> Array:
         """Return the second derivatives of y^T r, (N, N)."""
-        state, space = self.state(m), self.matching.space
-        seen, count = self._seen(state), self.matching.measured.count
-        of_seen = self._slopes(seen).full().T @ y
-        of_shapes = of_seen[count:].reshape(count, -1) @ self.matching.observer
-        curved = state.curvature(space.directions, of_seen[:count], of_shapes)
-        own = self._seen_slopes(state)
-        return np.asarray(curved + own.T @ self._curvature(seen, y).full() @ own)
+        state, count = self.matching.state(m), self.matching.measured.count
+        x, x_m = self._observations(state), self._observation_jacobian(state)
+        weights = self._r_x(x).full().T @ y
+        of_shapes = weights[count:].reshape(count, -1) @ self.matching.observer
+        of_observations = hessian(state, self.matching.space.directions, weights[:count], of_shapes)
+        return np.asarray(of_observations + x_m.T @ self._r_xx(x, y).full() @ x_m)
 
-    def _seen(self, state: ModalState) -> Array:
-        """Eigenvalues, and displacements of the points mode by mode."""
+    def _observations(self, state: ModalState) -> Array:
+        """Return x: the eigenvalues, and the displacements of the points mode by mode."""
         return np.concatenate([state.eigenvalues, (self.matching.observer @ state.shapes).T.ravel()])
 
-    def _seen_slopes(self, state: ModalState) -> Array:
-        """Return the derivatives of what is seen by the unknowns, (m + m k, N)."""
+    def _observation_jacobian(self, state: ModalState) -> Array:
+        """Return dx/dm, (m + m k, N)."""
         observer, count = self.matching.observer, len(state.eigenvalues)
         points = len(observer)
         of_eigenvalues = np.eye(count, count + count * points)
@@ -189,11 +201,11 @@ class Response:
         for k in range(count):
             first = count + k * points
             of_shapes[k, :, first : first + points] = observer.T
-        return np.asarray((self._along @ state.gradient(of_eigenvalues, of_shapes)).T)
+        return np.asarray((self._directions @ gradient(state, of_eigenvalues, of_shapes)).T)
 
 
 def _residual_functions(matching: Matching, worst: bool) -> tuple[cs.Function, cs.Function, cs.Function]:
-    """Return r, dr/dx and d2(y^T r)/dx2 as Functions of x, eigenvalues and displacements mode by mode."""
+    """Return r, dr/dx and d2(y^T r)/dx2 as Functions of the observations x (and of y)."""
     measured = matching.measured
     points = len(measured.points) if measured.shapes else 0
     eigenvalues = cs.SX.sym("lambda", measured.count)
@@ -210,6 +222,6 @@ def _residual_functions(matching: Matching, worst: bool) -> tuple[cs.Function, c
     y = cs.SX.sym("y", residuals.numel())
     return (
         cs.Function("r", [x], [residuals]),
-        cs.Function("dr", [x], [cs.densify(cs.jacobian(residuals, x))]),
-        cs.Function("ddr", [x, y], [cs.densify(cs.hessian(cs.dot(y, residuals), x)[0])]),
+        cs.Function("r_x", [x], [cs.densify(cs.jacobian(residuals, x))]),
+        cs.Function("r_xx", [x, y], [cs.densify(cs.hessian(cs.dot(y, residuals), x)[0])]),
     )

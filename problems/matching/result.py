@@ -1,13 +1,15 @@
-"""A beam matched to measured modes: what it is, how well it fits, and how sure that is."""
+"""The result of a matching: the beam, how well it fits, and how certain its properties are."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ancf_casadi.estimation.result import known as finite
 from ancf_casadi.mechanics.beam import LUMPED, Beam
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Cell, Table
@@ -18,10 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-MET = 1e-5  # relative error that a preference leaves where the targets can be met
+MET = 1e-5  # relative error that a preference leaves if the targets can be met
 NOISE = 3.0  # standard deviations beyond which a frequency is missed
-ALIKE = 0.9  # MAC below which two shapes differ visibly
-HOLDING = 0.01  # share of the largest multiplier; lesser bounds hold little
+CLEAR_MAC = 0.9  # below it, two shapes differ visibly
+HOLDING = 0.01  # of the largest multiplier; bounds with smaller ones hold little
+MOST_NAMES = 6  # of bounds, in a warning
 UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modulus": "Pa",
          "tip_mass": "kg", "clamp_stiffness": "N m/rad"}  # fmt: skip
 
@@ -35,15 +38,15 @@ class FrequencyMatch:
     beam : Beam
         The matched beam.
     targets, standard, frequencies : tuple of float
-        Measured frequencies, those of the given beam, and those of the matched beam, Hz.
+        Measured frequencies, and those of the given and of the matched beam, Hz.
     active_bounds : tuple of str
         Properties at a bound, with their element from 1, such as ``thickness[3]``.
     iterations : int
         Iterations of IPOPT.
     build_seconds, solve_seconds : float
-        Time to state the problem, and to solve it, s.
+        Time to state and to solve the program, s.
     matching : Matching
-        What was matched to what.
+        The statement of the matching.
     unknowns : array (N,)
         The unknowns, in the order of ``matching.space.names``.
     modes : tuple of int
@@ -51,13 +54,13 @@ class FrequencyMatch:
     mac : array (m, c) or None
         MAC of the measured shapes with the lowest modes of the matched beam.
     residuals : array (R,)
-        Differences of frequencies and shapes in units of their deviations; relative ones where none are given.
+        Residuals of frequencies and shapes in units of their standard deviations; relative ones if none are given.
     multipliers : array (N + r,)
-        What each bound costs: how far the objective would fall, to first order, were it wider by 1.
+        Decrease of the objective per unit of wider bounds, to first order, by ``matching.space.bounded_names``.
     identifiability : Identifiability
-        What the data tell of the unknowns.
+        The information of the data on the unknowns.
     starts, reached, failed : int
-        How many starts there were, how many of them ended at this answer, and how many nowhere.
+        Number of starts, of those that ended at this optimum, and of those that converged nowhere.
     """
 
     beam: Beam
@@ -92,54 +95,72 @@ class FrequencyMatch:
     @property
     def out_of_reach(self) -> bool:
         """Whether no beam within the bounds has the measured frequencies."""
-        if self.matching.measured.frequency_std is None:
+        if not self.matching.noisy:
             return self.max_relative_error > MET
         return bool(np.abs(self.relative_errors / self.matching.measured.relative_std).max() > NOISE)
 
     @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each property that may change, SI units; nan if the data do not determine it."""
+        known = self.identifiability
+        return dict(zip(known.factor_names, (known.standard_errors * self._given).tolist(), strict=True))
+
+    @property
     def holding(self) -> tuple[tuple[str, float], ...]:
-        """Bounds that hold the answer, and what each costs (``multipliers``), the dearest first."""
-        space = self.matching.space
-        costs = dict(zip(space.names + space.row_names, self.multipliers.tolist(), strict=True))
-        dear = sorted(((name, costs[name]) for name in self.active_bounds), key=lambda pair: -pair[1])
-        return tuple((name, cost) for name, cost in dear if cost > HOLDING * dear[0][1])
+        """Active bounds that keep the beam from fitting better, with their multipliers in descending order."""
+        costs = dict(zip(self.matching.space.bounded_names, self.multipliers.tolist(), strict=True))
+        active = sorted(((name, costs[name]) for name in self.active_bounds), key=lambda pair: -pair[1])
+        return tuple((name, cost) for name, cost in active if cost > HOLDING * active[0][1])
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to know before using the answer."""
+        """Notes to read before using the result."""
         notes = []
         if self.out_of_reach:
             names = [name for name, _ in self.holding]
-            more = f" and {len(names) - 6} more" if len(names) > 6 else ""
-            held = f"held by {', '.join(names[:6])}{more}" if names else "whatever the bounds"
-            notes.append(
-                f"the targets are out of reach of these unknowns, by {100 * self.max_relative_error:.3g} % at worst; "
-                f"{held}"
+            more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+            limit = (
+                f"the values are at the edge of the bounds, held by {', '.join(names[:MOST_NAMES])}{more}"
+                if names
+                else "the bounds do not limit them, so other properties have to change"
             )
-        before = (self.matching.numbers + 1).tolist()
-        for target, (mode, was) in enumerate(zip(self.modes, before, strict=True), start=1):
-            if mode != was:
-                notes.append(f"target {target} is mode {was} of the given beam, and mode {mode} of the matched one")
+            worst = f"{100 * self.max_relative_error:.3g} % at worst"
+            notes.append(f"the targets are out of reach of these unknowns, by {worst}; {limit}")
         if self.mac is None and any(mode != k for k, mode in enumerate(self.modes, start=1)):
-            notes.append("the modes followed are not the lowest of the matched beam; shapes would tell which is which")
-        if self.mac is not None:
-            for target, (row, mode) in enumerate(zip(self.mac, self.modes, strict=True), start=1):
-                if row.argmax() != mode - 1:
-                    notes.append(
-                        f"target {target} looks more like mode {row.argmax() + 1} than like mode {mode}, the one "
-                        f"followed (MAC {row.max():.2f}, {row[mode - 1]:.2f})"
-                    )
-                elif row[mode - 1] < ALIKE:
-                    notes.append(f"the shape of target {target} is that of mode {mode} to a MAC of {row[mode - 1]:.2f}")
+            notes.append(
+                "the modes followed are not the lowest ones of the matched beam; measured shapes would identify them"
+            )
+        notes += [*self._mode_warnings(), *self._shape_warnings()]
         if self.reached < self.starts:
-            failed = f", {self.failed} nowhere" if self.failed else ""
-            notes.append(f"{self.reached} of {self.starts} starts ended at this answer, the best{failed}")
+            failed = f"; {self.failed} did not converge" if self.failed else ""
+            notes.append(f"{self.reached} of {self.starts} starts ended at this optimum, the best one{failed}")
         return tuple(notes)
 
+    def _mode_warnings(self) -> list[str]:
+        before = (self.matching.numbers + 1).tolist()
+        return [
+            f"target {target} is mode {was} of the given beam, and mode {mode} of the matched one"
+            for target, (mode, was) in enumerate(zip(self.modes, before, strict=True), start=1)
+            if mode != was
+        ]
+
+    def _shape_warnings(self) -> list[str]:
+        notes = []
+        for k, row in enumerate([] if self.mac is None else self.mac):
+            target, mode, best = k + 1, self.modes[k], int(row.argmax()) + 1
+            own = row[mode - 1]
+            if best != mode:
+                notes.append(
+                    f"the shape of target {target} is closer to mode {best} than to mode {mode}, which was followed "
+                    f"(MAC {row.max():.2f} and {own:.2f})"
+                )
+            elif own < CLEAR_MAC:
+                notes.append(f"the shape of target {target} agrees with mode {mode} only to a MAC of {own:.2f}")
+        return notes
+
     def tables(self) -> tuple[Table, Table]:
-        """Return the frequencies, and the properties with what the data leave open."""
-        shapes = self.mac is not None
-        columns = ("mode", "target", "before", "matched", "error_%") + (("MAC",) if shapes else ())
+        """Return the frequencies, and the properties with the range that the data leave open."""
+        columns = ("mode", "target", "before", "matched", "error_%") + (("MAC",) if self.mac is not None else ())
         rows: list[tuple[Cell, ...]] = []
         errors = 100 * self.relative_errors
         for k, values in enumerate(zip(self.modes, self.targets, self.standard, self.frequencies, strict=True)):
@@ -148,17 +169,18 @@ class FrequencyMatch:
         worst = f"largest relative error {self.max_relative_error:.1e}"
         if self.matching.objective == "worst-error":
             worst += ", the smallest that the bounds allow"
+        title = "Properties of the matched beam"
         return (
             Table("frequencies", "Natural frequencies, Hz", columns, rows, (worst,)),
             Table(
                 "properties",
-                "Properties of the matched beam; lowest and highest that fit as well, one at a time",
+                title if self.out_of_reach else f"{title}; lowest and highest that fit as well, one at a time",
                 ("property", "unit", "value", "change_%", "lowest", "highest", "stderr"),
                 [
                     (p["name"], p["unit"], p["value"], 100 * p["change"], p["lowest"], p["highest"], p["stderr"])
-                    for p in self._properties()
+                    for p in self._properties
                 ],
-                (*self.identifiability.words(), f"at a bound: {', '.join(self.active_bounds) or 'nothing'}"),
+                (*self._statements, f"at a bound: {', '.join(self.active_bounds) or 'nothing'}"),
             ),
         )
 
@@ -169,20 +191,20 @@ class FrequencyMatch:
         return "\n\n".join([*texts, *(["\n".join(notes)] if notes else [])])
 
     def figure(self) -> Figure:
-        """Draw the changes of the properties along the beam, with what the data leave open."""
+        """Draw the changes of the properties along the beam, with the ranges that the data leave open."""
         from ancf_casadi.plot import properties_figure  # matplotlib is slow to import
 
-        names, changes, n = self.identifiability.quantities[0], self.identifiability.spread - 1, self.beam.elements
+        known, n = self.identifiability, self.beam.elements
+        ends = np.column_stack([known.factors, known.factors]) if self.out_of_reach else known.spread
         ranges: dict[str, list[Array]] = {}
-        for name, ends in zip(names, changes, strict=True):
-            if name in LUMPED:
-                continue
-            ranges.setdefault(name.partition("[")[0], []).append(ends)
-        spread = {name: np.array(ends * n if len(ends) == 1 else ends) for name, ends in ranges.items()}
+        for name, pair in zip(known.factor_names, ends - 1, strict=True):
+            if name not in LUMPED:
+                ranges.setdefault(name.partition("[")[0], []).append(pair)
+        spread = {name: np.array(pairs * n if len(pairs) == 1 else pairs) for name, pairs in ranges.items()}
         return properties_figure(self.matching.space.beam, self.beam, spread)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return data for JSON: SI units, lists in the order of targets and elements, None for what is not known."""
+        """Return the result for JSON: SI units, lists in the order of targets and elements, None for unknown values."""
         return {
             "target_hz": list(self.targets),
             "standard_hz": list(self.standard),
@@ -202,31 +224,50 @@ class FrequencyMatch:
             "mac": None if self.mac is None else self.mac.tolist(),
             "unknowns": dict(zip(self.matching.space.names, self.unknowns.tolist(), strict=True)),
             "rank": self.identifiability.rank,
-            "identified": list(self.identifiability.words()),
-            "properties": self._properties(),
+            "identified": list(self._statements),
+            "properties": self._properties,
             "starts": {"number": self.starts, "reached": self.reached, "failed": self.failed},
             "iterations": self.iterations,
             "solve_seconds": self.solve_seconds,
             "warnings": list(self.warnings),
         }
 
-    def _properties(self) -> list[dict[str, Any]]:
-        known = self.identifiability
-        names = known.quantities[0]
+    @property
+    def _statements(self) -> tuple[str, ...]:
+        if self.out_of_reach:
+            return ("The targets are out of reach: no beam within the bounds fits, so no property has an interval.",)
+        return self.identifiability.statements()
+
+    @cached_property
+    def _given(self) -> Array:
+        """Values of the properties that may change, of the given beam, by ``identifiability.factor_names``."""
         found = []
-        for name, factor, ends, error in zip(names, known.factors, known.spread, known.standard_errors, strict=True):
+        for name in self.identifiability.factor_names:
             kind, _, element = name.partition("[")
-            given = getattr(self.matching.space.beam, kind)
-            if element:
-                given = (given[int(element[:-1]) - 1],)
-            standard = float(np.mean(given))
-            found.append({
+            value = np.atleast_1d(getattr(self.matching.space.beam, kind))
+            found.append(value[int(element[:-1]) - 1] if element else value.mean())
+        return np.array(found)
+
+    @cached_property
+    def _properties(self) -> list[dict[str, Any]]:
+        """Value, standard error and, unless the targets are out of reach, range of each property that may change."""
+        known = self.identifiability
+        ranges = np.full((len(known.factors), 2), math.nan) if self.out_of_reach else known.spread
+        columns = (known.factors, *ranges.T, known.standard_errors)
+        return [
+            {
                 "name": name,
-                "unit": UNITS[kind],
-                "value": float(factor) * standard,
-                "change": float(factor) - 1,
-                "lowest": float(ends[0]) * standard,
-                "highest": float(ends[1]) * standard,
-                "stderr": float(error) * standard if np.isfinite(error) else None,
-            })  # fmt: skip
-        return found
+                "unit": UNITS[name.partition("[")[0]],
+                "value": value,
+                "change": factor - 1,
+                "lowest": finite(low),
+                "highest": finite(high),
+                "stderr": finite(error),
+            }
+            for name, factor, value, low, high, error in zip(
+                known.factor_names,
+                known.factors.tolist(),
+                *((column * self._given).tolist() for column in columns),
+                strict=True,
+            )
+        ]

@@ -1,17 +1,17 @@
-"""What may change of a beam when it is matched to measurements: factors on its properties, linear in the unknowns m.
+"""The properties of a beam that a match may change: factors that are linear in the unknowns m.
 
-The properties P, one value an element, become P (c + T m), element by element:
+The properties P, one value per element, become P (c + T m), element by element:
 
-    Global        one factor for all elements, on the mass        m = 1 is the given beam
-                  at the tip, or on the stiffness of the clamp
+    Global        one factor for all elements, for the mass       m = 1 is the given beam
+                  at the tip, or for the stiffness of the clamp
     PerElement    one factor for each element                     m = 1
     Smooth        1 + sum_j m_j L_j(x), x = 2 s/L - 1 from -1 to 1    m = 0
 
-L_j are Legendre polynomials at the middle of the elements.  Of the families one could take, they are the one in which
-the first terms say what one asks first: the mean and the linear taper, without the kinks at the ends that cosines have.
-Each is at most 1, and they are orthogonal, so m_j is the size of its share and further terms hardly change the first.
+L_j are Legendre polynomials at the centres of the elements.  Their first terms are the mean and the linear taper, which
+matter most, without the kinks of cosines at the ends.  Each is at most 1, and they are orthogonal: m_j is the size of
+its term, and further terms hardly change the first ones.
 
-Factors keep within 1 - bounds and 1 + bounds.  For a smooth property these are linear constraints on m.
+Factors stay within 1 - bounds and 1 + bounds.  For a smooth property these are linear constraints on m.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Global:
     name : str
         ``width``, ``thickness``, ``density``, ``elastic_modulus``, ``tip_mass`` or ``clamp_stiffness``.
     bounds : float, optional
-        Largest relative change, above 0 and at most 1; that of the whole problem if not given.
+        Largest relative change, above 0 and at most 1; that of ``match_frequencies`` if not given.
     """
 
     name: str
@@ -67,11 +67,11 @@ class Global:
         _check(self.name, self.bounds, PROPERTIES + LUMPED)
 
     def shape(self, elements: int) -> Array:
-        """Return the factors by the unknowns, (n, 1), or (1, 1)."""
+        """Return T, (n, 1), or (1, 1) for the tip mass and the clamp."""
         return np.ones((1 if self.name in LUMPED else elements, 1))
 
     def names(self, elements: int) -> tuple[str, ...]:
-        """Return what the unknowns are called."""
+        """Return the names of the unknowns."""
         return (self.name,)
 
 
@@ -87,26 +87,26 @@ class PerElement:
         _check(self.name, self.bounds)
 
     def shape(self, elements: int) -> Array:
-        """Return the factors by the unknowns, (n, n)."""
+        """Return T, (n, n)."""
         return np.eye(elements)
 
     def names(self, elements: int) -> tuple[str, ...]:
-        """Return what the unknowns are called, with their element from 1."""
+        """Return the names of the unknowns, with their element from 1."""
         return tuple(f"{self.name}[{i + 1}]" for i in range(elements))
 
 
 @dataclass(frozen=True)
 class Smooth:
-    """A property that changes smoothly along the beam.
+    """A smooth factor along the beam on a property.
 
     Parameters
     ----------
     name : str
         ``width``, ``thickness``, ``density`` or ``elastic_modulus``.
     terms : int
-        How many Legendre polynomials, at least 1 and at most the elements: 1 a constant, 2 a linear taper, ...
+        Number of Legendre polynomials, from 1 to the number of elements: 1 for a constant, 2 for a linear taper, ...
     bounds : float, optional
-        Largest relative change at any element, above 0 and at most 1; that of the whole problem if not given.
+        Largest relative change at any element, above 0 and at most 1; that of ``match_frequencies`` if not given.
     """
 
     name: str
@@ -119,15 +119,15 @@ class Smooth:
         whole(self.terms, f"unknowns: {self.name}: terms", 1, MAXIMUM_ELEMENTS)
 
     def shape(self, elements: int) -> Array:
-        """Return the factors less 1 by the unknowns, (n, terms)."""
+        """Return T, (n, terms)."""
         if self.terms > elements:
             raise InputError(
-                f"{self.terms} terms are more than the {elements} elements tell apart", f"unknowns: {self.name}"
+                f"{self.terms} terms are more than the {elements} elements; use fewer terms", f"unknowns: {self.name}"
             )
         return np.asarray(legvander((2 * np.arange(elements) + 1) / elements - 1, self.terms - 1))
 
     def names(self, elements: int) -> tuple[str, ...]:
-        """Return what the unknowns are called, with the degree of the polynomial."""
+        """Return the names of the unknowns, with the degree of the polynomial."""
         return tuple(f"{self.name}~L{j}" for j in range(self.terms))
 
 

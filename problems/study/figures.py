@@ -1,11 +1,13 @@
-"""The figures of the paper's study, one for each table and one for each mode's transients.
+"""Figures of the study: one for each of Tables 2, 3, 4, 9, 10 and 11, and one for the transients of each mode.
 
-Curves measured are black, fits and laws coloured; the data behind each figure are in the tables and ``results.json``.
+Records and the values of Table 2 are black, fits and damping laws coloured.  The tables and ``results.json`` hold the
+data of each figure.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib
@@ -13,11 +15,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.estimation.figures import MEASURED
 from ancf_casadi.plot import png
 from ancf_casadi.support.arrays import Array
+from problems.decay.result import DecayFit
 from problems.study import paper
-from problems.study.reproduction import LAWS, Study
+from problems.study.reproduction import Study
+from problems.study.transients import LAW_NAMES
 
 COLOURS = {"generic": "#1b7f5c", "proportional": "#c23b22", "quadratic": "#2a5ca8", "undamped": "#888888"}
 MODES = np.arange(1, 6)
@@ -35,47 +40,25 @@ def figures(study: Study) -> list[tuple[str, bytes]]:
     """Return the figures as PNG files, by name."""
     with matplotlib.rc_context(STYLE):
         drawn = {
-            "table02_modal_parameters": _decays(study, "linear"),
-            "table03_proportional": _proportional(study),
-            "table04_quadratic": _decays(study, "quadratic"),
-            "table09_properties": _properties(study),
-            "table10_frequencies": _frequencies(study),
-            "table11_damping_ratios": _comparison(study),
-            **{f"transients_mode{mode + 1}": _transients(study, mode) for mode in range(len(paper.FREQUENCIES))},
+            "table02_modal_parameters": table_2_modal_parameters(study),
+            "table03_proportional": table_3_proportional(study),
+            "table04_quadratic": table_4_quadratic(study),
+            "table09_properties": table_9_properties(study),
+            "table10_frequencies": table_10_frequencies(study),
+            "table11_damping_ratios": table_11_damping_ratios(study),
+            **{f"transients_mode{mode + 1}": transients(study, mode) for mode in range(len(paper.FREQUENCIES))},
         }
         return [(f"{name}.png", png(figure)) for name, figure in drawn.items()]
 
 
-def _decays(study: Study, law: str) -> Figure:
-    """Synthetic decays and their fits, with the envelope."""
-    records, fits = (
-        (study.decays, study.identification) if law == "linear" else (study.quadratic_decays, study.quadratic)
-    )
-    figure = Figure(figsize=(8, 9), layout="constrained")
-    for k, (axes, record, fit) in enumerate(zip(figure.subplots(5, 1), records, fits, strict=True)):
-        shown = record.time <= min(record.time[-1], 25 / fit.frequency)
-        fine = np.linspace(0.0, record.time[shown][-1], 2000)
-        axes.plot(
-            record.time[shown], 1e3 * record.displacement[shown], ".", ms=2.5, color=MEASURED, label="synthetic record"
-        )
-        axes.plot(fine, 1e3 * fit.displacement(fine), "-", lw=0.9, color=COLOURS["generic"], label="identified")
-        found = f"f = {fit.frequency:.4g} Hz"
-        found += (
-            f",  ζ = {100 * fit.damping_ratio:.3g} %"
-            if law == "linear"
-            else f",  η1 = {fit.eta1:.3g} 1/s,  η2 = {fit.eta2:.3g} 1/m"
-        )
-        axes.set_title(f"mode {k + 1}:  {found}", loc="left")
-        axes.set_ylabel("tip, mm")
-    axes.set_xlabel("time, s")
-    figure.axes[0].legend(loc="upper right", ncols=2)
-    equation = "Eq. (9)" if law == "linear" else "Eq. (27)"
-    figure.suptitle(f"Free decays and their identification by {equation}; synthetic, the first 25 periods")
-    return figure
+def table_2_modal_parameters(study: Study) -> Figure:
+    """Draw the linear decays and their fits."""
+    found = [f"f = {fit.frequency:.4g} Hz,  ζ = {100 * fit.damping_ratio:.3g} %" for fit in study.identification]
+    return _decays(study.decays, study.identification, found, "Eq. (9)")
 
 
-def _proportional(study: Study) -> Figure:
-    """Damping ratio over frequency: mass, stiffness and sum, Eq. (16)."""
+def table_3_proportional(study: Study) -> Figure:
+    """Draw the damping ratio of Rayleigh damping over the frequency, Eq. (16)."""
     figure = Figure(figsize=(6.4, 4), layout="constrained")
     axes = figure.subplots()
     f = np.geomspace(0.8, 200, 300)
@@ -86,29 +69,59 @@ def _proportional(study: Study) -> Figure:
     axes.loglog(f, 100 * (mass + stiffness), color=COLOURS["proportional"], label="α M + β K, Eq. (16)")
     axes.loglog(paper.FREQUENCIES, 100 * np.array(paper.DAMPING_RATIOS), "o", color=MEASURED, label="Table 2")
     axes.set(xlabel="frequency, Hz", ylabel="damping ratio, %", ylim=(0.05, 5))
-    axes.set_title(f"α = {study.rayleigh.alpha:.4g} 1/s,  β = {study.rayleigh.beta:.4g} s", loc="left")
+    coefficients = f"α = {study.rayleigh.alpha:.4g} 1/s,  β = {study.rayleigh.beta:.4g} s"
+    axes.set_title(f"Rayleigh (proportional) damping:  {coefficients}", loc="left")
     axes.legend()
     return figure
 
 
-def _properties(study: Study) -> Figure:
-    """Width and thickness along the beam."""
+def table_4_quadratic(study: Study) -> Figure:
+    """Draw the quadratic decays and their fits."""
+    found = [
+        f"f = {fit.frequency:.4g} Hz,  η1 = {fit.eta1:.3g} 1/s,  η2 = {fit.eta2:.3g} 1/m" for fit in study.quadratic
+    ]
+    return _decays(study.quadratic_decays, study.quadratic, found, "Eq. (27)")
+
+
+def _decays(
+    records: Sequence[Measurement], fits: Sequence[DecayFit], parameters: Sequence[str], equation: str
+) -> Figure:
+    """Draw synthetic decays and their fits, one below the other, with the parameters found."""
+    figure = Figure(figsize=(8, 9), layout="constrained")
+    panels = zip(figure.subplots(len(records), 1), records, fits, parameters, strict=True)
+    for mode, (axes, record, fit, found) in enumerate(panels, start=1):
+        shown = record.time <= min(record.time[-1], 25 / fit.frequency)
+        time, displacement = record.time[shown], record.displacement[shown]
+        fine = np.linspace(0.0, time[-1], 2000)
+        axes.plot(time, 1e3 * displacement, ".", ms=2.5, color=MEASURED, label="synthetic record")
+        axes.plot(fine, 1e3 * fit.displacement(fine), "-", lw=0.9, color=COLOURS["generic"], label="fit")
+        axes.set_title(f"mode {mode}:  {found}", loc="left")
+        axes.set_ylabel("tip, mm")
+    axes.set_xlabel("time, s")
+    figure.axes[0].legend(loc="upper right", ncols=2)
+    figure.suptitle(f"Free decays and fits by {equation}; synthetic records, first 25 periods")
+    return figure
+
+
+def table_9_properties(study: Study) -> Figure:
+    """Draw width and thickness of the matched beam along its length."""
     beam = study.match.beam
     arc = 1e3 * np.linspace(0.0, beam.length, beam.elements + 1)
     figure = Figure(figsize=(6.4, 4.4), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
-    _steps(upper, arc, np.array(beam.width) / paper.WIDTH, "width")
-    _steps(lower, arc, np.array(beam.thickness) / paper.THICKNESS, "thickness")
+    _draw_profile(upper, arc, np.array(beam.width) / paper.WIDTH, "width")
+    _draw_profile(lower, arc, np.array(beam.thickness) / paper.THICKNESS, "thickness")
     lower.set_xlabel("distance from the clamp, mm")
     upper.set_title(
-        f"The least change that meets Table 2:  E = {beam.elastic_modulus[0] / 1e9:.1f} GPa,  "
+        f"Smallest change that matches Table 2:  E = {beam.elastic_modulus[0] / 1e9:.1f} GPa,  "
         f"ρ = {beam.density[0]:.0f} kg/m³",
         loc="left",
     )
     return figure
 
 
-def _steps(axes: Axes, arc: Array, factors: Array, name: str) -> None:
+def _draw_profile(axes: Axes, arc: Array, factors: Array, name: str) -> None:
+    """Draw a property relative to the standard beam, with the bounds of 10 %."""
     axes.stairs(factors, arc, baseline=1.0, fill=True, alpha=0.35, color=COLOURS["generic"])
     axes.stairs(factors, arc, baseline=None, color=COLOURS["generic"])
     for bound in (0.9, 1.1):
@@ -116,8 +129,8 @@ def _steps(axes: Axes, arc: Array, factors: Array, name: str) -> None:
     axes.set(ylabel=f"{name} / standard", ylim=(0.88, 1.12))
 
 
-def _frequencies(study: Study) -> Figure:
-    """Relative frequency errors before and after."""
+def table_10_frequencies(study: Study) -> Figure:
+    """Draw the relative frequency errors before and after matching."""
     target = np.array(paper.FREQUENCIES)
     columns = {
         "standard, hanging": (study.match.standard, COLOURS["quadratic"]),
@@ -131,44 +144,44 @@ def _frequencies(study: Study) -> Figure:
         errors = 100 * (np.array(frequencies) / target - 1)
         axes.bar(MODES + 0.2 * (k - 1.5), errors, 0.19, color=colour, label=name)
     axes.axhline(0.0, lw=0.8, color=MEASURED)
-    axes.set(xlabel="mode", ylabel="frequency against Table 2, %", xticks=MODES)
-    axes.set_title(f"largest error after matching {study.match.max_relative_error:.0e}", loc="left")
+    axes.set(xlabel="mode", ylabel="frequency error relative to Table 2, %", xticks=MODES)
+    axes.set_title(f"largest relative error after matching: {study.match.max_relative_error:.0e}", loc="left")
     axes.legend()
     return figure
 
 
-def _comparison(study: Study) -> Figure:
-    """Damping ratio of each mode under each law."""
+def table_11_damping_ratios(study: Study) -> Figure:
+    """Draw the damping ratio of each mode under each law."""
     figure = Figure(figsize=(6.4, 4.2), layout="constrained")
     axes = figure.subplots()
     axes.semilogy(MODES, 100 * np.array(paper.DAMPING_RATIOS), "s", ms=10, mfc="none", color=MEASURED, label="Table 2")
-    for name in LAWS:
-        axes.semilogy(MODES, 100 * np.array(study.ratios(name)), "o-", color=COLOURS[name], label=f"{name}, simulated")
-    for name, printed in (("proportional", paper.PROPORTIONAL_RATIOS), ("quadratic", paper.QUADRATIC_RATIOS)):
-        axes.semilogy(MODES, 100 * np.array(printed), "x", color=COLOURS[name], label=f"{name}, paper")
+    for law, name in LAW_NAMES.items():
+        axes.semilogy(MODES, 100 * np.array(study.ratios(law)), "o-", color=COLOURS[law], label=f"{name}, simulated")
+    for law, printed in (("proportional", paper.PROPORTIONAL_RATIOS), ("quadratic", paper.QUADRATIC_RATIOS)):
+        axes.semilogy(MODES, 100 * np.array(printed), "x", color=COLOURS[law], label=f"{LAW_NAMES[law]}, paper")
     axes.set(xlabel="mode", ylabel="damping ratio, %", xticks=MODES)
     axes.legend(fontsize=8)
     return figure
 
 
-def _transients(study: Study, mode: int) -> Figure:
-    """Tip motion under each law: the whole run, and the decay of the mode itself."""
+def transients(study: Study, mode: int) -> Figure:
+    """Draw the tip motion under each law: the whole run, and the decay of the driven mode with its fitted envelope."""
     figure = Figure(figsize=(8, 4.6), layout="constrained")
-    panels = figure.subplots(2, len(LAWS), sharey="row")
-    for column, name in enumerate(LAWS):
-        result = study.of(name)[mode]
+    panels = figure.subplots(2, len(LAW_NAMES), sharey="row")
+    for column, (law, name) in enumerate(LAW_NAMES.items()):
+        result = study.under(law)[mode]
         whole, decay = panels[:, column]
-        whole.plot(result.motion.time, 1e3 * result.motion.displacement, lw=0.3, color=COLOURS[name])
-        whole.set_title(f"{name}, base {1e3 * result.base_amplitude:.3g} mm", loc="left")
-        envelope = 2e3 * result.amplitude * np.array([-0.5, 0.5])
-        decay.plot(decay_time := result.decay.time, 1e3 * result.decay.displacement, lw=0.4, color=COLOURS[name])
-        middle = (decay_time[0] + decay_time[-1]) / 2
-        rate = 2 * math.pi * result.frequency * result.damping_ratio
-        for side in envelope:
-            decay.plot(decay_time, side * np.exp(-rate * (decay_time - middle)), "--", lw=1, color=MEASURED)
+        whole.plot(result.motion.time, 1e3 * result.motion.displacement, lw=0.3, color=COLOURS[law])
+        whole.set_title(f"{name},\nbase amplitude {1e3 * result.base_amplitude:.3g} mm", loc="left")
+        time = result.decay.time
+        decay.plot(time, 1e3 * result.decay.displacement, lw=0.4, color=COLOURS[law])
+        decay_rate = 2 * math.pi * result.frequency * result.damping_ratio
+        envelope = 1e3 * result.amplitude * np.exp(-decay_rate * (time - (time[0] + time[-1]) / 2))
+        for side in (-envelope, envelope):
+            decay.plot(time, side, "--", lw=1, color=MEASURED)
         decay.set_title(f"ζ = {100 * result.damping_ratio:.3g} %", loc="left")
         decay.set_xlabel("time, s")
-    panels[0, 0].set_ylabel("tip to clamp, mm")
-    panels[1, 0].set_ylabel(f"mode {mode + 1} at the tip, mm")
-    figure.suptitle(f"Mode {mode + 1}: driven, stopped, and its decay with the fitted envelope")
+    panels[0, 0].set_ylabel("tip relative to clamp, mm")
+    panels[1, 0].set_ylabel(f"tip in mode {mode + 1}, mm")
+    figure.suptitle(f"Mode {mode + 1}: excitation and stop (top), decay of the mode with the fitted envelope (bottom)")
     return figure

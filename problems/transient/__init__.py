@@ -1,1 +1,1 @@
-"""Fits of damping laws and beam properties to large motion, and the comparison of laws."""
+"""Fits of damping laws and beam properties to large motion of the nonlinear beam, and the comparison of laws."""

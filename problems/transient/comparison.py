@@ -12,9 +12,9 @@ from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import instances
 from ancf_casadi.support.parallel import run_all
-from problems.transient.fitting import TransientFit, fit_transient
+from problems.transient.fitting import fit_transient
 from problems.transient.marker_record import MarkerRecord
-from problems.transient.unknowns import named_parameters
+from problems.transient.result import TransientFit
 
 
 def compare_laws(
@@ -51,11 +51,11 @@ def compare_laws(
     laws = instances(laws, "laws", DampingLaw)
     tasks = [partial(fit_transient, model, records, law, **settings) for law in laws]
     fits = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="laws")
-    terms = tuple(tuple(name for name, _ in named_parameters(law)) for law in laws)
+    terms = tuple(tuple(own.name for own in law.parameters) for law in laws)
     return LawComparison(tuple(_name(law) for law in laws), tuple(fits), terms)
 
 
 def _name(law: DampingLaw) -> str:
     """Return the name of a law in a table."""
     terms = law.laws if isinstance(law, SumOfLaws) else (law,)
-    return " + ".join(f"{type(term).__name__}({', '.join(name for name, _ in term.parameters)})" for term in terms)
+    return " + ".join(f"{type(term).__name__}({', '.join(own.name for own in term.parameters)})" for term in terms)

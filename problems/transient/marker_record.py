@@ -1,4 +1,4 @@
-"""What was measured of the large motion of a beam: positions of points on it over time."""
+"""Measured large motion of a beam: positions of points on it over time."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, check_instance, numbers, physical
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
-EVEN = 1e-6  # of a sampling interval: how far a sample may be off
+EVEN = 1e-6  # largest deviation of a sample from even spacing, in sampling intervals
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,19 +30,19 @@ class MarkerRecord:
     time : array_like (k,)
         Instants, s, from 0 at equal intervals.
     positions : array_like (k, m, 2) or (k, 2)
-        Positions in the laboratory frame, m, the clamp at rest being the origin; of m points, or of one.
+        Positions of m points, or of one, in the laboratory frame with its origin at the clamp at rest, m.
     points : sequence of float
-        Their arc lengths from the clamp, m; the tip if not given.
+        Arc lengths of the points from the clamp, m; the tip if not given.
     base : BaseMotion, optional
         Motion of the clamp; fixed if not given.
     start : str, Equilibrium or State
-        Start of the motion, as of ``simulate``.
+        Start of the motion, as for ``simulate``.
 
     Raises
     ------
     InputError
-        If there are fewer than 10 samples, the times do not begin with 0 or are not evenly spaced, the shapes do not
-        fit, a value is not finite, or nothing moves.
+        If there are fewer than 10 samples, the times do not begin with 0 or are not evenly spaced, the sizes of the
+        arrays do not match, a value is not finite, or nothing moves.
     """
 
     time: ArrayLike
@@ -61,7 +62,7 @@ class MarkerRecord:
             raise InputError("needs at least 10 instants", "time")
         step = (time[-1] - time[0]) / (time.size - 1)
         if not step > 0.0 or time[0] != 0.0 or np.abs(time - step * np.arange(time.size)).max() > EVEN * step:
-            raise InputError("must begin with 0 and go on at equal intervals; resample the record", "time")
+            raise InputError("must begin with 0 and continue at equal intervals; resample the record", "time")
         physical(time[-1], "time")
         if positions.ndim == 2:
             positions = positions[:, None, :]
@@ -69,26 +70,30 @@ class MarkerRecord:
         if positions.shape != (time.size, count, 2):
             raise InputError(f"must have the shape {(time.size, count, 2)}, got {positions.shape}", "positions")
         if not np.ptp(positions, axis=0).any():
-            raise InputError("are constant, nothing moves", "positions")
+            raise InputError("are constant; nothing moves", "positions")
         object.__setattr__(self, "time", time)
         object.__setattr__(self, "positions", positions)
 
     @property
     def duration(self) -> float:
-        """Its last instant, s."""
+        """Duration, s."""
         return float(np.asarray(self.time)[-1])
 
     @property
     def sample_rate(self) -> float:
-        """Samples a second, 1/s."""
+        """Sampling rate, 1/s."""
         return (np.size(self.time) - 1) / self.duration
 
     @property
     def columns(self) -> Array:
-        """The measured coordinates, (2 m, k)."""
+        """Measured coordinates, x and y of each point, (2 m, k)."""
         return np.reshape(self.positions, (np.size(self.time), -1)).T
 
     @property
     def own_base(self) -> BaseMotion:
-        """The motion of the clamp."""
+        """Motion of the clamp."""
         return FixedBase() if self.base is None else self.base
+
+    def points_on(self, beam: Beam) -> Sequence[float]:
+        """Return the arc lengths of the points, m."""
+        return (beam.length,) if self.points is None else self.points

@@ -3,35 +3,33 @@
     alpha, beta, eta1, eta2, ratio1, ...        parameters of the law; the second of a name in a sum is ``eta1_2``
     width, thickness, density, elastic_modulus  factors on the properties, common to all elements
     base_amplitude_1, ...                       of the base motion of each record
-    start_force_x_1, start_force_x_rate_1, ...  load at the tip that each record starts from, and its rate
+    start_force_x_1, start_force_x_rate_1, ...  tip load that each record starts from, and its rate of change
 
-The scale of each is its guess; of a load 1/10 of E I/L^2 (a moment: E I/L), of its rate this times the angular
+The scale of an unknown is its guess; of a load 1/10 of E I/L^2 (a moment: E I/L); of its rate this times the angular
 frequency of the first mode.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping import DampingLaw, Parameter
 from ancf_casadi.dynamics.derivatives.release_load import LOAD, START
 from ancf_casadi.estimation.least_squares import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import choices
+from ancf_casadi.support.inputs import array, choices, shown
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.transient.marker_record import MarkerRecord
 
-NEAR = 0.10  # bounds of a property or an amplitude, on either side
-LARGEST_RATIO = 1.0 - 1e-6
-SLIGHT = 0.1  # of the load that bends a beam by about its length
-FIRST_MODE = 3.516  # angular frequency of a cantilever by (E I/(mu L^4))^1/2
-UNITS = {"alpha": "1/s", "beta": "s", "eta1": "1/s", "eta2": "1/m"}
+NEAR = 0.10  # bounds of a property, on either side
+SLIGHT = 0.1  # scale of a load, of the load that bends a beam by about its length
+FIRST_MODE = 3.516  # angular frequency of a cantilever over (E I/(mu L^4))^1/2
 
 Bounds = Mapping[str, tuple[float, float]]
 
@@ -42,62 +40,53 @@ def transient_unknowns(
     damping: DampingLaw,
     properties: Sequence[str],
     base_amplitude: bool,
-    start: Sequence[str],
+    start_load: Sequence[str],
     fixed: Sequence[str],
     bounds: Bounds,
 ) -> list[Unknown]:
-    """Return what is to be estimated; the arguments are those of ``fit_transient``.
+    """Return the unknowns; the arguments are those of ``fit_transient``.
 
     Raises
     ------
     InputError
-        If a name is unknown, nothing is to be estimated, a guess is not within its bounds, or a record whose load is
-        to be estimated does not start from an equilibrium.
+        If a name is unknown, nothing is to be estimated, bounds are not a pair or do not contain the guess, or a
+        record whose load is to be estimated does not start from an equilibrium.
     """
-    law = named_parameters(damping)
-    _check(fixed, [name for name, _ in law], "fixed")
-    _check(properties, PROPERTIES, "properties")
-    _check(start, START, "start")
+    choices(fixed, [parameter.name for parameter in damping.parameters], "fixed")
+    choices(properties, PROPERTIES, "properties")
     unknowns = []
 
     def add(name: str, guess: float, usual: tuple[float, float], unit: str, scale: float = 0.0) -> None:
-        lower, upper = bounds.get(name, usual)
+        lower, upper = _pair(bounds[name], f"bounds: {name}") if name in bounds else usual
         unknowns.append(Unknown(name, guess, scale or abs(guess) or 1.0, lower=lower, upper=upper, unit=unit))
 
-    for name, value in law:
-        if name not in fixed:
-            highest = LARGEST_RATIO if name.startswith("ratio") else math.inf
-            add(name, value, (0.0, highest), UNITS.get(name.split("_")[0], ""))
+    def add_parameter(name: str, parameter: Parameter) -> None:
+        unit = "" if parameter.unit == "1" else parameter.unit
+        add(name, parameter.value, (parameter.lower, parameter.upper), unit)
+
+    for parameter in damping.parameters:
+        if parameter.name not in fixed:
+            add_parameter(parameter.name, parameter)
     for name in properties:
         add(name, 1.0, (1.0 - NEAR, 1.0 + NEAR), "")
     for k, record in enumerate(records):
         if base_amplitude:
-            for name, value in record.own_base.parameters:
-                add(amplitude_name(k, name), value, ((1.0 - NEAR) * value, (1.0 + NEAR) * value), "m")
-        if start:
+            for parameter in record.own_base.parameters:
+                add_parameter(amplitude_name(k, parameter.name), parameter)
+        if start_load:
             if not (isinstance(record.start, Equilibrium) or record.start == "equilibrium"):
-                raise InputError("must be an equilibrium, for its load to be estimated", "start")
+                raise InputError("must be an equilibrium if its load is to be estimated", "start")
             scales = _load_scales(model)
             for name, value in loads(record):
-                if name in start:
+                if name in start_load:
                     unit = f"N{' m' * ('moment' in name)}{'/s' * name.endswith('rate')}"
                     add(load_name(k, name), value, (-math.inf, math.inf), unit, scales[name])
     if not unknowns:
-        raise InputError("nothing is to be estimated; a coefficient of 0 is no parameter: guess above 0", "damping")
+        raise InputError("nothing is to be estimated; give a coefficient a guess above 0, or fix fewer", "damping")
     strange = set(bounds) - {unknown.name for unknown in unknowns}
     if strange:
-        raise InputError(f"{', '.join(sorted(strange))}: not to be estimated", "bounds")
+        raise InputError(f"{', '.join(sorted(strange))}: not to be estimated; remove these bounds", "bounds")
     return unknowns
-
-
-def named_parameters(damping: DampingLaw) -> list[tuple[str, float]]:
-    """Return the parameters of a law; the second of a name in a sum is called ``name_2``."""
-    seen: Counter[str] = Counter()
-    named = []
-    for name, value in damping.parameters:
-        seen[name] += 1
-        named.append((f"{name}_{seen[name]}" if seen[name] > 1 else name, value))
-    return named
 
 
 def amplitude_name(record: int, name: str) -> str:
@@ -106,19 +95,22 @@ def amplitude_name(record: int, name: str) -> str:
 
 
 def load_name(record: int, name: str) -> str:
-    """Return the name of a part of the load that a record starts from, or of its rate."""
+    """Return the name of a component of the load that a record starts from, or of its rate."""
     return f"start_{name}_{record + 1}"
 
 
 def loads(record: MarkerRecord) -> list[tuple[str, float]]:
-    """Return the load that a record starts from, as far as it is known, and its rate, which is not: zero."""
+    """Return the load that a record starts from, zero where it is unknown, and zero for its rate, by name."""
     start = record.start
     known = (*start.tip_force, start.tip_moment) if isinstance(start, Equilibrium) else (0.0,) * len(LOAD)
     return list(zip(START, (*known, *(0.0,) * len(LOAD)), strict=True))
 
 
-def _check(names: Sequence[str], known: Sequence[str], where: str) -> None:
-    choices(names, known, where)
+def _pair(bounds: Any, where: str) -> tuple[float, float]:
+    values = array(bounds, where, finite=False)
+    if values.shape != (2,):
+        raise InputError(f"must be a pair (lower, upper), got {shown(bounds)}", where)
+    return float(values[0]), float(values[1])
 
 
 def _load_scales(model: Model) -> dict[str, float]:

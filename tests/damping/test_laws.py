@@ -1,4 +1,4 @@
-"""Damping ratios by three routes: the law's own formula, complex eigenvalues, and a decay simulated by IDAS."""
+"""Damping ratios by three routes: the formula of the law, complex eigenvalues, and a decay simulated by IDAS."""
 
 import re
 import warnings
@@ -67,7 +67,7 @@ def force(law, model, e, e_t):
 
 
 def damping_matrix(law, modes):
-    """Jacobian of the damping force with respect to the rates, at rest."""
+    """Jacobian of the damping force with respect to the velocities, at rest."""
     model = modes.model
     e, e_t = cs.MX.sym("e", model.size), cs.MX.sym("e_t", model.size)
     jacobian = cs.Function("C", [e, e_t], [cs.jacobian(law.force(model, e, e_t), e_t)])
@@ -75,7 +75,7 @@ def damping_matrix(law, modes):
 
 
 def eigenvalue_ratios(law, modes):
-    """Damping ratios -Re s/|s| of the lowest swinging modes, from s^2 M + s C + K about the equilibrium.
+    """Damping ratios -Re s/|s| of the lowest oscillating modes, from s^2 M + s C + K about the equilibrium.
 
     Eigenvalues of the inverse, in units of the first natural frequency: the low modes are its largest.
     """
@@ -90,13 +90,13 @@ def eigenvalue_ratios(law, modes):
         ]
     )
     s = 1 / scipy.linalg.eigvals(inverse)
-    swinging = s[s.imag > 1e-3]
-    lowest = swinging[np.argsort(abs(swinging))][: modes.count]
+    oscillating = s[s.imag > 1e-3]
+    lowest = oscillating[np.argsort(abs(oscillating))][: modes.count]
     return -lowest.real / abs(lowest)
 
 
 def swing(modes, law, amplitudes, duration, **settings):
-    """Simulate a beam set off, straight, with the speed of its first modes; return time and their displacements.
+    """Simulate a straight beam that starts with the velocity of its first modes; return time and modal coordinates.
 
     The amplitudes are 1e-3 of the length, so the tolerance is a tenth of the default.
     """
@@ -107,7 +107,7 @@ def swing(modes, law, amplitudes, duration, **settings):
 
 
 def fitted(time, displacement, omega, envelope, guess):
-    """Parameter of the envelope (parameter, omega t) of a decay, its phase and frequency being free."""
+    """Fit the parameter of the envelope (parameter, omega t) of a decay, with free phase and frequency."""
     scale = abs(displacement).max()
 
     def residuals(x):
@@ -152,7 +152,7 @@ def test_with_zero_coefficients_a_law_does_not_damp(modes, law):
 
 
 def test_at_the_default_tolerance_a_released_beam_keeps_swinging_in_both_modes(modes, bending_stiffness):
-    """Let go 1 mm off; the first two modes lose less than 2e-5 of critical."""
+    """Released at 1 mm, the first two modes have less than 2e-5 of critical damping."""
     model = modes.model
     held = static_equilibrium(model, tip_force=(6e-3 * bending_stiffness(model.beam) / 0.25, 0.0))
     run = simulate(model, start=held, duration=0.95)
@@ -165,7 +165,7 @@ def test_at_the_default_tolerance_a_released_beam_keeps_swinging_in_both_modes(m
 
 
 def test_damping_by_the_reference_stiffness_has_the_predicted_ratio_in_very_small_motion_only(modes):
-    """Its axial part resists the rotation of elements: more than twice the ratio at 2 parts in 1000 of the length."""
+    """Its axial part resists the rotation of elements: at 0.2 % of the length the ratio more than doubles."""
     law = reference(2e-3)
     predicted = law.damping_ratios(modes, np.zeros(5))[0]
     tiny = simulated_ratios(law, modes, amplitudes=(1e-5,), duration=0.7, tolerance=1e-11)[0]
@@ -200,7 +200,7 @@ def test_without_a_coefficient_a_decay_has_no_ratio_that_grows_with_amplitude(mo
 
 
 def test_drag_takes_as_much_energy_in_a_period_as_its_equivalent_viscous_ratio(modes):
-    """4 pi zeta times the energy of the swing, at its mean square amplitude."""
+    """The loss is 4 pi zeta times the energy of the oscillation at its mean square amplitude."""
     law, omega, amplitude = QuadraticDamping(eta1=ETA1, eta2=ETA2), modes.angular_frequencies[0], 2e-3
     shape = modes.shapes[:, 0] / modes.tip_amplitudes()[0]
     start = State(modes.equilibrium.coordinates, omega * amplitude * shape)

@@ -1,4 +1,4 @@
-"""Generic damping turns with the clamp: in simulation, derivatives, exported Functions and the reduced model."""
+"""Modal (generic) damping turns with the clamp: in simulation, derivatives, exported Functions, reduced model."""
 
 import casadi as cs
 import numpy as np
@@ -20,8 +20,8 @@ from ancf_casadi import (
 )
 from ancf_casadi.dynamics.derivatives.tangent import Tangent
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.idas import SemiExplicit
 from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
+from ancf_casadi.dynamics.semi_explicit import SemiExplicit
 from ancf_casadi.export import Document, beam_functions, read_document, write_document
 from ancf_casadi.support.banded import Factors, lapack_storage
 
@@ -35,13 +35,13 @@ def rotation(angle):
 
 
 def turned(vectors, angle):
-    """The pairs (x, y) in the last axis turned by an angle."""
+    """Turn the pairs (x, y) in the last axis by an angle."""
     return (vectors.reshape(*vectors.shape[:-1], -1, 2) @ rotation(angle).T).reshape(vectors.shape)
 
 
-def smooth(share):
+def smooth(x):
     """A step from 0 to 1 with two continuous derivatives."""
-    x = np.clip(share, 0.0, 1.0)
+    x = np.clip(x, 0.0, 1.0)
     return x**3 * (10 - 15 * x + 6 * x**2)
 
 
@@ -62,7 +62,7 @@ def turned_and_struck(angle):
 
 
 def ratio_of(time, displacement, omega):
-    """Damping ratio of the exponential that fits a decay."""
+    """Return the damping ratio of the exponential that fits a decay."""
     size, phase = abs(displacement).max(), omega * (time - time[0])
 
     def residuals(x):
@@ -95,7 +95,7 @@ def test_modes_of_a_hanging_beam_damp_the_same_beam_lying(rubber_beam, modes):
 @ANGLES
 @pytest.mark.parametrize("make", [beam_functions, reduce_model], ids=["full", "reduced"])
 def test_exported_accelerations_turn_with_the_beam(modes, make, degrees):
-    """Everything turned, without gravity: the accelerations of the full beam turn too, modal ones stay."""
+    """If everything turns, without gravity, the accelerations of the full beam turn too; modal ones do not change."""
     functions = make(modes.model, damping=ModalDamping(modes, RATIOS), modes=2)
     undamped = make(modes.model, modes=2)
     angle, random = np.radians(degrees), np.random.default_rng(3)
@@ -118,9 +118,9 @@ def test_exported_accelerations_turn_with_the_beam(modes, make, degrees):
 
     expected = turn(accelerations(functions, q, v, base))
     found = accelerations(functions, turn(q), turn(v), along)
-    share = abs(expected - turn(accelerations(undamped, q, v, base))).max()
-    assert share > 1e-3
-    assert abs(found - expected).max() < 1e-6 * share
+    difference = abs(expected - turn(accelerations(undamped, q, v, base))).max()
+    assert difference > 1e-3
+    assert abs(found - expected).max() < 1e-6 * difference
 
 
 def test_the_jacobians_of_the_residual_are_those_of_differences_under_a_turned_clamp(modes):
@@ -141,9 +141,9 @@ def test_the_jacobians_of_the_residual_are_those_of_differences_under_a_turned_c
                 moved[place][k] += sign * step
                 ends.append(functions.residual(*moved, p).full().ravel())
             expected[:, k] = (ends[0] - ends[1]) / (2 * step)
-        share = abs(jacobians[place] - undamped[place]).full().max()
-        assert share > 1e-4
-        assert abs(jacobians[place].full() - expected).max() < 1e-4 * share
+        difference = abs(jacobians[place] - undamped[place]).full().max()
+        assert difference > 1e-4
+        assert abs(jacobians[place].full() - expected).max() < 1e-4 * difference
 
 
 def test_a_law_read_from_a_document_turns_too(modes, tmp_path):
@@ -167,7 +167,7 @@ TURNING = SampledBase(TIME, np.outer(smooth(TIME / 0.4), [0.02, 0.01]), 1.5 * sm
 
 @pytest.fixture(scope="module")
 def strip():
-    """A soft strip of silicone, hanging."""
+    """A soft hanging strip of silicone."""
     return Model(
         Beam.uniform(length=0.2, width=0.01, thickness=2e-3, density=1070.0, elastic_modulus=264e3, elements=3)
     )
@@ -181,7 +181,7 @@ def law(strip):
 def test_derivatives_are_those_of_differences_and_reverse_ones_the_transposed(strip, law):
     settings = {"damping": law, "base": TURNING, "duration": 0.5, "sample_rate": 50.0}
     coarse, tight = (motion(strip, **settings, tolerance=tolerance) for tolerance in (1e-7, 1e-9))
-    at = [np.array([value for _, value in law.parameters]), np.zeros(0), strip.properties]
+    at = [np.array([parameter.value for parameter in law.parameters]), np.zeros(0), strip.properties]
     symbols = [cs.MX.sym(name, *coarse.size_in(k)) for k, name in enumerate("abc")]
     tip = cs.vec(coarse(*symbols)[-4:-2, :])
     directions = [np.array([1.0, 0.0]), np.array([0.0, 1.0])], [strip.properties * (np.arange(4) == 1)[:, None]]
@@ -208,9 +208,9 @@ def test_the_reduced_model_moves_like_the_full_one(paper_beam):
         simulate(model, damping=given, method="radau", tolerance=1e-6, **settings) for given in (law, None)
     )
     reduced = simulate_reduced(reduce_model(model, modes=5, damping=law), **settings)
-    error, share = (np.linalg.norm(run.tip - full.tip, axis=1).max() for run in (reduced, undamped))
-    assert share > 0.05
-    assert error < 2e-3 * share
+    error, difference = (np.linalg.norm(run.tip - full.tip, axis=1).max() for run in (reduced, undamped))
+    assert difference > 0.05
+    assert error < 2e-3 * difference
 
 
 @BOTH
@@ -229,10 +229,10 @@ def test_energy_balances_and_every_law_takes_energy_while_the_clamp_turns(strip,
 
 
 def nodes_turned(angles):
-    """Clamped nodes (k, 12) of a hanging beam turned by some angles, and moving."""
+    """Clamped nodes (k, 12) of a moving hanging beam, turned by the given angles."""
     axis = np.array([0.0, -1.0])
-    rates = np.random.default_rng(6).normal(size=(len(angles), 8))
-    return np.array([[0.01, 0.02, *rotation(angle) @ axis, *rate] for angle, rate in zip(angles, rates, strict=True)])
+    motions = np.random.default_rng(6).normal(size=(len(angles), 8))  # velocities and accelerations
+    return np.array([[0.01, 0.02, *rotation(angle) @ axis, *part] for angle, part in zip(angles, motions, strict=True)])
 
 
 def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_within_the_step(modes):
@@ -246,7 +246,7 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
     motion = stage_motion(unknowns, cs.DM(q), cs.DM(v), cs.MX(h), cs.DM(clamps.T))
     forces, _ = form.balance.map(3)(*motion, cs.repmat(cs.DM(p), 1, 3))
     jacobian = cs.Function("G", [unknowns], [cs.jacobian(cs.vec(forces[4:, :]), cs.vec(unknowns))])(Z.T).full()
-    rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).rates).full().ravel()
+    rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).modal_coefficients).full().ravel()
 
     band = tangent.matrix(Z.T, h, np.concatenate([q, v, clamps.ravel(), p])).full().ravel()
     low_rank = tangent.low_rank(clamps, h, rates)
@@ -267,7 +267,7 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
 
 
 def test_the_jacobian_that_idas_uses_is_that_of_differences_under_a_turned_clamp(modes):
-    """Of its unknowns w the residual is linear in accelerations and rates, which makes differences exact."""
+    """The residual of the unknowns w is linear in accelerations and velocities, so that differences are exact."""
     equations = Equations(modes.model, ModalDamping(modes, RATIOS))
     form, random, m = SemiExplicit(equations), np.random.default_rng(7), len(RATIOS)
     (clamp,) = nodes_turned([1.0])

@@ -1,4 +1,4 @@
-"""Closed forms of the free decay against their equations of motion, and first guesses against known truth."""
+"""Closed forms of the free decay against their equations of motion; first guesses against known truth."""
 
 import math
 

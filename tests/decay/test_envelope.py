@@ -1,4 +1,4 @@
-"""Damping against amplitude: all three laws recovered without being told, errors that hold, and what is refused."""
+"""Damping against amplitude: all three laws recovered without a given law, coverage of the errors, refusals."""
 
 import math
 

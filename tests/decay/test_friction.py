@@ -1,4 +1,4 @@
-"""Decay under friction: its averaged equation, its limits, a numerical solution, and its derivatives."""
+"""Decay with friction: averaged equation, limits, numerical solution, and derivatives."""
 
 import math
 

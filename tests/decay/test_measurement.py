@@ -1,4 +1,4 @@
-"""Measured records: what is read, and what is refused, and where the error says the trouble is."""
+"""Measured records: accepted input, and refusals that name the place of the error."""
 
 import numpy as np
 import pytest

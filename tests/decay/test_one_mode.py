@@ -1,4 +1,4 @@
-"""The one-mode equation of motion: against another integrator, its linear closed form, and its order."""
+"""One-mode equation of motion: another integrator, its linear closed form, and its order."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The end of an excitation in a decay record, by exact motions of one mode; and plain decays, left whole."""
+"""End of an excitation in a decay record, from exact motions of one mode; plain decays are not cut."""
 
 import math
 

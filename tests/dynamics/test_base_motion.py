@@ -9,9 +9,9 @@ from ancf_casadi import FixedBase, HarmonicBase, InputError, SampledBase, SweepB
 
 
 def motion(base, instants, order=0):
-    """Displacement and rotation (k, 3) of a base, or their derivatives, from the piece that holds at each instant."""
+    """Displacement and rotation (k, 3) of a base, or their derivatives, from the piece at each instant."""
     t, result = cs.MX.sym("t"), []
-    values = cs.DM([value for _, value in base.parameters])
+    values = cs.DM([parameter.value for parameter in base.parameters])
     functions = []
     for piece in base.pieces():
         u = cs.densify(piece.motion(t, values))
@@ -25,7 +25,7 @@ def motion(base, instants, order=0):
 
 
 def frames(**changes):
-    """A recorded motion with a kink-free start, 2 s long."""
+    """A smooth recorded motion of 2 s."""
     time = np.linspace(0.0, 2.0, 81)
     displacement = np.column_stack([np.sin(time) ** 2, 0.1 * time**3])
     return {"time": time, "displacement": displacement, "rotation": 0.2 * np.sin(3 * time)} | changes
@@ -69,7 +69,7 @@ def test_it_can_be_told_to_stop_at_once():
 
 
 def test_a_sweep_begins_with_the_first_frequency_and_ends_with_the_last():
-    """Its phase grows by 2 pi times the mean frequency times the time; its speed is amplitude times its rate."""
+    """The velocity is the amplitude times the derivative of the phase, 2 pi times mean frequency times time."""
     base = SweepBase(2e-3, (1.0, 4.0), stop=3.0)
     t = np.linspace(0.0, 3.0, 3001)
     u, v = motion(base, t)[:, 0], motion(base, t, order=1)[:, 0]
@@ -89,7 +89,7 @@ def test_a_sweep_holds_where_it_stops():
 
 @pytest.mark.parametrize("frequencies", [(1.0, 2.2), (2.2, 1.0), (4.0, 0.1), (1.5, 1.5)])
 def test_a_sweep_stops_at_rest(frequencies):
-    """At the first instant of zero velocity after the time asked for: half a period later at most."""
+    """At the first instant of zero velocity after the requested time: at most half a period later."""
     base = SweepBase(2e-3, frequencies, stop=1.7)
     assert 1.7 <= base.stop_time < 1.7 + 0.55 / (2 * frequencies[1] if frequencies[1] > 1 else 0.1)
     t = np.linspace(1.7, base.stop_time, 201)
@@ -113,7 +113,7 @@ def test_a_recorded_motion_begins_with_its_first_instant():
 
 
 @pytest.mark.parametrize("order", [0, 1, 2])
-def test_a_recorded_polynomial_of_degree_5_is_followed_exactly_with_its_speed_and_acceleration(order):
+def test_a_recorded_polynomial_of_degree_5_is_followed_exactly_with_its_velocity_and_acceleration(order):
     time = np.array([0.0, 0.1, 0.25, 0.3, 0.5, 0.6, 0.8, 1.0])
     polynomial = np.polynomial.Polynomial([0.0, 1.0, -2.0, 0.5, 3.0, -1.0])
     base = SampledBase(time, np.column_stack([polynomial(time), -polynomial(time)]))
@@ -124,7 +124,7 @@ def test_a_recorded_polynomial_of_degree_5_is_followed_exactly_with_its_speed_an
 
 @pytest.mark.parametrize(("order", "rate"), [(0, 6.0), (1, 5.0), (2, 4.0)])
 def test_the_error_of_a_recorded_motion_falls_with_the_sixth_power_of_the_interval(order, rate):
-    """And that of its speed and acceleration with the fifth and fourth."""
+    """The errors of velocity and acceleration fall with the fifth and fourth power."""
     exact = [np.sin, np.cos, lambda t: -np.sin(t)][order]
     t, errors = np.linspace(2.0, 4.0, 201), []
     for samples in (73, 145):

@@ -1,4 +1,4 @@
-"""Corrections and residuals that turn with the beam, and the prediction of a step."""
+"""Corrections and residuals that rotate with the beam, and the prediction of a step."""
 
 import casadi as cs
 import numpy as np
@@ -18,7 +18,7 @@ def model(request):
 
 
 def bent(model, curvature, turn=0.0):
-    """Coordinates of the beam bent to an arc; the clamped node keeps its place, and all that is behind it turns."""
+    """Return the coordinates of the beam bent to an arc; the clamped node stays in place, and all behind it turns."""
     arc = np.linspace(0.0, BEAM["length"], BEAM["elements"] + 1)
     angle = turn - np.pi / 2 + curvature * arc
     x = (np.sin(angle) - np.sin(angle[0])) / curvature
@@ -29,7 +29,7 @@ def bent(model, curvature, turn=0.0):
 
 
 def transfer(model, reference, other):
-    """X, (N, N), and its transpose as the residuals see it."""
+    """Return X, (N, N), and the matrix that turns residuals back."""
     first, e = cs.MX.sym("first", model.size), cs.MX.sym("e", model.size)
     vector = cs.MX.sym("vector", model.size - NODE)
     corotation = Corotation(model, 1, as_it_is)
@@ -40,13 +40,13 @@ def transfer(model, reference, other):
 
 
 def test_residuals_turn_by_the_transpose(model):
-    """The work of residuals on corrections is the same in both configurations."""
+    """Residuals do the same work on corrections in both configurations."""
     forth, back = transfer(model, bent(model, 1.0), bent(model, 2.5, 0.3))
     np.testing.assert_allclose(back, forth.T, atol=1e-12)
 
 
 def test_a_rigid_turn_turns_all_corrections(model):
-    """Where the whole beam turns, clamp included, each correction turns by the same angle."""
+    """If the whole beam turns, clamp included, all corrections turn by the same angle."""
     angle = 0.7
     forth, _ = transfer(model, bent(model, 1.0), bent(model, 1.0, angle))
     c, s = np.cos(angle), np.sin(angle)
@@ -55,7 +55,7 @@ def test_a_rigid_turn_turns_all_corrections(model):
 
 
 def test_axial_stiffness_is_the_same_after_turning():
-    """X^T K X and K differ by bending alone, a thousand times less than before turning."""
+    """After turning, X^T K X and K differ by bending alone, a thousand times less than before."""
     model = Model(Beam.uniform(**BEAM))
     reference, other = bent(model, 1.0), bent(model, 2.5)
     stiffness = [model.tangent_stiffness(e, model.properties).full()[NODE:, NODE:] for e in (reference, other)]
@@ -66,7 +66,7 @@ def test_axial_stiffness_is_the_same_after_turning():
 
 
 def test_continuing_a_steady_bending(model):
-    """A beam that bends to arcs of evenly growing curvature, about a clamp that turns, is continued exactly."""
+    """A beam that bends to arcs of linearly growing curvature about a turning clamp is continued exactly."""
     times = np.array([0.0, 0.3, 0.6, 1.0])
     motion = np.column_stack([bent(model, 1.0 + t, 0.2 * t) for t in times])
     ahead = np.array([1.2, 1.5, 2.0])

@@ -1,4 +1,4 @@
-"""Damping laws take energy out of bent and buckled beams; the tangent stiffness may add some, with a warning."""
+"""Damping laws take energy out of bent and buckled beams; the tangent stiffness may add energy, with a warning."""
 
 import warnings
 
@@ -31,7 +31,7 @@ TANGENT = RayleighDamping(beta=3e-3, stiffness="tangent")
 
 @pytest.fixture(scope="module")
 def standing(rubber_beam):
-    """A strip that stands, too long for its stiffness."""
+    """A standing strip, too long for its stiffness."""
     return Model(rubber_beam(5, length=LENGTH, axis=(0.0, 1.0)))
 
 
@@ -42,7 +42,7 @@ def modes(rubber_beam):
 
 
 def arc(model, angle):
-    """Coordinates of a standing beam bent to an arc of a circle that ends at an angle."""
+    """Coordinates of a standing beam bent to a circular arc with the given end angle."""
     s = np.linspace(0.0, LENGTH, model.beam.elements + 1)
     theta, radius = angle * s / LENGTH, LENGTH / angle
     nodes = [radius * (1 - np.cos(theta)), radius * np.sin(theta), np.sin(theta), np.cos(theta)]
@@ -50,13 +50,13 @@ def arc(model, angle):
 
 
 def fallen(model, law, method, **settings):
-    """Motion of the strip that falls from almost upright: past buckling, then bent."""
+    """Motion of the strip that buckles from almost upright, falls, and bends."""
     start = State(arc(model, 0.02), np.zeros(model.size))
     return simulate(model, damping=law, start=start, duration=2.0, sample_rate=100.0, method=method, **settings)
 
 
 def least_power(law, model, e):
-    """Least power that the law takes at speeds drawn at random, and along the softest direction of the beam."""
+    """Least power lost to damping, for random velocities and along the softest direction of the beam."""
     x, v = cs.MX.sym("e", model.size), cs.MX.sym("e_t", model.size)
     power = cs.Function("power", [x, v], [cs.dot(v, law.force(model, x, v))])
     free = model.free
@@ -75,7 +75,7 @@ def test_every_law_but_the_tangent_one_takes_energy_wherever_the_beam_is(standin
 
 
 def test_the_tangent_law_adds_energy_along_the_direction_in_which_the_beam_buckles(standing):
-    """Of a compressed strip the stiffness is indefinite."""
+    """The stiffness of a compressed strip is indefinite."""
     e = standing.straight.copy()
     e[4:] *= 1 - 5e-4
     assert not TANGENT.dissipative and not (TANGENT + RayleighDamping(alpha=1.0)).dissipative

@@ -1,4 +1,4 @@
-"""The steps of Radau IIA: what they cost, and what they rely on."""
+"""Steps of Radau IIA: their cost and their premises."""
 
 import math
 
@@ -17,9 +17,12 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.radau import step_control
 from ancf_casadi.dynamics.radau import stepper as radau
 from ancf_casadi.dynamics.radau.collocation import Collocation
-from ancf_casadi.dynamics.simulation import initial_state
+from ancf_casadi.dynamics.radau.newton import Newton
+from ancf_casadi.dynamics.segments import InitialValueProblem, Segment
+from ancf_casadi.dynamics.start import initial_state
 
 BEAM = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.85)
@@ -27,12 +30,12 @@ BLOW = HarmonicBase(amplitude=0.1e-3, frequency=94.3388)
 
 
 def stepper(model, law, base, start, end, tolerance):
-    """A stepper that has come to the end."""
+    """Return a stepper that has reached the end."""
     equations = Equations(model, law)
     clamp = equations.clamp(base.pieces()[0], base)
     state = initial_state(model, clamp, start)
-    form = Collocation(equations)
-    run = radau.Stepper(form, equations.parameters, clamp, state, 0.0, end, tolerance)
+    problem = InitialValueProblem(equations, clamp, state, [Segment(0.0, end, 1, 0)], tolerance)
+    run = radau.Stepper(Collocation(equations), equations.parameters, problem)
     run.reach(end)
     return run
 
@@ -46,14 +49,14 @@ def stepper(model, law, base, start, end, tolerance):
     ],
 )
 def test_newtons_method_takes_two_iterations(base, start, end, tolerance):
-    """Residuals that turn with the beam: where they turn with the nodes, three to five, and steps are cut short."""
+    """Residuals turn with the beam; if they turned with the nodes, there would be three to five, and shorter steps."""
     run = stepper(Model(Beam.uniform(**BEAM, elements=20)), RayleighDamping(alpha=0.2325), base, start, end, tolerance)
-    assert run.iterations < 2.5 * run.steps
-    assert run.factorisations < 1.25 * run.steps
+    assert run.newton.iterations < 2.5 * run.steps
+    assert run.newton.factorisations < 1.25 * run.steps
 
 
 def test_samples_of_a_step_together_equal_single_ones(monkeypatch):
-    """Several instants of a step in one call."""
+    """Evaluate several instants of a step in one call."""
     model = Model(Beam.uniform(**BEAM, elements=6, clamp_stiffness=0.5))
     law = ModalDamping(natural_modes(model, count=3), (0.02, 0.01, 0.01))
     settings = {"damping": law, "base": SWING, "start": "equilibrium", "duration": 0.2, "method": "radau"}
@@ -67,7 +70,7 @@ def test_samples_of_a_step_together_equal_single_ones(monkeypatch):
 
 
 def test_samples_do_not_change_the_steps():
-    """A sample looks at a step, and leaves it alone."""
+    """Sampling a step does not alter it."""
     model = Model(Beam.uniform(**BEAM, elements=6))
     runs = [
         simulate(model, base=SWING, start="equilibrium", duration=0.2, sample_rate=rate, method="radau")
@@ -78,29 +81,29 @@ def test_samples_do_not_change_the_steps():
 
 
 def test_keeping_the_matrices_does_not_change_the_motion(monkeypatch):
-    """Most steps of an undamped release have the matrices of another; with their own, the tip moves as within 1e-7."""
+    """Most steps of an undamped release reuse matrices; with fresh ones, the tip moves alike within 1e-7."""
     model = Model(Beam.uniform(**BEAM, elements=6, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
     start = static_equilibrium(model, tip_force=(0.0, 0.13))
     settings = {"start": start, "duration": 0.05, "method": "radau", "tolerance": 1e-7}
-    prepared = []
-    prepare = radau.Stepper._prepare
+    factorised = []  # one flag per attempted step
+    converge = Newton.converge
 
-    def noting(self, h, last):
-        prepared.append(prepare(self, h, last))
-        return prepared[-1]
+    def noting(self):
+        factorised.append(self.factorisations > sum(factorised))
+        return converge(self)
 
-    monkeypatch.setattr(radau.Stepper, "_prepare", noting)
+    monkeypatch.setattr(Newton, "converge", noting)
     kept = simulate(model, **settings)
-    assert np.mean(prepared) < 0.7
-    monkeypatch.setattr(radau, "STEADY", 0.0)
-    prepared.clear()
+    assert np.mean(factorised) < 0.7
+    monkeypatch.setattr(step_control, "STEADY", 0.0)
+    factorised.clear()
     fresh = simulate(model, **settings)
-    assert all(prepared)
+    assert all(factorised)
     assert abs(kept.tip - fresh.tip).max() < 1e-7 * BEAM["length"] * math.sqrt(model.size)
 
 
 def test_small_vibrations_keep_their_frequency():
-    """In mode 2 at 1e-3 L, the phase after 10 periods is off by less than 1e-6 of them at the default tolerance."""
+    """In mode 2 at 1e-3 L, the phase error after 10 periods is below 1e-6 of them at the default tolerance."""
     model = Model(Beam.uniform(**BEAM, elements=5, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
     modes = natural_modes(model, count=2)
     shape = modes.shapes[:, 1] / modes.tip_amplitudes()[1]
@@ -110,8 +113,7 @@ def test_small_vibrations_keep_their_frequency():
     runs = [simulate(model, tolerance=tolerance, **settings) for tolerance in (1e-7, 1e-10)]
     phases = []
     for run in runs:
-        rates = modes.modal_coordinate(run.velocities + modes.equilibrium.coordinates, 1)
-        phases.append(
-            np.unwrap(np.angle(modes.modal_coordinate(run.coordinates, 1) - 1j * rates / modes.angular_frequencies[1]))
-        )
+        displacement = modes.modal_coordinate(run.coordinates, 1)
+        velocity = modes.modal_coordinate(run.velocities + modes.equilibrium.coordinates, 1)
+        phases.append(np.unwrap(np.angle(displacement - 1j * velocity / modes.angular_frequencies[1])))
     assert abs(phases[0] - phases[1]).max() < 1e-6 * 2 * np.pi * 10

@@ -1,13 +1,13 @@
-"""The start from a load that changes, and its derivatives, against differences of equilibria and of motions."""
+"""Release from a changing load: state and derivatives against differences of equilibria and of motions."""
 
 import casadi as cs
 import numpy as np
 import pytest
 
 from ancf_casadi import Beam, InputError, Model, QuadraticDamping, State, motion, simulate, static_equilibrium
-from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_slopes
+from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_jacobians
 
-LOAD = np.array([4e-3, -1e-3, 1e-4, 0.03, 0.01, 2e-3])  # N, N, N m, and a second
+LOAD = np.array([4e-3, -1e-3, 1e-4, 0.03, 0.01, 2e-3])  # N, N, N m, and the same per second
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +22,7 @@ def rest(model, load):
 
 
 def held(model, load=LOAD):
-    return held_start(model, start_slopes(model), load)
+    return held_start(model, start_jacobians(model), load)
 
 
 def test_the_velocity_is_that_of_the_equilibria_as_the_load_changes(model):
@@ -59,7 +59,7 @@ def test_derivatives_by_load_and_properties_agree_with_central_differences(model
 
 
 def test_the_motion_from_an_unknown_load_is_that_of_the_state_and_so_are_its_derivatives(model):
-    """Against ``simulate`` from the state, and against differences of tightly integrated motions."""
+    """Compare with ``simulate`` from the state, and with differences of tightly integrated motions."""
     law = QuadraticDamping(eta1=0.6, eta2=4.0)
     settings = {"duration": 0.1, "sample_rate": 100.0}
     start = held(model)
@@ -76,16 +76,16 @@ def test_the_motion_from_an_unknown_load_is_that_of_the_state_and_so_are_its_der
 
     s = cs.MX.sym("s", 6)
     tip = function(*fixed, s)[-4:-2, :]
-    slopes = cs.Function("J", [s], [cs.jacobian(tip, s)])(LOAD).full()
+    jacobian = cs.Function("J", [s], [cs.jacobian(tip, s)])(LOAD).full()
     for part in ((0,), (2, 1), (3,), (5, 4)):
         direction = LOAD * np.isin(np.arange(6), part)
         ends = [tight(*fixed, LOAD + sign * 1e-3 * direction).full()[-4:-2].ravel(order="F") for sign in (1, -1)]
         expected = (ends[0] - ends[1]) / 2e-3
         assert abs(expected).max() > 1e-4
-        np.testing.assert_allclose(slopes @ direction, expected, atol=1e-3 * abs(expected).max())
+        np.testing.assert_allclose(jacobian @ direction, expected, atol=1e-3 * abs(expected).max())
     weights = np.random.default_rng(1).normal(size=(2, len(run.time)))
     product = cs.Function("G", [s], [cs.jtimes(cs.vec(tip), s, cs.vec(cs.DM(weights)), True)])(LOAD)
-    np.testing.assert_allclose(product.full().ravel(), slopes.T @ weights.ravel(order="F"), rtol=1e-7)
+    np.testing.assert_allclose(product.full().ravel(), jacobian.T @ weights.ravel(order="F"), rtol=1e-7)
 
 
 @pytest.mark.parametrize("start", ["straight", "impact"])

@@ -1,4 +1,4 @@
-"""Derivatives of a motion against differences of tightly integrated motions, and forward against reverse."""
+"""Derivatives of a motion against differences of tightly integrated motions, forward ones against reverse ones."""
 
 import gc
 
@@ -19,8 +19,10 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.derivatives import differentiable as module
-from ancf_casadi.dynamics.derivatives.sensitivity import Problem, Run
+from ancf_casadi.dynamics.derivatives import runs as module
+from ancf_casadi.dynamics.derivatives.run import Run
+from ancf_casadi.dynamics.derivatives.sensitivity import Problem
+from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.exceptions import SimulationError
 
 BASE = HarmonicBase(0.02, 3.0, stop=0.15)
@@ -42,7 +44,7 @@ def law(model):
 
 
 def values(law, model):
-    return [np.array([value for _, value in law.parameters]), np.array([BASE.amplitude]), model.properties]
+    return [np.array([parameter.value for parameter in law.parameters]), np.array([BASE.amplitude]), model.properties]
 
 
 @pytest.fixture(scope="module", params=["equilibrium", "straight", "impact", "released"])
@@ -106,7 +108,7 @@ def test_reverse_derivatives_are_the_transposed_of_the_forward_ones(case, law, m
 
 
 def test_a_motion_stands_in_an_expression_and_its_gradient_finds_the_damping_it_was_made_with(model):
-    """Two steps of Gauss and Newton from 20 % off, by the derivatives of the expression."""
+    """Take Gauss-Newton steps from 20 % off, by the derivatives of the expression."""
     law = RayleighDamping(alpha=0.6)
     function = motion(model, damping=law, base=BASE, **SETTINGS)
     fixed = [np.array([BASE.amplitude]), model.properties]
@@ -116,8 +118,8 @@ def test_a_motion_stands_in_an_expression_and_its_gradient_finds_the_damping_it_
     step = cs.Function("step", [alpha], [misfit, cs.jacobian(misfit, alpha)])
     value = 0.72
     for _ in range(3):
-        residual, slope = (part.full().ravel() for part in step(value))
-        value -= (slope @ residual) / (slope @ slope)
+        residual, jacobian = (part.full().ravel() for part in step(value))
+        value -= (jacobian @ residual) / (jacobian @ jacobian)
     assert value == pytest.approx(0.6, rel=1e-6)
 
 
@@ -150,15 +152,15 @@ def test_expressions_keep_a_motion_alive_and_without_them_its_steps_are_freed(mo
     x = cs.MX.sym("x")
     at = [np.zeros(0), x, model.properties]
     tip = motion(model, **settings)(*at)[-4:-2, -1]
-    value, slope = cs.Function("f", [x], [tip]), cs.Function("J", [x], [cs.jacobian(tip, x)])
+    value, derivative = cs.Function("f", [x], [tip]), cs.Function("J", [x], [cs.jacobian(tip, x)])
     del tip
     assert runs_alive() == gone  # nothing was computed yet
     h = 1e-4
     difference = (value(0.02 + h) - value(0.02 - h)).full() / (2 * h)
-    assert runs_alive() == gone + 1  # the last one, whatever the number of points
+    assert runs_alive() == gone + 1  # the last run alone, however many there were
     del value
-    np.testing.assert_allclose(slope(0.02).full(), difference, rtol=1e-3)
-    del slope
+    np.testing.assert_allclose(derivative(0.02).full(), difference, rtol=1e-3)
+    del derivative
     motion(model, **settings)
     assert runs_alive() == gone
 
@@ -190,19 +192,19 @@ def test_a_motion_is_integrated_once_for_its_value_and_all_its_derivatives(model
 def test_a_motion_that_crawls_is_given_up(model, monkeypatch):
     settings = SETTINGS | {"duration": 0.05, "base": BASE, "start": "equilibrium"}
     at = [np.zeros(0), np.array([0.02]), model.properties.copy()]
-    steps = motion(model, **settings)
+    unlimited = motion(model, **settings)
     with pytest.warns(RuntimeWarning, match=r"the motion crawls: too many steps up to 0\.0\d+ s"):
         assert np.isnan(motion(model, **settings, most_steps=3)(*at).full()).all()
-    assert np.isfinite(steps(*at).full()).all()
+    assert np.isfinite(unlimited(*at).full()).all()
     with pytest.raises(InputError, match="most_steps: must be positive"):
         motion(model, **settings, most_steps=0)
 
 
 def test_a_trial_is_given_up_by_the_steps_of_the_first_run(model, monkeypatch):
-    """A clamp that moves 100 times as far and is followed as closely takes more than twice the steps."""
+    """If the clamp moves 100 times as far, the same tolerance takes more than twice the steps."""
     monkeypatch.setattr(module, "FEW_STEPS", 1)
     problem = Problem(
-        equations=module.Equations(model, RayleighDamping(alpha=0.1)),
+        equations=Equations(model, RayleighDamping(alpha=0.1)),
         base=BASE,
         start="equilibrium",
         times=np.arange(6) / 100,
@@ -217,3 +219,17 @@ def test_a_trial_is_given_up_by_the_steps_of_the_first_run(model, monkeypatch):
     assert runs.run(first).steps and runs.failure is None
     runs.forget()
     assert module.Runs(problem).run(far).steps
+
+
+def test_no_step_is_longer_than_the_largest(model):
+    """As in ``simulate``: limited to a tenth of the longest free step, a motion takes more steps, none longer."""
+    settings = {"base": BASE, "start": "equilibrium", "times": np.arange(6) / 100, "tolerance": 1e-7}
+    at = np.array([0.1, 0.02, *model.properties.ravel(order="F")])
+    equations = Equations(model, RayleighDamping(alpha=0.1))
+    free = Problem(equations=equations, **settings).solve(at)
+    largest = max(step.length for step in free.passages[0].steps) / 10
+    limited = Problem(equations=equations, **settings, largest_step=largest).solve(at)
+    assert max(step.length for step in limited.passages[0].steps) <= largest * (1 + 1e-12)
+    assert abs(limited.coordinates - free.coordinates).max() < 1e-6 * model.beam.length
+    with pytest.raises(InputError, match="largest_step: must be positive"):
+        motion(model, **SETTINGS, largest_step=0.0)

@@ -3,7 +3,6 @@
 import os
 import pickle
 import signal
-import sys
 
 import numpy as np
 import pytest
@@ -24,11 +23,10 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics import integration
+from ancf_casadi.dynamics import integration, start
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 BENDING_STIFFNESS = 210e9 * 5e-3 * 0.5e-3**3 / 12
-SIMULATE = sys.modules["ancf_casadi.dynamics.simulation"]
 
 
 def steel(elements=8, **changes):
@@ -84,7 +82,7 @@ class TestEnergy:
 
     @pytest.mark.parametrize("name", ["undamped", "proportional", "tangent", "quadratic", "generic", "sum"])
     def test_work_of_the_base_is_stored_or_lost(self, hanging, name):
-        """T + U + V grows by the work of the base less what damping takes, to 1 part in 1000 of that work."""
+        """The change of T + U + V is the work of the base minus the energy lost, within 1/1000 of the work."""
         base = HarmonicBase(amplitude=5e-3, frequency=1.9, stop=0.5)
         run = simulate(hanging, damping=self.laws(hanging)[name], base=base, duration=0.9)
         scale = np.abs(run.base_work).max()
@@ -96,7 +94,7 @@ class TestEnergy:
             assert np.diff(run.dissipated_energy).min() >= -1e-9 * scale
 
     def test_the_balance_closes_with_the_tolerance(self, hanging):
-        """Not a property of the sampling: the error falls at least threefold as the tolerance falls a hundredfold."""
+        """The error does not come from the sampling: it falls at least threefold for a hundredth of the tolerance."""
         start = static_equilibrium(hanging, tip_force=(0.05, 0.0))
         errors = [
             np.abs(simulate(hanging, start=start, duration=0.5, tolerance=tolerance, method="idas").balance_error).max()
@@ -126,18 +124,18 @@ class TestStarts:
         with pytest.raises(InputError, match="start: the coordinates must be 36 finite numbers"):
             simulate(hanging, start=State(np.zeros(3), np.zeros(36)), duration=0.1)
 
-    def test_a_start_that_segmentes_the_beam_is_refused_and_told_the_right_one(self, hanging):
+    def test_a_start_that_stretches_the_beam_is_refused_and_told_the_right_one(self, hanging):
         with pytest.raises(InputError, match=r"stretches the beam by 2.0 %.*static_equilibrium"):
             simulate(hanging, start=State(1.02 * hanging.straight, np.zeros(36)), duration=0.1)
 
     def test_no_sample_no_state(self, hanging):
-        with pytest.raises(InputError, match="there are 3 samples, got 3"):
+        with pytest.raises(InputError, match="must be a whole number, -3 to 2, got 3"):
             simulate(hanging, duration=0.002).state(3)
 
 
 class TestBaseMotions:
     def test_a_sampled_motion_is_that_of_its_samples(self, hanging):
-        """A sine of the base, sampled 200 times a second, moves the beam as the sine itself."""
+        """A sine of the base, sampled 200 times per second, moves the beam like the exact sine."""
         exact = HarmonicBase(amplitude=5e-3, frequency=3.0, direction=(1.0, 0.5))
         time = np.arange(0.0, 0.5, 0.005)
         sampled = SampledBase(time, 5e-3 * np.outer(np.sin(6 * np.pi * time), exact.direction))
@@ -146,7 +144,7 @@ class TestBaseMotions:
         assert np.ptp(runs[0].tip[:, 0]) > 5e-3
 
     def test_a_slow_turn_of_the_base_turns_the_beam(self):
-        """Without gravity, and slowly against the first mode: the tip follows the clamp's direction."""
+        """Without gravity, and slowly compared with the first mode, the tip follows the direction of the clamp."""
         model = steel(gravity=(0.0, 0.0), axis=(1.0, 0.0))
         time = np.linspace(0.0, 20.0, 401)
         angle = 0.6 * (time / 20.0 - np.sin(2 * np.pi * time / 20.0) / (2 * np.pi))
@@ -163,7 +161,7 @@ class TestBaseMotions:
         assert run.base[-1] == pytest.approx([1e-5, 0.0], abs=1e-9)
 
     def test_a_sweep_runs_through_its_frequencies(self):
-        """u = A sin(2 pi (f0 t + (f1 - f0) t^2/(2 T))): its slope gives f(t)."""
+        """u = A sin(2 pi (f0 t + (f1 - f0) t^2/(2 T))): the derivative of its phase gives f(t)."""
         model = steel(2)
         base = SweepBase(amplitude=1e-4, frequencies=(2.0, 6.0), stop=1.0)
         run = simulate(model, base=base, duration=1.0, damping=RayleighDamping(beta=1e-3), method="radau")
@@ -192,7 +190,7 @@ class TestBaseMotions:
 
 class TestInterruptions:
     def at_segment(self, monkeypatch, number, action):
-        """Let something happen as a segment begins."""
+        """Do something when the given segment is finished."""
         original = integration.integrate_by_idas
 
         def eventful(*arguments):
@@ -204,7 +202,7 @@ class TestInterruptions:
         monkeypatch.setattr(integration, "integrate_by_idas", eventful)
 
     def test_ctrl_c_ends_a_run_with_what_is_done(self, hanging, monkeypatch):
-        """The signal comes while the integrator is at work on the sixth segment; the handler before is there again."""
+        """The signal arrives during the sixth segment; afterwards the previous handler is restored."""
         start = static_equilibrium(hanging, tip_force=(0.01, 0.0))
         whole = simulate(hanging, start=start, duration=0.1)
         self.at_segment(monkeypatch, 6, lambda: os.kill(os.getpid(), signal.SIGINT))
@@ -216,15 +214,15 @@ class TestInterruptions:
         assert np.array_equal(part.base_work, whole.base_work[: len(part.time)])
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
-    def test_ctrl_c_before_the_first_stretch_waits_for_it(self, hanging, monkeypatch):
-        """Raised there, within a call of CasADi, it would surface as some error of that call."""
-        original = SIMULATE.clamped_nodes
+    def test_ctrl_c_before_the_first_segment_waits_for_it(self, hanging, monkeypatch):
+        """Raised within a call of CasADi, it would appear as an error of that call."""
+        original = start.clamped_nodes
 
         def check(*arguments):
             os.kill(os.getpid(), signal.SIGINT)
             return original(*arguments)
 
-        monkeypatch.setattr(SIMULATE, "clamped_nodes", check)
+        monkeypatch.setattr(start, "clamped_nodes", check)
         part = simulate(hanging, duration=0.1)
         assert part.interrupted
         assert len(part.time) == 5

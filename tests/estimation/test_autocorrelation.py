@@ -1,4 +1,4 @@
-"""The number of independent residuals: white noise, autoregressive noise, oscillations, and several series."""
+"""Effective number of independent residuals: white and autoregressive noise, oscillations, several series."""
 
 import math
 

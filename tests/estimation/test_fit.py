@@ -1,4 +1,4 @@
-"""Intervals and reports of fits: linear regression, published values, one-sided ends at bounds, outliers."""
+"""Intervals and reports of fits: linear regression, published values, one-sided intervals at bounds, outliers."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Least squares and nonlinear programs: certified values, closed forms, bounds, and every way to fail."""
+"""Least squares and nonlinear programs: certified values, closed forms, bounds, and all failures."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Many fits to records made from one fit: what they say of its errors, and that they are the same anywhere."""
+"""Repeated fits to records generated from one fit: their scatter, and the same results on any executor."""
 
 import json
 import math

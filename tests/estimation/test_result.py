@@ -7,6 +7,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+from ancf_casadi import Beam
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.estimation.result import Result
@@ -14,27 +15,32 @@ from ancf_casadi.plot import png
 from problems import (
     DecayFit,
     FrequencyMatch,
+    Global,
     LawComparison,
+    MeasuredModes,
     MonteCarlo,
     RayleighFit,
     TransientFit,
     compare_decay_laws,
     fit_decay,
     fit_rayleigh,
+    match_frequencies,
     monte_carlo,
 )
 
 TIME = np.arange(0.0, 4.0, 0.02)
 RECORD = 0.05 * np.exp(-0.2 * TIME) * np.cos(12.0 * TIME) + 1e-3 * np.random.default_rng(1).standard_normal(len(TIME))
+BEAM = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8e3, elastic_modulus=210e9, elements=4)
+UNKNOWNS = (Global("thickness"), Global("elastic_modulus"))
 
-CLASSES = [Fit, DecayFit, RayleighFit, MonteCarlo, LawComparison, TransientFit]
-LATER = [FrequencyMatch]
+CLASSES = [Fit, DecayFit, RayleighFit, MonteCarlo, LawComparison, TransientFit, FrequencyMatch]
 MAKERS = {
     Fit: lambda: least_squares(lambda a: a * TIME - RECORD, [Unknown("a", 0.1, unit="m/s")]),
     DecayFit: lambda: fit_decay(TIME, RECORD),
     RayleighFit: lambda: fit_rayleigh((1.0, 5.0, 9.0), (0.01, 0.02, 0.04), ratio_std=0.001),
     MonteCarlo: lambda: monte_carlo(fit_decay(TIME, RECORD), runs=3),
     LawComparison: lambda: compare_decay_laws(TIME, RECORD),
+    FrequencyMatch: lambda: match_frequencies(BEAM, targets=MeasuredModes((1.9, 10.4), 0.01), unknowns=UNKNOWNS),
 }
 
 

@@ -1,4 +1,4 @@
-"""The durable form: what is written comes back to the last bit, and what is not right is refused in one line."""
+"""The JSON document: lossless round trips, and one-line refusals of damaged documents."""
 
 import copy
 import json
@@ -31,12 +31,30 @@ from ancf_casadi import (
 )
 from ancf_casadi.damping import SumOfLaws
 from ancf_casadi.export import DataFile, Document, Identification, Provenance, read_document, schema, write_document
-from ancf_casadi.export.document import law_data
 from ancf_casadi.export.document.strict_json import MOST_LEVELS
 from ancf_casadi.support.files import MOST_BYTES
 from problems import fit_decay
 
 WRITTEN = "2025-01-31T12:00:00Z"
+EARLIER = """
+{"format": "ancf-casadi", "schema": 1, "beam": {"length": 0.5, "width": [0.005, 0.005], "thickness": [0.0005, 0.0005],
+"density": [8000.0, 8000.0], "elastic_modulus": [210000000000.0, 210000000000.0], "axis": [0.0, -1.0], "gravity":
+[0.0, -9.81], "tip_mass": 0.001, "clamp_stiffness": 0.5}, "strain_measures": {"axial": "engineering", "curvature":
+"material", "axial_points": 2, "bending_points": 2}, "damping": {"law": "sum", "laws": [{"law": "rayleigh", "alpha":
+0.14285714285714285, "beta": 0.0, "stiffness": "strain-rate"}, {"law": "modal", "ratios": [0.01], "frequencies":
+[1.9], "modes": {"frequencies": [1.7824412638300706], "shapes": [[0.0, 0.0, 0.0, 0.0, 4.462274246670742e-06,
+1.7370370152692336e-24, 12.260805964667028, -4.856960128413904e-25, 6.902490138636331, 3.892405539129809e-24,
+38.346080487969935, -8.52236575017544e-24, 17.36339006357583, 1.0349947736793464e-23, 43.07486120302888,
+-4.010510995379492e-23]], "equilibrium": {"coordinates": [0.0, 0.0, 0.0, -1.0, 0.0, -4.6714285714285704e-08, 0.0,
+-1.0, 0.0, -0.25000008175000005, 0.0, -0.9999999065714292, 0.0, -0.5000000934285715, 0.0, -0.9999998131428584],
+"tip_force": [0.0, 0.0], "tip_moment": 0.0}, "beam": {"length": 0.5, "width": [0.005, 0.005], "thickness": [0.0006,
+0.0006], "density": [8000.0, 8000.0], "elastic_modulus": [210000000000.0, 210000000000.0], "axis": [0.0, -1.0],
+"gravity": [0.0, -9.81], "tip_mass": 0.0, "clamp_stiffness": 0.25}, "strain_measures": {"axial": "engineering",
+"curvature": "material", "axial_points": 2, "bending_points": 2}}}]}, "identifications": [{"kind": "decay", "result":
+{"frequency_hz": 1.85, "drift_stderr_m_per_s": null}, "data": [{"name": "decay.csv", "sha256":
+"0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f"}]}], "provenance": {"written":
+"2025-01-31T12:00:00Z", "versions": {"ancf-casadi": "0.1.0"}, "note": "by an earlier release"}}
+"""
 
 positive = st.floats(min_value=1e-300, max_value=1e300)
 sizes = st.floats(min_value=1e-10, max_value=1e10)  # of what masses and stiffnesses are products of
@@ -62,7 +80,7 @@ def beams(draw, elements=None):
 
 @pytest.fixture(scope="module")
 def identified(paper_beam):
-    """A beam with every law, one of them from the modes of another beam and one from those of a loaded one."""
+    """A beam with every law: one has the modes of another beam, one those of the loaded beam."""
     model = Model(paper_beam(2, axis=(0.3, -0.9)), StrainMeasures("green", "geometric", 2, 3))
     other = Model(paper_beam(2, thickness=0.6e-3))
     loaded = natural_modes(model, count=2, equilibrium=static_equilibrium(model, tip_force=(1e-3, 0), tip_moment=1e-4))
@@ -87,7 +105,7 @@ def written(identified, tmp_path) -> Path:
 
 
 def damping_force(document: Document) -> list[str]:
-    """The damping force in a bent and moving state, in hexadecimal."""
+    """Return the damping force in a bent and moving state, in hexadecimal."""
     model = document.model
     e, e_t = cs.MX.sym("e", model.size), cs.MX.sym("e_t", model.size)
     force = cs.Function("force", [e, e_t], [document.damping.force(model, e, e_t)])
@@ -111,7 +129,9 @@ def refused(tmp_path, text: str | bytes) -> str:
 class TestRoundTrip:
     @settings(max_examples=40, deadline=None)
     @given(beam=beams(), alpha=coefficients, beta=coefficients, eta1=coefficients, eta2=coefficients, data=st.data())
-    def test_any_beam_and_law_come_back_to_the_last_bit(self, tmp_path_factory, beam, alpha, beta, eta1, eta2, data):
+    def test_any_beam_and_law_survive_a_round_trip_to_the_last_bit(
+        self, tmp_path_factory, beam, alpha, beta, eta1, eta2, data
+    ):
         law = data.draw(
             st.sampled_from(
                 [
@@ -147,7 +167,7 @@ class TestRoundTrip:
         assert force == damping_force(identified)
         assert max(abs(float.fromhex(value)) for value in force) > 1.0
 
-    def test_the_identification_and_where_it_came_from_come_back(self, identified, written):
+    def test_identifications_and_provenance_survive_a_round_trip(self, identified, written):
         found = read_document(written)
         assert found.identifications == identified.identifications
         assert found.provenance == identified.provenance
@@ -156,30 +176,50 @@ class TestRoundTrip:
         assert decay.result["frequency_stderr_hz"] > 0.0
         assert np.shape(decay.result["fit"]["covariance"]) == (len(decay.result["fit"]["unknowns"]),) * 2
 
-    def test_what_is_infinite_in_a_result_is_null(self, tmp_path):
+    def test_infinite_numbers_of_a_result_become_null(self, tmp_path):
         result = {"unknowns": np.array([1.5, np.inf]), "wide": (float("-inf"), np.float64(2.0)), "n": np.int64(3)}
         assert Identification.of(result).result == {"unknowns": [1.5, None], "wide": [None, 2.0], "n": 3}
 
-    @pytest.mark.parametrize(("value", "written"), [(math.inf, "null"), ((2.5, math.inf), "[2.5, null]")])
-    def test_a_field_that_is_infinite_by_default_is_null_there(self, value, written):
-        """A rigid clamp, say; where the default is finite, null is refused."""
-        assert json.dumps(law_data._beam_value(value)) == written
-        assert law_data._beam_field(json.loads(written), "beam.clamp", nullable=True) == value
-        with pytest.raises(InputError, match=r"beam.clamp.*: must be a number, got null"):
-            law_data._beam_field(json.loads(written), "beam.clamp", nullable=False)
+    @pytest.mark.parametrize(("stiffness", "written"), [(math.inf, None), (2.5, 2.5)])
+    def test_the_stiffness_of_a_rigid_clamp_is_null(self, paper_beam, tmp_path, stiffness, written):
+        """No other number may be null, and the stiffness must be positive."""
+        path = tmp_path / "beam.json"
+        document = Document(Model(paper_beam(2, clamp_stiffness=stiffness)))
+        write_document(path, document)
+        data = json.loads(path.read_text())
+        assert data["beam"]["clamp_stiffness"] == written
+        assert read_document(path).model == document.model
+        for key, wrong in (("tip_mass", None), ("clamp_stiffness", 0.0), ("clamp_stiffness", [None])):
+            message = refused(tmp_path, json.dumps(data | {"beam": data["beam"] | {key: wrong}}))
+            assert message.startswith(f"$.beam.{key}: expected `float")
+
+    def test_a_document_of_an_earlier_release_is_read_and_written_unchanged(self, paper_beam, tmp_path):
+        """Written by version 0.1.0 before msgspec; the modal law has the modes of a beam of its own."""
+        path = tmp_path / "beam.json"
+        path.write_text(EARLIER)
+        found = read_document(path)
+        assert found.model == Model(paper_beam(2, tip_mass=1e-3, clamp_stiffness=0.5))
+        rayleigh, modal = found.damping.laws
+        assert rayleigh == RayleighDamping(alpha=1 / 7)
+        assert modal.modes.model == Model(paper_beam(2, clamp_stiffness=0.25, thickness=0.6e-3))
+        assert (modal.ratios, modal.frequencies) == ((0.01,), (1.9,))
+        assert found.identifications[0].result == {"frequency_hz": 1.85, "drift_stderr_m_per_s": None}
+        assert found.provenance == Provenance(WRITTEN, {"ancf-casadi": "0.1.0"}, "by an earlier release")
+        assert json.dumps(found.to_dict()) == json.dumps(json.loads(EARLIER))
 
 
 class TestSchema:
-    def test_it_is_a_schema_and_what_is_written_follows_it(self, written):
+    def test_it_is_valid_and_validates_a_written_document(self, written):
         jsonschema.Draft202012Validator.check_schema(schema())
         jsonschema.validate(json.loads(written.read_text()), schema(), jsonschema.Draft202012Validator)
 
-    def test_it_knows_every_field_of_a_beam(self):
-        assert list(schema()["$defs"]["beam"]["properties"]) == [field.name for field in fields(Beam)]
-        assert list(schema()["$defs"]["strain_measures"]["properties"]) == [f.name for f in fields(StrainMeasures)]
+    def test_it_has_every_field_of_a_beam(self):
+        assert list(schema()["$defs"]["BeamData"]["properties"]) == [field.name for field in fields(Beam)]
+        measures = schema()["$defs"]["StrainMeasuresData"]["properties"]
+        assert list(measures) == [field.name for field in fields(StrainMeasures)]
 
-    def test_what_it_refuses_is_refused_when_read(self, written, tmp_path):
-        """Every value in turn is replaced, removed or joined by an unknown key; the message names the place."""
+    def test_the_reader_refuses_what_the_schema_refuses(self, written, tmp_path):
+        """Each value in turn is replaced, removed, or joined by an unknown key; the message names the place."""
         data = json.loads(written.read_text())
         data["identifications"][0]["result"] = {"frequency_hz": 1.9}
         validator = jsonschema.Draft202012Validator(schema())
@@ -189,13 +229,13 @@ class TestSchema:
                 continue
             message = refused(tmp_path, json.dumps(changed))
             named = [key for key in path if isinstance(key, str)][-2:]
-            assert any(key in message for key in [*named, "unknown key 'extra'"])
+            assert any(key in message for key in [*named, "unknown field `extra`"])
             count += 1
         assert count > 500
 
 
 def mutations(data):
-    """Yield where something was changed, what was put there, and the whole; long lists are changed at their ends."""
+    """Yield the place of each change and the changed document; long lists are changed at their first entry."""
     wrong = [None, True, -1, 3, "text", [], {}, [1.0, "2"]]
 
     def walk(value, path):
@@ -231,40 +271,50 @@ class TestRefusals:
     @pytest.mark.parametrize(
         ("old", "new", "words"),
         [
-            ('"format": "ancf-casadi"', '"format": "other"', "format: must be 'ancf-casadi'"),
-            ('"schema": 1', '"schema": 2', "schema: must be 1"),
-            ('"schema": 1', '"schema": true', "schema: must be 1"),
+            ('"format": "ancf-casadi"', '"format": "other"', "$.format: must be 'ancf-casadi'"),
+            ('"schema": 1', '"schema": 2', "$.schema: must be 1"),
+            ('"schema": 1', '"schema": true', "$.schema: must be 1"),
             ('"length": 0.5', '"length": NaN', "is not JSON (NaN"),
             ('"length": 0.5', '"length": -Infinity', "is not JSON (-Infinity"),
-            ('"length": 0.5', '"length": 1e999', "beam.length: is beyond the range of numbers"),
-            ('"length": 0.5', f'"length": 1{"0" * 400}', "beam.length: is beyond the range of numbers"),
+            ('"length": 0.5', '"length": 1e999', "$.beam.length: is beyond the range of numbers"),
+            ('"length": 0.5', f'"length": 1{"0" * 400}', "$.beam.length: is beyond the range of numbers"),
             ('"length": 0.5', f'"length": 1{"0" * 5000}', "is not JSON"),
-            ('"length": 0.5', '"length": "0.5"', "beam.length: must be a number, got a text"),
-            ('"length": 0.5', '"length": null', "beam.length: must be a number, got null"),
-            ('"length": 0.5', '"length": 0.5, "length": 0.5', "beam.length: the key is there twice"),
-            ('"length": 0.5', '"length": 0.5, "colour": 1', "beam: unknown key 'colour'"),
-            ('"length": 0.5', '"length": -0.5', "beam: length: must be positive"),
-            ('"length": 0.5', f'"length": 0.5, "{"k" * 300}": 1', "beam: has a key of 300 characters"),
-            ('"law": "quadratic"', '"law": "cubic"', "damping.laws[2].law: must be one of rayleigh"),
-            ('"law": "quadratic"', f'"law": "{"c" * 500}"', "got 'cccc"),
-            ('"eta2": 0.11', '"eta2": -0.11', "damping.laws[2]: eta2: must not be negative"),
-            ('"eta2": 0.11', '"eta2": [0.11]', "damping.laws[2].eta2: must be a number, got a list"),
-            ('"stiffness": "tangent"', '"stiffness": "other"', "damping.laws[3]: stiffness: must be one of"),
-            ('"note": "a note"', '"note": "\\ud800"', "provenance.note: holds half a character"),
-            ('"axial_points": 2', '"axial_points": 2.0', "strain_measures.axial_points: must be a whole number"),
-            ('"2025-01-31T', '"2025-02-31T', "provenance: written: must be a time"),
+            ('"length": 0.5', '"length": "0.5"', "$.beam.length: expected `float`, got `str`"),
+            ('"length": 0.5', '"length": null', "$.beam.length: expected `float`, got `null`"),
+            ('"length": 0.5', '"length": 0.5, "length": 0.5', "$.beam.length: the key is there twice"),
+            ('"length": 0.5', '"length": 0.5, "colour": 1', "$.beam: object contains unknown field `colour`"),
+            ('"length": 0.5', '"length": -0.5', "$.beam.length: expected `float` > 0.0"),
+            ('"length": 0.5', f'"length": 0.5, "{"k" * 300}": 1', "$.beam: has a key of 300 characters"),
+            (
+                '"law": "quadratic"',
+                '"law": "cubic"',
+                "$.damping.laws[2].law: invalid value 'cubic'; must be one of rayleigh",
+            ),
+            ('"law": "quadratic"', f'"law": "{"c" * 500}"', "$.damping.laws[2].law: invalid value 'cccc"),
+            ('"eta2": 0.11', '"eta2": -0.11', "$.damping.laws[2].eta2: expected `float` >= 0.0"),
+            ('"eta2": 0.11', '"eta2": [0.11]', "$.damping.laws[2].eta2: expected `float`, got `array`"),
+            (
+                '"stiffness": "tangent"',
+                '"stiffness": "other"',
+                "$.damping.laws[3].stiffness: invalid enum value 'other'; must be one of strain-rate",
+            ),
+            ('"note": "a note"', '"note": "\\ud800"', "$.provenance.note: holds half a character"),
+            ('"axial_points": 2', '"axial_points": 2.0', "$.strain_measures.axial_points: expected `int`, got `float`"),
+            ('"2025-01-31T', '"2025-02-31T', "$.provenance: written: must be a time"),
         ],
     )
-    def test_one_line_says_what_and_where(self, written, tmp_path, old, new, words):
+    def test_one_line_names_place_and_reason(self, written, tmp_path, old, new, words):
         text = written.read_text()
         assert old in text
         assert words in refused(tmp_path, text.replace(old, new, 1))
 
-    def test_shapes_that_do_not_fit(self, written, tmp_path):
+    def test_mode_shapes_of_wrong_size(self, written, tmp_path):
         data = json.loads(written.read_text())
         modes = ("damping", "laws", 1, "modes")
         short = edited(data, (*modes, "shapes", 0), lambda parent, key: parent[key].pop())
-        assert refused(tmp_path, json.dumps(short)).startswith("damping.laws[1].modes.shapes[0]: has 11 values for 12")
+        assert refused(tmp_path, json.dumps(short)).startswith(
+            "$.damping.laws[1].modes.shapes[0]: has 11 values for 12"
+        )
         fewer = edited(data, (*modes, "shapes", 0), lambda parent, key: parent.pop(key))
         assert "has 1 shapes for 2 frequencies" in refused(tmp_path, json.dumps(fewer))
 
@@ -273,37 +323,37 @@ class TestRefusals:
         with pytest.raises(InputError, match="another number of elements"):
             Document(Model(paper_beam(4)), law)
 
-    def test_what_is_no_json(self, tmp_path):
+    def test_files_that_are_not_json(self, tmp_path):
         assert refused(tmp_path, b"").startswith("is not JSON")
         assert refused(tmp_path, b"\xff\xfe{}").startswith("is not JSON")
         assert refused(tmp_path, "[1, 2]") == "must hold a JSON object"
-        assert refused(tmp_path, "{}").startswith("format: must be")
+        assert refused(tmp_path, "{}").startswith("$.format: must be")
         deep = f'{{"a": {"[" * MOST_LEVELS}{"]" * MOST_LEVELS}}}'
         assert f"has more than {MOST_LEVELS} levels" in refused(tmp_path, deep)
         assert refused(tmp_path, '{"a": ' + "[" * 100_000) == f"has more than {MOST_LEVELS} levels"
 
-    def test_a_file_that_is_too_large_is_not_read(self, tmp_path):
+    def test_a_file_that_is_too_large(self, tmp_path):
         path = tmp_path / "large.json"
         with open(path, "wb") as file:
             os.truncate(file.fileno(), MOST_BYTES + 1)
         with pytest.raises(InputError, match="larger than 64 MiB"):
             read_document(path)
 
-    def test_a_file_that_is_not_there(self, tmp_path):
+    def test_a_missing_file(self, tmp_path):
         with pytest.raises(InputError, match="cannot be read"):
             read_document(tmp_path / "none.json")
 
-    def test_a_law_from_elsewhere_cannot_be_written(self, paper_beam, tmp_path):
+    def test_a_law_of_another_package_cannot_be_written(self, paper_beam, tmp_path):
         class Other(DampingLaw):
             parameters = ()
             with_parameters = local_force = damping_ratios = None
 
-        with pytest.raises(InputError, match="a Other has no form as data"):
+        with pytest.raises(InputError, match="a Other cannot be written to a document"):
             write_document(tmp_path / "beam.json", Document(Model(paper_beam(4)), Other()))
         assert list(tmp_path.iterdir()) == []
 
-    def test_what_is_no_result_of_a_fit(self, tmp_path):
-        with pytest.raises(InputError, match="is no result of an identification"):
+    def test_objects_that_are_not_the_result_of_a_fit(self, tmp_path):
+        with pytest.raises(InputError, match="is not the result of a fit"):
             Identification.of({"a": 1})
         with pytest.raises(InputError, match=r"result.unknowns\[1\]: must be numbers"):
             Identification.of({"unknowns": [1, object()]})
@@ -322,29 +372,37 @@ class TestRefusals:
 
 
 class TestParts:
-    """What could not be read again is not taken in."""
+    """Parts that a document could not hold are refused."""
 
     @pytest.mark.parametrize(
         ("make", "message"),
         [
-            (lambda: Identification(3, {}), "kind: must be a text, not empty, got 3"),
-            (lambda: Identification("decay", 3), "result: must be a mapping, got 3"),
-            (lambda: Identification("decay", {1: 2}), "result: must be a text, got 1"),
+            (lambda: Identification(3, {}), "kind: expected `str`, got `int`"),
+            (lambda: Identification("decay", 3), "result: expected `object`, got `int`"),
+            (lambda: Identification("decay", {1: 2}), "result: expected `str`, got `int`"),
             (lambda: Identification("decay", {"k" * 201: 2}), "result: has a key of 201 characters"),
             (lambda: Identification("decay", {"a": 10**5000}), "result.a: is beyond the range of numbers"),
             (lambda: Identification("decay", {}, ["x.csv"]), "data: must be a sequence of DataFile"),
             (lambda: Identification.of({"unknowns": 1}, data="x.csv"), "data: must be a sequence of files"),
-            (lambda: DataFile(3, "a" * 64), "name: must be a text, not empty, got 3"),
-            (lambda: DataFile("a", 3), "sha256: must be 64 digits"),
+            (lambda: Identification("", {}), "kind: expected `str` of length >= 1"),
+            (lambda: Identification("decay", {"a": {1: 2}}), "result.a: must be a text, got 1"),
+            (lambda: Identification("decay", {"a": "\ud800"}), "result.a: holds half a character"),
+            (lambda: DataFile("a", "A" * 64), "sha256: expected `str` matching regex"),
+            (lambda: DataFile("a", "a" * 64 + "\n"), "sha256: expected `str` of length <= 64"),
+            (lambda: Provenance(WRITTEN + "\n", {}), "written: expected `str` of length <= 20"),
+            (lambda: DataFile("a\udc80", "a" * 64), "name: holds half a character"),
+            (lambda: Provenance("2025-02-31T12:00:00Z", {}), "written: must be a time such as"),
+            (lambda: DataFile(3, "a" * 64), "name: expected `str`, got `int`"),
+            (lambda: DataFile("a", 3), "sha256: expected `str`, got `int`"),
             (lambda: DataFile.of("."), ".: is not a file"),
-            (lambda: Provenance(3, {}), "written: must be a time"),
-            (lambda: Provenance(WRITTEN, 3), "versions: must be a mapping, got 3"),
-            (lambda: Provenance(WRITTEN, {1: "2"}), "versions: must be a text, not empty, got 1"),
-            (lambda: Provenance(WRITTEN, {"casadi": 3.8}), "versions.casadi: must be a text, got 3.8"),
-            (lambda: Provenance(WRITTEN, {}, note=3), "note: must be a text, got 3"),
+            (lambda: Provenance(3, {}), "written: expected `str`, got `int`"),
+            (lambda: Provenance(WRITTEN, 3), "versions: expected `object`, got `int`"),
+            (lambda: Provenance(WRITTEN, {1: "2"}), "versions: expected `str`, got `int`"),
+            (lambda: Provenance(WRITTEN, {"casadi": 3.8}), "versions[...]: expected `str`, got `float`"),
+            (lambda: Provenance(WRITTEN, {}, note=3), "note: expected `str`, got `int`"),
         ],
     )
-    def test_one_that_is_none(self, make, message):
+    def test_unusable_arguments(self, make, message):
         with pytest.raises(InputError, match=f"^{re.escape(message)}"):
             make()
 
@@ -357,9 +415,9 @@ class TestParts:
             ({"identifications": ["decay"]}, "identifications: must be a sequence of Identification"),
         ],
     )
-    def test_a_document_of_other_things(self, paper_beam, changes, message):
+    def test_a_document_of_wrong_types(self, paper_beam, changes, message):
         with pytest.raises(InputError, match=f"^{message}"):
             Document(**({"model": Model(paper_beam(2))} | changes))
 
-    def test_a_fit_without_standard_errors_is_named_alone(self):
+    def test_the_summary_of_a_fit_without_standard_errors_is_its_kind(self):
         assert Identification("frequency matching", {"matched_hz": [1.0]}).summary() == "frequency matching"

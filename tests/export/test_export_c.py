@@ -1,4 +1,4 @@
-"""The C program against Python, and what has no C."""
+"""The exported C against Python, and refusals of Functions without C code."""
 
 import ctypes
 import shutil
@@ -23,7 +23,7 @@ from ancf_casadi import (
 from ancf_casadi.export import beam_functions, values, write_c
 from ancf_casadi.export.targets import c
 from ancf_casadi.export.targets.decay_program import SAMPLE, SAMPLES
-from ancf_casadi.support import tables
+from ancf_casadi.support import files
 
 LAW = RayleighDamping(alpha=0.5, beta=3e-5) + QuadraticDamping(eta2=0.2)
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2", "-fPIC")
@@ -47,7 +47,7 @@ def reduced(paper_beam):
 
 
 def compile_c(functions, folder, also=()):
-    """Write the C, and compile it to a library and a program."""
+    """Write the C code, and compile it to a library and a program."""
     write_c(functions, folder, name="strip", also=also)
     for command in (
         ("gcc", *STRICT, "-c", "strip.c"),
@@ -61,18 +61,18 @@ def compile_c(functions, folder, also=()):
 
 @pytest.fixture(scope="module")
 def folder(functions, reduced, tmp_path_factory):
-    """The full model in C, the reduced one along with it."""
+    """The full model in C, and the reduced one with it."""
     return compile_c(functions, tmp_path_factory.mktemp("c"), also=reduced.functions)
 
 
 @pytest.fixture(scope="module")
 def small_folder(reduced, tmp_path_factory):
-    """The reduced model alone in C."""
+    """The reduced model in C."""
     return compile_c(reduced, tmp_path_factory.mktemp("c"))
 
 
 def check_numbers(folder, functions, called, size):
-    """Compare each Function of a model with the C of it, in a state that is so far from rest."""
+    """Compare each Function of a model with its C code, in a state whose distance from rest is ``size``."""
     library = ctypes.CDLL(str(folder / "strip.so"))
     random = np.random.default_rng(3)
     n, p = functions.free, values(functions.parameters) * 1.01
@@ -99,18 +99,18 @@ def check_numbers(folder, functions, called, size):
 
 
 @needs_gcc
-def test_every_function_gives_the_numbers_of_python(functions, folder):
+def test_every_function_agrees_with_python(functions, folder):
     check_numbers(folder, functions, "", 1e-5)
 
 
 @needs_gcc
-def test_every_function_of_the_reduced_model_too_alone_and_with_the_full_one(reduced, folder, small_folder):
+def test_every_function_of_the_reduced_model_agrees_alone_and_beside_the_full_one(reduced, folder, small_folder):
     check_numbers(small_folder, reduced, "", 1e-3)
     check_numbers(folder, reduced, "reduced_", 1e-3)
 
 
 def decay(folder):
-    """Run the program; return its lines."""
+    """Run the program and return its rows."""
     done = subprocess.run([folder / "decay"], capture_output=True, text=True, check=True)
     lines = done.stdout.splitlines()
     assert lines[0].startswith("time_s,tip_x_m,tip_y_m")
@@ -121,7 +121,7 @@ def decay(folder):
 
 
 @needs_gcc
-def test_the_program_integrates_the_decay_that_simulate_finds(model, functions, folder):
+def test_the_program_agrees_with_simulate(model, functions, folder):
     rows = decay(folder)
     pull = [float(x) for x in (folder / "main.c").read_text().split("pull[2] = {")[1].split("}")[0].split(",")]
     aside = Model(model.beam.with_(gravity=tuple(np.add(model.beam.gravity, pull))))
@@ -135,8 +135,8 @@ def test_the_program_integrates_the_decay_that_simulate_finds(model, functions, 
 
 
 @needs_gcc
-def test_the_program_of_the_reduced_model_integrates_the_decay_of_both_models(reduced, small_folder):
-    """Its steps are those of ``simulate_reduced``, and the motion that of the full beam in some modes."""
+def test_the_program_of_the_reduced_model_agrees_with_both_models(reduced, small_folder):
+    """The rows agree with ``simulate_reduced`` to rounding, and with the full beam to the error of the reduction."""
     rows = decay(small_folder)
     bend = float((small_folder / "main.c").read_text().split("q[0] = ")[1].split(";")[0])
     q, still = np.array([bend, 0.0, 0.0]), np.zeros(9)
@@ -153,7 +153,7 @@ def test_the_program_of_the_reduced_model_integrates_the_decay_of_both_models(re
 
 @needs_gcc
 @pytest.mark.parametrize("which", [("functions", "folder"), ("reduced", "small_folder")], ids=["full", "reduced"])
-def test_the_tables_of_the_header_are_those_of_the_model(request, which):
+def test_the_tables_of_the_header_agree_with_the_model(request, which):
     functions, folder = map(request.getfixturevalue, which)
     library = ctypes.CDLL(str(folder / "strip.so"))
     for name, signals in (("strip_parameters", functions.parameters), ("strip_rest", functions.states)):
@@ -166,7 +166,7 @@ def test_the_tables_of_the_header_are_those_of_the_model(request, which):
     assert not any(word in source for word in ("malloc(", "calloc(", "casadi_checkout("))
 
 
-def test_two_functions_of_one_name_are_refused(functions, reduced, tmp_path):
+def test_two_functions_with_the_same_name_are_refused(functions, reduced, tmp_path):
     with pytest.raises(InputError, match="rhs: is the name of another Function"):
         write_c(functions, tmp_path, also=[*reduced.functions, cs.Function("rhs", [], [1.0])])
     assert not list(tmp_path.iterdir())
@@ -185,17 +185,17 @@ X = cs.SX.sym("x")
         (cs.Function("own", [X], [X * cs.SX.sym("k")], {"allow_free": True}), "own: depends on k, which is no input"),
     ],
 )
-def test_functions_of_which_no_compiler_makes_anything_are_refused(functions, tmp_path, function, message):
+def test_functions_that_would_not_compile_are_refused(functions, tmp_path, function, message):
     with pytest.raises(InputError, match=f"^{message}"):
         write_c(functions, tmp_path, also=[function])
     assert not list(tmp_path.iterdir())
 
 
-def test_interrupted_it_leaves_none_of_its_files(functions, tmp_path, monkeypatch):
+def test_an_interrupted_export_leaves_no_files(functions, tmp_path, monkeypatch):
     def interrupted(path, content):
         if path.name == "main.c":
             raise KeyboardInterrupt
-        tables.write_file(path, content)
+        files.write_file(path, content)
 
     monkeypatch.setattr(c, "write_file", interrupted)
     with pytest.raises(KeyboardInterrupt):
@@ -203,7 +203,7 @@ def test_interrupted_it_leaves_none_of_its_files(functions, tmp_path, monkeypatc
     assert not list(tmp_path.iterdir())
 
 
-def test_what_contains_an_integrator_is_refused(model, functions, tmp_path, capfd):
+def test_a_function_with_an_integrator_is_refused(model, functions, tmp_path, capfd):
     x, theta = cs.MX.sym("x"), cs.MX.sym("theta", 3)
     integrator = cs.integrator("through_time", "cvodes", {"x": x, "ode": -x}, 0.0, 1.0)
     moved = motion(model, duration=0.01, damping=LAW)(theta, cs.MX(0, 1), model.properties)
@@ -219,7 +219,7 @@ def test_what_contains_an_integrator_is_refused(model, functions, tmp_path, capf
     assert capfd.readouterr() == ("", "")
 
 
-def test_files_of_others_are_not_touched(functions, tmp_path):
+def test_foreign_files_are_not_overwritten(functions, tmp_path):
     (tmp_path / "main.c").write_text("int main(void) { return 0; }\n")
     with pytest.raises(InputError, match="is there already"):
         write_c(functions, tmp_path)
@@ -234,7 +234,7 @@ def test_files_of_others_are_not_touched(functions, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["main", "2beam", "Beam", "a__b", "../beam", "", "a" * 300, 3, None])
-def test_names_that_are_none_in_c_are_refused(functions, tmp_path, name):
+def test_names_that_c_does_not_allow_are_refused(functions, tmp_path, name):
     with pytest.raises(InputError, match="name: must be"):
         write_c(functions, tmp_path, name=name)
     assert not list(tmp_path.iterdir())

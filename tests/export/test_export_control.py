@@ -1,4 +1,4 @@
-"""The exported Functions inside other people's optimal control: do-mpc and rockit, where they are installed."""
+"""The exported Functions in optimal control with do-mpc and rockit, if these are installed."""
 
 import warnings
 
@@ -25,19 +25,19 @@ def imported(name):
         return pytest.importorskip(name)
 
 
-def accelerations(functions, q, v, x, x_rate, x_rate2):
-    base = cs.vertcat(x, 0, 0, x_rate, 0, 0, x_rate2, 0, 0)
+def accelerations(functions, q, v, x, x_t, x_tt):
+    base = cs.vertcat(x, 0, 0, x_t, 0, 0, x_tt, 0, 0)
     return functions.rhs(q, v, base, values(functions.parameters))
 
 
 def test_do_mpc_moves_the_tip(functions):
-    """Its model is of the kind MX; the acceleration of the base is the input, its place and speed are states."""
+    """The model has MX symbols; the acceleration of the base is the input, and its position and velocity are states."""
     do_mpc = imported("do_mpc")
     n, start = functions.free, np.append(values(functions.states), [0.0, 0.0])
     model = do_mpc.model.Model("continuous", "MX")
     x, u = model.set_variable("_x", "x", (2 * n + 2, 1)), model.set_variable("_u", "u", (1, 1))
-    q, v, place, speed = cs.vertsplit(x, [0, n, 2 * n, 2 * n + 1, 2 * n + 2])
-    model.set_rhs("x", cs.vertcat(v, accelerations(functions, q, v, place, speed, u), speed, u))
+    q, v, position, velocity = cs.vertsplit(x, [0, n, 2 * n, 2 * n + 1, 2 * n + 2])
+    model.set_rhs("x", cs.vertcat(v, accelerations(functions, q, v, position, velocity, u), velocity, u))
     model.setup()
     control = do_mpc.controller.MPC(model)
     quiet = {"ipopt.print_level": 0, "print_time": 0}
@@ -53,18 +53,23 @@ def test_do_mpc_moves_the_tip(functions):
     assert control.solver_stats["success"]
 
 
-def test_rockit_carries_the_tip_aside(functions):
+def test_rockit_moves_the_tip(functions):
     rockit = imported("rockit")
     n, start = functions.free, values(functions.states)
     problem = rockit.Ocp(T=0.6)
-    q, v, place, speed = problem.state(n), problem.state(n), problem.state(), problem.state()
+    q, v, position, velocity = problem.state(n), problem.state(n), problem.state(), problem.state()
     u = problem.control()
-    for state, rate in ((q, v), (v, accelerations(functions, q, v, place, speed, u)), (place, speed), (speed, u)):
-        problem.set_der(state, rate)
-    for state, value in ((q, start[:n]), (v, start[n:]), (place, 0), (speed, 0)):
+    for state, derivative in (
+        (q, v),
+        (v, accelerations(functions, q, v, position, velocity, u)),
+        (position, velocity),
+        (velocity, u),
+    ):
+        problem.set_der(state, derivative)
+    for state, value in ((q, start[:n]), (v, start[n:]), (position, 0), (velocity, 0)):
         problem.subject_to(problem.at_t0(state) == value)
-    problem.subject_to(problem.at_tf(place) == 0.02)
-    problem.subject_to(problem.at_tf(speed) == 0)
+    problem.subject_to(problem.at_tf(position) == 0.02)
+    problem.subject_to(problem.at_tf(velocity) == 0)
     problem.add_objective(problem.integral(u**2) * 1e-2 + problem.at_tf((q[-4] - 0.02) ** 2) * 1e2)
     problem.set_initial(q, start[:n])
     limited = {"ipopt.hessian_approximation": "limited-memory", "ipopt.print_level": 0, "print_time": 0}

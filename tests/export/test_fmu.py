@@ -1,4 +1,4 @@
-"""The FMU: valid, described, and the same motion in another program."""
+"""The FMU: validity, description, and its motion in fmpy against ``simulate``."""
 
 import dataclasses
 import math
@@ -44,7 +44,7 @@ pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="there is no 
 
 
 class Shove(BaseMotion):
-    """The clamp speeds up evenly, slows down evenly, and is held."""
+    """Constant acceleration of the clamp, constant deceleration, then rest."""
 
     def pieces(self):
         a = cs.DM(ACCELERATION)
@@ -68,17 +68,22 @@ def document(paper_beam) -> Document:
     return Document(model, law, found, Provenance.of_this(written="2025-01-31T12:00:00Z"))
 
 
-def quickly(path, document, **settings) -> str:
-    """Write an FMU, compiled without optimisation, which takes a fifth of the time."""
+@pytest.fixture(scope="module")
+def functions(document):
+    return beam_functions(document.model, document.damping, markers=MARKERS, modes=1)
+
+
+def quickly(functions, path, document=None) -> str:
+    """Write an FMU, compiled without optimisation in a fifth of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fmu, "FLAGS", ("-O0", *fmu.FLAGS[1:]))
-        write_fmu(path, document, markers=MARKERS, **settings)
+        write_fmu(functions, path, document=document)
     return str(path)
 
 
 @pytest.fixture(scope="module")
-def exported(document, tmp_path_factory) -> str:
-    return quickly(tmp_path_factory.mktemp("fmu") / "my beam.fmu", document)
+def exported(functions, document, tmp_path_factory) -> str:
+    return quickly(functions, tmp_path_factory.mktemp("fmu") / "my beam.fmu", document)
 
 
 def run_fmu(path, start_values, size=1.0):
@@ -105,7 +110,7 @@ def run_fmu(path, start_values, size=1.0):
 
 
 def check(found, run, energies, tolerance=1e-7):
-    """Compare each output with the truth, the points to a part of the travel of the tip."""
+    """Compare each output with the reference, positions relative to the travel of the tip."""
     base = run.base[:, :2]
     travel = np.ptp(run.tip - base, axis=0).max()
     assert travel > 0.02
@@ -129,16 +134,16 @@ def reference(document):
     return truth(document.model, document.damping)
 
 
-def test_fmpy_finds_nothing_to_say(exported):
+def test_fmpy_finds_no_errors(exported):
     assert validate_fmu(exported) == []
 
 
-def test_in_fmpy_it_moves_as_simulate_says(exported, reference):
+def test_the_motion_in_fmpy_agrees_with_simulate(exported, reference):
     check(run_fmu(exported, {}), reference, (reference.kinetic_energy, reference.strain_energy))
 
 
-def test_another_beam_and_law_by_parameters(exported, document, reference):
-    """Parameters are changed before the start, and the states to the new equilibrium, which gravity has moved."""
+def test_another_beam_and_law_by_parameters(exported, functions, document, reference):
+    """Parameters and states are set before the start, the states to the equilibrium under the new gravity."""
     beam = document.model.beam
     beam = beam.with_(thickness=(0.6e-3, 0.55e-3, 0.45e-3, 0.4e-3), elastic_modulus=1.9e11, gravity=(1.0, -8.0))
     model = Model(beam)
@@ -147,15 +152,15 @@ def test_another_beam_and_law_by_parameters(exported, document, reference):
               "beta": 2e-5}  # fmt: skip
     values |= {f"thickness_{k}": h for k, h in enumerate(beam.thickness, start=1)}
     values |= {f"elastic_modulus_{k}": 1.9e11 for k in range(1, 5)}
-    names = [state.name for state in beam_functions(document.model).states[:16]]
+    names = [state.name for state in functions.states[:16]]
     values |= dict(zip(names, static_equilibrium(model).coordinates[4:], strict=True))
     run = truth(model, law)
     check(run_fmu(exported, values), run, (run.kinetic_energy, run.strain_energy))
     assert np.abs(run.tip - reference.tip).max() > 1e-3
 
 
-def test_its_derivatives_are_those_of_its_rates(exported, tmp_path):
-    """Directional derivatives against central differences of the state's rates."""
+def test_directional_derivatives_agree_with_differences(exported, tmp_path):
+    """Central differences of the derivatives of the states."""
     about = fmpy.read_model_description(exported)
     folder = fmpy.extract(exported, str(tmp_path))
     instance = FMU3Model(
@@ -168,7 +173,7 @@ def test_its_derivatives_are_those_of_its_rates(exported, tmp_path):
     instance.enterInitializationMode()
     instance.exitInitializationMode()
     states = [d.variable.derivative for d in about.derivatives]
-    rates = [d.variable.valueReference for d in about.derivatives]
+    derivatives = [d.variable.valueReference for d in about.derivatives]
     known = [s.valueReference for s in states]
     known += [v.valueReference for v in about.modelVariables if v.causality in ("input", "parameter")]
     draw = np.random.default_rng(4)
@@ -178,14 +183,14 @@ def test_its_derivatives_are_those_of_its_rates(exported, tmp_path):
     size[: len(states)] = 1.0
     seed = size * draw.standard_normal(len(known))
 
-    def rate(x):
+    def derivative(x):
         instance.setFloat64(known, x.tolist())
-        return np.array(instance.getFloat64(rates))
+        return np.array(instance.getFloat64(derivatives))
 
     h = 1e-6
-    differences = (rate(at + h * seed) - rate(at - h * seed)) / (2 * h)
-    rate(at)
-    forward = np.array(instance.getDirectionalDerivative(rates, known, seed.tolist()))
+    differences = (derivative(at + h * seed) - derivative(at - h * seed)) / (2 * h)
+    derivative(at)
+    forward = np.array(instance.getDirectionalDerivative(derivatives, known, seed.tolist()))
     assert np.abs(forward - differences).max() < 1e-6 * np.abs(forward).max()
     assert np.abs(forward).max() > 1.0
     instance.terminate()
@@ -193,7 +198,7 @@ def test_its_derivatives_are_those_of_its_rates(exported, tmp_path):
 
 
 def check_declared(about, functions):
-    """Compare the variables with the tables of the model."""
+    """Compare the variables with the tables of signals."""
     variables = {variable.name: variable for variable in about.modelVariables}
     for signals, causality in (
         (functions.parameters, "parameter"),
@@ -212,9 +217,9 @@ def check_declared(about, functions):
     assert not [name for name in variables if "__" in name]
 
 
-def test_what_it_declares(exported, document):
+def test_the_declared_variables(exported, functions):
     about = fmpy.read_model_description(exported)
-    check_declared(about, beam_functions(document.model, document.damping, markers=MARKERS))
+    check_declared(about, functions)
     variables = {variable.name: variable for variable in about.modelVariables}
     assert variables["der(rate_x_1)"].unit == "m/s2"
     assert variables["der(slope_x_1)"].unit == "1/s"
@@ -223,7 +228,7 @@ def test_what_it_declares(exported, document):
     assert (units["kg/m3"].kg, units["kg/m3"].m) == (1, -3)
 
 
-def test_it_says_what_it_is_and_where_it_comes_from(exported, document, tmp_path):
+def test_the_description_names_beam_and_identifications(exported, document, tmp_path):
     about = fmpy.read_model_description(exported)
     assert (about.fmiVersion, about.modelName) == ("3.0", "my beam")
     assert about.coSimulation is None
@@ -240,6 +245,17 @@ def test_it_says_what_it_is_and_where_it_comes_from(exported, document, tmp_path
     assert read_document(tmp_path / "resources" / "beam.json").to_dict() == document.to_dict()
 
 
+def test_an_fmu_without_a_document(reduced, tmp_path, monkeypatch):
+    """A document changes the description and the resources, and nothing else."""
+    monkeypatch.setattr(fmu, "_compile", lambda compiler, sources, library, headers: library.write_bytes(b""))
+    for name, document in (("alone", None), ("described", Document(reduced.model, reduced.law))):
+        write_fmu(reduced, tmp_path / f"{name}.fmu", document=document)
+    with zipfile.ZipFile(tmp_path / "alone.fmu") as alone, zipfile.ZipFile(tmp_path / "described.fmu") as described:
+        assert {*described.namelist()} - {*alone.namelist()} == {"resources/beam.json"}
+        assert alone.read("sources/beam.c") == described.read("sources/beam.c")
+        assert b'description="Beam in 4 modes"' in alone.read("modelDescription.xml")
+
+
 @pytest.fixture(scope="module")
 def reduced(paper_beam):
     model = Model(paper_beam(8, axis=(0.6, -0.8)))
@@ -250,17 +266,17 @@ def reduced(paper_beam):
 @pytest.fixture(scope="module")
 def small(reduced, tmp_path_factory) -> str:
     document = Document(reduced.model, reduced.law)
-    return quickly(tmp_path_factory.mktemp("fmu") / "small.fmu", document, modes=MODES)
+    return quickly(reduced, tmp_path_factory.mktemp("fmu") / "small.fmu", document)
 
 
 @pytest.fixture(scope="module")
 def rest(reduced):
-    """Where all modal coordinates are 0."""
+    """The state in which all modal coordinates are 0."""
     zero = np.zeros(MODES)
     return State(*(part.full().ravel() for part in reduced.coordinates(zero, zero, np.zeros(9))))
 
 
-def test_the_reduced_model_is_valid_and_moves_as_simulate_reduced_says(small, reduced, rest):
+def test_the_reduced_model_is_valid_and_agrees_with_simulate_reduced(small, reduced, rest):
     assert validate_fmu(small) == []
     run = simulate_reduced(reduced, base=Shove(), duration=DURATION, sample_rate=RATE, start=rest)
     check(run_fmu(small, {}), run, run.energy.T[:2], 1e-6)
@@ -275,8 +291,8 @@ def test_the_reduced_model_under_other_parameters(small, reduced, rest):
     check(run_fmu(small, values), run, run.energy.T[:2], 1e-6)
 
 
-def test_a_release_of_the_reduced_model_moves_as_the_full_beam_does(small, reduced):
-    """From a small bend in modes 1 and 2, set by start values."""
+def test_a_release_of_the_reduced_model_agrees_with_the_full_beam(small, reduced):
+    """From a small deflection in modes 1 and 2, set by start values."""
     q = np.array([1e-3, 2e-4, 0.0, 0.0])
     start = State(*(part.full().ravel() for part in reduced.coordinates(q, 0 * q, np.zeros(9))))
     settings = {"duration": DURATION, "sample_rate": RATE, "method": "radau", "tolerance": 1e-9}
@@ -288,7 +304,7 @@ def test_a_release_of_the_reduced_model_moves_as_the_full_beam_does(small, reduc
         assert np.abs(found[f"tip_{component}"] - run.tip[:, c]).max() < 1e-4 * swing
 
 
-def test_what_the_reduced_model_declares(small, reduced):
+def test_the_declared_variables_of_the_reduced_model(small, reduced):
     about = fmpy.read_model_description(small)
     check_declared(about, reduced)
     assert "Beam of 8 elements, 0.5 m long, RayleighDamping and QuadraticDamping; modes kept: 4" in about.description
@@ -298,14 +314,14 @@ def test_what_the_reduced_model_declares(small, reduced):
     assert units["m/s2"].s == -2
 
 
-def test_drafts_of_a_compiler_that_is_stopped_do_not_stay(document, tmp_path, monkeypatch):
+def test_a_failing_compiler_leaves_no_files(functions, tmp_path, monkeypatch):
     (tmp_path / "cc").write_text('#!/bin/sh\ntouch "$TMPDIR/draft.s"\nexit 1\n')
     (tmp_path / "cc").chmod(0o755)
     (tmp_path / "temporary").mkdir()
     monkeypatch.setenv("CC", str(tmp_path / "cc"))
     monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
     with pytest.raises(InputError, match="cannot compile"):
-        write_fmu(tmp_path / "beam.fmu", document)
+        write_fmu(functions, tmp_path / "beam.fmu")
     assert not list((tmp_path / "temporary").iterdir())
 
 
@@ -316,31 +332,37 @@ class TestRefusals:
         yield
         assert [path for path in tmp_path.iterdir() if path.suffix != ".h"] == []
 
-    def test_without_fmpy(self, document, monkeypatch):
+    def test_without_fmpy(self, functions, monkeypatch):
         monkeypatch.setattr(fmu.importlib.util, "find_spec", lambda name: None)
         with pytest.raises(
             InputError, match=r"^fmpy: an FMU needs the headers of FMI.*pip install 'ancf-casadi\[fmu\]'$"
         ):
-            write_fmu("beam.fmu", document)
+            write_fmu(functions, "beam.fmu")
 
-    def test_without_its_headers(self, document, monkeypatch, tmp_path):
+    def test_without_its_headers(self, functions, monkeypatch, tmp_path):
         found = types.SimpleNamespace(origin=str(tmp_path / "__init__.py"))
         monkeypatch.setattr(fmu.importlib.util, "find_spec", lambda name: found)
         with pytest.raises(InputError, match=r"lacks fmi3Functions\.h"):
-            write_fmu("beam.fmu", document)
+            write_fmu(functions, "beam.fmu")
 
-    def test_without_a_compiler(self, document, monkeypatch):
+    def test_without_a_compiler(self, functions, monkeypatch):
         monkeypatch.delenv("CC", raising=False)
         monkeypatch.setenv("PATH", "")
         with pytest.raises(InputError, match=r"^CC: an FMU needs a C compiler"):
-            write_fmu("beam.fmu", document)
+            write_fmu(functions, "beam.fmu")
 
     @pytest.mark.parametrize(("compiler", "words"), [("false", "cannot compile"), ("/no/such/cc", "cannot be run")])
-    def test_with_a_compiler_that_does_not_work(self, document, monkeypatch, compiler, words):
+    def test_with_a_broken_compiler(self, functions, monkeypatch, compiler, words):
         monkeypatch.setenv("CC", compiler)
         with pytest.raises(InputError, match=f"^{compiler}: {words}"):
-            write_fmu("beam.fmu", document)
+            write_fmu(functions, "beam.fmu")
 
     def test_a_marker_beside_the_beam(self, document):
         with pytest.raises(InputError, match="the point must be on the beam"):
-            write_fmu("beam.fmu", document, markers=(0.6,))
+            beam_functions(document.model, document.damping, markers=(0.6,))
+
+    def test_a_document_of_another_beam_or_law(self, functions, document):
+        thicker = Model(document.model.beam.with_(thickness=1e-3))
+        for other in (Document(thicker, document.damping), Document(document.model, RayleighDamping(beta=1e-5))):
+            with pytest.raises(InputError, match=r"^document: describes another beam or damping law"):
+                write_fmu(functions, "beam.fmu", document=other)

@@ -1,4 +1,4 @@
-"""A beam with a mass at its tip, in a clamp that yields: closed forms, balances, and both integrators."""
+"""A beam with a tip mass and an elastic clamp: closed forms, energy balance and both integrators."""
 
 import casadi as cs
 import numpy as np
@@ -51,7 +51,7 @@ def test_a_tip_mass_lowers_the_frequencies_as_the_frequency_equation_says(paper_
 
 
 @pytest.mark.parametrize("ratio", [1e-3, 1.0, 50.0, 1e4])
-def test_a_clamp_that_yields_lowers_the_frequencies_as_the_frequency_equation_says(paper_beam, ratio):
+def test_an_elastic_clamp_lowers_the_frequencies_as_the_frequency_equation_says(paper_beam, ratio):
     """K L/(E I) (1 + cos x cosh x) = x (sin x cosh x - cos x sinh x)."""
     beam = paper_beam(40, **WEIGHTLESS)
     stiffness = beam.elastic_modulus[0] * beam.sections[0].second_moment
@@ -64,13 +64,13 @@ def test_a_clamp_that_yields_lowers_the_frequencies_as_the_frequency_equation_sa
     np.testing.assert_allclose(found / (1 + (beta / 40) ** 4 / 1440), in_hertz(beam, beta), rtol=2e-6)
 
 
-def test_a_very_stiff_clamp_is_a_rigid_one(paper_beam):
+def test_a_very_stiff_clamp_acts_like_a_rigid_one(paper_beam):
     rigid, stiff = (natural_modes(Model(paper_beam(10, clamp_stiffness=k))).frequencies for k in (np.inf, 1e6))
     np.testing.assert_allclose(stiff, rigid, rtol=1e-5)
 
 
-def test_the_clamp_turns_by_the_moment_over_its_stiffness(paper_beam):
-    """And a beam that hangs with a mass pulls with the weight of both."""
+def test_the_clamp_rotates_by_the_moment_over_its_stiffness(paper_beam):
+    """The clamp also carries the weight of a hanging beam and its tip mass."""
     beam = paper_beam(10, **WEIGHTLESS, clamp_stiffness=0.02)
     rest = static_equilibrium(Model(beam), tip_moment=2e-3)
     first, base = rest.coordinates[4:8], rest.coordinates[:4]
@@ -86,7 +86,7 @@ def test_the_clamp_turns_by_the_moment_over_its_stiffness(paper_beam):
 
 @pytest.mark.parametrize("method", ["idas", "radau"])
 def test_the_energy_of_a_large_motion_balances(paper_beam, method):
-    """With mass, yielding clamp, and all laws at once."""
+    """With a tip mass, an elastic clamp and all damping laws at once."""
     model = Model(paper_beam(4, tip_mass=0.005, clamp_stiffness=0.3))
     law = ModalDamping(natural_modes(model, count=2), (0.02, 0.01))
     law += QuadraticDamping(eta1=0.2, eta2=0.3) + RayleighDamping(beta=1e-4)
@@ -131,8 +131,8 @@ def test_a_small_release_swings_with_the_natural_frequency_and_its_damping_ratio
     assert light.damping_ratios(modes, [0.0])[0] < 0.7 * heavy.damping_ratios(modes, [0.0])[0]
 
 
-def test_derivatives_of_a_motion_are_those_of_differences():
-    """By a damping parameter, and by all thicknesses at once, which changes the start too; a strip of silicone."""
+def test_derivatives_of_a_motion_agree_with_differences():
+    """A silicone strip, by a damping parameter and by a factor of all thicknesses, which changes the start too."""
     strip = Beam.uniform(length=0.2, width=0.01, thickness=2e-3, density=1070.0, elastic_modulus=264e3, elements=2)
     model = Model(strip.with_(tip_mass=5e-4, clamp_stiffness=1e-4))
     base, law = HarmonicBase(amplitude=0.02, frequency=3.0, stop=0.15), RayleighDamping(alpha=0.6)
@@ -140,9 +140,9 @@ def test_derivatives_of_a_motion_are_those_of_differences():
     coarse, tight = (motion(model, **settings, tolerance=tolerance) for tolerance in (1e-7, 1e-9))
     symbols = [cs.MX.sym(name, *coarse.size_in(k)) for k, name in enumerate("abc")]
     tip = coarse(*symbols)[-4:-2, :]
-    slopes = cs.Function("J", symbols, [cs.jacobian(tip, symbols[0]), cs.jacobian(tip, symbols[2])])
-    at = [np.array([0.6]), np.array([value for _, value in base.parameters]), model.properties]
-    by_law, by_properties = (part.full() for part in slopes(*at))
+    jacobians = cs.Function("J", symbols, [cs.jacobian(tip, symbols[0]), cs.jacobian(tip, symbols[2])])
+    at = [np.array([0.6]), np.array([own.value for own in base.parameters]), model.properties]
+    by_law, by_properties = (part.full() for part in jacobians(*at))
     thicker = at[2] * np.array([0.0, 1.0, 0.0, 0.0])[:, None]
     for k, found, direction in ((0, by_law @ [0.1], np.array([0.1])), (2, by_properties @ thicker.ravel("F"), thicker)):
         ends = []
@@ -153,8 +153,8 @@ def test_derivatives_of_a_motion_are_those_of_differences():
         assert abs(found - expected).max() < 2e-3 * abs(expected).max()
 
 
-def test_a_clamp_that_turns_takes_the_beam_along(paper_beam):
-    """Turned by a right angle in 2 s and held, the beam points that way, with its spring at rest."""
+def test_a_rotating_clamp_takes_the_beam_along(paper_beam):
+    """Rotated by 90 degrees in 2 s and held, the beam comes to rest in the new direction with a relaxed spring."""
     model = Model(paper_beam(4, axis=(1.0, 0.0), gravity=(0.0, 0.0), tip_mass=0.002, clamp_stiffness=0.4))
     time = np.linspace(0.0, 2.0, 201)
     angle = np.pi / 2 * (time / 2) ** 3 * (10 - 15 * time / 2 + 6 * (time / 2) ** 2)

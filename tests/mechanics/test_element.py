@@ -42,7 +42,7 @@ def turn(e, angle):
 
 
 def spin(e):
-    """Rates of a rigid rotation at 1 rad/s."""
+    """Velocities of a rigid rotation at 1 rad/s."""
     return (e.reshape(-1, 2) @ np.array([[0.0, 1.0], [-1.0, 0.0]])).ravel()
 
 
@@ -55,7 +55,7 @@ def energy(functions, e):
 
 
 def difference(function, x):
-    """Central differences of a function of a vector, one column a component of x."""
+    """Central differences of a function of a vector, one column per component of x."""
     columns = [(function(x + h) - function(x - h)) / (2 * STEP) for h in STEP * np.eye(len(x))]
     return np.array(columns).T
 
@@ -73,7 +73,7 @@ def test_a_rigid_rotation_and_translation_store_no_energy_and_exert_no_force(fun
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_energy_of_a_deformed_element_is_the_same_wherever_it_is_and_points(functions, seed):
+def test_a_rigid_motion_does_not_change_the_energy_of_a_deformed_element(functions, seed):
     e = deformed(seed)
     moved = turn(e, 1.234) + np.tile([0.3, -0.2, 0.0, 0.0], 2)
     assert energy(functions, e) > 1e-3
@@ -122,33 +122,33 @@ def test_the_tangent_stiffness_is_the_symmetric_jacobian_of_the_force(functions,
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_tangent_force_is_the_tangent_stiffness_times_the_rate(functions, seed):
-    e, rate = deformed(seed), np.random.default_rng(seed + 100).normal(size=8)
-    expected = dense(functions.tangent_stiffness, e, PROPERTIES) @ rate
-    np.testing.assert_allclose(dense(functions.tangent_force, e, rate, PROPERTIES), expected, rtol=1e-10)
+def test_the_tangent_force_is_the_tangent_stiffness_times_the_velocity(functions, seed):
+    e, velocity = deformed(seed), np.random.default_rng(seed + 100).normal(size=8)
+    expected = dense(functions.tangent_stiffness, e, PROPERTIES) @ velocity
+    np.testing.assert_allclose(dense(functions.tangent_force, e, velocity, PROPERTIES), expected, rtol=1e-10)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_rigid_motion_of_a_deformed_element_meets_no_strain_rate_force(functions, seed):
+def test_a_rigid_motion_of_a_deformed_element_causes_no_strain_rate_force(functions, seed):
     e = deformed(seed)
     rigid = spin(e) + np.tile([0.7, -0.4, 0.0, 0.0], 2)
     scale = abs(dense(functions.tangent_stiffness, e, PROPERTIES)).max()
     assert abs(dense(functions.strain_rate_force, e, rigid, PROPERTIES)).max() < 1e-14 * scale
-    assert abs(dense(functions.tangent_force, e, rigid, PROPERTIES)).max() > 1e-6 * scale  # the tangent one does resist
+    assert abs(dense(functions.tangent_force, e, rigid, PROPERTIES)).max() > 1e-6 * scale  # not objective
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_strain_rate_force_takes_energy_out_of_any_deforming_motion(functions, seed):
-    rate = np.random.default_rng(seed).normal(size=8)
-    assert rate @ dense(functions.strain_rate_force, deformed(seed), rate, PROPERTIES) > 0.0
+def test_the_strain_rate_force_dissipates_energy_in_any_deformation(functions, seed):
+    velocity = np.random.default_rng(seed).normal(size=8)
+    assert velocity @ dense(functions.strain_rate_force, deformed(seed), velocity, PROPERTIES) > 0.0
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.8])
-def test_in_an_unstrained_element_the_strain_rate_force_is_the_elastic_stiffness_times_the_rate(functions, angle):
-    rate = np.random.default_rng(5).normal(size=8)
+def test_in_an_unstrained_element_the_strain_rate_force_is_the_elastic_stiffness_times_the_velocity(functions, angle):
+    velocity = np.random.default_rng(5).normal(size=8)
     e = turn(straight(), angle)
-    expected = dense(functions.tangent_stiffness, e, PROPERTIES) @ rate
-    got = dense(functions.strain_rate_force, e, rate, PROPERTIES)
+    expected = dense(functions.tangent_stiffness, e, PROPERTIES) @ velocity
+    got = dense(functions.strain_rate_force, e, velocity, PROPERTIES)
     np.testing.assert_allclose(got, expected, atol=1e-10 * abs(expected).max())
 
 
@@ -162,7 +162,7 @@ def test_the_mass_matrix_gives_the_kinetic_energies_of_translation_and_of_rotati
 
 
 def test_the_mass_matrix_is_that_of_the_hermite_cubic():
-    """The consistent matrix of any textbook, e.g. Przemieniecki 1968, Eq. (11.26)."""
+    """The consistent matrix of any textbook, for example Przemieniecki 1968, Eq. (11.26)."""
     l = LENGTH
     textbook = [
         [156, 22 * l, 54, -13 * l],
@@ -195,16 +195,16 @@ def test_drag_on_an_element_turning_about_its_end_is_the_integral_of_the_squared
 
 @pytest.mark.parametrize("seed", range(3))
 def test_drag_opposes_any_motion_and_is_even_in_its_sign(functions, seed):
-    rate = np.random.default_rng(seed).normal(size=8)
-    force = dense(functions.drag_force, rate, PROPERTIES)
-    assert rate @ force > 0.0
-    np.testing.assert_allclose(dense(functions.drag_force, -2 * rate, PROPERTIES), -4 * force, rtol=1e-12)
+    velocity = np.random.default_rng(seed).normal(size=8)
+    force = dense(functions.drag_force, velocity, PROPERTIES)
+    assert velocity @ force > 0.0
+    np.testing.assert_allclose(dense(functions.drag_force, -2 * velocity, PROPERTIES), -4 * force, rtol=1e-12)
 
 
 def test_drag_vanishes_smoothly_at_rest(functions):
     assert not dense(functions.drag_force, np.zeros(8), PROPERTIES).any()
-    slope, _ = functions.drag_force.jacobian()(np.zeros(8), PROPERTIES, np.zeros(8))
-    assert np.abs(slope.full()).max() < 1e-8 * LINE_DENSITY * LENGTH
+    jacobian, _ = functions.drag_force.jacobian()(np.zeros(8), PROPERTIES, np.zeros(8))
+    assert np.abs(jacobian.full()).max() < 1e-8 * LINE_DENSITY * LENGTH
 
 
 @pytest.mark.parametrize(
@@ -217,6 +217,6 @@ def test_drag_vanishes_smoothly_at_rest(functions):
         ({"bending_points": 2.5}, "^bending_points: must be a whole number, 1 to 9, got 2.5$"),
     ],
 )
-def test_unknown_strain_measures_are_refused_with_the_known_ones(arguments, message):
+def test_unknown_strain_measures_are_rejected_with_the_known_ones(arguments, message):
     with pytest.raises(InputError, match=message):
         StrainMeasures(**arguments)

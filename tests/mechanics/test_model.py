@@ -35,7 +35,7 @@ def dense(function, *arguments):
 
 
 def spin(e):
-    """Rates of a rigid rotation at 1 rad/s about the origin."""
+    """Velocities of a rigid rotation at 1 rad/s about the origin."""
     return (e.reshape(-1, 2) @ np.array([[0.0, 1.0], [-1.0, 0.0]])).ravel()
 
 
@@ -56,7 +56,7 @@ def properties_of_elements(model):
 
 
 def difference(function, x):
-    """Central differences of a function of a vector, one column a component of x."""
+    """Central differences of a function of a vector, one column per component of x."""
     columns = [(function(x + h) - function(x - h)) / (2 * STEP) for h in STEP * np.eye(len(x))]
     return np.array(columns).T
 
@@ -67,31 +67,31 @@ def test_the_straight_beam_has_its_nodes_along_the_axis_and_unit_slopes(model):
     np.testing.assert_allclose(nodes[:, 2:], np.tile([0.6, -0.8], (5, 1)), atol=1e-15)
 
 
-def test_the_clamp_takes_the_first_nodes_four_coordinates(model):
+def test_the_clamp_fixes_the_four_coordinates_of_the_first_node(model):
     assert model.size == 20
     assert list(range(model.size))[model.free] == list(range(4, 20))
 
 
 def test_energies_and_forces_are_the_sums_over_the_elements_with_their_own_properties(model):
-    e, rate, g = deformed(model, 0), np.random.default_rng(1).normal(size=model.size), [1.0, -9.81]
+    e, velocity, g = deformed(model, 0), np.random.default_rng(1).normal(size=model.size), [1.0, -9.81]
     energy = 0.0
     sums = {name: np.zeros(model.size) for name in ("elastic", "tangent", "strain_rate", "drag", "gravity")}
     one, properties = model.element, properties_of_elements(model)
-    for k, (part, part_rate) in enumerate(zip(elements_of(e), elements_of(rate), strict=True)):
+    for k, (part, part_velocity) in enumerate(zip(elements_of(e), elements_of(velocity), strict=True)):
         p, rows = properties[:, k], slice(4 * k, 4 * k + 8)
         energy += float(one.strain_energy(part, p))
         sums["elastic"][rows] += dense(one.elastic_force, part, p)
-        sums["tangent"][rows] += dense(one.tangent_force, part, part_rate, p)
-        sums["strain_rate"][rows] += dense(one.strain_rate_force, part, part_rate, p)
-        sums["drag"][rows] += dense(one.drag_force, part_rate, p)
+        sums["tangent"][rows] += dense(one.tangent_force, part, part_velocity, p)
+        sums["strain_rate"][rows] += dense(one.strain_rate_force, part, part_velocity, p)
+        sums["drag"][rows] += dense(one.drag_force, part_velocity, p)
         sums["gravity"][rows] += dense(one.gravity_force, p, g)
     P = model.properties
     assert float(model.strain_energy(e, P)) == pytest.approx(energy, rel=1e-13)
     got = {
         "elastic": dense(model.elastic_force, e, P),
-        "tangent": dense(model.tangent_force, e, rate, P),
-        "strain_rate": dense(model.strain_rate_force, e, rate, P),
-        "drag": dense(model.drag_force, rate, P),
+        "tangent": dense(model.tangent_force, e, velocity, P),
+        "strain_rate": dense(model.strain_rate_force, e, velocity, P),
+        "drag": dense(model.drag_force, velocity, P),
         "gravity": dense(model.gravity_force, P, g),
     }
     for name, expected in sums.items():
@@ -127,7 +127,7 @@ def test_the_tangent_stiffness_is_the_jacobian_of_the_elastic_force(model, seed)
 
 
 @pytest.mark.parametrize("angle", [0.4, 2.0, np.pi])
-def test_a_rigid_rotation_stores_no_energy_and_meets_no_elastic_or_strain_rate_force(model, angle):
+def test_a_rigid_rotation_stores_no_energy_and_causes_no_elastic_or_strain_rate_force(model, angle):
     e = turn(model.straight, angle)
     scale = abs(dense(model.tangent_stiffness, e, model.properties)).max()
     assert float(model.strain_energy(e, model.properties)) < 1e-25 * scale
@@ -135,7 +135,7 @@ def test_a_rigid_rotation_stores_no_energy_and_meets_no_elastic_or_strain_rate_f
     assert abs(dense(model.strain_rate_force, e, spin(e), model.properties)).max() < 1e-14 * scale
 
 
-def test_a_rigid_motion_of_a_bent_beam_meets_no_strain_rate_force(model):
+def test_a_rigid_motion_of_a_bent_beam_causes_no_strain_rate_force(model):
     e = deformed(model, 3)
     rigid = spin(e) + np.tile([0.7, -0.4, 0.0, 0.0], 5)
     scale = abs(dense(model.tangent_stiffness, e, model.properties)).max()
@@ -149,7 +149,7 @@ def test_the_linearised_strain_rate_force_of_the_straight_beam_is_its_elastic_st
 
 
 def test_the_clamp_holds_the_three_rigid_motions_and_the_axial_pattern_that_two_gauss_points_do_not_see(model):
-    """Slopes that change alike at all nodes strain no Gauss point; the clamp fixes the first of them, hence all."""
+    """Equal changes of all slopes strain no Gauss point; the clamp fixes the first slope and thereby all."""
     stiffness = dense(model.tangent_stiffness, model.straight, model.properties)
     values = np.linalg.eigvalsh(stiffness)
     assert (values < 1e-9 * values.max()).sum() == 4
@@ -166,8 +166,8 @@ def test_the_mass_matrix_holds_the_mass_of_the_beam(model):
 
 
 def test_a_uniform_beam_turning_about_its_end_has_the_moment_of_inertia_m_l2_3(hanging):
-    rates = spin(hanging.straight)
-    inertia = rates @ dense(hanging.mass, hanging.properties) @ rates
+    velocity = spin(hanging.straight)
+    inertia = velocity @ dense(hanging.mass, hanging.properties) @ velocity
     assert inertia == pytest.approx(hanging.beam.mass * 0.5**2 / 3, rel=1e-13)
 
 
@@ -216,7 +216,7 @@ def test_the_slope_is_the_derivative_of_the_position_and_continuous_across_nodes
         ("tip", "s: must be a finite number, got 'tip'"),
     ],
 )
-def test_a_point_that_is_not_on_the_beam_is_refused(model, s, message):
+def test_a_point_that_is_not_on_the_beam_is_rejected(model, s, message):
     for interpolation in (model.interpolation, model.slope_interpolation):
         with pytest.raises(InputError, match=f"^{re.escape(message)}$"):
             interpolation(s)
@@ -228,7 +228,7 @@ def test_models_are_equal_when_beam_and_strain_measures_are(paper_beam):
     assert Model(paper_beam()) != Model(paper_beam(), StrainMeasures(axial="green"))
 
 
-def test_a_model_travels_between_processes_also_after_use(model):
+def test_a_used_model_can_be_pickled(model):
     again = pickle.loads(pickle.dumps(model))
     assert again == model
     np.testing.assert_array_equal(dense(again.mass, again.properties), dense(model.mass, model.properties))

@@ -6,6 +6,7 @@ import pytest
 import scipy.optimize
 
 from ancf_casadi import (
+    Beam,
     HarmonicBase,
     InputError,
     ModalDamping,
@@ -20,7 +21,8 @@ from ancf_casadi import (
     simulate_reduced,
     static_equilibrium,
 )
-from ancf_casadi.reduction.kinematics import slopes_of
+from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
+from ancf_casadi.reduction.kinematics import nodal_slopes
 from ancf_casadi.reduction.stepping import project
 
 RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
@@ -39,7 +41,7 @@ def modes(hanging):
 
 
 def linearised(reduced):
-    """Natural frequencies (rad/s) and damping ratios of small motion about q = 0."""
+    """Angular frequencies (rad/s) and damping ratios of small motion about q = 0."""
     q, v, base, p = reduced.rhs.mx_in()
     matrix = cs.jacobian(cs.vertcat(v, reduced.rhs(q, v, base, p)), cs.vertcat(q, v))
     zero = np.zeros(reduced.count)
@@ -58,11 +60,11 @@ def uneven(elements=20):
     [{}, {"axis": (1.0, 0.0)}, {"axis": (1.0, 0.0), "gravity": (0.0, 0.0)}, uneven(), HEAVY, ELASTIC],
     ids=["hanging", "horizontal", "weightless", "uneven", "tip mass", "elastic clamp"],
 )
-def test_small_motion_has_the_frequencies_and_the_rest_of_the_full_beam(paper_beam, changes):
+def test_small_motion_has_the_frequencies_and_the_equilibrium_of_the_full_beam(paper_beam, changes):
     model = Model(paper_beam(**changes))
     modes = natural_modes(model)
-    for points, limit in ((41, 1.2e-5), (None, 3e-5)):
-        reduced = reduce_model(model, modes=modes, points=points)
+    for slope_points, limit in ((41, 1.2e-5), (None, 3e-5)):
+        reduced = reduce_model(model, modes=modes, slope_points=slope_points)
         frequencies, ratios = linearised(reduced)
         np.testing.assert_allclose(frequencies, modes.angular_frequencies, rtol=limit)
         assert np.abs(ratios).max() < 1e-12
@@ -98,7 +100,7 @@ def test_a_tip_mass_and_an_elastic_clamp_are_damped_as_in_the_full_model(paper_b
     np.testing.assert_allclose(linearised(reduce_model(model, modes=modes, damping=law))[1], expected, rtol=2e-4)
 
 
-def test_a_generic_law_and_its_symbolic_parameters_give_the_measured_ratios(hanging, modes):
+def test_the_modal_law_and_its_symbolic_parameters_give_the_measured_ratios(hanging, modes):
     reduced = reduce_model(hanging, modes=modes, damping=ModalDamping(modes, RATIOS))
     np.testing.assert_allclose(linearised(reduced)[1], RATIOS, rtol=2e-5)
     assert [signal.name for signal in reduced.parameters] == [
@@ -114,7 +116,7 @@ def test_a_generic_law_and_its_symbolic_parameters_give_the_measured_ratios(hang
 
 
 def projected(reduced, q, v, base, force):
-    """Modal forces of a force on the nodal coordinates."""
+    """Return the modal forces of a force on the nodal coordinates."""
     e, e_t = (part.full().ravel() for part in reduced.coordinates(q, v, base))
     jacobian = reduced.coordinates.jacobian()(q, v, base, e, e_t)[0].full()
     return jacobian.T @ force(e, e_t)
@@ -140,8 +142,8 @@ def test_large_motion_of_beam_and_base_is_damped_as_in_the_full_model(hanging, m
     assert np.abs(force - expected).max() < tolerance * np.abs(expected).max()
 
 
-def test_few_points_tell_the_energy_that_drag_takes_from_a_mode(hanging, modes):
-    """The power at the speed of each mode alone, which makes the equivalent damping ratios."""
+def test_few_drag_points_dissipate_the_right_energy_in_a_mode(hanging, modes):
+    """Power of the drag in each mode alone, on which the equivalent damping ratios rest."""
     law = QuadraticDamping(eta2=0.11)
     damped, undamped = (reduce_model(hanging, modes=modes, damping=given) for given in (law, None))
     shapes = modes.shapes.T
@@ -151,16 +153,16 @@ def test_few_points_tell_the_energy_that_drag_takes_from_a_mode(hanging, modes):
         assert v @ np.subtract(*change) == pytest.approx(1183 / 876 * 0.11 * shape @ drag, rel=1e-3)
 
 
-def test_the_strain_rate_force_is_blind_to_a_turning_base(hanging, modes):
+def test_the_strain_rate_force_is_zero_in_a_rigid_rotation(hanging, modes):
     law = RayleighDamping(beta=1e-3)
     damped, undamped = (reduce_model(hanging, modes=modes, damping=given) for given in (law, None))
-    for v, blind in ((np.zeros(5), True), (V, False)):
+    for v, zero in ((np.zeros(5), True), (V, False)):
         change = np.subtract(*(part.rhs(Q, v, BASE, part.values).full() for part in (damped, undamped)))
-        assert (np.abs(change).max() < 1e-9 * np.abs(undamped.rhs(Q, v, BASE, undamped.values).full()).max()) == blind
+        assert (np.abs(change).max() < 1e-9 * np.abs(undamped.rhs(Q, v, BASE, undamped.values).full()).max()) == zero
 
 
 def test_the_acceleration_balances_the_forces_of_the_full_model(hanging, modes):
-    """Virtual work with e_tt from differentiating the coordinates twice, base moving and turning."""
+    """Virtual work with e_tt from differentiating the coordinates twice, while the base moves and rotates."""
     reduced = reduce_model(hanging, modes=modes)
     a, p = reduced.rhs(Q, V, BASE, reduced.values).full().ravel(), hanging.properties
     t = cs.MX.sym("t")
@@ -180,7 +182,7 @@ def test_the_acceleration_balances_the_forces_of_the_full_model(hanging, modes):
 
 
 def test_energies_are_those_of_the_full_model_and_constant_without_damping(hanging, modes):
-    reduced = reduce_model(hanging, modes=modes, points=41)
+    reduced = reduce_model(hanging, modes=modes, slope_points=41)
     e, e_t = (part.full().ravel() for part in reduced.coordinates(Q, V, BASE))
     kinetic, strain, potential = (float(part) for part in reduced.energies(Q, V, BASE, reduced.values))
     p = hanging.properties
@@ -188,7 +190,7 @@ def test_energies_are_those_of_the_full_model_and_constant_without_damping(hangi
     assert potential == pytest.approx(-float(e @ hanging.gravity_force(p, hanging.beam.gravity).full().ravel()))
     slopes = e.reshape(-1, 4)[:, 2:]
     np.testing.assert_allclose(np.linalg.norm(slopes, axis=1), 1.0, atol=1e-6)
-    whole = slopes_of(modes)
+    whole = nodal_slopes(modes)
     angles, stiffness = whole.angles + whole.rotations @ Q, 210e9 * hanging.beam.sections[0].second_moment
     steps = ((k, k * hanging.beam.element_length / 2) for k in (1, 2))
     fine, coarse = (stiffness * (np.diff(angles[::k]) ** 2).sum() / h / 2 for k, h in steps)
@@ -205,7 +207,7 @@ def test_energies_are_those_of_the_full_model_and_constant_without_damping(hangi
 
 
 def test_gravity_is_a_parameter_and_the_static_bend_converges_with_the_modes(weightless):
-    """The horizontal beam under its own weight, from the modes without: tip of the elastica of references/."""
+    """Horizontal beam under its own weight, in modes without gravity; tip position from the elastica in references/."""
     errors = []
     for count in (1, 2, 4, 6):
         reduced = reduce_model(weightless, modes=count)
@@ -249,9 +251,9 @@ TURNED = SampledBase(TIME, np.zeros((81, 2)), 0.25 * (1 - np.cos(np.pi * TIME / 
         (HarmonicBase(amplitude=0.02, frequency=1.85, stop=0.5), (5e-3, 1e-4, 3e-5)),
         (TURNED, (1e-2, 1e-4, 1e-4)),
     ],
-    ids=["driven", "turned"],
+    ids=["driven", "rotated"],
 )
-def test_a_beam_on_a_moving_base_that_stops_moves_like_the_full_one_the_closer_the_more_modes(paper_beam, base, limits):
+def test_motion_on_a_base_that_stops_converges_to_that_of_the_full_beam_with_the_modes(paper_beam, base, limits):
     model, law = Model(paper_beam(elements=8)), RayleighDamping(alpha=0.2, beta=3e-5)
     settings = {"base": base, "duration": 0.7, "sample_rate": 100.0}
     full = simulate(model, damping=law, method="radau", tolerance=1e-6, **settings)
@@ -265,7 +267,19 @@ def test_a_beam_on_a_moving_base_that_stops_moves_like_the_full_one_the_closer_t
     assert errors[2] < errors[1] < errors[0] / 4
 
 
-def test_a_stop_of_a_moving_base_leaves_what_the_clamp_cannot_resist(hanging, modes):
+def test_a_piece_of_the_base_motion_may_lie_between_two_samples():
+    class TwoStops(BaseMotion):
+        def pieces(self):
+            return tuple(
+                Piece(end, lambda t, parameters: cs.MX(cs.DM([0.0, 0.0, 0.0]))) for end in (0.101, 0.105, np.inf)
+            )
+
+    beam = Beam.uniform(length=0.5, width=5e-3, thickness=5e-4, density=8000.0, elastic_modulus=210e9, elements=2)
+    run = simulate_reduced(reduce_model(Model(beam), modes=1), duration=0.2, base=TwoStops(), sample_rate=100.0)
+    assert run.time.shape == run.q[:, 0].shape == run.base[:, 0].shape
+
+
+def test_an_impulse_of_the_clamp_does_no_work_on_the_modes(hanging, modes):
     reduced = reduce_model(hanging, modes=modes)
     moving, stopped = BASE.copy(), BASE.copy()
     stopped[3:] = 0.0
@@ -300,7 +314,7 @@ def test_a_step_is_of_order_four_and_exact_for_small_motion(hanging, modes):
     np.testing.assert_allclose(found, tiny * np.cos(modes.angular_frequencies * 0.01), atol=1e-4 * 1e-7)
 
 
-def test_markers_and_the_state_of_a_sample_are_those_of_the_full_beam(hanging):
+def test_markers_and_states_agree_with_the_full_beam(hanging):
     reduced = reduce_model(hanging, modes=3, markers=(0.2, 0.5))
     start = static_equilibrium(hanging, tip_force=(2e-3, 0.0))
     run = simulate_reduced(reduced, start=start, duration=0.1, sample_rate=50.0)
@@ -311,7 +325,7 @@ def test_markers_and_the_state_of_a_sample_are_those_of_the_full_beam(hanging):
     np.testing.assert_allclose(run.energy.sum(axis=1), run.energy[0].sum(), rtol=1e-7)
 
 
-def test_what_cannot_be_reduced_is_refused(hanging, rubber_beam, modes):
+def test_unusable_input_is_refused(hanging, rubber_beam, modes):
     with pytest.warns(UserWarning, match="objective"):
         law = RayleighDamping(beta=1e-5, stiffness="reference")
     with pytest.raises(InputError, match=r"damping: .*strain-rate"):
@@ -320,9 +334,9 @@ def test_what_cannot_be_reduced_is_refused(hanging, rubber_beam, modes):
         reduce_model(Model(rubber_beam(elements=4)), modes=6)
     with pytest.raises(InputError, match="another model"):
         reduce_model(Model(rubber_beam(elements=4)), modes=modes)
-    for points in (5, 42, 12.5, "many"):
-        with pytest.raises(InputError, match=r"^points: must be a whole number, 6 to 41, got"):
-            reduce_model(hanging, modes=modes, points=points)
+    for slope_points in (5, 42, 12.5, "many"):
+        with pytest.raises(InputError, match=r"^slope_points: must be a whole number, 6 to 41, got"):
+            reduce_model(hanging, modes=modes, slope_points=slope_points)
     for points in (0, 101, 2.5):
         with pytest.raises(InputError, match=r"^drag_points: must be a whole number, 1 to 100, got"):
             reduce_model(hanging, modes=modes, drag_points=points)
@@ -331,7 +345,7 @@ def test_what_cannot_be_reduced_is_refused(hanging, rubber_beam, modes):
     with pytest.raises(InputError, match="on the beam"):
         reduce_model(hanging, modes=modes, markers=(0.6,))
     reduced = reduce_model(hanging, modes=1)
-    with pytest.raises(InputError, match="steps_a_period"):
-        simulate_reduced(reduced, duration=1.0, steps_a_period=0.0)
+    with pytest.raises(InputError, match="steps_per_period"):
+        simulate_reduced(reduced, duration=1.0, steps_per_period=0.0)
     with pytest.raises(InputError, match="start"):
         simulate_reduced(reduced, duration=1.0, start="sideways")

@@ -1,4 +1,4 @@
-"""Compiled functions: the same digits, one program for all beams, a cache that is safe, and no compiler at all."""
+"""Compiled functions: same digits, one program for all beams, a safe cache, and runs without a compiler."""
 
 import os
 import pwd

@@ -1,4 +1,4 @@
-"""Checks of arguments: each public function refuses what it cannot use in one line that says what was expected."""
+"""Checks of arguments: each public function refuses unusable input in one line that states the expected value."""
 
 import math
 from functools import partial
@@ -118,7 +118,7 @@ run = partial(simulate, MODEL, duration=0.1)
         (lambda: fit_transient(MODEL, RECORD, [LAW]), "damping: must be a DampingLaw, got a list; use the sum of the"),
         (lambda: fit_transient(MODEL, RECORD, LAW, fixed="alpha"), "fixed: must be a sequence of names, got 'alpha'"),
         (lambda: fit_transient(MODEL, RECORD, LAW, bounds=[1]), "bounds: must be a mapping, got a list"),
-        (lambda: fit_transient(MODEL, RECORD, LAW, robust=1e302), "robust: 1e+302 m is longer than the beam"),
+        (lambda: fit_transient(MODEL, RECORD, LAW, robust=1e302), "robust: must be True or False, got 1e+302"),
         (lambda: compare_laws(MODEL, RECORD, LAW), "laws: must be a sequence of DampingLaw, got a RayleighDamping; pu"),
         (lambda: compare_laws(MODEL, RECORD, []), "laws: there are none"),
         (lambda: monte_carlo(MODEL), "fit: must be a DecayFit or a TransientFit, got a Model"),

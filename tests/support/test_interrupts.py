@@ -1,4 +1,4 @@
-"""Ctrl-C while a solver library is at work."""
+"""Ctrl-C while a solver library runs."""
 
 import signal
 import subprocess

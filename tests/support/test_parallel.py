@@ -1,4 +1,4 @@
-"""Many runs at once give the numbers of one after the other, and their processes never outlive their parent."""
+"""Parallel runs give the same numbers as serial runs, and their processes end with their parent."""
 
 import os
 import signal
@@ -126,7 +126,7 @@ def test_a_script_without_a_file_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"tasks": [lambda: 1, int]}, "tasks: number 1 cannot travel to another process"),
+        ({"tasks": [lambda: 1, int]}, "tasks: number 1 cannot be sent to another process"),
         ({"tasks": [int, 3]}, "tasks: must be a sequence of functions"),
         ({"tasks": int}, "tasks: must be a sequence of functions"),
         ({"tasks": [int], "jobs": 1.5}, "jobs: must be a whole number, 1 or more, got 1.5"),

@@ -1,4 +1,4 @@
-"""Tables as text and CSV, data as JSON, and files that are there as a whole or not at all."""
+"""Tables as text and CSV, data as JSON, and files that are written completely or not at all."""
 
 import csv
 import io

@@ -5,8 +5,8 @@ import pytest
 
 from ancf_casadi import Beam, EquilibriumError, InputError, Model, StrainMeasures, static_equilibrium
 
-# P L^2/EI: x/L, y/L, theta of the inextensible elastica with a tip load across; elliptic integrals, agreeing with
-# Chebyshev collocation in all digits.
+# P L^2/EI: x/L, y/L, theta of the inextensible elastica with a transverse tip load, from elliptic integrals; Chebyshev
+# collocation agrees in all digits.
 ELASTICA = {
     0.5: (0.984081037529, 0.162143575658, 0.244533647133),
     1.0: (0.943566763717, 0.301720773800, 0.461351949712),
@@ -19,7 +19,7 @@ LOCKING = StrainMeasures(axial_points=5, bending_points=3)
 
 @pytest.fixture(scope="module")
 def tip_loaded(paper_beam, bending_stiffness):
-    """Equilibrium of a weightless beam along x with a tip load P L^2/EI across it."""
+    """Equilibrium of a weightless beam along x with a tip load P L^2/EI normal to it."""
 
     def solve(load, elements=20, measures=None, **changes):
         beam = paper_beam(elements, axis=(1.0, 0.0), gravity=(0.0, 0.0), **changes)
@@ -30,7 +30,7 @@ def tip_loaded(paper_beam, bending_stiffness):
 
 
 def tip_error(equilibrium, reference):
-    """Distance of the tip from a reference (x/L, y/L), by the length."""
+    """Distance of the tip from a reference (x/L, y/L), divided by the length."""
     return float(np.linalg.norm(equilibrium.tip / equilibrium.model.beam.length - reference[:2]))
 
 
@@ -50,15 +50,15 @@ def test_twenty_elements_follow_the_elastica(tip_loaded, load):
 
 @pytest.mark.parametrize("load", [1.0, 2.0, 5.0, 10.0])
 def test_the_error_in_the_elastica_falls_with_the_fourth_power_of_the_element_length(tip_loaded, load):
-    """The beam is a tenth as thick as the paper's: EA L^2/EI = 1.2e9 makes stretching a matter of 1e-9 L."""
+    """The beam is a tenth as thick as the paper's: EA L^2/EI = 1.2e9 limits stretching to 1e-9 L."""
     errors = [tip_error(tip_loaded(load, n, thickness=0.05e-3), ELASTICA[load]) for n in (5, 10, 20, 40)]
-    rates = -np.diff(np.log2(errors))
-    assert rates[0] == pytest.approx(4.0, abs=0.5)
-    np.testing.assert_allclose(rates[1:], 4.0, atol=0.15)
+    orders = -np.diff(np.log2(errors))
+    assert orders[0] == pytest.approx(4.0, abs=0.5)
+    np.testing.assert_allclose(orders[1:], 4.0, atol=0.15)
 
 
 def test_with_more_gauss_points_the_element_locks(tip_loaded):
-    """Why the default is two points for either term: 4e-4 of the length with 5 and 3, 3e-6 with 2 and 2."""
+    """The error is 4e-4 of the length with 5 and 3 points, and 3e-6 with the default of 2 and 2."""
     assert tip_error(tip_loaded(10.0, measures=LOCKING), ELASTICA[10.0]) > 1e-4
     assert tip_error(tip_loaded(10.0), ELASTICA[10.0]) < 4e-6
 
@@ -80,10 +80,10 @@ def test_the_measures_agree_on_a_slender_beam_that_hardly_stretches(tip_loaded, 
     ("curvature", "displacement"),
     [("material", (-0.508537304326, -1.207239854550)), ("geometric", (-0.508923036548, -1.208400217308))],
 )
-def test_a_stubby_beam_shows_which_curvature_is_meant(curvature, displacement):
-    """Gerstmayr and Irschik 2008: L 2, b = h = 0.1, F = 3 EI/L^2; they converge to the material value.
+def test_a_stubby_beam_distinguishes_the_curvature_measures(curvature, displacement):
+    """Gerstmayr and Irschik 2008: L = 2, b = h = 0.1, F = 3 EI/L^2; their results converge to the material value.
 
-    The numbers are the extensible elastica's by collocation, with either curvature.
+    The references are the extensible elastica with each curvature, by collocation.
     """
     errors = []
     for elements in (5, 10, 40):
@@ -139,18 +139,18 @@ def test_a_horizontal_beam_sags_under_its_own_weight(paper_beam):
 
 
 @pytest.mark.parametrize("elements", [1000, 3000])
-def test_fine_meshes_sag_alike(paper_beam, elements):
-    """Rounding of positions ended Newton's method from 3000 elements on."""
+def test_fine_meshes_sag_like_coarse_ones(paper_beam, elements):
+    """Rounding of positions once stopped Newton's method with 3000 elements."""
     equilibrium = static_equilibrium(Model(paper_beam(elements, axis=(1.0, 0.0))))
     np.testing.assert_allclose(equilibrium.tip, (0.4795670775, -0.1322053449), atol=1.5e-8)
     assert equilibrium.tip_angle == pytest.approx(-0.3574651341, abs=1e-7)
 
 
-@pytest.mark.parametrize(("share", "stable"), [(0.99999, True), (1.00001, False)])
-def test_fine_meshes_buckle_at_eulers_load(paper_beam, bending_stiffness, share, stable):
-    """The error of the cubic is 1e-13 here; the assembled stiffness is rounded by 1e-4 of the lowest."""
+@pytest.mark.parametrize(("factor", "stable"), [(0.99999, True), (1.00001, False)])
+def test_fine_meshes_buckle_at_eulers_load(paper_beam, bending_stiffness, factor, stable):
+    """The error of the cubic is 1e-13 here; rounding the stiffness changes its lowest eigenvalue by 1e-4."""
     beam = paper_beam(1500, axis=(1.0, 0.0), gravity=(0.0, 0.0))
-    load = share * np.pi**2 * bending_stiffness(beam) / (4 * 0.5**2)
+    load = factor * np.pi**2 * bending_stiffness(beam) / (4 * 0.5**2)
     assert static_equilibrium(Model(beam), tip_force=(-load, 0.0)).is_stable is stable
 
 
@@ -167,7 +167,7 @@ def test_a_pull_along_the_axis_stretches_the_beam_by_fl_ea(weightless):
     np.testing.assert_allclose(equilibrium.tip, (0.5 * (1 + 1e-4), 0.0), atol=1e-12)
 
 
-def test_the_clamp_bears_the_weight_and_the_tip_force(paper_beam):
+def test_the_clamp_carries_the_weight_and_the_tip_force(paper_beam):
     model = Model(paper_beam(axis=(1.0, 0.0)))
     equilibrium = static_equilibrium(model, tip_force=(0.01, -0.02), tip_moment=1e-3)
     expected = -(model.beam.mass * np.array([0.0, -9.81]) + (0.01, -0.02))
@@ -175,7 +175,7 @@ def test_the_clamp_bears_the_weight_and_the_tip_force(paper_beam):
     np.testing.assert_array_equal(equilibrium.coordinates[:4], model.straight[:4])
 
 
-def test_turning_beam_gravity_and_loads_turns_the_equilibrium(paper_beam):
+def test_rotating_beam_gravity_and_loads_rotates_the_equilibrium(paper_beam):
     turn = np.array([[0.6, -0.8], [0.8, 0.6]])
     first = static_equilibrium(
         Model(paper_beam(axis=(1.0, 0.0), gravity=(0.0, -9.81))), tip_force=(0.0, 0.03), tip_moment=2e-3
@@ -188,24 +188,24 @@ def test_turning_beam_gravity_and_loads_turns_the_equilibrium(paper_beam):
     np.testing.assert_allclose(second.tip, turn @ first.tip, atol=1e-9)
 
 
-@pytest.mark.parametrize(("share", "stable"), [(0.99, True), (1.01, False)])
-def test_a_standing_beam_buckles_under_its_own_weight_at_greenhills_length(paper_beam, share, stable):
+@pytest.mark.parametrize(("factor", "stable"), [(0.99, True), (1.01, False)])
+def test_a_standing_beam_buckles_under_its_own_weight_at_greenhills_length(paper_beam, factor, stable):
     """q L^3/EI = 7.8373 (Greenhill 1881; Timoshenko and Gere 1961, Section 2.12)."""
     second_moment_over_area = (0.5e-3) ** 2 / 12
     critical = (7.8373 * 210e9 * second_moment_over_area / (8000.0 * 9.81)) ** (1 / 3)
-    beam = paper_beam(axis=(0.0, 1.0), length=share * critical)
+    beam = paper_beam(axis=(0.0, 1.0), length=factor * critical)
     assert static_equilibrium(Model(beam)).is_stable is stable
 
 
-@pytest.mark.parametrize(("share", "stable"), [(0.99, True), (1.01, False)])
-def test_a_pressed_cantilever_buckles_at_eulers_load(weightless, bending_stiffness, share, stable):
+@pytest.mark.parametrize(("factor", "stable"), [(0.99, True), (1.01, False)])
+def test_a_compressed_cantilever_buckles_at_eulers_load(weightless, bending_stiffness, factor, stable):
     """pi^2 EI/4L^2 (Euler 1744)."""
-    load = share * np.pi**2 * bending_stiffness(weightless.beam) / (4 * 0.5**2)
+    load = factor * np.pi**2 * bending_stiffness(weightless.beam) / (4 * 0.5**2)
     assert static_equilibrium(weightless, tip_force=(-load, 0.0)).is_stable is stable
 
 
 def test_the_stiffness_is_the_jacobian_of_the_imbalance_loads_included(paper_beam, bending_stiffness):
-    """A tip moment follows the tip, so solving a slightly larger load moves the tip as the stiffness says."""
+    """A slightly larger tip moment, which follows the tip, moves the beam as the stiffness predicts."""
     model = Model(paper_beam(8, axis=(1.0, 0.0)))
     unit = bending_stiffness(model.beam) / 0.5
     states = [static_equilibrium(model, tip_moment=(1.0 + h) * unit, tip_force=(0.0, 0.01)) for h in (-1e-5, 0.0, 1e-5)]
@@ -234,7 +234,7 @@ def test_an_element_bent_beyond_what_a_cubic_can_follow_is_an_error_with_advice(
         ({"tip_moment": "1"}, "tip_moment: must be a finite number, got '1'"),
     ],
 )
-def test_loads_that_are_no_numbers_are_refused_by_name(weightless, loads, message):
+def test_loads_that_are_not_numbers_are_rejected_by_name(weightless, loads, message):
     with pytest.raises(InputError, match=f"^{re.escape(message)}$"):
         static_equilibrium(weightless, **loads)
 
@@ -245,6 +245,6 @@ def test_a_point_off_the_beam_has_no_position(weightless):
 
 
 def test_a_beam_too_slender_for_arithmetic_is_an_error_with_advice(paper_beam):
-    """Its stiffness is singular; that was a RuntimeError of the solver."""
+    """Its stiffness is singular, which once raised a RuntimeError in the solver."""
     with pytest.raises(EquilibriumError, match="a value is in the wrong unit"):
         static_equilibrium(Model(paper_beam(4, length=1e20)))

@@ -14,8 +14,8 @@ from ancf_casadi import (
     static_equilibrium,
 )
 
-# Hz.  Beam of Table 1 (0.5 m, 5 mm, 0.5 mm, 210 GPa).  "exact": roots in 40 digits, with gravity power series, agreeing
-# with Chebyshev collocation.  "cubic": 20 cubic elements, assembled independently.
+# Hz.  Beam of Table 1 (0.5 m, 5 mm, 0.5 mm, 210 GPa).  "exact": roots in 40 digits, or power series with gravity, which
+# agree with Chebyshev collocation.  "cubic": 20 cubic elements, assembled independently.
 CUBIC_8000 = (1.6552932, 10.3735667, 29.0467016, 56.9225661, 94.1071423)
 EXACT_8000 = (1.655293122, 10.373544922, 29.046226159, 56.919010528, 94.091202772)
 EXACT_7850 = (1.671033189, 10.472186237, 29.322424698, 57.460249429, 94.985909456)
@@ -64,7 +64,7 @@ def test_the_error_of_a_frequency_is_beta_l_to_the_fourth_over_1440(paper_beam, 
 @pytest.mark.parametrize("elements", [100, 400, 2000])
 @pytest.mark.parametrize("axis", [(1.0, 0.0), (0.6, 0.8)])
 def test_fine_meshes_keep_the_digits_of_the_low_frequencies(paper_beam, elements, axis):
-    """Rounding an assembled stiffness moved the first by 3e-7 with 400 elements, and by 1e-4 with 2000."""
+    """Rounding the assembled stiffness changed the first by 3e-7 with 400 elements, and by 1e-4 with 2000."""
     frequencies = natural_modes(Model(paper_beam(elements, **{**WEIGHTLESS, "axis": axis}))).frequencies
     roots = cantilever_roots(5)
     exact = roots**2 / (2 * np.pi * 0.5**2) * np.sqrt(210e9 / 8000.0) * 0.5e-3 / np.sqrt(12)
@@ -75,7 +75,7 @@ def test_fine_meshes_keep_the_digits_of_the_low_frequencies(paper_beam, elements
 
 @pytest.mark.parametrize(("axis", "exact"), [((0.0, -1.0), EXACT_HANGING), ((0.0, 1.0), EXACT_STANDING)])
 def test_a_fine_mesh_under_gravity(paper_beam, axis, exact):
-    """Stretching, which the references do not have, changes the frequencies by 1e-7."""
+    """Stretching, which the references neglect, changes the frequencies by 1e-7."""
     frequencies = natural_modes(Model(paper_beam(1500, axis=axis))).frequencies
     np.testing.assert_allclose(frequencies, exact, rtol=1.2e-7)
 
@@ -89,7 +89,7 @@ def test_the_whole_spectrum_has_the_same_low_frequencies_as_a_few_modes(paper_be
 
 
 def test_elements_as_short_as_the_beam_is_thick_are_unstable_in_bending(paper_beam, bending_stiffness):
-    """With two Gauss points the length of the slopes may alternate along a bent beam at next to no cost."""
+    """With two Gauss points the length of the slopes may alternate along a bent beam with hardly any strain energy."""
     beam = paper_beam(120, thickness=5e-3, **WEIGHTLESS)
     moment = 3.0 * bending_stiffness(beam) / beam.length
     two, three = (Model(beam, StrainMeasures(axial_points=points)) for points in (2, 3))
@@ -114,7 +114,7 @@ def test_table_10_standard_is_the_weightless_beam_of_density_7850_not_8000(paper
 
 
 @pytest.mark.parametrize("measures", [StrainMeasures("green", "geometric"), StrainMeasures("engineering", "small")])
-def test_small_motion_does_not_know_the_strain_measure(paper_beam, modes, measures):
+def test_small_motion_does_not_depend_on_the_strain_measure(paper_beam, modes, measures):
     other = natural_modes(Model(paper_beam(**WEIGHTLESS), measures))
     np.testing.assert_allclose(other.frequencies, modes.frequencies[:5], rtol=1e-8)
 
@@ -163,14 +163,14 @@ def test_a_mass_normalised_cantilever_mode_moves_the_tip_by_two_over_the_root_of
     np.testing.assert_allclose(modes.tip_amplitudes()[:4], 2 / np.sqrt(modes.model.beam.mass), rtol=2e-4)
 
 
-def test_shapes_and_amplitudes_can_be_asked_for_one_mode_or_many(weightless, modes):
+def test_one_mode_is_the_first_of_many(weightless, modes):
     one = natural_modes(weightless, count=1)
     assert one.count == 1 and modes.count == 6
     np.testing.assert_allclose(one.frequencies, modes.frequencies[:1], rtol=1e-10)
     np.testing.assert_allclose(one.shapes[:, 0], modes.shapes[:, 0], atol=1e-6 * abs(one.shapes).max())
 
 
-def test_the_share_of_a_mode_in_a_motion_is_the_tips_displacement_in_it(modes):
+def test_the_modal_coordinate_is_the_displacement_of_the_tip_in_that_mode(modes):
     amplitudes = np.array([0.3, -0.2, 0.1, 0.0, 0.5, 0.0]) * 1e-3
     motion = modes.equilibrium.coordinates + modes.shapes @ (amplitudes / modes.tip_amplitudes())
     for mode, amplitude in enumerate(amplitudes):
@@ -179,8 +179,8 @@ def test_the_share_of_a_mode_in_a_motion_is_the_tips_displacement_in_it(modes):
     np.testing.assert_allclose(many, [0.0, -0.2e-3], atol=1e-12)
 
 
-def test_modes_about_a_loaded_equilibrium_feel_its_tension(weightless, bending_stiffness):
-    """Under a pull that outweighs bending, the first is a string's, omega L (mu/T)^1/2 = pi/2 (1 + (EI/T)^1/2/L)."""
+def test_modes_about_a_loaded_equilibrium_include_its_tension(weightless, bending_stiffness):
+    """A dominant tension T makes the beam a string: omega L (mu/T)^1/2 = pi/2 (1 + (EI/T)^1/2/L)."""
     tension = 2000 * bending_stiffness(weightless.beam) / 0.5**2
     pulled = static_equilibrium(weightless, tip_force=(tension, 0.0))
     omega = natural_modes(weightless, count=1, equilibrium=pulled).angular_frequencies[0]
@@ -189,7 +189,7 @@ def test_modes_about_a_loaded_equilibrium_feel_its_tension(weightless, bending_s
     assert pendulum == pytest.approx(np.pi / 2 * (1 + 1 / np.sqrt(2000)), rel=2e-3)
 
 
-def test_modal_assurance_is_one_for_the_same_shape_and_zero_for_orthogonal_ones():
+def test_the_mac_is_one_for_the_same_shape_and_zero_for_orthogonal_shapes():
     rng = np.random.default_rng(0)
     basis = np.linalg.qr(rng.normal(size=(8, 3)))[0]
     np.testing.assert_allclose(mac(basis, -3 * basis), np.eye(3), atol=1e-14)
@@ -199,18 +199,21 @@ def test_modal_assurance_is_one_for_the_same_shape_and_zero_for_orthogonal_ones(
 
 
 @pytest.mark.parametrize("count", [0, -1, 17, 2.0, True, None])
-def test_a_count_of_modes_the_mesh_does_not_have_is_refused(paper_beam, count):
-    with pytest.raises(InputError, match=f"^count: must be 1 to 16 for 4 elements, got {re.escape(repr(count))}$"):
+def test_a_count_of_modes_that_the_mesh_does_not_have_is_rejected(paper_beam, count):
+    with pytest.raises(
+        InputError,
+        match=f"^count: must be a whole number, 1 to 16, got {re.escape(repr(count))}$",
+    ):
         natural_modes(Model(paper_beam(4)), count=count)
 
 
-def test_all_modes_the_mesh_has_can_be_had(paper_beam):
+def test_all_modes_of_the_mesh_can_be_computed(paper_beam):
     modes = natural_modes(Model(paper_beam(4)), count=16)
     assert modes.count == 16
     assert (np.diff(modes.frequencies) > 0).all()
 
 
-def test_an_equilibrium_of_another_model_is_refused(weightless, hanging):
+def test_an_equilibrium_of_another_model_is_rejected(weightless, hanging):
     with pytest.raises(InputError, match=r"^equilibrium: belongs to another model$"):
         natural_modes(weightless, equilibrium=static_equilibrium(hanging))
 

@@ -1,4 +1,4 @@
-"""Derivatives of frequencies and shapes against differences, and against what a uniform beam must have."""
+"""Derivatives of frequencies and mode shapes against differences and the scaling laws of a uniform beam."""
 
 from dataclasses import replace
 
@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, Model, natural_modes
-from ancf_casadi.vibration.assembly import Position, Structure
+from ancf_casadi.vibration.assembly import Position, Structure, structure_properties
 from ancf_casadi.vibration.following import follow, followed_modes
-from ancf_casadi.vibration.modal_state import modal_state
-from ancf_casadi.vibration.parts import structure_properties
-from ancf_casadi.vibration.sensitivities import ModalState
+from ancf_casadi.vibration.modal_state import ModalState, modes_near
+from ancf_casadi.vibration.second_derivatives import hessian
+from ancf_casadi.vibration.sensitivities import gradient, sensitivities
 
 ELEMENTS = 5
 COUNT = 3
@@ -19,7 +19,7 @@ STEP = 1e-4
 
 @pytest.fixture(scope="module", params=[{}, {"tip_mass": 2e-3, "clamp_stiffness": 0.3}], ids=["plain", "lumped"])
 def state(request) -> ModalState:
-    """A beam bent by gravity, its properties different in all elements, so that nothing is zero by symmetry."""
+    """A beam bent by gravity with different properties in all elements, so no derivative vanishes by symmetry."""
     rng = np.random.default_rng(5)
     spread = 1 + 0.2 * rng.uniform(-1, 1, (4, ELEMENTS))
     values = spread * np.array([5e-3, 0.5e-3, 8e3, 210e9])[:, None]
@@ -43,20 +43,20 @@ def neighbours(state, direction) -> tuple[ModalState, ModalState]:
 
 
 class TestFirst:
-    def test_state_is_that_of_natural_modes(self, state):
+    def test_the_state_agrees_with_natural_modes(self, state):
         modes = natural_modes(state.model, count=COUNT)
         assert state.frequencies == pytest.approx(modes.frequencies, rel=1e-8)
         assert state.shapes == pytest.approx(modes.shapes, abs=1e-7 * np.abs(modes.shapes).max())
         assert state.coordinates == pytest.approx(modes.equilibrium.coordinates, abs=1e-12)
 
     def test_against_differences(self, state, directions):
-        slopes = state.sensitivities(directions)
+        first = sensitivities(state, directions)
         for k, direction in enumerate(directions.T):
             ahead, behind = neighbours(state, direction)
             for name, exact in (
-                ("coordinates", slopes.coordinates[:, k]),
-                ("eigenvalues", slopes.eigenvalues[:, k]),
-                ("shapes", slopes.shapes[:, :, k].T),
+                ("coordinates", first.coordinates[:, k]),
+                ("eigenvalues", first.eigenvalues[:, k]),
+                ("shapes", first.shapes[:, :, k].T),
             ):
                 found = (getattr(ahead, name) - getattr(behind, name)) / (2 * STEP)
                 largest = np.abs(getattr(state, name)).max(axis=0)
@@ -71,28 +71,30 @@ class TestSecond:
         rng = np.random.default_rng(seed)
         b = rng.standard_normal(COUNT) / state.eigenvalues
         c = rng.standard_normal((COUNT, state.model.size)) / np.abs(state.shapes).max()
-        hessian = state.curvature(directions, b, c)
+        second = hessian(state, directions, b, c)
 
-        def gradient(at: ModalState) -> np.ndarray:
-            slopes = at.sensitivities(directions)
-            return b @ slopes.eigenvalues + np.einsum("ks,ksn->n", c, slopes.shapes)
+        def derivatives(at: ModalState) -> np.ndarray:
+            first = sensitivities(at, directions)
+            return b @ first.eigenvalues + np.einsum("ks,ksn->n", c, first.shapes)
 
         for k, direction in enumerate(directions.T):
             ahead, behind = neighbours(state, direction)
-            found = (gradient(ahead) - gradient(behind)) / (2 * STEP)
-            assert found == pytest.approx(hessian[k], abs=2e-6 * np.abs(hessian).max())
-        assert hessian == pytest.approx(hessian.T, abs=1e-10 * np.abs(hessian).max())
+            found = (derivatives(ahead) - derivatives(behind)) / (2 * STEP)
+            assert found == pytest.approx(second[k], abs=2e-6 * np.abs(second).max())
+        assert second == pytest.approx(second.T, abs=1e-10 * np.abs(second).max())
+        along = directions.T @ gradient(state, b[:, None], c[:, :, None])[:, 0]
+        assert along == pytest.approx(derivatives(state), rel=1e-8, abs=1e-9 * np.abs(along).max())
 
 
 class TestUniformBeam:
-    """In a uniform beam, f sees E h^2/rho alone, and the width never."""
+    """The frequencies of a uniform beam depend on E h^2/rho alone, never on the width."""
 
     def logarithmic(self, model: Model) -> np.ndarray:
         """Return d ln f/d ln (width, thickness, density, modulus), each of the whole beam, (m, 4)."""
         state = followed_modes(natural_modes(model, count=4), np.arange(4))
         whole = np.eye(6)[:, :4].repeat([model.beam.elements] * 4 + [1, 1], axis=0)
-        slopes = state.sensitivities(state.properties[:, None] * whole)
-        return slopes.eigenvalues / (2 * state.eigenvalues[:, None])
+        first = sensitivities(state, state.properties[:, None] * whole)
+        return first.eigenvalues / (2 * state.eigenvalues[:, None])
 
     def test_without_gravity(self, paper_beam):
         """f ~ (E/rho)^(1/2) h/L^2: exponents 0, 1, -1/2, 1/2."""
@@ -100,7 +102,7 @@ class TestUniformBeam:
         assert found == pytest.approx(np.tile([0.0, 1.0, -0.5, 0.5], (4, 1)), abs=1e-8)
 
     def test_hanging(self, paper_beam):
-        """Gravity holds a part of the first frequency, so its exponents are less, but in the same proportion."""
+        """Gravity adds to the stiffness, so the exponents are smaller, but in the same proportion."""
         found = self.logarithmic(Model(paper_beam(8)))
         of_modulus = found[:, 3]
         assert 0.3 < of_modulus[0] < 0.45
@@ -108,7 +110,7 @@ class TestUniformBeam:
 
 
 class TestFollowing:
-    """Half a metre of steel without gravity: bending rises with the thickness, the axial modes do not."""
+    """A steel beam without gravity: bending frequencies rise with the thickness, axial ones do not."""
 
     def thick(self, paper_beam, thickness: float) -> Model:
         return Model(paper_beam(12, thickness=thickness, axis=(1.0, 0.0), gravity=(0.0, 0.0)))
@@ -125,33 +127,33 @@ class TestFollowing:
         assert end.frequencies == pytest.approx([1.25 * bending, axial], rel=1e-7)
         assert end.frequencies == pytest.approx(natural_modes(thicker, count=6).frequencies[[4, 3]], rel=1e-9)
 
-    def test_the_way_does_not_matter(self, paper_beam):
+    def test_the_path_does_not_matter(self, paper_beam):
         thin, thicker = self.thick(paper_beam, 20e-3), self.thick(paper_beam, 25e-3)
         start = followed_modes(natural_modes(thin, count=6), np.array([3, 4]))
         by_itself = follow(start, structure_properties(thicker))
         in_steps = start
-        for share in np.linspace(0.1, 1.0, 10):
+        for factor in np.linspace(0.1, 1.0, 10):
             in_steps = follow(
-                in_steps, (1 - share) * structure_properties(thin) + share * structure_properties(thicker)
+                in_steps, (1 - factor) * structure_properties(thin) + factor * structure_properties(thicker)
             )
         assert in_steps.numbers.tolist() == by_itself.numbers.tolist()
         assert in_steps.shapes == pytest.approx(by_itself.shapes, abs=1e-8 * np.abs(by_itself.shapes).max())
 
     def test_rounding_of_positions_does_not_show(self, paper_beam):
-        """Newton's method from eight places near by: the first frequency is the same to 2e-11."""
+        """Newton's method from eight neighbouring positions gives the same frequencies to 2e-11."""
         model = Model(paper_beam(20))
         rest = natural_modes(model, count=3).equilibrium.coordinates
         found = []
         for seed in range(8):
             near = rest.copy()
             near[model.free] += 1e-9 * np.random.default_rng(seed).standard_normal(model.size - 4)
-            state = modal_state(Structure.of(model), Position.of(near), 3)
+            state = modes_near(Structure.of(model), Position.of(near), 3)
             assert state is not None
             found.append(state.frequencies)
         assert (np.ptp(found, axis=0) < 2e-11 * found[0]).all()
 
     def test_a_fine_mesh_has_the_frequencies_of_natural_modes(self, paper_beam):
-        """400 elements, from another beam's equilibrium and from the straight one: 3.5e-7 apart with two solvers."""
+        """400 elements, from another beam's equilibrium; two different solvers once differed by 3.5e-7."""
         thin, bent = (Model(paper_beam(400, axis=(1.0, -1.0), thickness=t)) for t in (0.5e-3, 0.52e-3))
         followed = follow(followed_modes(natural_modes(thin), np.arange(5)), structure_properties(bent))
         assert followed.frequencies == pytest.approx(natural_modes(bent).frequencies, rel=1e-10)
@@ -162,4 +164,4 @@ class TestFollowing:
         slender = structure.properties.copy()
         slender[6:12] *= 0.4
         near = natural_modes(standing, count=1).equilibrium.exact
-        assert modal_state(replace(structure, properties=slender), near, 3) is None
+        assert modes_near(replace(structure, properties=slender), near, 3) is None

@@ -1,13 +1,13 @@
-"""The start of a motion from a load at the tip, with its derivatives.
+"""Release of a beam from a load at its tip: the first state and its derivatives.
 
-A beam that a load p = (Fx, Fy, m) at its tip holds is at q(p, P), where the forces R(q, p, P) on the free coordinates
-vanish.  If the load changes slowly, at the rate p', the beam moves through such shapes with the velocity v,
+A load p = (Fx, Fy, m) at the tip holds the beam in q(p, P), where the forces R(q, p, P) on the free coordinates vanish.
+If the load changes slowly, at the rate p', the beam moves through these shapes with the velocity v,
 
     R(q, p, P) = 0,    h = K v - L p' = 0,    K = dR/dq,    L = -dR/dp,
 
-and let go then, it starts with both.  Shape and velocity bend the beam and do not stretch it, as a linear mode shape
-would; Fx and Fx' of a hanging beam set off its first mode at any amplitude and phase, force and moment the first two.
-By the implicit function theorem
+and is released with both.  Shape and velocity bend the beam without stretching it, unlike a linear mode shape.  For a
+hanging beam, Fx and Fx' set the amplitude and phase of the first mode; force and moment set those of the first two.  By
+the implicit function theorem,
 
     dq = -K^-1 (R_p dp + R_P dP),    dv = -K^-1 (h_q dq + h_p dp + h_P dP - L dp').
 """
@@ -31,14 +31,14 @@ START = (*LOAD, *(f"{name}_rate" for name in LOAD))
 
 @dataclass(frozen=True, eq=False)
 class HeldStart:
-    """A beam let go from a load that changes.
+    """State of a beam released from a changing load, with its derivatives.
 
     Parameters
     ----------
     coordinates, velocities : array (4 n + 4,)
-        Nodal coordinates and their rates.
+        Nodal coordinates and velocities.
     by_properties, by_load : array (2 N, 4 n), (2 N, 6)
-        Derivatives of the free coordinates and rates by P, one element after the other, and by p and p'.
+        Derivatives of the free coordinates and velocities by P, element by element, and by p and p'.
     """
 
     coordinates: Array
@@ -47,17 +47,17 @@ class HeldStart:
     by_load: Array
 
 
-def held_start(model: Model, slopes: cs.Function, load: Array) -> HeldStart:
-    """Return the start from a load and its rate.
+def held_start(model: Model, jacobians: cs.Function, load: Array) -> HeldStart:
+    """Return the state in which a beam is released from a load with a rate of change.
 
     Parameters
     ----------
     model : Model
         The beam.
-    slopes : Function
-        ``start_slopes`` of it, or of one that differs in its properties.
+    jacobians : Function
+        ``start_jacobians`` of the beam, or of one that differs in its properties alone.
     load : array (6,)
-        Load and rate, in the order of ``START``.
+        The load and its rate of change, in the order of ``START``.
 
     Raises
     ------
@@ -66,20 +66,21 @@ def held_start(model: Model, slopes: cs.Function, load: Array) -> HeldStart:
     EquilibriumError
         If there is no equilibrium under the load.
     """
-    force_x, force_y, moment = load[: len(LOAD)].tolist()
+    p, rate = np.split(load, [len(LOAD)])
+    force_x, force_y, moment = p.tolist()
     coordinates = static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment).coordinates
-    given = model.properties, np.array(model.beam.gravity), load[: len(LOAD)], load[len(LOAD) :]
-    stiffness, by_p, by_P, *_ = slopes(coordinates, np.zeros(model.size), *given)
+    given = model.properties, np.array(model.beam.gravity), p, rate
+    stiffness, by_p, by_P, *_ = jacobians(coordinates, np.zeros(model.size), *given)
     factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
     q_p, q_P = -factors.solve(by_p.full()), -factors.solve(by_P.full())
-    velocities = np.concatenate([np.zeros(NODE), q_p @ load[len(LOAD) :]])
-    h_q, h_p, h_P = (part.full() for part in slopes(coordinates, velocities, *given)[3:])
+    velocities = np.concatenate([np.zeros(NODE), q_p @ rate])
+    h_q, h_p, h_P = (part.full() for part in jacobians(coordinates, velocities, *given)[3:])
     v_p, v_P = -factors.solve(h_q @ q_p + h_p), -factors.solve(h_q @ q_P + h_P)
     by_load = np.block([[q_p, np.zeros_like(q_p)], [v_p, q_p]])
     return HeldStart(coordinates, velocities, np.vstack([q_P, v_P]), by_load)
 
 
-def start_slopes(model: Model) -> cs.Function:
+def start_jacobians(model: Model) -> cs.Function:
     """(e, e_t, P, g, p, p') -> K, R_p, R_P, h_q, h_p, h_P of the free coordinates."""
     e, e_t = cs.MX.sym("e", model.size), cs.MX.sym("e_t", model.size)
     properties, gravity = cs.MX.sym("P", *model.properties.shape), cs.MX.sym("g", 2)
@@ -92,4 +93,4 @@ def start_slopes(model: Model) -> cs.Function:
     outputs = [cs.jacobian(part[free], x) for part in (forces, change) for x in (e, load, properties)]
     for k in (0, 3):
         outputs[k] = outputs[k][:, free]
-    return cs.Function("start_slopes", [e, e_t, properties, gravity, load, rate], outputs)
+    return cs.Function("start_jacobians", [e, e_t, properties, gravity, load, rate], outputs)

@@ -1,12 +1,12 @@
 """The linearised equations of a Radau step.
 
-With the residual R(Z, u) of the stages, that of ``collocation`` in the laboratory frame, and all that is given for the
-step in u = (q, v, clamped nodes, parameters),
+With the residual R(Z, u) of the stages, as in ``collocation`` but in the laboratory frame, and the data of the step
+u = (q, v, clamped nodes, parameters), derivatives of a motion are made of
 
-    G = dR/dZ,    R_u du,    R_u^T dR
+    G = dR/dZ,    R_u du,    R_u^T dR.
 
-are what derivatives of the motion are made of.  G is banded where the stages of a node stand side by side; its part of
-low rank is left to Woodbury's identity.  With B_i turned as the clamp is at stage i, and U = diag(B_i diag(d)), it is
+G is banded if the unknowns are ordered by nodes, the stages of a node side by side.  Its low-rank part is left to
+Woodbury's identity.  With B_i turned with the clamp at stage i, and U = diag(B_i diag(d)), this part is
 
     (A^-1)_ij/h B_i diag(d) B_i^T = (U V^T)_ij,    V_ji = (A^-1)_ij/h B_i.
 """
@@ -26,13 +26,14 @@ from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.banded import lapack_place
+from ancf_casadi.support.layout import Layout
 
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """The Functions of a linearised step.
 
-    Their inputs are Z (N, 3), the length h of the step, and u = (q, v, clamped nodes by stages, parameters).
+    Their inputs are Z (N, 3), the step h, and u = (q, v, clamped nodes stage by stage, parameters).
 
     Parameters
     ----------
@@ -43,15 +44,21 @@ class Tangent:
     form: Collocation
 
     @cached_property
+    def layout(self) -> Layout:
+        """Layout of u."""
+        parameters = self.form.equations.layout.size
+        return Layout.of(q=self._free, v=self._free, clamps=STAGES * 3 * NODE, parameters=parameters)
+
+    @cached_property
     def order(self) -> Index:
-        """Where the unknowns, one stage after the other, stand in G, (3 N,)."""
+        """Places in G of the unknowns listed stage by stage, (3 N,)."""
         stage, coordinate = np.divmod(np.arange(STAGES * self._free), self._free)
         node, component = np.divmod(coordinate, NODE)
         return np.asarray((node * STAGES + stage) * NODE + component)
 
     @cached_property
     def inverse_order(self) -> Index:
-        """The unknowns, one stage after the other, by their place in G, (3 N,)."""
+        """Indices of the unknowns, listed stage by stage, in the order of G, (3 N,)."""
         return np.argsort(self.order)
 
     @property
@@ -59,8 +66,8 @@ class Tangent:
         """Number of diagonals of G on either side of the main one."""
         return min(2 * STAGES * NODE - 1, STAGES * self._free - 1)
 
-    def low_rank(self, clamps: Array, h: float, rates: Array) -> tuple[Array, Array]:
-        """Return U and V (3 N, 3 m), in the order of G, of its part U V^T.
+    def low_rank(self, clamps: Array, h: float, modal_coefficients: Array) -> tuple[Array, Array]:
+        """Return U and V (3 N, 3 m) of the low-rank part U V^T of G, in the order of G.
 
         Parameters
         ----------
@@ -68,17 +75,17 @@ class Tangent:
             The clamped nodes at the stages.
         h : float
             Length of the step, s.
-        rates : array (m,)
+        modal_coefficients : array (m,)
             d, 1/s.
         """
         B = [self.form.equations.turned_projection(clamp).full() for clamp in clamps]
-        U = scipy.linalg.block_diag(*(one * rates for one in B))
+        U = scipy.linalg.block_diag(*(one * modal_coefficients for one in B))
         V = np.hstack([np.kron(row[:, None] / h, one) for row, one in zip(RADAU.inverse, B, strict=True)])
         return U[self.inverse_order], V[self.inverse_order]
 
     @cached_property
     def matrix(self) -> cs.Function:
-        """(Z, h, u) -> G without its part of low rank, in the band storage of LAPACK."""
+        """(Z, h, u) -> G without its low-rank part, in the band storage of LAPACK."""
         z, h, u = self._symbols
         all_e, all_e_t, _, parameters = self._motion(z, h, u)
         k, d, m = self.form.equations.balance(parameters).tangents(all_e, all_e_t)
@@ -104,9 +111,9 @@ class Tangent:
         return cs.Function("tangent_reverse", [z, h, u, seed], [cs.densify(product)], {"is_diff_in": [False] * 4})
 
     def _band(self, weights: Array) -> cs.DM:
-        """Return the sums that put weights x (element matrices of the stages) in band storage.
+        """Return the matrix that sums weighted element matrices of the stages into band storage.
 
-        Weight (i, j) is for the derivative of the residual at stage i by the increments of stage j.
+        Weight (i, j) belongs to the derivative of the residual at stage i with respect to the increments at stage j.
         """
         rows, columns = (index - NODE for index in self.form.equations.model.entries)
         kept = np.flatnonzero((rows >= 0) & (columns >= 0))
@@ -129,16 +136,14 @@ class Tangent:
 
     @cached_property
     def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        given = 2 * self._free + STAGES * 3 * NODE + self.form.equations.parameters.size
-        return cs.MX.sym("Z", self._free, STAGES), cs.MX.sym("h"), cs.MX.sym("u", given)
+        return cs.MX.sym("Z", self._free, STAGES), cs.MX.sym("h"), cs.MX.sym("u", self.layout.size)
 
     def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
         """Return e, e_t and e_tt at the stages, (4 n + 4, 3), and the parameters."""
-        ends = np.cumsum([0, self._free, self._free, STAGES * 3 * NODE]).tolist()
-        q, v, clamps, parameters = cs.vertsplit(u, [*ends, u.numel()])
+        q, v, clamps, parameters = cs.vertsplit(u, self.layout.offsets)
         return *stage_motion(z, q, v, h, cs.reshape(clamps, 3 * NODE, STAGES)), parameters
 
     def _residual(self, z: cs.MX, h: cs.MX, u: cs.MX) -> cs.MX:
-        """Return R, one stage after the other."""
+        """Return R, stage by stage."""
         forces, _ = self.form.forces(*self._motion(z, h, u))
         return cs.vec(forces[NODE:, :])

@@ -1,28 +1,25 @@
 """Radau IIA collocation of order 5 for the equation of motion: the Functions of a step.
 
-Stages.  With the nodes c, the weights A of the method and a step h, the increments Z_i of the free coordinates at the
-stages t + c_i h determine rates and accelerations there,
+Stages.  With the nodes c and the weights A of the method and a step h, the increments Z_i of the free coordinates at
+the stages t + c_i h determine velocities and accelerations there,
 
-    V = A^-1 Z/h,    a = A^-1 (V - v)/h,    0 = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g   at each stage,
+    V = A^-1 Z/h,    a = A^-1 (V - v)/h,    0 = R = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g   at each stage,
 
 and the last stage is the end of the step.
 
-Newton's method.  T^-1 A^-1 T has one real eigenvalue gamma and one complex pair mu.  With common matrices for all
-stages, and s = gamma/h or mu/h, it takes a real and a complex system in N unknowns, banded as the mesh,
+Newton's method.  T^-1 A^-1 T has one real eigenvalue gamma and one complex pair mu.  If all stages share their
+matrices, a real and a complex banded system in N unknowns, with s = gamma/h and s = mu/h,
 
     (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e)/de,
 
-instead of one in 3 N.  K changes as the beam turns, by its axial stiffness, thousands of times the bending stiffness;
-but it nearly turns along.  Residuals are therefore turned back to where the matrices are taken, and corrections forth
-(``corotation``).
+replace one system in 3 N.  K changes as the beam turns, by the axial stiffness, thousands of times the bending
+stiffness; seen from the beam it hardly changes.  Residuals are therefore turned back to the configuration in which the
+matrices were taken, and corrections are turned forth from there (``corotation``).
 
-Prediction.  The collocation polynomial of the step before is continued, not in coordinates, whose errors would segment
-the beam, but in the logarithms of its slopes.
+Prediction.  The collocation polynomial of the last step is continued in the logarithms of the beam's slopes: errors of
+the coordinates themselves would stretch the beam.
 
 Error.  The embedded formula of order 3 of Hairer and Wanner, filtered by the real system.
-
-Samples within a step.  The quintic polynomial through positions, rates and accelerations at both ends, put right by a
-Newton step of the equation of motion: the polynomial alone may pull the beam by more than its axial forces do.
 
 References
 ----------
@@ -52,10 +49,10 @@ from ancf_casadi.support.banded import lapack_place
 class Collocation:
     """The Functions of a step.
 
-    Free coordinates, rates and accelerations are q, v and a (N,); Z (N, 3) are the increments at the stages.
-    W = T^-1 Z (3 N,) is first its real part, then the complex one, (2, N), real above imaginary parts.  ``clamps``
-    (12, 3) are the clamped nodes at the stages; ``turns`` are those of ``corotation`` to the stages from a reference,
-    all coordinates (4 n + 4,) where the matrices were taken.
+    Free coordinates, velocities and accelerations are q, v and a (N,); Z (N, 3) are the increments at the stages.
+    W = T^-1 Z (3 N,) holds the real part first, then the complex one, (2, N), real above imaginary parts.  ``clamps``
+    (12, 3) are the clamped nodes at the stages.  ``turns`` lead to the stages from ``reference``, all coordinates
+    (4 n + 4,) of the configuration in which the matrices were taken (``corotation``).
 
     Parameters
     ----------
@@ -72,7 +69,7 @@ class Collocation:
 
     @cached_property
     def stages(self) -> cs.Function:
-        """(Z, dW, q, v, h, clamps, turns, reference, parameters) -> T^-1 R, Z corrected by dW, and the turns there."""
+        """(Z, dW, q, v, h, clamps, turns, reference, parameters) -> T^-1 R, corrected Z, and turns to the stages."""
         s = self._symbols
         increments = self._corrected(s)
         motion = s.motion(increments)
@@ -83,31 +80,31 @@ class Collocation:
 
     @cached_property
     def finish(self) -> cs.Function:
-        """(as of ``stages``, and a) -> all coordinates (4 n + 4, 3) at the stages, v and a at the end, error, powers.
+        """(inputs of ``stages``, a) -> all coordinates (4 n + 4, 3) at the stages, v and a at the end, error, powers.
 
-        ``error`` is the right-hand side of the error estimate, turned back; ``powers`` (2, 3) are those lost to damping
-        and put in by the base at the stages.
+        ``error`` is the right-hand side of the error estimate, turned back; ``powers`` (2, 3) are the powers lost to
+        damping and put in by the base at the stages.
         """
         s = self._symbols
         a, still = cs.MX.sym("a", self.equations.free), cs.MX(NODE, 1)
         increments = self._corrected(s)
         e, e_t, e_tt = s.motion(increments)
         _, powers = self.forces(e, e_t, e_tt, s.parameters)
-        balance, rate, embedded = self.equations.balance(s.parameters), RADAU.gamma / s.h, cs.DM(RADAU.embedded)
-        off = s.v / rate + increments @ embedded
-        rates_off = rate * off + a / rate + (e_t[NODE:, :] - s.repeated(s.v)) @ embedded
-        off, rates_off = (cs.densify(cs.vertcat(still, part)) for part in (off, rates_off))
-        error = balance.resistance(e[:, -1], e_t[:, -1], off, rates_off)
+        balance, real, embedded = self.equations.balance(s.parameters), RADAU.gamma / s.h, cs.DM(RADAU.embedded)
+        deviation = s.v / real + increments @ embedded
+        velocity_deviation = real * deviation + a / real + (e_t[NODE:, :] - s.repeated(s.v)) @ embedded
+        deviations = [cs.densify(cs.vertcat(still, part)) for part in (deviation, velocity_deviation)]
+        error = balance.resistance(e[:, -1], e_t[:, -1], *deviations)
         if balance.projection.numel():
-            error += balance.of_low_rank(e[:, -1], off)
-        turned = self._frames(1).back(rate * error[NODE:], s.turns[-NODE:, :])
+            error += balance.of_low_rank(e[:, -1], deviations[0])
+        turned = self._frames(1).back(real * error[NODE:], s.turns[-NODE:, :])
         return _function("finish", [*s.of_stages, a], [e, e_t[NODE:, -1], e_tt[NODE:, -1], turned, powers])
 
     @cached_property
     def matrices(self) -> cs.Function:
-        """(q, v, h, clamp, parameters) -> s^2 M + s D + K, without the part B diag(d) B^T of D, real and complex.
+        """(q, v, h, clamp, parameters) -> s^2 M + s D + K, real and complex, without the part B diag(d) B^T of D.
 
-        They are in the band storage of LAPACK, with room for its pivots.
+        Both are in the band storage of LAPACK, with room for its pivots.
         """
         s, clamp = self._symbols, cs.MX.sym("clamp", 3 * NODE)
         e, e_t = cs.vertcat(clamp[:NODE], s.q), cs.vertcat(clamp[NODE : 2 * NODE], s.v)
@@ -121,29 +118,29 @@ class Collocation:
     def prediction(self) -> cs.Function:
         """(nodes, ratio, clamps, q) -> Z.
 
-        ``nodes`` (4 n + 4, 4) are all coordinates at the start and the stages of the step before; ``ratio`` is that of
-        the new step to it.
+        ``nodes`` (4 n + 4, 4) are all coordinates at the start and the stages of the last step; ``ratio`` is the length
+        of the new step relative to the last one.
         """
         s, ratio = self._symbols, cs.MX.sym("ratio")
         nodes = cs.MX.sym("nodes", self.equations.model.size, STAGES + 1)
         known = np.concatenate([[0.0], RADAU.nodes])
-        shares = [cs.vertcat(*_lagrange(known, 1 + c * ratio)[1:]) for c in RADAU.nodes.tolist()]
-        q = self._corotation.continued(cs.horzcat(*shares), nodes, s.clamps[:NODE, :])
+        weights = [cs.vertcat(*_lagrange(known, 1 + c * ratio)[1:]) for c in RADAU.nodes.tolist()]
+        q = self._corotation.continued(cs.horzcat(*weights), nodes, s.clamps[:NODE, :])
         return _function("prediction", [nodes, ratio, s.clamps, s.q], [q - s.repeated(s.q)])
 
     @cached_property
     def sample(self) -> cs.Function:
         """(x, h, q, v, a, q_1, v_1, a_1, clamp, reference, parameters) -> e, e_t, e_tt, R, turns.
 
-        The quintic polynomial at the time x h into a step, the residual of the free rows, turned back, and the turns
-        from the reference.
+        They are the quintic polynomial at the time x h into a step, the residual of the free rows, turned back, and the
+        turns from the reference.
         """
         s, x, clamp = self._symbols, cs.MX.sym("x"), cs.MX.sym("clamp", 3 * NODE)
         a, q1, v1, a1 = (cs.MX.sym(name, self.equations.free) for name in ("a", "q1", "v1", "a1"))
         data = cs.horzcat(s.q, s.h * s.v, s.h**2 * a, q1, s.h * v1, s.h**2 * a1)
         powers = [cs.vertcat(*(math.perm(k, order) * x ** max(k - order, 0) for k in range(6))) for order in range(3)]
-        shares = cs.DM(QUINTIC) @ cs.horzcat(*(part / s.h**order for order, part in enumerate(powers)))
-        motion = cs.horzsplit(cs.vertcat(cs.reshape(clamp, NODE, 3), data @ shares))
+        weights = cs.DM(QUINTIC) @ cs.horzcat(*(part / s.h**order for order, part in enumerate(powers)))
+        motion = cs.horzsplit(cs.vertcat(cs.reshape(clamp, NODE, 3), data @ weights))
         e, e_t, e_tt = motion
         residual, _ = self.forces(e, e_t, e_tt, s.parameters)
         frames = self._frames(1)
@@ -155,17 +152,17 @@ class Collocation:
     def observation(self) -> cs.Function:
         """(e, e_t, e_tt, correction, turns, parameters) -> corrected e, and the force of the base (4,).
 
-        ``correction`` (N,) is turned forth before it is taken off.
+        ``correction`` (N,) is turned forth and subtracted.
         """
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
         s, correction = self._symbols, cs.MX.sym("correction", self.equations.free)
         frames, turns = self._frames(1), cs.MX.sym("turns", NODE, s.turns.shape[1])
-        right = cs.vertcat(e[:NODE], e[NODE:] - frames.forth(correction, turns))
-        forces, _ = self.forces(right, e_t, e_tt, s.parameters)
-        return _function("observation", [e, e_t, e_tt, correction, turns, s.parameters], [right, forces[:NODE]])
+        corrected = cs.vertcat(e[:NODE], e[NODE:] - frames.forth(correction, turns))
+        forces, _ = self.forces(corrected, e_t, e_tt, s.parameters)
+        return _function("observation", [e, e_t, e_tt, correction, turns, s.parameters], [corrected, forces[:NODE]])
 
     def accelerations(self, q: Array, v: Array, clamp: Array, parameters: Array) -> Array:
-        """Return the accelerations a of a state (numbers) with a clamped node (12,)."""
+        """Return the accelerations a in a state, with the clamped node (12,)."""
         position, velocity, acceleration = np.split(clamp, 3)
         motion = [np.concatenate(parts) for parts in ((position, q), (velocity, v), (acceleration, 0 * q))]
         forces, _ = self.balance(*motion, parameters)
@@ -175,7 +172,7 @@ class Collocation:
     def mass(self, parameters: Array) -> scipy.sparse.csc_array:
         """Return the mass matrix of the free coordinates."""
         model = self.equations.model
-        properties = parameters[2 : 2 + model.properties.size].reshape(model.properties.shape, order="F")
+        properties = parameters[self.equations.layout["properties"]].reshape(model.properties.shape, order="F")
         return scipy.sparse.csc_array(model.mass(properties).sparse()[model.free, model.free])
 
     def _frames(self, configurations: int) -> Corotation:
@@ -186,7 +183,7 @@ class Collocation:
         return self._frames(STAGES)
 
     def _corrected(self, s: _Symbols) -> cs.MX:
-        """Return the increments with T dW taken off, turned forth."""
+        """Return the increments less T dW, turned forth."""
         real, pair = cs.vertsplit(s.corrections, [0, self.equations.free, STAGES * self.equations.free])
         corrections = cs.horzcat(real, cs.reshape(pair, 2, -1).T) @ cs.DM(RADAU.transform).T
         return s.increments - self._corotation.forth(corrections, s.turns)
@@ -208,7 +205,7 @@ class Collocation:
 
     @cached_property
     def balance(self) -> cs.Function:
-        """(e, e_t, e_tt, parameters) -> forces at all nodes, and powers lost to damping and put in by the base."""
+        """(e, e_t, e_tt, parameters) -> forces at all nodes, and the powers lost to damping and put in by the base."""
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
         parameters = self._symbols.parameters
         return cs.Function("balance", [e, e_t, e_tt, parameters], [*self.forces(e, e_t, e_tt, parameters)])
@@ -218,13 +215,13 @@ class Collocation:
         balance = self.equations.balance(parameters)
         local, lost = balance.local(e, e_t, e_tt)
         if balance.projection.numel():
-            further = balance.of_low_rank(e, e_t)
-            local, lost = local + further, lost + cs.sum1(e_t * further)
+            low_rank = balance.of_low_rank(e, e_t)
+            local, lost = local + low_rank, lost + cs.sum1(e_t * low_rank)
         return local, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * local[:NODE, :]))
 
     @cached_property
     def _entries(self) -> tuple[Index, cs.DM]:
-        """Places of the matrices' entries in band storage, and the sums of element matrices that give them."""
+        """Places of matrix entries in band storage, and the sums of element matrices that give the entries."""
         width = self.bandwidth
         rows, columns = (index - NODE for index in self.equations.model.entries)
         kept = np.flatnonzero((rows >= 0) & (columns >= 0))
@@ -238,7 +235,7 @@ class Collocation:
         return self._entries[1]
 
     def _band(self, values: cs.MX, parts: int) -> cs.MX:
-        """Return entries in band storage, a vector; those of a complex matrix have two parts, one after the other."""
+        """Return entries in band storage as a vector; with two parts, real and imaginary parts alternate."""
         places = parts * self._entries[0] + np.arange(parts)[:, None]
         size = parts * (3 * self.bandwidth + 1) * self.equations.free
         order = np.full(size, values.numel())
@@ -262,11 +259,11 @@ class _Symbols:
 
     @property
     def of_stages(self) -> list[cs.MX]:
-        """All, in their order as inputs of ``Collocation.stages``."""
+        """All inputs of ``Collocation.stages``, in order."""
         return [getattr(self, name) for name in self.__dataclass_fields__]
 
     def repeated(self, vector: cs.MX) -> cs.MX:
-        """Return a vector once a stage."""
+        """Return a vector repeated for each stage."""
         return cs.repmat(vector, 1, STAGES)
 
     def motion(self, increments: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
@@ -275,17 +272,17 @@ class _Symbols:
 
 
 def stage_motion(z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, clamps: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
-    """Return e, e_t and e_tt at the stages, (4 n + 4, 3), from the increments Z and what is given for the step."""
+    """Return e, e_t and e_tt at the stages, (4 n + 4, 3), from the increments Z and the data of the step."""
     inverse = cs.DM(RADAU.inverse).T
-    rates = z @ inverse / h
-    accelerations = (rates - cs.repmat(v, 1, STAGES)) @ inverse / h
+    velocities = z @ inverse / h
+    accelerations = (velocities - cs.repmat(v, 1, STAGES)) @ inverse / h
     nodes = cs.vertsplit(clamps, NODE)
     coordinates = cs.repmat(q, 1, STAGES) + z
-    return cs.vertcat(nodes[0], coordinates), cs.vertcat(nodes[1], rates), cs.vertcat(nodes[2], accelerations)
+    return cs.vertcat(nodes[0], coordinates), cs.vertcat(nodes[1], velocities), cs.vertcat(nodes[2], accelerations)
 
 
 def _lagrange(nodes: Array, x: cs.MX) -> list[cs.MX]:
-    """Return Lagrange's polynomials of some nodes at x."""
+    """Return the Lagrange polynomials of some nodes at x."""
     factors = [[(x - other) / (node - other) for other in nodes if other != node] for node in nodes]
     return [cs.MX(math.prod(one, start=cs.MX(1))) for one in factors]
 

@@ -1,22 +1,21 @@
 """Corrections, residuals and predictions in coordinates that turn with the beam.
 
 The axial stiffness of a thin beam is thousands of times its bending stiffness, and its direction turns with the beam:
-matrices taken in one configuration know little of the next.  But the axial strains depend on nothing but the lengths of
-the slopes r'(p_g) at the two Gauss points g = 1/2 -+ sqrt(3)/6 of each element; and these slopes determine the nodes:
+matrices taken in one configuration are of little use in the next.  But the axial strains depend only on the lengths of
+the slopes r'(p_g) at the two Gauss points g = 1/2 -+ sqrt(3)/6 of each element, and these slopes determine the nodes:
 r' is quadratic in an element of length l, so that
 
     r_k+1 = r_k + l/2 (r'_1 + r'_2),    tau_k+1 = tau_k + (r'_2 - r'_1)/(g_2 - g_1).
 
-Corrections.  With G from the free coordinates to these slopes, and R turning each slope by the angle between two
-configurations, X = G^-1 R G takes corrections from one to the other.  The axial stiffness X^T K X is then the same in
-both, inertia and bending nearly so.  Residuals go the other way, by X^T.
+Corrections.  G maps the free coordinates to these slopes, and R turns each slope by the angle between two
+configurations.  X = G^-1 R G then takes corrections from one configuration to the other: the axial stiffness X^T K X is
+the same in both, inertia and bending are nearly so.  Residuals go the other way, by X^T.
 
-Prediction.  Motions are continued in the logarithms, length and angle, of the slopes, so that errors of the angles do
+Prediction.  A motion is continued in the logarithms, length and angle, of the slopes, so that errors of the angles do
 not stretch the beam.
 
-The Functions of a link take positions in units of l, so that their machine code serves all meshes.
-
-An elastic clamp is a link between two nodes as an element is, with position and slope of the second node as its pair.
+A link joins two nodes: an element, or an elastic clamp, whose pair of vectors are the position and slope of its second
+node.  The Functions of a link take positions in units of l, so that their machine code serves all meshes.
 """
 
 from __future__ import annotations
@@ -30,6 +29,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.element_forces import mapped, side_by_side
+from ancf_casadi.mechanics.group import Group
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.shape import gauss, hermite_slope
 from ancf_casadi.support.arrays import Array
@@ -45,9 +45,9 @@ class Link(NamedTuple):
     forth : Function
         (corrections in the reference (8 c,), turns) -> steps of the corrections from the first node to the second.
     back : Function
-        (residuals behind the link (4 c,), turns) -> its share of the residuals in the reference (8 c,).
+        (residuals summed behind the link (4 c,), turns) -> contribution to the residuals in the reference (8 c,).
     continued : Function
-        (coordinates at k + 1 instants (8 (k + 1),), shares (k, c)) -> steps of the coordinates (4 c,).
+        (coordinates at k + 1 instants (8 (k + 1),), weights (k, c)) -> steps of the coordinates (4 c,).
     """
 
     turns: cs.Function
@@ -58,16 +58,16 @@ class Link(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Corotation:
-    """Turns a beam from a reference to several configurations, such as the stages of a step.
+    """Turns vectors from a reference to several configurations of a beam, such as the stages of a step.
 
-    Turns are arrays (4 c, links), of which c is the number of configurations.
+    Turns are arrays (4 c, links) for c configurations.
 
     Parameters
     ----------
     model : Model
         The beam.
     configurations : int
-        Their number c.
+        Number c of configurations.
     make : callable
         Compiles a Function, or leaves it to the virtual machine.
     """
@@ -77,7 +77,7 @@ class Corotation:
     make: Callable[[cs.Function], cs.Function]
 
     def turns(self, reference: cs.MX, e: cs.MX) -> cs.MX:
-        """Return the turns from a reference (4 n + 4,) to the coordinates e of the configurations (4 n + 4, c)."""
+        """Return the turns from a reference (4 n + 4,) to configurations with coordinates e (4 n + 4, c)."""
         return self._mapped("turns", self._gathered(reference), self._gathered(e))
 
     def forth(self, corrections: cs.MX, turns: cs.MX) -> cs.MX:
@@ -87,35 +87,31 @@ class Corotation:
 
     def back(self, residuals: cs.MX, turns: cs.MX) -> cs.MX:
         """Return X^T R for residuals of the free coordinates (N, c)."""
-        c, links = self.configurations, self._links
-        order = np.arange(NODE * links * c).reshape(c, links, NODE).transpose(1, 0, 2)
-        behind = cs.reshape(cs.vec(residuals).nz[order.ravel().tolist()], NODE * c, links)
-        shares = self._scaled(self._mapped("back", self._scaled(_running_sum(behind, back=True), 1), turns), -1)
-        places = np.arange(2 * NODE * c * links).reshape(links, c, 2, NODE)
-        right, left = places[:, :, 1], places[1:, :, 0]
-        none = cs.MX(cs.DM.zeros(NODE * c))
-        values = cs.vec(shares)
-        sums = values.nz[right.ravel().tolist()] + cs.vertcat(values.nz[left.ravel().tolist()], none)
-        return self._nodes(cs.reshape(sums, NODE * c, links))
+        behind = cs.vertcat(*(cs.reshape(column, NODE, -1) for column in cs.horzsplit(residuals)))
+        turned = self._mapped("back", self._scaled(_running_sum(behind, back=True), 1), turns)
+        by_link = cs.horzcat(*cs.vertsplit(self._scaled(turned, -1), 2 * NODE))
+        return self._chain.scatter(by_link, self.model.size)[NODE:, :]
 
-    def continued(self, shares: cs.MX, motion: cs.MX, clamped: cs.MX) -> cs.MX:
+    def continued(self, weights: cs.MX, motion: cs.MX, clamped: cs.MX) -> cs.MX:
         """Continue a motion in the logarithms of the slopes, and return the free coordinates (N, c).
 
-        ``motion`` (4 n + 4, k + 1) are coordinates at k + 1 instants; column i of ``shares`` (k, c) says how much of
-        the logarithms from the first of them to the others is in configuration i, of which ``clamped`` (4, c) is the
-        clamped node.
+        ``motion`` (4 n + 4, k + 1) are coordinates at k + 1 instants.  Column i of ``weights`` (k, c) holds the weights
+        of the logarithms, from the first instant to each other one, in configuration i; ``clamped`` (4, c) are the
+        clamped nodes of the configurations.
         """
-        found = self._mapped("continued", self._gathered(motion), cs.repmat(cs.vec(shares), 1, self._links))
+        found = self._mapped("continued", self._gathered(motion), cs.repmat(cs.vec(weights), 1, self._chain.count))
         steps = self._scaled(found, 1)
         first = steps[:, 0] + cs.vec(clamped)
-        if self.model.root:  # whose step is the slope itself
+        if self.model.root:  # the step of an elastic clamp is its slope itself
             still = cs.vertcat(*(cs.vertcat(cs.MX(2, 1), clamped[2:, i]) for i in range(self.configurations)))
             first -= still
         return self._nodes(_running_sum(cs.horzcat(first, steps[:, 1:])))
 
-    @property
-    def _links(self) -> int:
-        return self.model.size // NODE - 1
+    @cached_property
+    def _chain(self) -> Group:
+        """The links as a group, for the coordinates that they see."""
+        links = np.arange(self.model.size // NODE - 1)
+        return Group(self.model.element, NODE * links[:, None] + np.arange(2 * NODE), links.size, (), {})
 
     @cached_property
     def _element(self) -> Link:
@@ -144,26 +140,21 @@ class Corotation:
     def _gathered(self, vectors: cs.MX) -> cs.MX:
         """Return the coordinates of each link as columns, (8 c, links), positions in units of l.
 
-        Those of the clamped node are 0 if missing.
+        If the coordinates of the clamped node are missing, they are 0.
         """
-        size, columns = vectors.shape
-        missing = self.model.size - size
-        coordinates = NODE * np.arange(self._links)[:, None, None] + np.arange(2 * NODE) - missing
-        places = np.where(coordinates < 0, 0, 1 + coordinates + size * np.arange(columns)[:, None])
-        gathered = cs.reshape(cs.vertcat(0.0, cs.vec(vectors)).nz[places.ravel().tolist()], 2 * NODE * columns, -1)
-        return self._scaled(gathered, -1)
+        missing = cs.MX(cs.DM.zeros(self.model.size - vectors.shape[0], vectors.shape[1]))
+        gathered = self._chain.gather(cs.vertcat(missing, vectors))
+        return self._scaled(cs.vertcat(*cs.horzsplit(gathered, self._chain.count)), -1)
 
     def _scaled(self, columns: cs.MX, power: int) -> cs.MX:
-        """Multiply positions, or what is conjugate to slopes divided by positions, by a power of l."""
+        """Multiply the first two of each four rows, positions or forces on them, by a power of l."""
         l = self.model.beam.element_length**power
         factors = np.tile([l, l, 1.0, 1.0], columns.shape[0] // NODE)
         return columns * cs.repmat(cs.MX(cs.DM(factors)), 1, columns.shape[1])
 
     def _nodes(self, columns: cs.MX) -> cs.MX:
         """Return the free coordinates (N, c) from those of each node as columns (4 c, links)."""
-        c, links = self.configurations, self._links
-        order = np.arange(NODE * c * links).reshape(links, c, NODE).transpose(1, 0, 2)
-        return cs.reshape(cs.vec(columns).nz[order.ravel().tolist()], NODE * links, c)
+        return cs.horzcat(*(cs.vec(part) for part in cs.vertsplit(columns, NODE)))
 
 
 def _link(to_pair: Array, to_angles: Array, to_step: Array, count: int, continued: Array | None = None) -> Link:
@@ -172,13 +163,13 @@ def _link(to_pair: Array, to_angles: Array, to_step: Array, count: int, continue
     Parameters
     ----------
     to_pair, to_angles : array (4, 8)
-        The vectors that are turned, and those whose angles count, from the coordinates of the nodes.
+        The pair of vectors that are turned, and the pair that gives the angles, from the coordinates of the nodes.
     to_step : array (4, 4)
-        The step from the first node to the second, from the vectors.
+        The step from the first node to the second, from the pair that is turned.
     count : int
         Number of configurations.
     continued : array (4, 4), optional
-        The step from those whose angles count, if that is another.
+        The step from the pair that gives the angles, if it differs.
     """
     pair, angles, step = (cs.sparsify(cs.DM(part)) for part in (to_pair, to_angles, to_step))
     own = step if continued is None else cs.sparsify(cs.DM(continued))
@@ -217,8 +208,8 @@ def _angles(first: cs.SX, second: cs.SX) -> cs.SX:
 
 
 def _continued(angles: cs.DM, step: cs.DM, count: int) -> cs.Function:
-    """(coordinates at k + 1 instants, shares) -> steps, as of ``Link``, with k as many as configurations."""
-    motion, shares = cs.SX.sym("motion", 2 * NODE, count + 1), cs.SX.sym("shares", count, count)
+    """(coordinates at k + 1 instants, weights) -> steps, as in ``Link``, with k the number of configurations."""
+    motion, weights = cs.SX.sym("motion", 2 * NODE, count + 1), cs.SX.sym("weights", count, count)
     vectors = angles @ motion
     continued: list[list[cs.SX]] = [[] for _ in range(count)]
     for k in (0, 2):
@@ -226,16 +217,16 @@ def _continued(angles: cs.DM, step: cs.DM, count: int) -> cs.Function:
         square = x**2 + y**2
         u, v = vectors[k, 1:], vectors[k + 1, 1:]
         cosine, sine = (x * u + y * v) / square, (x * v - y * u) / square
-        size, angle = cs.exp(cs.log(cosine**2 + sine**2) / 2 @ shares), cs.atan2(sine, cosine) @ shares
+        size, angle = cs.exp(cs.log(cosine**2 + sine**2) / 2 @ weights), cs.atan2(sine, cosine) @ weights
         for i in range(count):
             c, s = size[i] * cs.cos(angle[i]), size[i] * cs.sin(angle[i])
             continued[i] += [c * x - s * y, s * x + c * y]
     columns = [step @ cs.vertcat(*parts) for parts in continued]
-    return cs.Function("continued", [cs.vec(motion), cs.vec(shares)], [cs.densify(cs.vertcat(*columns))])
+    return cs.Function("continued", [cs.vec(motion), cs.vec(weights)], [cs.densify(cs.vertcat(*columns))])
 
 
 def _running_sum(columns: cs.MX, *, back: bool = False) -> cs.MX:
-    """Return the sum of all columns up to each, or from each on, by as many additions as n has binary digits."""
+    """Return the sum of all columns up to each, or from each on, in log2(n) additions of arrays."""
     width = 1
     while width < columns.shape[1]:
         added = columns[:, width:] + columns[:, :-width]

@@ -34,7 +34,7 @@ class Tableau:
     embedded : array (3,)
         Weights of the increments in the error estimate, in which h f(t) has the weight 1/gamma.
     integral : array (3, 3)
-        For what is known at the nodes, the coefficients of x, x^2 and x^3 in its integral from 0 to x.
+        Coefficients of x, x^2 and x^3 in the integral from 0 to x of a function known at the nodes.
     """
 
     nodes: Array
@@ -68,7 +68,7 @@ def tableau() -> Tableau:
 def quintic() -> Array:
     """Return the coefficients (6, 6) of the six polynomials of degree 5 with one condition 1 and the others 0.
 
-    The conditions are value, first and second derivative at 0, and the same at 1.
+    The conditions are the value, first and second derivative at 0, then at 1.
     """
     conditions = np.zeros((6, 6))
     for k in range(6):

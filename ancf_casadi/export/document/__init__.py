@@ -1,1 +1,1 @@
-"""The JSON document: a model, its damping law and its identification, read and written without loss."""
+"""The JSON document of a model, its damping law and its identifications, written and read without loss."""

@@ -1,4 +1,4 @@
-"""What a model was identified from, and where a document comes from: data to be kept beside a model."""
+"""Identifications and provenance: records of the fits behind a model, and of the origin of its document."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import hashlib
 import math
 import os
 import platform
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,35 +15,34 @@ from typing import Any
 import casadi as cs
 import numpy as np
 import scipy
+from msgspec import Struct, to_builtins
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.strict_json import LONGEST_KEY, MOST_LEVELS, place, whole_text
+from ancf_casadi.export.document.layout import DataFileData, IdentificationData, ProvenanceData, data_of
+from ancf_casadi.export.document.strict_json import MOST_LEVELS, check, place
 from ancf_casadi.support.inputs import is_sequence, shown
 from ancf_casadi.version import __version__
 
 KINDS = {"frequency_hz": "decay", "matched_hz": "frequency matching", "unknowns": "transient"}
-MOST_RESULT_LEVELS = MOST_LEVELS - 4
-TIME = "[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}Z"
-HASH = "[0-9a-f]{64}"
-MOST_BITS = 1023  # of a whole number, which is then within the range of doubles
+MOST_RESULT_LEVELS = MOST_LEVELS - 4  # of a result, which is four levels deep in a document
 CHUNK = 2**20  # bytes
 
 
 @dataclass(frozen=True)
 class DataFile:
-    """A file of measurements that something was identified from.
+    """Name and hash of a file of measurements.
 
     Parameters
     ----------
     name : str
-        Its name, without folders.
+        Name of the file, without folders.
     sha256 : str
-        SHA-256 of its content, 64 hexadecimal digits.
+        SHA-256 of the content, 64 hexadecimal digits.
 
     Raises
     ------
     InputError
-        If the name is empty, or the hash is none.
+        If the name is empty, or the hash does not have 64 hexadecimal digits.
     """
 
     name: str
@@ -52,9 +50,7 @@ class DataFile:
 
     def __post_init__(self) -> None:
         """Validate."""
-        _text(self.name, "name")
-        if not isinstance(self.sha256, str) or not re.fullmatch(HASH, self.sha256):
-            raise InputError("must be 64 digits from 0 to 9 and a to f", "sha256")
+        _check(self, DataFileData)
 
     @classmethod
     def of(cls, path: str | Path) -> DataFile:
@@ -63,7 +59,7 @@ class DataFile:
         Raises
         ------
         InputError
-            If it cannot be read.
+            If the file cannot be read.
         """
         digest = hashlib.sha256()
         if os.path.exists(path) and not os.path.isfile(path):
@@ -80,22 +76,22 @@ class DataFile:
 
 @dataclass(frozen=True)
 class Identification:
-    """What a fit said, kept as data.
+    """The result of a fit, kept as plain data.
 
     Parameters
     ----------
     kind : str
-        What was identified: ``decay``, ``transient``, ``frequency matching``, or another word.
+        Kind of the fit: ``decay``, ``transient``, ``frequency matching``, or another word.
     result : mapping
-        Values, standard errors, intervals, covariance and warnings as the fit's ``to_dict`` gives them; kept as plain
-        data, with None for what is not finite.
+        Values, standard errors, intervals, covariance and warnings, as ``to_dict`` of the fit returns them.  They are
+        kept as plain data, with None for numbers that are not finite.
     data : sequence of DataFile
-        The files it was made from.
+        The files that the fit used.
 
     Raises
     ------
     InputError
-        If the kind is empty, or the result holds what is no data.
+        If the kind is empty, or JSON cannot hold the result.
     """
 
     kind: str
@@ -104,40 +100,38 @@ class Identification:
 
     def __post_init__(self) -> None:
         """Validate, and keep plain data."""
-        _text(self.kind, "kind")
-        if not isinstance(self.result, Mapping):
-            raise InputError(f"must be a mapping, got {shown(self.result)}", "result")
         if not is_sequence(self.data) or not all(isinstance(file, DataFile) for file in self.data):
             raise InputError(f"must be a sequence of DataFile, got {shown(self.data)}", "data")
         object.__setattr__(self, "result", _plain(self.result, "result"))
         object.__setattr__(self, "data", tuple(self.data))
+        _check(self, IdentificationData)
 
     @classmethod
     def of(cls, result: Any, *, data: Sequence[str | Path] = ()) -> Identification:
-        """Return what a fit says of itself, or what a command printed of it with ``--json``.
+        """Return the identification for a fit, or for the output of a command with ``--json``.
 
         Parameters
         ----------
         result : object with ``to_dict``, or mapping
             The fit.
         data : sequence of path
-            The files it was made from, whose hashes are kept.
+            The files that the fit used; their names and hashes are kept.
 
         Raises
         ------
         InputError
-            If it is no result of a fit, or a file cannot be read.
+            If ``result`` is not the result of a fit, or a file cannot be read.
         """
         found = result.to_dict() if hasattr(result, "to_dict") else result
         kinds = [kind for key, kind in KINDS.items() if isinstance(found, Mapping) and key in found]
         if not kinds:
-            raise InputError(f"is no result of an identification, which has one of {', '.join(KINDS)}", "result")
+            raise InputError(f"is not the result of a fit, which has one of the keys {', '.join(KINDS)}", "result")
         if not is_sequence(data):
             raise InputError(f"must be a sequence of files, got {shown(data)}", "data")
         return cls(kinds[0], found, [DataFile.of(path) for path in data])
 
     def summary(self) -> str:
-        """Return kind, files with their hashes, and values with standard errors, in a line."""
+        """Return one line: the kind, the files with their hashes, and the values with standard errors."""
         files = [f"{file.name} SHA-256 {file.sha256}" for file in self.data]
         values = [f"{name} {value:.6g} +- {error:.2g}" for name, value, error in _estimates(self.result)]
         return f"{self.kind} ({', '.join([*files, *values])})" if files or values else self.kind
@@ -145,21 +139,21 @@ class Identification:
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a document comes from.
+    """Origin of a document.
 
     Parameters
     ----------
     written : str
-        When it was written, UTC, such as ``2025-01-31T12:00:00Z``.
+        Time of writing, UTC, such as ``2025-01-31T12:00:00Z``.
     versions : mapping
-        Version of each program that had a part in it.
+        Versions of the programs that were used, by name.
     note : str
-        Anything else.
+        Any further remark.
 
     Raises
     ------
     InputError
-        If the time is none.
+        If the time has another format, or a version or the note is not a text.
     """
 
     written: str
@@ -168,27 +162,20 @@ class Provenance:
 
     def __post_init__(self) -> None:
         """Validate."""
+        _check(self, ProvenanceData)
         try:
-            if not re.fullmatch(TIME, self.written):
-                raise ValueError
             datetime.datetime.fromisoformat(self.written)
-        except (TypeError, ValueError):
+        except ValueError:
             raise InputError("must be a time such as 2025-01-31T12:00:00Z", "written") from None
-        if not isinstance(self.versions, Mapping):
-            raise InputError(f"must be a mapping, got {shown(self.versions)}", "versions")
-        for name, version in self.versions.items():
-            _text(name, "versions")
-            _text(version, f"versions.{name}", empty=True)
-        _text(self.note, "note", empty=True)
 
     @classmethod
     def of_this(cls, *, note: str = "", written: str | None = None) -> Provenance:
-        """Return the versions at work here, and a time; the present one if none is given.
+        """Return the provenance with the versions in use, and the present time unless another one is given.
 
         Raises
         ------
         InputError
-            If the time is none.
+            If the time has another format.
         """
         now = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
         versions = {
@@ -201,43 +188,30 @@ class Provenance:
         return cls(now if written is None else written, versions, note)
 
 
-def _text(value: Any, where: str, *, empty: bool = False) -> None:
-    """Refuse what is no text that a document can hold."""
-    if not isinstance(value, str) or not (value or empty):
-        raise InputError(f"must be a text{'' if empty else ', not empty'}, got {shown(value)}", where)
-    whole_text(value, where)
+def _check(part: Any, kind: type[Struct]) -> None:
+    """Check that a document can hold a part of it."""
+    check(to_builtins(data_of(part, kind)), "")
 
 
 def _plain(value: Any, where: str, level: int = 1) -> Any:
-    """Return what a fit says as JSON can hold it, with None for what is not finite."""
+    """Return the value as plain data, with None for floats that are not finite."""
     if level > MOST_RESULT_LEVELS:
         raise InputError(f"has more than {MOST_RESULT_LEVELS} levels", where)
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
-    if isinstance(value, str):
-        return whole_text(value, where)
-    if isinstance(value, int) and value.bit_length() > MOST_BITS:
-        raise InputError("is beyond the range of numbers", where)
-    if value is None or isinstance(value, bool | int):
-        return value
     if isinstance(value, float):
         return value if math.isfinite(value) else None
+    if value is None or isinstance(value, str | int):
+        return value
     if isinstance(value, Mapping):
-        return {_key(key, where): _plain(item, place(where, key), level + 1) for key, item in value.items()}
+        return {key: _plain(item, place(where, key), level + 1) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(item, place(where, index), level + 1) for index, item in enumerate(value)]
     raise InputError(f"must be numbers, texts, lists and objects, got a {type(value).__name__}", where)
 
 
-def _key(key: Any, where: str) -> str:
-    _text(key, where, empty=True)
-    if len(key) > LONGEST_KEY:
-        raise InputError(f"has a key of {len(key)} characters; at most {LONGEST_KEY} are read", where)
-    return str(key)
-
-
 def _estimates(result: Mapping[str, Any]) -> list[tuple[str, float, float]]:
-    """Return name, value and standard error of what a result has with both."""
+    """Return name, value and standard error of each quantity for which a result has both."""
     errors = [key for key in result if "_stderr" in key]
     listed = [(key.replace("_stderr", ""), result.get(key.replace("_stderr", "")), result[key]) for key in errors]
     unknowns = result.get("unknowns")

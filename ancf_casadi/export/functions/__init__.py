@@ -1,1 +1,1 @@
-"""The equation of motion as CasADi Functions for other programs."""
+"""The equation of motion, Eq. (6) with damping, as CasADi Functions for other programs."""

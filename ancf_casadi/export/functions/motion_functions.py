@@ -1,15 +1,15 @@
-"""The equation of motion as named CasADi Functions, for optimisation, control and code of one's own.
+"""The equation of motion as named CasADi Functions, for optimisation, control and user code.
 
-With the free coordinates q, their rates v and accelerations a (absolute, in the laboratory frame), the motion ``base``
-of the clamp (displacement x, y and rotation; their first and second rates) and the parameters p (gravity, properties of
-the elements, those of the damping law),
+With the free coordinates q, their velocities v and accelerations a in the laboratory frame, the motion ``base`` of the
+clamp (displacement x, y and rotation, then their velocities, then their accelerations) and the parameters p (gravity,
+properties of the elements, parameters of the damping law), Eq. (6) with damping reads
 
-    residual(q, v, a, base, p) = M a_e + Q_damp + Q_e - Q_g    (free rows; a_e the accelerations of all nodes)
-    rhs(q, v, base, p) = a, which makes the residual zero.
+    residual(q, v, a, base, p) = M e_tt + Q_damp + Q_e - Q_g    (free rows; e_tt at all nodes)
+    rhs(q, v, base, p) = a, the accelerations with zero residual.
 
-The mass matrix depends on p but not on the motion, and does not mix x and y; rhs factorises it each time, in linear
-time.  ``signals`` names every entry of q, v, base and p.  All Functions are of CasADi's MX type and differentiable.
-How far ``equilibrium`` and ``frequencies`` reach: ``statics``.
+The mass matrix, Eq. (7), depends on p but not on the motion, and it does not couple x and y.  ``rhs`` factorises it in
+each call, in linear time.  ``signals`` names every entry of q, v, base and p.  All Functions are MX Functions and
+differentiable.  ``statics`` states the range of ``equilibrium`` and ``frequencies``.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as cs
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import Piece
-from ancf_casadi.dynamics.equations import Equations, clamped_node
+from ancf_casadi.dynamics.equations import Balance, Equations, clamped_node
 from ancf_casadi.dynamics.signals import (
     MotionFunctions,
     base_signals,
@@ -31,37 +32,41 @@ from ancf_casadi.dynamics.signals import (
     state_signals,
     values,
 )
-from ancf_casadi.export.functions.statics import equilibrium_function, frequencies_function
+from ancf_casadi.export.functions.statics import balance_for, equilibrium_function, frequencies_function
 from ancf_casadi.export.functions.step import step_function
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.inputs import numbers
 from ancf_casadi.vibration.modes import natural_modes
 
+ALL = ("q", "v", "a", "base", "p")
+MOTION = ("q", "v", "base", "p")
+POSITION = ("q", "base")
+
 
 @dataclass(frozen=True, eq=False)
 class BeamFunctions(MotionFunctions):
-    """A beam under a damping law as CasADi Functions; made by ``beam_functions``.
+    """A beam with a damping law as CasADi Functions; made by ``beam_functions``.
 
     Parameters
     ----------
     parameters, states, base, outputs, rhs, tip, markers, energies
-        As those of ``MotionFunctions``; a is in m/s^2 and 1/s^2.
+        See ``MotionFunctions``; a is in m/s^2 and 1/s^2.
     residual : Function
         (q, v, a, base, p) -> r, N and N m.
     residual_jacobians : Function
-        (q, v, a, base, p) -> dr_dq, dr_dv, dr_da, dr_dbase, dr_dp; sparse, but dr_dv under a generic law.
+        (q, v, a, base, p) -> dr_dq, dr_dv, dr_da, dr_dbase, dr_dp; sparse, except dr_dv under a modal (generic) law.
     mass : Function
         p -> M, sparse.
     tangent_stiffness : Function
-        (q, base, p) -> K, of the elastic force, sparse.
+        (q, base, p) -> K, the Jacobian of the elastic force, sparse.
     damping_force : Function
         (q, v, base, p) -> Q_damp, on the left of the equation of motion.
     equilibrium : Function
-        p -> q at rest, base at rest; nan where none was found.
+        p -> q at rest, with the base at rest; nan where none was found.
     frequencies : Function
         p -> f, the lowest natural frequencies about the equilibrium, Hz; nan where they are not certain.
     step : Function
-        (q, v, base, p, h) -> q_next, v_next, after a time h (s); base (9, 2) at the instants ``STAGES`` of the step.
+        (q, v, base, p, h) -> q_next, v_next after a step h (s); base (9, 2) at the instants ``STAGES`` of the step.
     """
 
     residual: cs.Function
@@ -81,105 +86,151 @@ def beam_functions(
     Parameters
     ----------
     model : Model
-        The beam, whose properties are the values of the parameters.
+        The beam; its properties are the values of the parameters.
     damping : DampingLaw, optional
-        The damping law; undamped if not given.
+        The damping law; no damping if not given.
     markers : sequence of float
-        Arc lengths of the points whose positions ``markers`` gives, m.
+        Arc lengths of the points whose positions ``markers`` returns, m.
     modes : int
-        How many natural frequencies.
+        Number of natural frequencies.
 
     Raises
     ------
     InputError
-        If a marker is not on the beam, or there are not so many modes.
+        If a marker is not on the beam, or the beam has fewer modes.
     EquilibriumError
         If the beam has no stable equilibrium under gravity.
     """
     equations = Equations(model, RayleighDamping() if damping is None else damping)
     markers = numbers(markers, "markers")
-    points = [model.interpolation(s) for s in markers]
+    points = [cs.DM(model.interpolation(s)) for s in markers]
     first = natural_modes(model, count=modes)
-    parameters, clamp = parameter_signals(equations), base_signals()
-
-    q, v, a = (cs.MX.sym(name, len(range(model.size)[model.free])) for name in ("q", "v", "a"))
-    base, p = cs.MX.sym("base", len(clamp)), cs.MX.sym("p", len(parameters))
-    symbols = {"q": q, "v": v, "a": a, "base": base, "p": p}
-    B, free = cs.DM(equations.projection), model.free
-    with_projection = cs.vertcat(p, cs.vec(B))
-    balance = equations.balance(with_projection)
-    clamped = [node[: free.start] for node in cs.vertsplit(_clamped_node(model, base), NODE)]
-    e, e_t, e_tt = (cs.vertcat(*parts) for parts in zip(clamped, (q, v, a), strict=True))
-
-    forces = balance.damping(e, e_t) + balance.conservative(e)
-    residual = (balance.inertia(e_tt) + forces)[free]
-    driving = (balance.inertia(cs.vertcat(clamped[2], cs.MX(a.numel(), 1))) + forces)[free]
-    mass = model.mass(balance.properties)[free, free]
-    local = balance.local_damping(e, e_t)[free]
-    stiffness = model.tangent_stiffness(e, balance.properties)[free, free]
-    dr_dq, dr_dv = stiffness + _jacobian(local, q), _jacobian(local, v)
-    if B.numel():
-        turned = balance.turned_projection(e)[free, :]
-        dr_dv += turned @ cs.diag(balance.rates) @ turned.T
-
-    def function(name: str, inputs: Sequence[str], **outputs: cs.MX) -> cs.Function:
-        return cs.Function(name, [symbols[key] for key in inputs], [*outputs.values()], [*inputs], [*outputs])
-
-    motion, place = ("q", "v", "base", "p"), ("q", "base")
+    parameters = parameter_signals(equations)
+    motion = _symbolic_motion(equations, len(parameters))
+    e, balance = motion.e, motion.balance
+    force, jacobians = motion.forces(motion.e_tt), motion.jacobians()
+    of_inputs = {f"dr_d{name}": _jacobian(force, motion.symbols[name]) for name in ("base", "p")}
+    residual = motion.function("residual", ALL, r=force)
     equilibrium = equilibrium_function(first.equilibrium, equations, values(parameters))
-    whole = function("residual", ("q", "v", "a", "base", "p"), r=residual)
-    jacobians = function(
-        "residual_jacobians",
-        ("q", "v", "a", "base", "p"),
-        dr_dq=dr_dq,
-        dr_dv=dr_dv,
-        dr_da=mass,
-        dr_dbase=_jacobian(residual, base),
-        dr_dp=_jacobian(residual, p),
-    )
-    three = cs.Function("three_jacobians", [q, v, a, base, p], [dr_dq, dr_dv, mass])
     return BeamFunctions(
         parameters=parameters,
         states=state_signals(first.equilibrium),
-        base=clamp,
+        base=base_signals(),
         outputs=output_signals(markers),
-        residual=whole,
-        residual_jacobians=jacobians,
-        rhs=function("rhs", motion, a=-_divide(driving, mass, model)),
-        mass=function("mass", ("p",), M=mass),
-        tangent_stiffness=function("tangent_stiffness", ("q", "base", "p"), K=stiffness),
-        damping_force=function("damping_force", motion, Q=balance.damping(e, e_t)[free]),
-        tip=function("tip", place, r=cs.DM(model.interpolation(model.beam.length)) @ e),
-        markers=function("markers", place, r=cs.horzcat(cs.MX(2, 0), *(cs.DM(point) @ e for point in points))),
-        energies=function(
+        residual=residual,
+        residual_jacobians=motion.function("residual_jacobians", ALL, **jacobians, **of_inputs),
+        rhs=motion.function("rhs", MOTION, a=motion.accelerations()),
+        mass=motion.function("mass", ("p",), M=motion.mass),
+        tangent_stiffness=motion.function("tangent_stiffness", (*POSITION, "p"), K=motion.stiffness),
+        damping_force=motion.function("damping_force", MOTION, Q=balance.damping(e, motion.e_t)[model.free]),
+        tip=motion.function("tip", POSITION, r=cs.DM(model.interpolation(model.beam.length)) @ e),
+        markers=motion.function("markers", POSITION, r=cs.horzcat(cs.MX(2, 0), *(point @ e for point in points))),
+        energies=motion.function(
             "energies",
-            motion,
-            T=cs.dot(e_t, balance.inertia(e_t)) / 2,
+            MOTION,
+            T=cs.dot(motion.e_t, balance.inertia(motion.e_t)) / 2,
             U=model.strain_energy(e, balance.properties),
             V=-cs.dot(e, model.gravity_force(balance.properties, balance.gravity)),
         ),
         equilibrium=equilibrium,
         frequencies=frequencies_function(first, equations, equilibrium),
-        step=step_function(whole, three, first),
+        step=step_function(residual, motion.function("step_jacobians", ALL, **jacobians), first),
     )
 
 
-def _clamped_node(model: Model, base: cs.MX) -> cs.MX:
-    """Return position, velocity and acceleration of the clamped node, (12,)."""
-    where, rate, rate2 = cs.vertsplit(base, 3)
+@dataclass(frozen=True, eq=False)
+class _SymbolicMotion:
+    """A beam in a symbolic state of motion, and the terms of its equation of motion.
+
+    Parameters
+    ----------
+    symbols : dict
+        The symbols q, v, a, base and p.
+    balance : Balance
+        The terms of the equation of motion for the parameters p.
+    clamped : sequence of MX
+        Position, velocity and acceleration of the clamped node.
+    """
+
+    symbols: dict[str, cs.MX]
+    balance: Balance
+    clamped: Sequence[cs.MX]
+
+    @property
+    def model(self) -> Model:
+        """The beam."""
+        return self.balance.equations.model
+
+    @cached_property
+    def e(self) -> cs.MX:
+        """Coordinates of all nodes."""
+        return cs.vertcat(self.clamped[0], self.symbols["q"])
+
+    @cached_property
+    def e_t(self) -> cs.MX:
+        """Velocities of all nodes."""
+        return cs.vertcat(self.clamped[1], self.symbols["v"])
+
+    @cached_property
+    def e_tt(self) -> cs.MX:
+        """Accelerations of all nodes."""
+        return cs.vertcat(self.clamped[2], self.symbols["a"])
+
+    @property
+    def mass(self) -> cs.MX:
+        """Mass matrix of the free coordinates."""
+        return self.model.mass(self.balance.properties)[self.model.free, self.model.free]
+
+    @property
+    def stiffness(self) -> cs.MX:
+        """Tangent stiffness of the free coordinates."""
+        return self.model.tangent_stiffness(self.e, self.balance.properties)[self.model.free, self.model.free]
+
+    def function(self, name: str, inputs: Sequence[str], **outputs: cs.MX) -> cs.Function:
+        """Return a Function of some of the symbols, with named outputs."""
+        return cs.Function(name, [self.symbols[key] for key in inputs], [*outputs.values()], [*inputs], [*outputs])
+
+    def forces(self, e_tt: cs.MX) -> cs.MX:
+        """Return M e_tt + Q_damp + Q_e - Q_g at the free coordinates."""
+        resisting = self.balance.damping(self.e, self.e_t) + self.balance.conservative(self.e)
+        return (self.balance.inertia(e_tt) + resisting)[self.model.free]
+
+    def accelerations(self) -> cs.MX:
+        """Return the accelerations with zero residual: minus M^-1 times the residual without them."""
+        without = cs.vertcat(self.clamped[2], cs.MX(*self.symbols["a"].shape))
+        return -_divided(self.forces(without), self.mass, self.model)
+
+    def jacobians(self) -> dict[str, cs.MX]:
+        """Return the Jacobians dr_dq, dr_dv and dr_da; that of the low-rank damping with respect to q is zero."""
+        balance, free = self.balance, self.model.free
+        local = balance.local_damping(self.e, self.e_t)[free]
+        dr_dv = _jacobian(local, self.symbols["v"])
+        if balance.projection.numel():
+            turned = balance.turned_projection(self.e)[free, :]
+            dr_dv += turned @ cs.diag(balance.modal_coefficients) @ turned.T
+        return {"dr_dq": self.stiffness + _jacobian(local, self.symbols["q"]), "dr_dv": dr_dv, "dr_da": self.mass}
+
+
+def _symbolic_motion(equations: Equations, parameters: int) -> _SymbolicMotion:
+    """Return a motion with new symbols; the clamped node follows from those of the base."""
+    free, clamp = equations.model.free, len(base_signals())
+    sizes = dict.fromkeys(("q", "v", "a"), free.stop - free.start) | {"base": clamp, "p": parameters}
+    symbols = {name: cs.MX.sym(name, size) for name, size in sizes.items()}
+    position, velocity, acceleration = cs.vertsplit(symbols["base"], 3)
     t = cs.MX.sym("t")
-    piece = Piece(math.inf, lambda t, parameters: where + rate * t + rate2 * t**2 / 2)
-    (node,) = cs.graph_substitute([clamped_node(model, piece, t, cs.MX(0, 1))], [t], [cs.MX(0.0)])
-    return node
+    piece = Piece(math.inf, lambda t, parameters: position + velocity * t + acceleration * t**2 / 2)
+    (node,) = cs.graph_substitute([clamped_node(equations.model, piece, t, cs.MX(0, 1))], [t], [cs.MX(0.0)])
+    clamped = [part[: free.start] for part in cs.vertsplit(node, NODE)]
+    return _SymbolicMotion(symbols, balance_for(equations, symbols["p"]), clamped)
 
 
 def _jacobian(expression: cs.MX, symbol: cs.MX) -> cs.MX:
-    """Return a Jacobian made of one derivative at a time, which keeps the C short."""
+    """Return a Jacobian that is computed by one derivative at a time, which keeps the C code short."""
     return cs.jacobian(expression, symbol, {"helper_options": {"max_num_dir": 1}})
 
 
-def _divide(forces: cs.MX, mass: cs.MX, model: Model) -> cs.MX:
-    """Return M^-1 Q; x and y have the same mass matrix, and one factor of half the size serves both."""
+def _divided(forces: cs.MX, mass: cs.MX, model: Model) -> cs.MX:
+    """Return M^-1 Q; if x and y have the same mass matrix, one factor of half the size serves both."""
     x, y = slice(0, None, 2), slice(1, None, 2)
     whole = model.mass(model.properties)[model.free, model.free]
     if cs.norm_inf(whole[x, y]) > 0 or cs.norm_inf(whole[x, x] - whole[y, y]) > 0:

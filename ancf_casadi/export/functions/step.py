@@ -1,14 +1,14 @@
-"""One step of time as a Function: for programs that have no integrator, and for C.
+"""One time step as a CasADi Function, for C and for programs without an integrator.
 
-The method is Alexander's, singly diagonally implicit, of order 2, L-stable (what is too fast for the step dies down)
-and stiffly accurate.  With g = 1 - 1/2^(1/2), its two stages at the times g h and h solve one after the other
+The method of Alexander is singly diagonally implicit, of order 2, L-stable (motion too fast for the step decays) and
+stiffly accurate.  With g = 1 - 1/2^(1/2), two stages at the times g h and h solve, one after the other,
 
     r(q_i, v_i, a_i) = 0,    v_i = v^ + g h a_i,    q_i = q^ + g h v_i,
-    q^ = q, v^ = v  (i = 1),        q^ = q + (1 - g) h v_1, v^ = v + (1 - g) h a_1  (i = 2),
+    q^ = q, v^ = v  (i = 1),        q^ = q + (1 - g) h v_1, v^ = v + (1 - g) h a_1  (i = 2).
 
-and the second is the end of the step.  The unknown is the change x of q_i = q^ + g h v^ + c x, in which c, like the
-scale of the equations, comes from diag(M/(g h)^2 + K) of the model.  Where Newton's method does not converge the result
-is nan.
+The second stage is the end of the step.  The unknown is the scaled change x in q_i = q^ + g h v^ + c x; the scale c and
+that of the equations follow from diag(M/(g h)^2 + K) of the model.  If Newton's method does not converge, the result is
+nan.
 
 References
 ----------
@@ -21,12 +21,12 @@ import math
 
 import casadi as cs
 
-from ancf_casadi.export.functions.statics import certain, rootfinder, scaled
+from ancf_casadi.export.functions.newton import certain, newton, scaled
 from ancf_casadi.vibration.modes import Modes
 
 GAMMA = 1 - 1 / math.sqrt(2)
-STAGES = (GAMMA, 1.0)  # where the base motion is asked for, in steps
-BALANCED = 1e-8  # what may be left of the scaled equations
+STAGES = (GAMMA, 1.0)  # instants of a step at which the base motion is needed, in steps
+BALANCED = 1e-8  # largest residual of the scaled equations
 
 
 def step_function(residual: cs.Function, jacobians: cs.Function, modes: Modes) -> cs.Function:
@@ -37,29 +37,27 @@ def step_function(residual: cs.Function, jacobians: cs.Function, modes: Modes) -
     residual : Function
         (q, v, a, base, p) -> r.
     jacobians : Function
-        (q, v, a, base, p) -> dr_dq, dr_dv, dr_da, ...
+        (q, v, a, base, p) -> dr_dq, dr_dv, dr_da.
     modes : Modes
-        Of the model, at its equilibrium.
+        Modes of the model at its equilibrium.
     """
     model = modes.model
     mass = model.mass(model.properties)[model.free, model.free]
     names = ("q", "v", "base", "p")
     q, v, base, p = (cs.MX.sym(name, residual.size1_in(name)) for name in names)
     h, x, motion = cs.MX.sym("h"), cs.MX.sym("x", q.numel()), cs.MX.sym("base", base.numel(), len(STAGES))
-    rate = 1 / (GAMMA * h)
-    scale = 1 / cs.sqrt(cs.diag(mass) * rate**2 + cs.DM(modes.equilibrium.stiffness.diagonal()))
+    s = 1 / (GAMMA * h)
+    scale = 1 / cs.sqrt(cs.diag(mass) * s**2 + cs.DM(modes.equilibrium.stiffness.diagonal()))
     shift = model.beam.length * scale / cs.mmax(scale)
     rows = scale**2 / shift
 
-    there = (q + v / rate + shift * x, v + rate * shift * x, rate**2 * shift * x)
-    dr_dq, dr_dv, dr_da, *_ = jacobians(*there, base, p)
+    state = (q + v / s + shift * x, v + s * shift * x, s**2 * shift * x)
+    dr_dq, dr_dv, dr_da = jacobians(*state, base, p)
     known = [q, v, base, p, h]
-    unbalance = rows * residual(*there, base, p)
-    newton = rootfinder(
-        "step_newton", [x, *known], scaled(dr_dq + rate * dr_dv + rate**2 * dr_da, rows, shift), unbalance
-    )
-    found = newton(cs.MX(x.numel(), 1), *known)
-    *ends, left = cs.graph_substitute([*there, unbalance], [x], [found])
+    unbalance = rows * residual(*state, base, p)
+    solve = newton("step_newton", [x, *known], scaled(dr_dq + s * dr_dv + s**2 * dr_da, rows, shift), unbalance)
+    found = solve(cs.MX(x.numel(), 1), *known)
+    *ends, left = cs.graph_substitute([*state, unbalance], [x], [found])
     sure = certain(cs.norm_inf(left) < BALANCED)
     stage = cs.Function("stage", known, [end * sure for end in ends])
 

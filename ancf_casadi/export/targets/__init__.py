@@ -1,1 +1,1 @@
-"""The forms in which a model is written: C99, FMU, and files of CasADi Functions."""
+"""Formats of the exported Functions: C99, FMU, and CasADi's own files."""

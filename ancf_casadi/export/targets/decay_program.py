@@ -1,7 +1,7 @@
-"""A C program that integrates a decay with the exported step: how the Functions are called, and a first check of them.
+"""C program that integrates a decay with the exported step: an example of the calls, and a first check of the export.
 
-The full beam is let go from its equilibrium under a pull across, which gravity makes; the reduced one from a bend in
-mode 1, with ``STEPS_A_PERIOD`` steps in a period of its highest mode.
+The full beam is released from its equilibrium under a sideways pull, which is added to gravity.  The reduced beam is
+released from a deflection in mode 1, with ``STEPS_PER_PERIOD`` steps per period of its highest mode.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ import numpy as np
 
 from ancf_casadi.dynamics.signals import MotionFunctions, values
 from ancf_casadi.export.functions.motion_functions import BeamFunctions
-from ancf_casadi.reduction.stepping import STEPS_A_PERIOD
+from ancf_casadi.reduction.stepping import STEPS_PER_PERIOD
 from ancf_casadi.support.arrays import Array
 
-SAMPLE, SAMPLES = 5e-3, 400  # s between two lines, and how many follow the first
-FULL_STEPS = 10  # of the full beam in a sample
-DEFLECTION = 0.1  # of the distance from clamp to tip: how far the tip is drawn aside, in proportion, before the decay
+SAMPLE, SAMPLES = 5e-3, 400  # seconds between two lines of output, and number of lines after the first
+FULL_STEPS = 10  # of the full beam per sample
+DEFLECTION = 0.1  # of the tip before the release, to first order, per distance from clamp to tip
 
 
 def decay_program(name: str, functions: MotionFunctions) -> str:
-    """Return the program for the Functions that ``write_c`` wrote by a name, from within its first comment."""
+    """Return the program for the Functions that ``write_c`` writes under a name, from within its first comment."""
     if isinstance(functions, BeamFunctions):
-        every, start = FULL_STEPS, _pulled(name, functions)
+        every, start = FULL_STEPS, _pull(name, functions)
     else:
-        every, start = math.ceil(SAMPLE * STEPS_A_PERIOD * _highest_frequency(functions)), _bent(functions)
+        every, start = math.ceil(SAMPLE * STEPS_PER_PERIOD * _highest_frequency(functions)), _deflection(functions)
     upper, stages = name.upper(), functions.step.size2_in("base")
-    return f"""the decay of a beam that is held aside and let go.
+    return f"""the free decay of a beam after its release.
  *
  * Prints CSV: time in s, position of the tip in m, kinetic, strain and gravity energy in J.
  */
@@ -52,7 +52,7 @@ int main(void) {{
       printf("%.17g,%.17g,%.17g,%.17g,%.17g,%.17g\\n", k * h, tip[0], tip[1], kinetic[0], strain[0], gravity[0]);
     }}
     if ({name}_step(q, v, base, {name}_parameters, &h, q_next, v_next) || isnan(q_next[0])) {{
-      fprintf(stderr, "the step at %g s was not done\\n", k * h);
+      fprintf(stderr, "the step at %g s failed\\n", k * h);
       return 1;
     }}
     memcpy(q, q_next, sizeof(q));
@@ -63,11 +63,11 @@ int main(void) {{
 """
 
 
-def _pulled(name: str, functions: BeamFunctions) -> str:
-    """Return the C that finds the equilibrium under a pull."""
+def _pull(name: str, functions: BeamFunctions) -> str:
+    """Return C code that finds the equilibrium under a pull."""
     p = cs.MX.sym("p", len(functions.parameters))
     tip = functions.tip(functions.equilibrium(p), cs.MX(len(functions.base), 1))
-    place, change = _value_and_slope(tip, p, values(functions.parameters))
+    place, change = _value_and_jacobian(tip, p, values(functions.parameters))
     x, y = place
     across = np.array([-y, x]) / np.hypot(x, y)
     pull = DEFLECTION * np.hypot(x, y) / np.linalg.norm(change[:, :2] @ across) * across
@@ -83,22 +83,23 @@ def _pulled(name: str, functions: BeamFunctions) -> str:
   }}"""
 
 
-def _bent(functions: MotionFunctions) -> str:
-    """Return the C that bends the beam in mode 1."""
+def _deflection(functions: MotionFunctions) -> str:
+    """Return C code that deflects the beam in mode 1."""
     q = cs.MX.sym("q", functions.free)
-    place, change = _value_and_slope(functions.tip(q, cs.MX(len(functions.base), 1)), q, np.zeros(functions.free))
-    bend = DEFLECTION * np.linalg.norm(place) / np.linalg.norm(change[:, 0])
-    return f"  q[0] = {float(bend)!r};  /* bent in mode 1, m kg^0.5 */"
+    tip = functions.tip(q, cs.MX(len(functions.base), 1))
+    place, change = _value_and_jacobian(tip, q, np.zeros(functions.free))
+    first = DEFLECTION * np.linalg.norm(place) / np.linalg.norm(change[:, 0])
+    return f"  q[0] = {float(first)!r};  /* deflection in mode 1, m kg^0.5 */"
 
 
 def _highest_frequency(functions: MotionFunctions) -> float:
     """Return the highest natural frequency about rest, Hz."""
     q, n = cs.MX.sym("q", functions.free), functions.free
     still = cs.MX(n, 1), cs.MX(len(functions.base), 1), cs.MX(cs.DM(values(functions.parameters)))
-    _, slope = _value_and_slope(functions.rhs(q, *still), q, values(functions.states)[:n])
-    return float(np.sqrt(np.abs(np.linalg.eigvals(slope)).max()) / (2 * np.pi))
+    _, jacobian = _value_and_jacobian(functions.rhs(q, *still), q, values(functions.states)[:n])
+    return float(np.sqrt(np.abs(np.linalg.eigvals(jacobian)).max()) / (2 * np.pi))
 
 
-def _value_and_slope(expression: cs.MX, symbol: cs.MX, at: Array) -> list[Array]:
+def _value_and_jacobian(expression: cs.MX, symbol: cs.MX, at: Array) -> list[Array]:
     found = cs.Function("found", [symbol], [expression, cs.jacobian(expression, symbol)])(at)
     return [np.squeeze(part.full()) for part in found]

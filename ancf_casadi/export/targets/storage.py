@@ -1,11 +1,10 @@
-"""The exported Functions in a file.
+"""Files of exported Functions, for temporary use on one machine.
 
-The file is for oneself and for now: CasADi reads what the same version of it wrote, and whoever loads a Function runs
-what is in it.  Load only what you have saved yourself.  What is to last, or comes from others, is the document of
-``ancf_casadi.export`` in JSON.
+CasADi reads only files of its own version, and to load a Function is to run the program in it: load only files that you
+have saved yourself.  For storage and exchange, write the JSON document of ``ancf_casadi.export``.
 
-The first line is JSON and says what the file is, which model it holds, which version of CasADi wrote it, and the
-tables of signals; what follows is CasADi's.
+The first line of a file is JSON: the format, the kind of model, the version of CasADi, and the tables of signals.  The
+Functions follow in CasADi's format.
 """
 
 from __future__ import annotations
@@ -20,30 +19,31 @@ import casadi as cs
 from ancf_casadi.dynamics.signals import Signal
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.functions.motion_functions import BeamFunctions
+from ancf_casadi.export.targets.overwriting import check_ours
 from ancf_casadi.reduction.reduced import ReducedFunctions
 from ancf_casadi.support.files import write_file
 
-WHAT = "ancf-casadi functions"
-FORMAT = f"{WHAT} 2"
-KINDS: dict[str, type[BeamFunctions | ReducedFunctions]] = {"full": BeamFunctions, "reduced": ReducedFunctions}
+TITLE = "ancf-casadi functions"
+FORMAT = f"{TITLE} 2"
+BEGINNING = f'{{"format": "{TITLE}'
+MODELS: dict[str, type[BeamFunctions | ReducedFunctions]] = {"full": BeamFunctions, "reduced": ReducedFunctions}
 TABLES = ("parameters", "states", "base", "outputs")
 
 
 def save_functions(functions: BeamFunctions | ReducedFunctions, path: str | Path) -> None:
-    """Save the Functions to a file, conventionally ``.casadi``; an earlier file of this kind is replaced.
+    """Save the Functions to a file, usually named ``.casadi``; an earlier file of this kind is replaced.
 
-    Of a ``ReducedModel`` the Functions and tables are saved, not the modes and the law that it was made from.
+    Of a ``ReducedModel``, the Functions and tables are saved, but not its modes and its damping law.
 
     Raises
     ------
     InputError
-        If the file is there and is something else, or it cannot be written.
+        If the file exists and is of another kind, or it cannot be written.
     """
     target = Path(path)
-    if target.exists() and not _is_ours(target):
-        raise InputError("is there already, and is not a file of Functions; choose another name", str(target))
+    check_ours(target, BEGINNING)
     tables = {name: [asdict(signal) for signal in getattr(functions, name)] for name in TABLES}
-    (kind,) = (name for name, kept in KINDS.items() if isinstance(functions, kept))
+    (kind,) = (name for name, kept in MODELS.items() if isinstance(functions, kept))
     head = {"format": FORMAT, "model": kind, "casadi": cs.CasadiMeta.version(), **tables}
     serializer = cs.StringSerializer()
     for function in functions.functions:
@@ -52,12 +52,12 @@ def save_functions(functions: BeamFunctions | ReducedFunctions, path: str | Path
 
 
 def load_functions(path: str | Path) -> BeamFunctions | ReducedFunctions:
-    """Load the Functions that ``save_functions`` saved.
+    """Load the Functions from a file that ``save_functions`` wrote.
 
     Raises
     ------
     InputError
-        If the file cannot be read, is something else, is damaged, or another version of CasADi wrote it.
+        If the file cannot be read, is of another kind, is damaged, or was written with another version of CasADi.
     """
     where = str(path)
     try:
@@ -66,25 +66,19 @@ def load_functions(path: str | Path) -> BeamFunctions | ReducedFunctions:
         if head["format"] != FORMAT:
             raise ValueError(head["format"])
         writer, kind = head["casadi"], head["model"]
-        names = [field.name for field in fields(KINDS[kind]) if field.name not in TABLES]
+        names = [field.name for field in fields(MODELS[kind]) if field.name not in TABLES]
         tables: dict[str, Any] = {name: tuple(Signal(**entry) for entry in head[name]) for name in TABLES}
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror or error})", where) from None
     except (ValueError, KeyError, TypeError):
-        raise InputError("is not a file of Functions that this version writes", where) from None
+        raise InputError("is not a file of Functions of this version; export it again", where) from None
     if writer != cs.CasadiMeta.version():
-        raise InputError(f"was written by CasADi {writer}, this is {cs.CasadiMeta.version()}; export it again", where)
+        raise InputError(
+            f"was written by CasADi {writer}, but {cs.CasadiMeta.version()} is in use; export it again", where
+        )
     try:
         deserializer = cs.StringDeserializer(rest)
         found: dict[str, Any] = {name: deserializer.unpack() for name in names}
     except RuntimeError:
         raise InputError("is damaged; export it again", where) from None
-    return KINDS[kind](**tables, **found)
-
-
-def _is_ours(path: Path) -> bool:
-    try:
-        with open(path, "rb") as file:
-            return WHAT.encode() in file.read(100)
-    except OSError:
-        return False
+    return MODELS[kind](**tables, **found)

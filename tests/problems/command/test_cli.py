@@ -1,4 +1,4 @@
-"""The command: what it prints, what it writes, and how it refuses."""
+"""The command: output, files and refusals."""
 
 import errno
 import hashlib
@@ -35,10 +35,13 @@ from ancf_casadi.export.targets import fmu
 from ancf_casadi.support.interrupts import ENDING
 from ancf_casadi.support.tables import Table
 from ancf_casadi.version import __version__
-from problems import cli
 from problems.cli import main
+from problems.command import fit_decay as fit_decay_command
+from problems.command import match as match_command
+from problems.command import modes as modes_command
+from problems.command import simulate as simulate_command
 from problems.command.study_file import MATCH, MODES, SIMULATION, read_simulation
-from problems.study import report, reproduction
+from problems.study import report, reproduction, transients
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 RECORD = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam" / "beam_gravity_tip.csv"
@@ -177,7 +180,7 @@ class TestFitDecay:
         assert [law["law"] for law in data["comparison"]["laws"]] == ["linear", "quadratic", "friction"]
         assert main(["fit-decay", "decay.csv", "--law", "auto"]) == 0
         assert "best by BIC: linear" in capsys.readouterr().out
-        assert "cannot be robust" in refused(["fit-decay", "decay.csv", "--law", "auto", "--robust"], files, capsys)
+        assert "leave out --robust" in refused(["fit-decay", "decay.csv", "--law", "auto", "--robust"], files, capsys)
 
     def test_drift_and_outliers_are_borne_on_request(self, files, capsys):
         assert main(["fit-decay", "decay.csv", "--drift", "--robust", "--json"]) == 0
@@ -251,7 +254,7 @@ def test_reproduce_writes_and_prints(files, capsys, monkeypatch):
 
     monkeypatch.setattr(reproduction, "reproduce", study)
     assert main(["reproduce", "--quick", "--jobs", "3", "--out", "study"]) == 1
-    assert calls == {"effort": reproduction.QUICK, "jobs": 3, "progress": True}
+    assert calls == {"effort": transients.QUICK, "jobs": 3, "progress": True}
     assert one_line(capsys) == "ancf-casadi: no minimum was found"
     assert not (files / "study").exists()
 
@@ -360,7 +363,7 @@ class TestExport:
         call = ["export", "small.toml", "--markers", "0.25", "--reduced", "2", "--format"]
         assert main([*call, "casadi", "--out", "beam.casadi"]) == 0
         functions = load_functions("beam.casadi")
-        assert [state.name for state in functions.states] == ["q_1", "q_2", "rate_q_1", "rate_q_2"]
+        assert [state.name for state in functions.states] == ["q_1", "q_2", "velocity_q_1", "velocity_q_2"]
         assert functions.markers(0, 0).full().ravel() == pytest.approx([0.0, -0.25], abs=1e-6)
         assert main([*call, "c", "--out", "source"]) == 0
         assert "source/beam.c" in capsys.readouterr().out
@@ -390,17 +393,20 @@ class TestExport:
             (["beam.toml", "--out", "x"], "required: --format"),
             (["none.toml", "--format", "json", "--out", "x"], "none.toml: cannot be read"),
             (["none.json", "--format", "json", "--out", "x"], "none.json: cannot be read"),
-            (["bad.json", "--format", "json", "--out", "x"], "bad.json: format: must be 'ancf-casadi'"),
-            (["bad.toml", "--format", "json", "--out", "x"], "bad.json: format: must be 'ancf-casadi'"),
+            (["bad.json", "--format", "json", "--out", "x"], "bad.json: $.format: must be 'ancf-casadi'"),
+            (["bad.toml", "--format", "json", "--out", "x"], "bad.json: $.format: must be 'ancf-casadi'"),
             (["beam.toml", "--format", "json", "--out", "."], ".: is a folder"),
             (["beam.toml", "--format", "json", "--out", "beam.toml/x"], "beam.toml: is not a folder"),
             (["beam.toml", "--format", "json", "--out", "x", "--markers", "0.1"], "--markers: JSON holds the beam"),
-            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.1;2"], "must be numbers with commas"),
+            (
+                ["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.1;2"],
+                "must be numbers separated by commas",
+            ),
             (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.6"], "--markers: s: the point must be on"),
             (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "nan"], "must be a finite number"),
             (
                 ["beam.toml", "--format", "json", "--out", "x", "--identification", "bad.json"],
-                "bad.json: result: is no",
+                "bad.json: result: is not",
             ),
             (
                 ["beam.toml", "--format", "json", "--out", "x", "--identification", "decay.csv"],
@@ -410,12 +416,12 @@ class TestExport:
             (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "--markers: s: the point must be on"),
             (
                 ["beam.toml", "--format", "c", "--out", "x", "--identification", "good.json"],
-                "goes along with json and fmu",
+                "--identification: cannot be kept in c; choose json or fmu",
             ),
             (["beam.toml", "--format", "json", "--out", "x", "--data", "decay.csv"], "--data: there are 1 for 0"),
             (["beam.toml", "--format", "json", "--out", "x", "--reduced", "3"], "--reduced: JSON holds the beam"),
             (["beam.toml", "--format", "c", "--out", "x", "--reduced", "0"], "--reduced: must be a whole number above"),
-            (["beam.toml", "--format", "fmu", "--out", "x", "--reduced", "99"], "count: must be 1 to 80"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--reduced", "99"], "count: must be a whole number, 1"),
             (["beam.toml", "--format", "fmu", "--out", "x", "--reduced", "40"], "modes: mode 23 stretches the beam"),
         ],
     )
@@ -462,10 +468,10 @@ def refused(arguments: list[str], files: Path, capsys) -> str:
         (["fit-decay", "decay.csv", "--curve", "./decay.csv"], "decay.csv: is an input, which would be lost"),
         (["simulate", "study.toml", "--out", "link.toml"], "link.toml: is an input, which would be lost"),
         (["export", "beam.toml", "--format", "json", "--out", "beam.toml"], "beam.toml: is an input"),
-        (["simulate", "study.toml", "--out", "x", "--plot", "./x"], "x: is asked for twice; choose two names"),
+        (["simulate", "study.toml", "--out", "x", "--plot", "./x"], "x: is named for two outputs; choose two names"),
         (["simulate", "study.toml", "--out", "pipe"], "pipe: is a device or a pipe; name a file"),
-        (["match", "beam.json"], "beam.json: a document holds beam and damping alone; write a TOML file"),
-        (["simulate", "beam.json"], "beam.json: a document holds beam and damping alone; write a TOML file"),
+        (["match", "beam.json"], "beam.json: a document holds only beam and damping; write a TOML file"),
+        (["simulate", "beam.json"], "beam.json: a document holds only beam and damping; write a TOML file"),
         (["modes", "large.toml"], "large.toml: is larger than 64 MiB"),
     ],
 )
@@ -497,8 +503,8 @@ class TestUnusableInput:
             ("density = 8000.0", "density = nan", "[beam]: density: must be a finite number, got nan"),
             ("density = 8000.0", "density = 'steel'", "[beam]: density: must be a finite number, got 'steel'"),
             ("width = 5e-3", "width = [5e-3, 4e-3]", "[beam]: width: has 2 values for 20 elements"),
-            ("elements = 20", "elements = 1", "[beam]: elements: needs at least 2 elements, got 1"),
-            ("elements = 20", "elements = 2.5", "[beam]: elements: must be a whole number, got 2.5"),
+            ("elements = 20", "elements = 1", "[beam]: elements: must be a whole number, 2 to 10000, got 1"),
+            ("elements = 20", "elements = 2.5", "[beam]: elements: must be a whole number, 2 to 10000, got 2.5"),
             ("axis = [0.0, -1.0]", "axis = [0, 0]", "[beam]: axis: must not be the zero vector"),
             ("gravity = [0.0, -9.81]", "gravity = 9.81", "[beam]: gravity: must be a pair of numbers (x, y), got 9.81"),
             ("length = 0.5 ", "length = = 0.5 ", "is not TOML (Invalid value (at line 4, column 10))"),
@@ -600,8 +606,8 @@ class TestUnusableInput:
     @pytest.mark.parametrize(
         ("arguments", "what"),
         [
-            (["modes", "beam.toml", "--count", "0"], "count: must be 1 to 80 for 20 elements, got 0"),
-            (["modes", "beam.toml", "--count", "81"], "count: must be 1 to 80 for 20 elements, got 81"),
+            (["modes", "beam.toml", "--count", "0"], "count: must be a whole number, 1 to 80, got 0"),
+            (["modes", "beam.toml", "--count", "81"], "count: must be a whole number, 1 to 80, got 81"),
             (["modes", "beam.toml", "--count", "many"], "argument --count: invalid int value: 'many'"),
             (["modes", "absent.toml"], "absent.toml: cannot be read (No such file or directory)"),
             (["modes", "."], ".: cannot be read (Is a directory)"),
@@ -644,7 +650,7 @@ class TestFailure:
         def fails(*_, **__):
             raise FitError("no minimum was found;\nstart elsewhere")
 
-        monkeypatch.setattr(cli, "match_frequencies", fails)
+        monkeypatch.setattr(match_command, "match_frequencies", fails)
         assert main(["match", "beam.toml", "--json"]) == 1
         assert one_line(capsys) == "ancf-casadi: no minimum was found; start elsewhere"
 
@@ -652,7 +658,7 @@ class TestFailure:
         def fails(*_, **__):
             raise SimulationError("the integrator could not go on: try a larger tolerance", 0.1)
 
-        monkeypatch.setattr(cli, "simulate", fails)
+        monkeypatch.setattr(simulate_command, "simulate", fails)
         assert main(["simulate", "study.toml", "--out", "motion.csv"]) == 1
         assert one_line(capsys).endswith("try a larger tolerance")
         assert not (files / "motion.csv").exists()
@@ -673,7 +679,7 @@ class TestFailure:
         def fails(*_, **__):
             raise MemoryError
 
-        monkeypatch.setattr(cli, "simulate", fails)
+        monkeypatch.setattr(simulate_command, "simulate", fails)
         assert main(["simulate", "study.toml"]) == 1
         assert "out of memory" in one_line(capsys)
 
@@ -773,8 +779,10 @@ class TestInterrupted:
         def stopped(*_, **__):
             raise KeyboardInterrupt
 
-        for name in ("natural_modes", "match_frequencies", "simulate", "fit_decay"):
-            monkeypatch.setattr(cli, name, stopped)
+        called = {"natural_modes": modes_command, "match_frequencies": match_command, "simulate": simulate_command,
+                  "fit_decay": fit_decay_command}  # fmt: skip
+        for name, module in called.items():
+            monkeypatch.setattr(module, name, stopped)
         file = {"simulate": "study.toml", "fit-decay": "decay.csv"}.get(command, "beam.toml")
         before = sorted(files.iterdir())
         assert main([command, file]) == 130
@@ -811,7 +819,7 @@ class TestInterrupted:
             except KeyboardInterrupt:
                 raise error from None
 
-        monkeypatch.setattr(cli, "match_frequencies", swallowed)
+        monkeypatch.setattr(match_command, "match_frequencies", swallowed)
         assert main(["match", "beam.toml"]) == 130
         assert one_line(capsys) == "ancf-casadi: stopped; nothing was written"
 

@@ -1,4 +1,4 @@
-"""Beams, laws, base motions and settings come from TOML as they would from Python, or are refused by name."""
+"""TOML files give the same beams, laws, base motions and settings as Python, or an error with the name of the key."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Selection of a damping law: criteria by hand, the true law found, and what spoils the choice named."""
+"""Selection of a damping law: criteria by hand, the true law found, and warnings of what spoils the choice."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""Fits of free decays: recovery of known truth, Cramer-Rao bounds, a real record, and what is refused."""
+"""Fits of free decays: recovery of known truth, Cramer-Rao bounds, a real record, and refusals."""
 
 import json
 import math

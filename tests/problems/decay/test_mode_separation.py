@@ -1,4 +1,4 @@
-"""Several modes in one record: recovery, agreement with each mode alone, and what is refused."""
+"""Several modes in one record: recovery, agreement with each mode alone, and refusals."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Proportional damping from modal ratios: Eq. (17), least squares, bounds, and what is refused."""
+"""Rayleigh damping from modal ratios: Eq. (17), least squares, bounds, and refusals."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""The matched beam has the measured frequencies, is the nearest that does, and is found by exact derivatives."""
+"""The matched beam has the measured frequencies, is the nearest such beam, and is found by exact derivatives."""
 
 from dataclasses import replace
 
@@ -9,7 +9,7 @@ from ancf_casadi import Beam, EquilibriumError, FitError, InputError, Model, nat
 from problems import FrequencyMatch, Global, MeasuredModes, PerElement, Smooth, Smoothness, match_frequencies
 from problems.matching.design_space import DesignSpace
 from problems.matching.preference import PATCHES
-from problems.matching.problem import OPTIONS
+from problems.matching.program import OPTIONS
 from problems.study import paper
 
 BOUNDS = 0.10
@@ -78,7 +78,7 @@ class TestPaper:
     def test_another_start_ends_at_the_same_beam(self, match, seed):
         """42 properties against 5 frequencies: only the preference for the least change makes the answer one."""
         start = 1 + np.random.default_rng(seed).uniform(-0.09, 0.09, 42)
-        other = match_frequencies(paper.standard_beam(), targets=paper.FREQUENCIES, start=start.tolist())
+        other = match_frequencies(paper.standard_beam(), targets=paper.FREQUENCIES, guess=start.tolist())
         assert other.max_relative_error < 1e-6
         difference = factors(other.beam, paper.standard_beam()) - factors(match.beam, paper.standard_beam())
         assert np.abs(difference).max() < 1e-8
@@ -210,7 +210,7 @@ class TestMesh:
         unknowns = (Smooth("thickness"), Global("density"))
         match = match_frequencies(beam, targets=targets, unknowns=unknowns)
         assert match.frequencies == pytest.approx(targets, rel=1e-6)
-        state = match.matching.response().state(match.unknowns)
+        state = match.matching.state(match.unknowns)
         assert state.frequencies == pytest.approx(match.frequencies, rel=1e-10)
         assert natural_modes(Model(match.beam), count=4).frequencies == pytest.approx(match.frequencies, rel=1e-10)
 
@@ -248,21 +248,21 @@ class TestUnusableInput:
             match_frequencies(small_beam(), targets=(1.85, 10.19), bounds=bounds)
 
     @pytest.mark.parametrize(
-        ("start", "message"),
+        ("guess", "message"),
         [
-            ([1.0] * (SMALL_FACTORS - 1), f"start: needs {SMALL_FACTORS} factors, got {SMALL_FACTORS - 1}"),
-            ([1.0] * SMALL_FACTORS + [1.0], f"start: needs {SMALL_FACTORS} factors, got {SMALL_FACTORS + 1}"),
+            ([1.0] * (SMALL_FACTORS - 1), f"guess: needs {SMALL_FACTORS} factors, got {SMALL_FACTORS - 1}"),
+            ([1.0] * SMALL_FACTORS + [1.0], f"guess: needs {SMALL_FACTORS} factors, got {SMALL_FACTORS + 1}"),
             (
                 [1.11] + [1.0] * (SMALL_FACTORS - 1),
-                r"start: the factors must be above 0 and within 0\.9 to 1\.1, got 1\.11 for",
+                r"guess: the factors must be above 0 and within 0\.9 to 1\.1, got 1\.11 for",
             ),
-            ([0.89] + [1.0] * (SMALL_FACTORS - 1), "start: the factors must be above 0 and within"),
-            ([float("nan")] * SMALL_FACTORS, "start: must be a finite number"),
+            ([0.89] + [1.0] * (SMALL_FACTORS - 1), "guess: the factors must be above 0 and within"),
+            ([float("nan")] * SMALL_FACTORS, "guess: must be a finite number"),
         ],
     )
-    def test_start(self, start, message):
+    def test_guess(self, guess, message):
         with pytest.raises(InputError, match=message):
-            match_frequencies(small_beam(), targets=(1.85, 10.19), start=start)
+            match_frequencies(small_beam(), targets=(1.85, 10.19), guess=guess)
 
 
 class TestFailure:

@@ -1,4 +1,4 @@
-"""Measured modes are checked before any work, and compared whatever their scale."""
+"""Measured modes are checked before any computation, and compared independently of their scale."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ class TestResiduals:
     def test_residual_of_a_shape_is_what_the_best_multiple_leaves(self, matching):
         """By least squares of numpy, the deviations as weights."""
         response, space = matching.response(), matching.space
-        shapes = matching.observer @ response.state(space.standard).shapes
+        shapes = matching.observer @ matching.state(space.standard).shapes
         expected = []
         for psi, v, std in zip(matching.measured.shapes, shapes.T, (0.2, 0.1, 0.3), strict=True):
             known = np.isfinite(psi)
@@ -83,7 +83,10 @@ class TestUnusable:
     @pytest.mark.parametrize(
         ("given", "message"),
         [
-            ({"frequencies": (2.0, 1.0)}, "targets: must be ascending, got 2, 1 Hz; with shapes any order will do"),
+            (
+                {"frequencies": (2.0, 1.0)},
+                "targets: must be ascending, got 2, 1 Hz; any order needs shapes",
+            ),
             ({"frequencies": (1.0, NAN)}, "targets: must be a finite number"),
             ({"frequencies": ()}, "targets: needs at least one frequency"),
             ({"frequency_std": 0.0}, "frequency_std: must be positive"),
@@ -92,7 +95,7 @@ class TestUnusable:
             ({"points": (0.1, 0.2), "shapes": ((1.0, 2.0),)}, "shapes: 1 shapes for 2 frequencies"),
             (
                 {"points": (0.1, 0.2), "shapes": ((1, 2), (1, 2, 3))},
-                "shapes: shape 2 needs one displacement a point, 2",
+                "shapes: shape 2 needs one displacement per point, 2",
             ),
             ({"points": (0.1, 0.2), "shapes": ((1, 2), (1, NAN))}, "shapes: shape 2 needs two measured displacements"),
             ({"points": (0.1, 0.2), "shapes": ((0, 0), (1, 2))}, "shapes: shape 1 needs two measured displacements"),

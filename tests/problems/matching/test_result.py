@@ -1,4 +1,6 @@
-"""What a match tells: truth recovered, deviations that cover it, limits of the bounds, and what the data leave open."""
+"""Results of a match: recovered truth, coverage of the deviations, limiting bounds, undetermined properties."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from problems import (
     Smoothness,
     match_frequencies,
 )
+from problems.matching.identifiability import Identifiability
 from problems.study import paper
 
 ELEMENTS = 5
@@ -64,7 +67,7 @@ class TestRecovery:
     def test_thicknesses_from_frequencies_and_shapes(self, beam, truth, seed):
         """Four modes in any order and seven points determine five thicknesses, from two starts."""
         start = None if seed is None else (1 + np.random.default_rng(seed).uniform(-0.1, 0.1, ELEMENTS)).tolist()
-        match = match_frequencies(beam, targets=measure(truth, [2, 0, 3, 1]), unknowns=(THICKNESS,), start=start)
+        match = match_frequencies(beam, targets=measure(truth, [2, 0, 3, 1]), unknowns=(THICKNESS,), guess=start)
         assert match.modes == (3, 1, 4, 2)
         assert match.beam.thickness == pytest.approx(truth.thickness, rel=1e-6)
         assert match.identifiability.rank == ELEMENTS
@@ -112,11 +115,11 @@ class TestLumped:
     def test_tip_mass_and_clamp_stiffness(self, beam):
         """Both from five frequencies and 30 % off, from two starts; the clamp is seen worst."""
         truth = beam.with_(tip_mass=2.6e-3, clamp_stiffness=0.8, elastic_modulus=205e9)
-        guess = beam.with_(tip_mass=2e-3, clamp_stiffness=1.1)
+        given = beam.with_(tip_mass=2e-3, clamp_stiffness=1.1)
         targets = natural_modes(Model(truth), count=5).frequencies.tolist()
         unknowns = [Global(name, bounds=0.4) for name in ("tip_mass", "clamp_stiffness", "elastic_modulus")]
-        for start in (None, [0.7, 0.65, 1.3]):
-            match = match_frequencies(guess, targets=targets, unknowns=unknowns, start=start)
+        for guess in (None, [0.7, 0.65, 1.3]):
+            match = match_frequencies(given, targets=targets, unknowns=unknowns, guess=guess)
             assert match.beam.tip_mass == pytest.approx(2.6e-3, rel=1e-4)
             assert match.beam.clamp_stiffness == pytest.approx(0.8, rel=1e-4)
             assert match.beam.elastic_modulus[0] == pytest.approx(205e9, rel=1e-4)
@@ -140,7 +143,7 @@ class TestCrossing:
     @pytest.mark.parametrize("start", [None, [1.3]])
     def test_bending_modes_are_followed_past_the_axial_one(self, stocky, start):
         measured = measure(stocky.with_(thickness=25e-3), [2, 4])
-        match = match_frequencies(stocky, targets=measured, unknowns=(Global("thickness", bounds=0.3),), start=start)
+        match = match_frequencies(stocky, targets=measured, unknowns=(Global("thickness", bounds=0.3),), guess=start)
         assert match.beam.thickness[0] == pytest.approx(25e-3, rel=1e-6)
         assert match.modes == (3, 5)
         assert match.warnings == ("target 2 is mode 4 of the given beam, and mode 5 of the matched one",)
@@ -191,8 +194,18 @@ class TestOutOfReach:
         assert match.out_of_reach
         (note,) = match.warnings
         assert f"out of reach of these unknowns, by {100 * match.max_relative_error:.3g} % at worst" in note
-        assert f"held by {match.holding[0][0]}" in note
+        assert f"the values are at the edge of the bounds, held by {match.holding[0][0]}" in note
         assert note in match.report()
+
+    def test_out_of_reach_no_interval_is_given(self, beam):
+        """With a density that nothing holds; the table had lowest = highest = value, and "the data fix 3 of 6"."""
+        targets = (natural_modes(Model(beam), count=3).frequencies * [1.05, 0.93, 1.04]).tolist()
+        unknowns = (THICKNESS, Global("density"))
+        match = match_frequencies(beam, targets=targets, unknowns=unknowns, bounds=0.01)
+        assert "density" not in match.active_bounds
+        assert [(p["lowest"], p["highest"]) for p in match.to_dict()["properties"]] == [(None, None)] * 6
+        assert match.to_dict()["identified"][0].startswith("The targets are out of reach")
+        assert "The targets are out of reach" in match.report() and "The data fix" not in match.report()
 
 
 class TestIdentifiability:
@@ -218,15 +231,24 @@ class TestIdentifiability:
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.02, 0.99, 1.01]).tolist()
         match = match_frequencies(beam, targets=targets, unknowns=(THICKNESS, Smooth("width", terms=2)))
         known, space = match.identifiability, match.matching.space
-        assert np.abs(known.jacobian @ known.unseen.T).max() < 1e-8
+        assert np.abs(known.jacobian @ known.null_space.T).max() < 1e-8
         rng = np.random.default_rng(4)
         for _ in range(50):
-            way = known.quantities[1] @ (rng.standard_normal(len(known.unseen)) @ known.unseen)
+            way = known.factor_jacobian @ (rng.standard_normal(len(known.null_space)) @ known.null_space)
             reach = np.min(np.where(way > 0, 1.1 - known.factors, known.factors - 0.9) / np.abs(way))
             moved = known.factors + reach * way
             assert (moved > known.spread[:, 0] - 1e-9).all()
             assert (moved < known.spread[:, 1] + 1e-9).all()
-        assert space.size == known.rank + len(known.unseen)
+        assert space.size == known.rank + len(known.null_space)
+
+    def test_spread_without_linear_programs_is_that_of_linear_programs(self, beam, monkeypatch):
+        targets = (natural_modes(Model(beam), count=3).frequencies * [1.02, 0.99, 1.01]).tolist()
+        unknowns = (THICKNESS, Smooth("width", terms=3, bounds=0.05), Global("density"))
+        match = match_frequencies(beam, targets=targets, unknowns=unknowns)
+        found = match.identifiability.spread
+        assert found[-1, 0] == pytest.approx(0.9) and (found[:, 1] > found[:, 0]).sum() == len(found)
+        monkeypatch.setattr(Identifiability, "_reaches", lambda self, changes, *_: np.zeros(len(changes), bool))
+        assert replace(match.identifiability).spread == pytest.approx(found, abs=1e-7)
 
     def test_what_was_known_before_gives_errors_to_all(self, beam):
         """One frequency, E and rho: f sees their difference; 10 % known of each leaves 7 % of either's sum."""

@@ -1,4 +1,4 @@
-"""Unknowns stand for the beam they say, and keep it within their bounds."""
+"""Unknowns give the stated beam, and keep it within their bounds."""
 
 import numpy as np
 import pytest
@@ -26,8 +26,8 @@ def space(beam) -> DesignSpace:
 
 
 class TestDesignSpace:
-    def test_the_given_beam_is_a_start(self, space, beam):
-        assert space.changed(space.check_start(None)) == beam
+    def test_the_given_beam_is_the_default_guess(self, space, beam):
+        assert space.changed(space.check_guess(None)) == beam
         assert space.names == (
             "elastic_modulus", *(f"thickness[{i}]" for i in range(1, 7)), "width~L0", "width~L1", "width~L2"
         )  # fmt: skip
@@ -52,7 +52,7 @@ class TestDesignSpace:
 
     def test_random_points_are_within_the_bounds_and_fill_them(self, space):
         generator = np.random.default_rng(2)
-        drawn = [space.factors(space.check_start(space.random(generator))) for _ in range(300)]
+        drawn = [space.factors(space.check_guess(space.random(generator))) for _ in range(300)]
         factors = np.array(drawn)[:, :-2].reshape(300, 4, ELEMENTS)
         assert np.abs(factors[:, 3] - 1).max() <= 0.1  # modulus
         assert np.abs(factors[:, 1] - 1).max() <= 0.05
@@ -140,17 +140,17 @@ class TestUnusable:
             make(beam)
 
     @pytest.mark.parametrize(
-        ("start", "message"),
+        ("guess", "message"),
         [
-            ([1.0] * 3, "start: needs 10 factors, got 3"),
+            ([1.0] * 3, "guess: needs 10 factors, got 3"),
             ([1.0] + [1.06] * 6 + [0.0] * 3, r"within 0\.95 to 1\.05, got 1\.06 for thickness\[1\]"),
             ([1.0] * 7 + [0.15, 0.15, 0.0], r"changes width\[6\] by 27\.5 %, beyond 20 %"),
-            (1.0, "start: must be a sequence of numbers"),
+            (1.0, "guess: must be a sequence of numbers"),
         ],
     )
-    def test_start(self, space, start, message):
+    def test_guess(self, space, guess, message):
         with pytest.raises(InputError, match=message):
-            space.check_start(start)
+            space.check_guess(guess)
 
 
 def test_properties_are_those_of_the_model(space, beam):

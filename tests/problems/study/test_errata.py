@@ -1,9 +1,9 @@
-"""The paper's misprints: each test states what is right, with the number and the erratum's own.
+"""Misprints of the paper: each test states the right value and the number of the erratum.
 
 References
 ----------
 "Comparison of external damping models in a large deformation problem", Tables 1 to 4, 10, 11, Eq. (21)-(25).
-The right values were computed without ANCF and without CasADi.
+The right values were computed independently, without ANCF and without CasADi.
 """
 
 import math
@@ -29,7 +29,7 @@ def weightless() -> Modes:
 
 
 def tip_amplitudes(ratios: tuple[float, ...], eta1: tuple[float, ...], eta2: tuple[float, ...]) -> np.ndarray:
-    """Return the tip amplitudes (m) at which Eq. (26) has these equivalent ratios."""
+    """Return the tip amplitudes (m) at which Eq. (26) gives these equivalent ratios."""
     return (np.array(ratios) - np.array(eta1) / (2 * ANGULAR)) * 3 * math.pi / (4 * np.array(eta2))
 
 
@@ -52,15 +52,15 @@ class TestDensity:
 
 class TestProportional:
     def test_beta_is_a_tenth_of_the_printed(self):
-        """Erratum 4: Eq. (17) with Table 2 gives 3.18E-5 s, and the alpha that is printed."""
+        """Erratum 4: Eq. (17) with Table 2 gives 3.18E-5 s, and the printed alpha."""
         fit = fit_rayleigh(paper.FREQUENCIES[:2], paper.DAMPING_RATIOS[:2])
         assert fit.alpha == pytest.approx(0.228181, abs=5e-7)
         assert fit.beta == pytest.approx(3.18013e-5, abs=5e-11)
         assert fit.alpha == pytest.approx(paper.ALPHA, abs=5e-4)
         assert fit.beta == pytest.approx(paper.BETA, abs=5e-8)
 
-    def test_only_that_beta_gives_back_table_2(self, weightless):
-        """The ratios of modes 1 and 2; the printed beta would damp mode 2 more than four times as much."""
+    def test_only_that_beta_reproduces_table_2(self, weightless):
+        """The ratios of modes 1 and 2; the printed beta would damp mode 2 more than four times as strongly."""
         modes = Modes(weightless.equilibrium, np.array(paper.FREQUENCIES), weightless.shapes)
         right = RayleighDamping(paper.ALPHA, paper.BETA, stiffness="tangent").damping_ratios(modes, np.zeros(5))
         printed = RayleighDamping(paper.ALPHA, paper.BETA_PRINTED, stiffness="tangent").damping_ratios(
@@ -70,7 +70,7 @@ class TestProportional:
         assert printed[1] > 4 * paper.DAMPING_RATIOS[1]
 
     def test_ratios_of_the_higher_modes(self):
-        """Erratum 5: Eq. (16) gives 0.3358, 0.5656, 0.9057 %, where Table 11 has 0.32, 0.50, 0.70 %."""
+        """Erratum 5: Eq. (16) gives 0.3358, 0.5656, 0.9057 %; Table 11 prints 0.32, 0.50, 0.70 %."""
         fit = fit_rayleigh(paper.FREQUENCIES[:2], paper.DAMPING_RATIOS[:2])
         ratios = fit.alpha / (2 * ANGULAR) + fit.beta * ANGULAR / 2
         assert 100 * ratios[2:] == pytest.approx([0.3358, 0.5656, 0.9057], abs=5e-5)
@@ -79,7 +79,7 @@ class TestProportional:
 
 class TestQuadratic:
     def test_eta2_is_per_millimetre(self):
-        """Erratum 6: then Table 4's ratios mean tip amplitudes a thin beam of half a metre can have."""
+        """Erratum 6: the ratios of Table 4 then imply tip amplitudes that a thin beam of 0.5 m can reach."""
         amplitudes = tip_amplitudes(paper.EQUIVALENT_RATIOS, paper.ETA1, paper.ETA2)
         assert 1e3 * amplitudes == pytest.approx([76.0, 14.9, 7.6, 5.5, 14.4], abs=0.06)
         assert amplitudes == pytest.approx(paper.EQUIVALENT_AMPLITUDES, rel=0.01)
@@ -91,12 +91,12 @@ class TestQuadratic:
         assert (amplitudes > 10 * paper.LENGTH).all()
 
     def test_linear_part_of_table_11(self):
-        """Erratum 7: mode 1's eta1 in all modes, a constant decay rate."""
+        """Erratum 7: eta1 of mode 1 applies to all modes, a constant decay rate."""
         linear = equivalent_damping_ratio(cs.DM(paper.ETA1[0]), cs.DM(0), cs.DM(ANGULAR), cs.DM(0)).full().ravel()
         assert 100 * linear == pytest.approx([0.6452, 0.1171, 0.0445, 0.0224, 0.0135], abs=5e-5)
 
-    def test_amplitudes_behind_table_11(self):
-        """Erratum 7: other amplitudes than Table 4's, which would give 1.00, 0.187, 0.080, 0.048, 0.081 %."""
+    def test_amplitudes_implied_by_table_11(self):
+        """Erratum 7: they differ from those of Table 4, which would give 1.00, 0.187, 0.080, 0.048, 0.081 %."""
         implied = tip_amplitudes(paper.QUADRATIC_RATIOS, paper.ETA1[:1] * 5, paper.ETA2[:1] * 5)
         assert 1e3 * implied == pytest.approx([76.0, 9.2, 7.6, 3.8, 1.8], abs=0.06)
         assert implied == pytest.approx(paper.QUADRATIC_AMPLITUDES, rel=0.02)
@@ -119,7 +119,7 @@ class TestDragConstant:
 
     @pytest.mark.parametrize(("elements", "error"), [(20, 2e-4), (60, 5e-5)])
     def test_of_the_true_modes(self, elements, error):
-        """int |phi|^3 / int phi^2, read off the equivalent ratios 4 eta2 c A/(3 pi) at eta2 A = 1."""
+        """int |phi|^3 / int phi^2, from the equivalent ratios 4 eta2 c A/(3 pi) at eta2 A = 1."""
         beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9,
                             elements=elements, gravity=(0.0, 0.0))  # fmt: skip
         ratios = QuadraticDamping(eta2=1.0).damping_ratios(natural_modes(Model(beam), count=5), np.ones(5))

@@ -1,4 +1,4 @@
-"""The paper's study: its steps, their agreement with theory, and what it leaves on disk."""
+"""The study of the paper: its steps, their agreement with theory, and the files it writes."""
 
 import json
 import math
@@ -15,25 +15,24 @@ import pytest
 from ancf_casadi import Beam, InputError, Measurement, Model, Modes, SimulationError, natural_modes
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
 from problems import fit_rayleigh
-from problems.study import figures, paper, report, reproduction
-from problems.study.reproduction import (
+from problems.study import decays, figures, paper, report, reproduction, tables, transients
+from problems.study.decays import NOISE, linear_decays, quadratic_decays
+from problems.study.reproduction import Study
+from problems.study.transients import (
     FULL,
-    LAWS,
-    NOISE,
+    LAW_NAMES,
     QUICK,
     SAMPLES,
     TIP_AMPLITUDES,
     UNDAMPED,
     WINDOWS,
     Effort,
-    Study,
     Transient,
     TransientResult,
     damping_laws,
-    linear_decays,
     plan,
-    quadratic_decays,
     run_transient,
+    run_transients,
 )
 
 SHORT = Effort(accuracy=4e-6, driving=0.1, window=0.4)  # as accurate as the full study, a tenth as long
@@ -43,7 +42,7 @@ THIRD = 2  # the mode that is cheapest to simulate
 
 @pytest.fixture(scope="module")
 def modes() -> Modes:
-    """Five modes of the paper's beam on a coarse mesh, which is quick to simulate and as good for all but accuracy."""
+    """Five modes of the paper's beam on a coarse mesh, which is quick to simulate."""
     beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=5)
     return natural_modes(Model(beam), count=5)
 
@@ -59,7 +58,7 @@ def experiment(modes, laws, mode: int, name: str, effort: Effort) -> Transient:
 
 
 def closed_form(transient: Transient) -> TransientResult:
-    """Stand in for a simulation: the decay that Eq. (9) gives at the predicted ratio."""
+    """Replace a simulation by the decay of Eq. (9) at the predicted ratio."""
     modes, mode = transient.modes, transient.mode
     ratio = 0.0 if transient.law is None else float(transient.law.damping_ratios(modes, TIP_AMPLITUDES)[mode])
     time = np.arange(0.0, transient.window, 1 / (SAMPLES * transient.base.frequency))
@@ -84,12 +83,12 @@ def closed_form(transient: Transient) -> TransientResult:
 def study() -> Study:
     """The whole study, its twenty simulations replaced by closed forms."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reproduction, "run_transient", closed_form)
+        patch.setattr(transients, "run_transient", closed_form)
         return reproduction.reproduce(effort=QUICK, progress=True)
 
 
 def predicted_ratios(study: Study) -> dict[str, list[float]]:
-    """Damping ratios that the laws give the modes, without the beam: as measured, Eq. (16), and Eq. (26) for mode 1."""
+    """Damping ratios of the laws without the beam: as measured, Eq. (16), and Eq. (26) for mode 1."""
     ω = [2 * math.pi * f for f in study.match.frequencies]
     alpha, beta = 0.228181, 3.18013e-5  # Eq. (17)
     return {
@@ -115,7 +114,7 @@ class TestDecays:
                 [
                     (2 * math.pi * f, zeta, r0, 0.0)
                     for f, zeta, r0 in zip(
-                        paper.FREQUENCIES, paper.DAMPING_RATIOS, reproduction.START_AMPLITUDES, strict=True
+                        paper.FREQUENCIES, paper.DAMPING_RATIOS, decays.START_AMPLITUDES, strict=True
                     )
                 ],
             ),
@@ -145,15 +144,15 @@ class TestDecays:
             for other in (noise[1:], *(another[1:] for another in noises[:k])):
                 assert abs(np.corrcoef(noise[:-1], other)[0, 1]) < 4 / math.sqrt(noise.size)
 
-    def test_tell_the_parameters_they_were_made_of(self, study):
-        """Step 1 is a recovery: each of Table 2's ten numbers within four of its standard errors."""
+    def test_fits_recover_table_2(self, study):
+        """Each of the ten numbers of Table 2 lies within four standard errors."""
         for fit, f, zeta in zip(study.identification, paper.FREQUENCIES, paper.DAMPING_RATIOS, strict=True):
             assert abs(fit.frequency - f) < 4 * fit.standard_errors["frequency"]
             assert abs(fit.damping_ratio - zeta) < 4 * fit.standard_errors["damping_ratio"]
             assert fit.standard_errors["damping_ratio"] < 0.02 * zeta
 
-    def test_hardly_tell_eta2_of_the_higher_modes(self, study):
-        """Erratum 18: with such noise eta2 of modes 1 to 5 is uncertain by 3, 22, 47, 73 and 18 %."""
+    def test_eta2_of_the_higher_modes_is_uncertain(self, study):
+        """Erratum 18: with this noise, eta2 of modes 1 to 5 is uncertain by 3, 22, 47, 73 and 18 %."""
         uncertain = [fit.standard_errors["eta2"] / eta2 for fit, eta2 in zip(study.quadratic, paper.ETA2, strict=True)]
         assert uncertain == pytest.approx([0.03, 0.22, 0.47, 0.73, 0.18], rel=0.35)
         for fit, eta1, eta2 in zip(study.quadratic, paper.ETA1, paper.ETA2, strict=True):
@@ -165,7 +164,9 @@ class TestDecays:
 class TestPlan:
     def test_each_mode_under_each_law_and_undamped(self, modes, laws):
         tasks = plan(modes, laws, FULL)
-        assert [(task.mode, task.name) for task in tasks] == [(k, name) for k in range(5) for name in (*LAWS, UNDAMPED)]
+        assert [(task.mode, task.name) for task in tasks] == [
+            (k, name) for k in range(5) for name in (*LAW_NAMES, UNDAMPED)
+        ]
         assert all((task.law is None) == (task.name == UNDAMPED) for task in tasks)
 
     def test_drives_at_the_natural_frequency_until_the_papers_stop(self, modes, laws):
@@ -189,12 +190,12 @@ class TestPlan:
             assert quick.duration < full.duration
             assert quick.tolerance > full.tolerance
 
-    def test_laws_predict_what_they_were_made_of(self, study):
-        """All five ratios for the generic law, the first two for the proportional, the first for the quadratic."""
+    def test_laws_predict_the_ratios_they_were_fitted_to(self, study):
+        """All five ratios for the modal law, the first two for the Rayleigh law, the first for the quadratic law."""
         modes = natural_modes(Model(study.match.beam), count=5)
         laws = damping_laws(modes, study.rayleigh)
         ratios = {name: law.damping_ratios(modes, paper.EQUIVALENT_AMPLITUDES) for name, law in laws.items()}
-        assert tuple(ratios) == LAWS
+        assert tuple(ratios) == tuple(LAW_NAMES)
         assert ratios["generic"] == pytest.approx(paper.DAMPING_RATIOS, rel=1e-6)
         assert ratios["proportional"][:2] == pytest.approx(paper.DAMPING_RATIOS[:2], rel=1e-6)
         assert 100 * ratios["proportional"][2:] == pytest.approx([0.3358, 0.5656, 0.9057], abs=1e-4)
@@ -202,22 +203,22 @@ class TestPlan:
 
 
 class TestTransients:
-    @pytest.mark.parametrize("name", LAWS)
+    @pytest.mark.parametrize("name", LAW_NAMES)
     def test_decay_after_the_stop_has_the_predicted_ratio(self, modes, laws, name):
-        """The whole beam, driven and stopped, against each law's own prediction for the mode and amplitude."""
+        """The whole beam, driven and stopped, against the prediction of each law for the mode and amplitude."""
         result = run_transient(experiment(modes, laws, THIRD, name, SHORT))
         assert result.expected_ratio > 4e-4
         assert result.damping_ratio == pytest.approx(result.expected_ratio, abs=2e-5)
         assert result.frequency == pytest.approx(modes.frequencies[THIRD], rel=2e-3)
 
-    def test_undamped_nothing_is_lost(self, modes, laws):
-        """The integrator itself damps a hundred times less than the least damped mode; the drive is as planned."""
+    def test_undamped_motion_keeps_its_amplitude(self, modes, laws):
+        """Numerical damping is a hundred times less than the lowest damping ratio; the amplitude is as planned."""
         result = run_transient(experiment(modes, laws, THIRD, UNDAMPED, SHORT))
         assert result.expected_ratio == 0.0
         assert abs(result.damping_ratio) < 2e-5
         assert result.amplitude == pytest.approx(TIP_AMPLITUDES[THIRD], rel=0.01)
 
-    @pytest.mark.parametrize("name", LAWS)
+    @pytest.mark.parametrize("name", LAW_NAMES)
     def test_first_mode_at_large_swing(self, modes, laws, name):
         """At 7 cm of 50 cm the ratio is still the predicted one, within 2 %."""
         result = run_transient(experiment(modes, laws, 0, name, Effort(accuracy=1e-5, driving=0.1, window=0.3)))
@@ -227,10 +228,10 @@ class TestTransients:
     def test_processes_threads_and_one_after_the_other_give_the_same_bits(self, modes, laws):
         brief = Effort(accuracy=1e-3, driving=0.02, window=0.15)
         tasks = [experiment(modes, laws, 3, name, brief) for name in ("generic", "quadratic")]
-        serial = reproduction._run(tasks, 1, None, progress=False)
-        processes = reproduction._run(tasks, 2, None, progress=False)
+        serial = run_transients(tasks, 1, None, progress=False)
+        processes = run_transients(tasks, 2, None, progress=False)
         with ThreadPoolExecutor(1) as executor:
-            given = reproduction._run(tasks, 1, executor, progress=False)
+            given = run_transients(tasks, 1, executor, progress=False)
         for other in (processes, given):
             for ours, theirs in zip(serial, other, strict=True):
                 assert (ours.mode, ours.name) == (theirs.mode, theirs.name)
@@ -242,19 +243,19 @@ class TestTransients:
     def test_an_unusable_experiment_is_the_same_error_in_a_process(self, modes, laws, jobs):
         task = experiment(modes, laws, 3, "generic", Effort(accuracy=1e-3, driving=0.02, window=0.15))
         with pytest.raises(InputError, match="tolerance: must be positive"):
-            reproduction._run([replace(task, tolerance=-1.0), task], jobs, None, progress=False)
+            run_transients([replace(task, tolerance=-1.0), task], jobs, None, progress=False)
 
     @pytest.mark.parametrize("jobs", [1, 2])
     def test_a_failing_simulation_is_the_same_error_in_a_process(self, modes, laws, jobs):
         """A tolerance below rounding lets no step succeed; the error travels with its time."""
         task = experiment(modes, laws, 3, "generic", Effort(accuracy=1e-3, driving=0.02, window=0.15))
-        with pytest.raises(SimulationError, match="IDAS could not keep"):
-            reproduction._run([replace(task, tolerance=1e-30), task], jobs, None, progress=False)
+        with pytest.raises(SimulationError, match="IDAS could not meet"):
+            run_transients([replace(task, tolerance=1e-30), task], jobs, None, progress=False)
 
 
 class TestResults:
     def test_keys_that_are_promised(self, study):
-        """Section 3 of the design: a key's meaning never changes silently."""
+        """The meaning of a key never changes silently."""
         results = report.results(study)
         assert {"modal_identification", "proportional", "quadratic", "frequency_matching", "damping_comparison",
                 "timing"} <= results.keys()  # fmt: skip
@@ -270,7 +271,7 @@ class TestResults:
         matching = results["frequency_matching"]
         assert {"target_hz", "standard_hz", "matched_hz", "width_m", "thickness_m", "elastic_modulus", "density",
                 "max_relative_error", "at_bound", "iterations", "solve_seconds"} <= matching.keys()  # fmt: skip
-        assert {"experiment", *LAWS} <= results["damping_comparison"].keys()
+        assert {"experiment", *LAW_NAMES} <= results["damping_comparison"].keys()
 
     def test_values_are_si_and_fractions(self, study):
         results = report.results(study)
@@ -306,41 +307,41 @@ class TestResults:
         assert study.timing["proportional"] < study.timing["quadratic"]
 
     def test_laws_in_the_order_of_the_modes(self, study):
-        for name in LAWS:
-            assert [result.mode for result in study.of(name)] == [0, 1, 2, 3, 4]
+        for name in LAW_NAMES:
+            assert [result.mode for result in study.under(name)] == [0, 1, 2, 3, 4]
         for name, ratios in predicted_ratios(study).items():
             assert study.ratios(name)[: len(ratios)] == pytest.approx(ratios, rel=5e-3)
         assert [result.mode for result in study.undamped] == [0, 1, 2, 3, 4]
 
     def test_tables_stand_beside_the_papers_numbers(self, study):
-        tables = {table.name.partition("_")[0]: table for table in report.tables(study)}
-        assert list(tables)[:6] == ["table02", "table03", "table04", "table09", "table10", "table11"]
-        for table in tables.values():
+        found = {table.name.partition("_")[0]: table for table in tables.tables(study)}
+        assert list(found)[:6] == ["table02", "table03", "table04", "table09", "table10", "table11"]
+        for table in found.values():
             assert all(len(row) == len(table.columns) for row in table.rows)
-        assert [row[3] for row in tables["table02"].rows] == list(paper.FREQUENCIES)
-        assert [row[4] for row in tables["table10"].rows] == list(paper.STANDARD_FREQUENCIES)
-        assert [row[6] for row in tables["table10"].rows] == list(paper.OPTIMUM_FREQUENCIES)
+        assert [row[3] for row in found["table02"].rows] == list(paper.FREQUENCIES)
+        assert [row[4] for row in found["table10"].rows] == list(paper.STANDARD_FREQUENCIES)
+        assert [row[6] for row in found["table10"].rows] == list(paper.OPTIMUM_FREQUENCIES)
 
-    def test_say_that_the_decays_are_synthetic(self, study):
+    def test_state_that_the_decays_are_synthetic(self, study):
         """Erratum 20: no raw record is published."""
         assert "ynthetic" in report.results(study)["data"]
-        tables = {table.name: table for table in report.tables(study)}
+        found = {table.name: table for table in tables.tables(study)}
         for name in ("table02_modal_parameters", "table04_quadratic"):
-            assert "Synthetic" in tables[name].text()
+            assert "Synthetic" in found[name].text()
 
-    def test_print_both_where_the_paper_errs(self, study):
-        """Errata 1 and 4: what 7850 kg/m^3 without gravity gives, and the beta printed beside the right one."""
-        tables = {table.name: table for table in report.tables(study)}
-        weightless = [row[3] for row in tables["table10_frequencies"].rows]
+    def test_show_the_right_values_beside_misprints(self, study):
+        """Errata 1 and 4: frequencies with 7850 kg/m^3 and no gravity, and the printed beta beside the right one."""
+        found = {table.name: table for table in tables.tables(study)}
+        weightless = [row[3] for row in found["table10_frequencies"].rows]
         assert weightless == pytest.approx(paper.STANDARD_FREQUENCIES, rel=1e-3)
-        (beta,) = (row for row in tables["table03_proportional"].rows if row[0] == "beta")
+        (beta,) = (row for row in found["table03_proportional"].rows if row[0] == "beta")
         assert beta[2:] == (pytest.approx(paper.BETA, rel=1e-3), paper.BETA_PRINTED)
-        assert "ten times" in tables["table03_proportional"].text()
+        assert "ten times" in found["table03_proportional"].text()
 
 
 @pytest.fixture
 def drawn(monkeypatch):
-    """Stand in for the figures, which take seconds and have tests of their own."""
+    """Replace the figures, which take seconds and have tests of their own."""
     monkeypatch.setattr(figures, "figures", lambda study: [("one.png", b"1"), ("two.png", b"2")])
 
 
@@ -371,7 +372,7 @@ class TestWriting:
 
     @pytest.mark.parametrize("stopped_at", ["table04_quadratic.csv", "two.png", "results.json"])
     def test_interrupted_leaves_no_results_and_no_drafts(self, study, drawn, tmp_path, monkeypatch, stopped_at):
-        """Nor those of an earlier run, which the new tables would not belong to."""
+        """Results of an earlier run are removed too, because they do not belong to the new tables."""
         (tmp_path / "results.json").write_text("{}")
         replace_file = os.replace
 
@@ -410,19 +411,19 @@ def test_figures_of_the_study(study):
 
 
 def test_figures_have_their_panels(study):
-    """Five decays, one comparison, width and thickness, and for a mode each law's motion above its decay."""
-    assert len(figures._decays(study, "linear").axes) == 5
-    assert len(figures._properties(study).axes) == 2
-    assert len(figures._transients(study, 0).axes) == 2 * len(LAWS)
-    (comparison,) = figures._comparison(study).axes
+    """Five decays, one comparison, width and thickness, and for each mode and law the motion above its decay."""
+    assert len(figures.table_2_modal_parameters(study).axes) == 5
+    assert len(figures.table_9_properties(study).axes) == 2
+    assert len(figures.transients(study, 0).axes) == 2 * len(LAW_NAMES)
+    (comparison,) = figures.table_11_damping_ratios(study).axes
     assert (comparison.get_xlabel(), comparison.get_ylabel()) == ("mode", "damping ratio, %")
     assert comparison.get_yscale() == "log"
 
 
 @pytest.mark.slow
 def test_the_command_reproduces_the_study(tmp_path, monkeypatch):
-    """A quick look by the command itself: pure JSON on standard output, all files, ratios within a few percent."""
-    monkeypatch.delenv("ANCF_CASADI_COMPILE")  # as a user runs it: with a C compiler, if there is one
+    """The command prints pure JSON, writes all files, and gives ratios within a few percent."""
+    monkeypatch.delenv("ANCF_CASADI_COMPILE", raising=False)  # as a user runs it: with a C compiler, if there is one
     out = tmp_path / "study"
     command = [sys.executable, "-m", "problems.cli", "reproduce", "--quick", "--jobs", "2", "--json", "--out", str(out)]
     compiled = {**os.environ, "ANCF_CASADI_COMPILE": "1"}  # where there is a compiler; several times faster

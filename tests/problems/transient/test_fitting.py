@@ -1,6 +1,7 @@
-"""Damping laws and properties from the large motion of a soft strip, made with known ones and seeded noise."""
+"""Damping laws and properties from the large motion of a soft strip, with known truth and seeded noise."""
 
 import gc
+import math
 import pickle
 from dataclasses import replace
 
@@ -24,7 +25,7 @@ from ancf_casadi import (
 from ancf_casadi.dynamics.derivatives.sensitivity import Problem, Run
 from ancf_casadi.estimation.criteria import Candidate, judge
 from problems import MarkerRecord, compare_laws, fit_decay, fit_transient
-from problems.transient import fitting
+from problems.transient import fitting, result
 from problems.transient.tolerance import ALLOWED, COARSEST, GAIN, TRUST, first_tolerance, noise, travel
 
 BASE = HarmonicBase(0.02, 2.0, stop=0.5)
@@ -67,6 +68,31 @@ def test_the_truth_is_found_from_two_starts(model, driven, again, guess):
     assert found.fit.residual_rms == pytest.approx(NOISE, rel=0.2)
     assert found.fit.errors[1] < 2.0
     np.testing.assert_allclose(found.fit.values, again.fit.values, atol=1e-2 * again.fit.errors.min())
+
+
+def test_outliers_hardly_move_a_robust_fit(model, driven, again):
+    """Six of the last 41 positions are 20 mm too far out, 40 standard deviations of the noise."""
+    spoilt = driven.positions.copy()
+    chosen = 20 + np.random.default_rng(5).choice(41, 6, replace=False)
+    spoilt[chosen, 0, 0] += 0.02 * np.sign(spoilt[chosen, 0, 0])
+    plain, robust = (
+        fit_transient(model, replace(driven, positions=spoilt), QuadraticDamping(0.3, 8.0), robust=way, tolerance=1e-5)
+        for way in (False, True)
+    )
+    moved = abs(robust.fit.values - again.fit.values) / again.fit.errors
+    assert moved.max() < 1.5 < 3.0 < (abs(plain.fit.values - again.fit.values) / again.fit.errors).max()
+    assert robust.fit.huber == pytest.approx(1.345 * NOISE, rel=0.3) and math.isinf(plain.fit.huber)
+    assert (robust.fit.errors < 1.5 * again.fit.errors).all() and (plain.fit.errors > 5 * again.fit.errors).all()
+
+
+def test_the_figure_has_measured_and_fitted_positions_and_residuals(again, driven):
+    motion, residuals = again.figure().axes
+    lines = motion.get_lines()
+    assert len(lines) == 4 and [text.get_text() for text in motion.get_legend().get_texts()] == ["x, tip", "y, tip"]
+    measured, fitted = (line.get_ydata() for line in lines[:2])
+    assert fitted - measured == pytest.approx(1e3 * again.fit.residuals[: len(measured)])
+    assert residuals.get_lines()[1].get_ydata() == pytest.approx(1e3 * again.fit.residuals[len(measured) :])
+    assert measured == pytest.approx(1e3 * (driven.positions[:, 0, 0] - driven.positions[:, 0, 0].mean()))
 
 
 def test_each_point_is_integrated_once_and_no_steps_are_kept(model, driven, monkeypatch):
@@ -132,7 +158,8 @@ def test_the_fit_selects_a_tolerance_at_which_no_estimate_is_shifted(exact, nois
 def test_a_tolerance_that_does_not_do_is_tightened_and_where_it_cannot_be_that_is_said(exact, monkeypatch):
     monkeypatch.setattr(fitting, "first_tolerance", lambda *_: 1e-3)
     assert drag(exact, 0.0).problem.tolerance < 1e-5
-    monkeypatch.setattr(fitting, "TIGHTEST", 1e-3)
+    for module in (fitting, result):
+        monkeypatch.setattr(module, "TIGHTEST", 1e-3)
     assert "shorten the record" in drag(exact, 0.0).warnings[-1]
 
 
@@ -238,7 +265,7 @@ def test_an_unknown_start_and_the_damping_are_found(model):
     assert np.linalg.norm(state.velocities[-4:-2]) > 0.25  # m/s
     unknown = ("force_x", "force_x_rate")
     guess = RayleighDamping(alpha=0.5)
-    found = fit_transient(model, replace(cut, start="equilibrium"), guess, start=unknown, tolerance=1e-5)
+    found = fit_transient(model, replace(cut, start="equilibrium"), guess, start_load=unknown, tolerance=1e-5)
     assert found.fit.names == ("alpha", "start_force_x_1", "start_force_x_rate_1")
     assert found.fit.units == ("1/s", "N", "N/s")
     score = (found.fit.values - [0.8, force, rate]) / found.fit.errors
@@ -288,11 +315,11 @@ def test_laws_that_explain_a_record_alike_are_not_told_apart():
     ("changes", "message"),
     [
         ({"time": np.arange(5) / 40.0}, "time: needs at least 10 instants"),
-        ({"time": np.arange(61) ** 1.1}, "time: must begin with 0 and go on at equal intervals"),
+        ({"time": np.arange(61) ** 1.1}, "time: must begin with 0 and continue at equal intervals"),
         ({"positions": np.zeros((60, 2))}, r"positions: must have the shape \(61, 1, 2\), got \(60, 1, 2\)"),
         ({"positions": np.full((61, 2), np.nan)}, "positions: must be finite"),
-        ({"positions": np.full((61, 2), 0.1)}, "positions: are constant, nothing moves"),
-        ({"time": np.arange(61)[::-1] / 40.0}, "time: must begin with 0 and go on"),
+        ({"positions": np.full((61, 2), 0.1)}, "positions: are constant; nothing moves"),
+        ({"time": np.arange(61)[::-1] / 40.0}, "time: must begin with 0 and continue"),
     ],
 )
 def test_a_record_that_makes_no_sense_is_refused(changes, message):
@@ -309,10 +336,13 @@ def test_a_record_that_makes_no_sense_is_refused(changes, message):
             "properties: must be one of width, thickness, density, elastic_modulus",
         ),
         ({"fixed": ("eta3",)}, "fixed: must be one of eta1, eta2, got 'eta3'"),
-        ({"start": ("force",)}, "start: must be one of force_x"),
+        ({"start_load": ("force",)}, "start_load: must be one of force_x"),
         ({"fixed": ("eta1", "eta2")}, "damping: nothing is to be estimated"),
         ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: beta: not to be estimated"),
         ({"bounds": {"eta1": (1.0, 2.0)}}, "eta1: the guess 0.6 is not within"),
+        ({"bounds": {"eta1": 0.1}}, r"bounds: eta1: must be a pair \(lower, upper\), got 0\.1"),
+        ({"bounds": {"eta1": ("a", 1.0)}}, "bounds: eta1: must be numbers"),
+        ({"robust": 1e-3}, "robust: must be True or False, got 0.001"),
     ],
 )
 def test_unknowns_that_make_no_sense_are_refused(model, driven, settings, message):
@@ -321,8 +351,8 @@ def test_unknowns_that_make_no_sense_are_refused(model, driven, settings, messag
 
 
 def test_a_load_is_estimated_only_where_a_record_starts_from_an_equilibrium(model, driven):
-    with pytest.raises(InputError, match="start: must be an equilibrium, for its load"):
-        fit_transient(model, replace(driven, start="impact"), TRUTH, start=("force_x",))
+    with pytest.raises(InputError, match="start: must be an equilibrium if its load"):
+        fit_transient(model, replace(driven, start="impact"), TRUTH, start_load=("force_x",))
 
 
 def test_no_record_or_law_or_a_point_off_the_beam_is_refused(model, driven):

@@ -1,0 +1,92 @@
+"""The first state of a motion and its Jacobian by the parameters.
+
+A start at rest depends on the properties P of the elements, and on the load s that holds the beam, through the static
+equilibrium (``release_load``).  Unless it is an impact, the beam moves with its clamp as one rigid body (``start``), so
+that its velocities depend on the parameters b of the base motion as well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_jacobians
+from ancf_casadi.dynamics.derivatives.run import ClampMotion
+from ancf_casadi.dynamics.start import Start, initial_state, rigid_motion
+from ancf_casadi.dynamics.trajectory import State
+from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.layout import Layout
+from ancf_casadi.vibration.equilibrium import Equilibrium
+
+
+@dataclass(frozen=True, eq=False)
+class DifferentiableStart:
+    """The start of a motion as a function of b, P and s.
+
+    Parameters
+    ----------
+    model : Model
+        The beam, with its nominal properties.
+    start : str, Equilibrium or State
+        The start.
+    layout : Layout
+        Layout of the values: ``damping`` (theta), ``base`` (b), ``properties`` (P) and ``start`` (s, or nothing).
+    """
+
+    model: Model
+    start: Start | Equilibrium | State
+    layout: Layout
+
+    def state(self, model: Model, clamp: ClampMotion, load: Array) -> tuple[State, Array]:
+        """Return the first state, and the Jacobian of its q and v by the values, (2 N, ...).
+
+        Parameters
+        ----------
+        model : Model
+            The beam with the properties P.
+        clamp : ClampMotion
+            Motion of the clamp.
+        load : array (6,) or (0,)
+            s; empty if the load at the start is no parameter.
+        """
+        free = model.size - NODE
+        jacobian = np.zeros((2 * free, self.layout.size))
+        if isinstance(self.start, State):
+            return initial_state(model, clamp.function, self.start), jacobian
+        coordinates, velocities = model.straight, np.zeros(model.size)
+        if self.start != "straight":
+            held = held_start(model, self._jacobians, load if load.size else self._own_load)
+            coordinates, velocities = held.coordinates, held.velocities
+            jacobian[:, self.layout["properties"]] = held.by_properties
+            if load.size:
+                jacobian[:, self.layout["start"]] = held.by_load
+        if self.start == "impact":
+            return State(coordinates, velocities), jacobian
+        found = self._rigid_velocities(coordinates, clamp.at(0.0)[NODE : 2 * NODE])
+        rigid, by_coordinates, by_velocity = (part.full() for part in found)
+        jacobian[free:] += by_coordinates @ jacobian[:free]
+        jacobian[free:, self.layout["base"]] += by_velocity @ clamp.jacobian(0.0)[NODE : 2 * NODE]
+        return State(coordinates, velocities + rigid.ravel()), jacobian
+
+    @property
+    def _own_load(self) -> Array:
+        """The load and its rate that hold the beam if they are no parameters."""
+        if isinstance(self.start, Equilibrium):
+            return np.array([*self.start.tip_force, self.start.tip_moment, 0.0, 0.0, 0.0])
+        return np.zeros(len(START))
+
+    @cached_property
+    def _jacobians(self) -> cs.Function:
+        return start_jacobians(self.model)
+
+    @cached_property
+    def _rigid_velocities(self) -> cs.Function:
+        """(e, velocity of the clamped node) -> velocities of a rigid motion, and their Jacobians by q and by it."""
+        e, clamp_velocity = cs.MX.sym("e", self.model.size), cs.MX.sym("clamp_velocity", NODE)
+        moved = rigid_motion(self.model)(e, clamp_velocity)
+        jacobians = [cs.jacobian(moved[NODE:], e)[:, NODE:], cs.jacobian(moved[NODE:], clamp_velocity)]
+        return cs.Function("rigid_velocities", [e, clamp_velocity], [moved, *jacobians])

@@ -1,0 +1,51 @@
+"""Forward sensitivities: the derivatives of a computed motion along some directions of its parameters.
+
+For each step, with what is given for it in u = (q, v, clamped nodes, parameters),
+
+    dZ = -G^-1 R_u du,    dV = A^-1 dZ/h,    da = A^-1 (dV - dv)/h,
+
+and the last stage starts the next step.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ancf_casadi.dynamics.derivatives.linearised import Linearisation
+from ancf_casadi.dynamics.derivatives.run import Run, sample_weights
+from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
+from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.support.arrays import Array
+
+
+def forward(linearisation: Linearisation, run: Run, start: Array, b: Array, parameters: Array) -> Array:
+    """Return the derivatives of the coordinates along d directions, (k, 4 n + 4, d).
+
+    Parameters
+    ----------
+    linearisation : Linearisation
+        The Functions of linearised steps.
+    run : Run
+        The motion.
+    start, b, parameters : array (..., d)
+        Directions of the first q and v, the parameters of the base motion and those of the equation of motion.
+    """
+    free, d = len(start) // 2, start.shape[1]
+    dq, dv = start[:free], start[free:]
+    result = np.zeros((*run.coordinates.shape, d))
+    for passage in run.passages:
+        clamp = passage.clamp
+        da = passage.acceleration_jacobian @ np.vstack([dq, dv, clamp.jacobian(passage.begin) @ b, parameters])
+        for linear in linearisation.steps(run, passage):
+            step = linear.step
+            nodes = [clamp.jacobian(step.start + c * step.length) @ b for c in RADAU.nodes.tolist()]
+            dZ = linear.increments(np.vstack([dq, dv, *nodes, parameters])).reshape(STAGES, free, d)
+            dV = np.einsum("ij,jkl->ikl", RADAU.inverse, dZ) / step.length
+            accelerations = np.tensordot(RADAU.inverse[-1], dV - dv, 1) / step.length
+            ends = np.array([dq, dv, da, dq + dZ[-1], dV[-1], accelerations])
+            for sample in linear.samples:
+                time = float(run.times[sample])
+                result[sample, :NODE] = clamp.jacobian(time)[:NODE] @ b
+                result[sample, NODE:] = np.tensordot(sample_weights(step, time), ends, 1)
+            dq, dv, da = ends[3:]
+    return result

@@ -1,0 +1,68 @@
+"""Reverse sensitivities: the derivatives of weighted sums of a computed motion by all its parameters.
+
+The steps are those of ``forward`` backwards, each transposed: from the weights q, v and a of the end of a step follow
+those of its increments Z, then -R_u^T G^-T of these, and with them the weights of its start.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ancf_casadi.dynamics.derivatives.linearised import Linearisation, LinearisedStep
+from ancf_casadi.dynamics.derivatives.run import Passage, Run, sample_weights
+from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
+from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.layout import Layout
+
+
+def reverse(linearisation: Linearisation, run: Run, weights: Array) -> tuple[Array, Array, Array]:
+    """Return the derivatives of d sums of the coordinates by the first q and v, b, and the parameters, (..., d).
+
+    Parameters
+    ----------
+    linearisation : Linearisation
+        The Functions of linearised steps.
+    run : Run
+        The motion.
+    weights : array (k, 4 n + 4, d)
+        Weights of the coordinates in the sums.
+    """
+    d, given_layout = weights.shape[2], linearisation.tangent.layout
+    free = given_layout["q"].stop
+    first_layout = Layout.of(q=free, v=free, clamp=3 * NODE, parameters=run.parameters.size)
+    p, b = np.zeros((run.parameters.size, d)), np.zeros((run.passages[0].clamp.b.size, d))
+    q = v = np.zeros((free, d))
+    for passage in reversed(run.passages):
+        clamp, a = passage.clamp, np.zeros((free, d))
+        for linear in linearisation.steps(run, passage, backwards=True):
+            step = linear.step
+            ends = _sampled(run, passage, linear, weights, b)
+            q, v, a = ends[3] + q, ends[4] + v, ends[5] + a
+            by_velocities = RADAU.inverse[-1] / step.length
+            velocities = np.multiply.outer(by_velocities, a)
+            velocities[-1] += v
+            increments = np.einsum("ji,jkl->ikl", RADAU.inverse, velocities) / step.length
+            increments[-1] += q
+            by_q, by_v, nodes, parameters = given_layout.split(linear.given(increments.reshape(-1, d)))
+            for c, node in zip(RADAU.nodes.tolist(), nodes.reshape(STAGES, 3 * NODE, d), strict=True):
+                b += clamp.jacobian(step.start + c * step.length).T @ node
+            p += parameters
+            q = ends[0] + q + by_q
+            v = ends[1] - by_velocities.sum() * a + by_v
+            a = ends[2]
+        by_q, by_v, node, parameters = first_layout.split(passage.acceleration_jacobian.T @ a)
+        q, v = q + by_q, v + by_v
+        b += clamp.jacobian(passage.begin).T @ node
+        p += parameters
+    return np.vstack([q, v]), b, p
+
+
+def _sampled(run: Run, passage: Passage, linear: LinearisedStep, weights: Array, b: Array) -> Array:
+    """Return the weights (6, N, d) of q, v and a at both ends of a step from its samples; add those of b to it."""
+    ends = np.zeros((6, weights.shape[1] - NODE, weights.shape[2]))
+    for sample in linear.samples:
+        time = float(run.times[sample])
+        b += passage.clamp.jacobian(time)[:NODE].T @ weights[sample, :NODE]
+        ends += np.multiply.outer(sample_weights(linear.step, time), weights[sample, NODE:])
+    return ends

@@ -1,0 +1,135 @@
+"""A computed motion: the steps that were taken, and all that its derivatives need."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.dynamics.base_motion import Piece
+from ancf_casadi.dynamics.equations import clamped_node
+from ancf_casadi.dynamics.radau.stepper import Step
+from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU
+from ancf_casadi.exceptions import SimulationError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.interrupts import interrupted
+
+
+@dataclass(frozen=True, eq=False)
+class ClampMotion:
+    """Motion of the clamped node on a smooth piece of the base motion, and its Jacobian by the parameters b.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    piece : Piece
+        The piece.
+    b : array (m,)
+        The parameters of the base motion.
+    """
+
+    model: Model
+    piece: Piece
+    b: Array
+
+    @cached_property
+    def function(self) -> cs.Function:
+        """(t) -> position, velocity and acceleration of the clamped node, (12,)."""
+        t, b, node = self._symbols
+        return cs.Function("clamp", [t], [cs.Function("node", [t, b], [node])(t, self.b)])
+
+    def at(self, time: float) -> Array:
+        """Return the clamped node, (12,), at a time."""
+        return np.asarray(self.function(time).full().ravel())
+
+    def jacobian(self, time: float) -> Array:
+        """Return the derivatives of the clamped node by b, (12, m), at a time."""
+        return np.asarray(self._jacobian(time, self.b).full())
+
+    @cached_property
+    def _jacobian(self) -> cs.Function:
+        t, b, node = self._symbols
+        return cs.Function("clamp_jacobian", [t, b], [cs.jacobian(node, b)])
+
+    @cached_property
+    def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
+        t, b = cs.MX.sym("t"), cs.MX.sym("b", self.b.size)
+        return t, b, clamped_node(self.model, self.piece, t, b)
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """A smooth piece of a computed motion.
+
+    Parameters
+    ----------
+    clamp : ClampMotion
+        Motion of the clamped node.
+    begin : float
+        Its first instant, s.
+    acceleration_jacobian : array (N, ...)
+        Derivatives of the first accelerations by q, v, the clamped node and the parameters of the equation of motion.
+    steps : list of Step
+        The steps.
+    samples : list of array
+        Indices of the samples in each step.
+    """
+
+    clamp: ClampMotion
+    begin: float
+    acceleration_jacobian: Array
+    steps: list[Step]
+    samples: list[Index]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A computed motion.
+
+    Parameters
+    ----------
+    parameters : array
+        The parameters of the equation of motion.
+    times : array (k,)
+        The samples, s.
+    start_jacobian : array (2 N, ...)
+        Derivatives of the first q and v by theta, b, P and s.
+    passages : list of Passage
+        Its smooth pieces.
+    coordinates : array (k, 4 n + 4)
+        The nodal coordinates at the samples.
+    """
+
+    parameters: Array
+    times: Array
+    start_jacobian: Array
+    passages: list[Passage]
+    coordinates: Array
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return sum(len(passage.steps) for passage in self.passages)
+
+
+def end_of(step: Step) -> tuple[Array, Array, Array]:
+    """Return q, v and a at the end of a step."""
+    velocities = RADAU.inverse @ step.increments / step.length
+    return step.q + step.increments[-1], velocities[-1], RADAU.inverse[-1] @ (velocities - step.v) / step.length
+
+
+def sample_weights(step: Step, time: float) -> Array:
+    """Return the weights (6,) of q, v and a at the start and at the end of a step in the coordinates at a time."""
+    h = step.length
+    units = np.array([1.0, h, h**2, 1.0, h, h**2])
+    return np.asarray(units * (QUINTIC @ ((time - step.start) / h) ** np.arange(6)))
+
+
+def stop_if_interrupted() -> None:
+    """Raise a SimulationError if there is a Ctrl-C that ``noted_interrupts`` has noted."""
+    if interrupted():
+        raise SimulationError("was interrupted")

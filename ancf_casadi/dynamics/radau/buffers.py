@@ -1,0 +1,123 @@
+"""The arrays that the Functions of a step read in place.
+
+CasADi's ``buffer`` binds a Function to arrays, so that a call copies nothing and costs half a microsecond.  Each group
+of arrays here has one owner that writes it; N is the number of free coordinates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ancf_casadi.dynamics.radau.collocation import Collocation
+from ancf_casadi.dynamics.radau.tableau import STAGES
+from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.support.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class LastStep:
+    """The last step taken.  ``Stepper`` writes it when a step is accepted.
+
+    Parameters
+    ----------
+    start, end : array (3, N)
+        q, v and a at its start and its end.
+    nodes : array (4, 4 n + 4)
+        All coordinates at its start and its stages.
+    """
+
+    start: Array
+    end: Array
+    nodes: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """The step being tried, from the end of the last one; after acceptance, the last step.
+
+    ``Stepper`` writes all but the corrections and the turns, and predicts the increments; ``Newton`` corrects them.
+
+    Parameters
+    ----------
+    time, length, ratio : array (1,)
+        Its start, s, its length, s, and its length relative to that of the last step.
+    clamps : array (3, 12)
+        The clamped nodes at its stages.
+    increments : array (3, N)
+        Z, increments of the free coordinates at its stages.
+    corrections : array (3 N,)
+        dW, the last correction of Newton's method.
+    turns : array
+        Turns of the stages from the reference of the matrices.
+    """
+
+    time: Array
+    length: Array
+    ratio: Array
+    clamps: Array
+    increments: Array
+    corrections: Array
+    turns: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Configuration in which the matrices were taken.  ``Newton.factorise`` writes it.
+
+    Parameters
+    ----------
+    coordinates : array (4 n + 4,)
+        All coordinates.
+    clamp : array (12,)
+        The clamped node.
+    """
+
+    coordinates: Array
+    clamp: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Buffers:
+    """All arrays of a run, and the parameters of the equation of motion, which nobody writes."""
+
+    last: LastStep
+    trial: Trial
+    reference: Reference
+    parameters: Array
+
+    @staticmethod
+    def of(form: Collocation, parameters: Array) -> Buffers:
+        """Return arrays of zeros for the Functions of a step."""
+        size, free = form.equations.model.size, form.equations.free
+        return Buffers(
+            last=LastStep(np.zeros((3, free)), np.zeros((3, free)), np.zeros((STAGES + 1, size))),
+            trial=Trial(
+                time=np.zeros(1),
+                length=np.zeros(1),
+                ratio=np.zeros(1),
+                clamps=np.zeros((STAGES, 3 * NODE)),
+                increments=np.zeros((STAGES, free)),
+                corrections=np.zeros(STAGES * free),
+                turns=np.zeros(form.stages.numel_out(2)),
+            ),
+            reference=Reference(np.zeros(size), np.zeros(3 * NODE)),
+            parameters=parameters,
+        )
+
+    @property
+    def of_stages(self) -> list[Array]:
+        """The inputs of ``Collocation.stages``, in order."""
+        trial, (q, v, _) = self.trial, self.last.end
+        return [
+            trial.increments,
+            trial.corrections,
+            q,
+            v,
+            trial.length,
+            trial.clamps,
+            trial.turns,
+            self.reference.coordinates,
+            self.parameters,
+        ]

@@ -1,0 +1,94 @@
+"""Motion and energies within a step of Radau IIA.
+
+Motion.  The quintic polynomial through positions, velocities and accelerations at both ends of the step, improved by
+one Newton step of the equation of motion: the polynomial alone may stretch the beam by more than the axial forces do.
+
+Energies.  The powers lost to damping and put in by the base, integrated by the quadrature of the stages.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.dynamics.radau.buffers import Buffers
+from ancf_casadi.dynamics.radau.collocation import Collocation
+from ancf_casadi.dynamics.radau.tableau import RADAU
+from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.compilation import Buffered
+
+
+@dataclass(frozen=True, eq=False)
+class StepEnergies:
+    """Energies lost to damping and put in by the base within a step, J.
+
+    Parameters
+    ----------
+    start : array (2,)
+        The energies at the start of the step.
+    coefficients : array (3, 2)
+        Coefficients of x, x^2 and x^3 in what the step adds, x from 0 to 1.
+    """
+
+    start: Array
+    coefficients: Array
+
+    def at(self, x: Array) -> Array:
+        """Return the energies at some places in the step, (k, 2)."""
+        x, (first, second, third) = x[:, None], self.coefficients
+        return np.asarray(self.start + x * (first + x * (second + x * third)))
+
+    def followed_by(self, h: float, powers: Array) -> StepEnergies:
+        """Return the energies of the next step from the powers at its stages, (3, 2)."""
+        return StepEnergies(self.start + self.coefficients.sum(axis=0), h * RADAU.integral @ powers)
+
+
+class Samples:
+    """Evaluates k samples of the last step at once.
+
+    Parameters
+    ----------
+    count : int
+        Their number k.
+    form : Collocation
+        The Functions of a step.
+    buffers : Buffers
+        Their arrays.
+    clamp : Function
+        (t) -> the clamped node, (12,).
+    """
+
+    def __init__(self, count: int, form: Collocation, buffers: Buffers, clamp: cs.Function) -> None:
+        self._count, self._instants = count, np.zeros(count)
+        self._places, self._clamps = np.zeros(count), np.zeros((count, 3 * NODE))
+        step = [buffers.trial.length, *buffers.last.start, *buffers.last.end]
+        inputs = [self._places, *step, self._clamps, buffers.reference.coordinates, buffers.parameters]
+        shared = [k for k, array in enumerate(inputs) if array is not self._places and array is not self._clamps]
+        self._clamp = Buffered(clamp.map(count), self._instants)
+        self._interpolate = Buffered(form.sample.map("samples", "serial", count, shared, []), *inputs)
+        *motion, self._residual, turns = self._interpolate.outputs
+        observe = form.observation.map("observations", "serial", count, [5], [])
+        self._observe = Buffered(observe, *motion, self._residual, turns, buffers.parameters)
+
+    def __call__(self, instants: Array, places: Array, solve: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
+        """Return coordinates and velocities, (k, 4 n + 4), and forces of the base, (k, 4).
+
+        Parameters
+        ----------
+        instants, places : array (k,)
+            Times, s, and their places in the step, 0 to 1.
+        solve : callable
+            Solves with the real matrix of the step, ``Newton.solve``.
+        """
+        self._instants[:], self._places[:] = instants, places
+        self._clamps.ravel()[:] = self._clamp()[0]
+        _, velocities, _, residual, _ = self._interpolate()
+        right = residual.reshape(self._count, -1).T
+        right[:] = solve(right)
+        coordinates, forces = self._observe()
+        one, two, three = (part.reshape(self._count, -1).copy() for part in (coordinates, velocities, forces))
+        return one, two, three

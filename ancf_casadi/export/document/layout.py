@@ -1,0 +1,221 @@
+"""Layout of the JSON document: one msgspec Struct for each of its objects, with the range of every value.
+
+    {"format": "ancf-casadi", "schema": 1,
+     "beam": {...}, "strain_measures": {...},      SI units; properties as one value per element
+     "damping": {...} or null,                     the key ``law`` names the law
+     "identifications": [...],                     results of fits, and the files that they were made from
+     "provenance": {...}}                          time, versions of the programs, and a note
+
+    law          other keys
+    rayleigh     alpha (1/s), beta (s), stiffness
+    quadratic    eta1 (1/s), eta2 (1/m)
+    modal        ratios, frequencies (Hz), modes
+    sum          laws, which act together
+
+The modes of a modal law are stored with their shapes and their equilibrium, because modes that are computed again
+differ in their last digits.  They hold a beam and strain measures of their own where these are not the document's.
+
+``data_of`` checks data against the layout, and ``schema`` returns the layout as a JSON Schema (draft 2020-12).
+Unknown keys are refused, and a key may be left out only if it has a default here.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Final, Literal, TypeVar, get_args
+
+import msgspec
+from msgspec import UNSET, Meta, Struct, UnsetType
+
+from ancf_casadi.damping import ProportionalStiffness
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.strain import AxialStrain, Curvature
+
+FORMAT: Final = "ancf-casadi"
+VERSION: Final = 1  # of the layout: it changes when the meaning of a key does
+LONGEST_MESSAGE = 300
+
+Data = TypeVar("Data")
+
+Positive = Annotated[float, Meta(gt=0.0)]
+NotNegative = Annotated[float, Meta(ge=0.0)]
+Pair = tuple[float, float]
+PerElement = Annotated[tuple[Positive, ...], Meta(min_length=2, description="One value per element, from the clamp.")]
+Frequencies = Annotated[tuple[Positive, ...], Meta(min_length=1, description="Natural frequencies, Hz.")]
+Ratio = Annotated[float, Meta(ge=0.0, lt=1.0)]
+Points = Annotated[int, Meta(ge=1, le=9, description="Number of Gauss points.")]
+NotEmpty = Annotated[str, Meta(min_length=1)]
+Hash = Annotated[str, Meta(pattern="^[0-9a-f]{64}$", max_length=64)]  # $ also matches before a last line feed
+Time = Annotated[
+    str, Meta(pattern="^[0-9]{4}-[0-9]{2}-[0-9]{2}T[0-9]{2}:[0-9]{2}:[0-9]{2}Z$", max_length=20, description="UTC")
+]
+
+
+class BeamData(Struct, frozen=True, forbid_unknown_fields=True):
+    """Fields of ``Beam`` (m, kg/m^3, Pa, m/s^2, kg, N m/rad); the axis is a unit vector, a rigid clamp is null."""
+
+    length: Positive
+    width: PerElement
+    thickness: PerElement
+    density: PerElement
+    elastic_modulus: PerElement
+    axis: Pair = (0.0, -1.0)
+    gravity: Pair = (0.0, -9.81)
+    tip_mass: NotNegative = 0.0
+    clamp_stiffness: Positive | None = None
+
+
+class StrainMeasuresData(Struct, frozen=True, forbid_unknown_fields=True):
+    """The fields of ``StrainMeasures``."""
+
+    axial: AxialStrain
+    curvature: Curvature
+    axial_points: Points
+    bending_points: Points
+
+
+class EquilibriumData(Struct, frozen=True, forbid_unknown_fields=True):
+    """An equilibrium: nodal coordinates (positions in m, slopes), tip force (N) and tip moment (N m)."""
+
+    coordinates: tuple[float, ...]
+    tip_force: Pair
+    tip_moment: float
+
+
+class ModesData(Struct, frozen=True, forbid_unknown_fields=True):
+    """Natural modes of the document's beam, or of a beam of their own; one list of nodal coordinates per mode."""
+
+    frequencies: Frequencies
+    shapes: Annotated[tuple[tuple[float, ...], ...], Meta(min_length=1)]
+    equilibrium: EquilibriumData
+    beam: BeamData | UnsetType = UNSET
+    strain_measures: StrainMeasuresData | UnsetType = UNSET
+
+    def __post_init__(self) -> None:
+        """Refuse a beam without strain measures, and strain measures without a beam."""
+        if (self.beam is UNSET) != (self.strain_measures is UNSET):
+            raise ValueError("must have both of beam and strain_measures, or neither")
+
+
+class RayleighData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="rayleigh"):
+    """Rayleigh (proportional) damping, alpha M + beta K; alpha in 1/s, beta in s."""
+
+    alpha: NotNegative
+    beta: NotNegative
+    stiffness: ProportionalStiffness
+
+
+class QuadraticData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="quadratic"):
+    """Air drag, linear (eta1 in 1/s) and quadratic (eta2 in 1/m) in the velocity."""
+
+    eta1: NotNegative
+    eta2: NotNegative
+
+
+class ModalData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="modal"):
+    """Modal (generic) damping, M Phi diag(2 zeta omega) Phi^T M; one ratio and one measured frequency per mode."""
+
+    ratios: Annotated[tuple[Ratio, ...], Meta(min_length=1)]
+    frequencies: Frequencies
+    modes: Annotated[
+        ModesData,
+        Meta(extra_json_schema={"dependentRequired": {"beam": ["strain_measures"], "strain_measures": ["beam"]}}),
+    ]
+
+
+class SumData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="sum"):
+    """Laws that act together."""
+
+    laws: Annotated[tuple[LawData, ...], Meta(min_length=1)]
+
+
+LawData = RayleighData | QuadraticData | ModalData | SumData
+
+NAMES = {  # allowed values of the keys that hold a name
+    "law": [kind.__struct_config__.tag for kind in get_args(LawData)],
+    "stiffness": get_args(ProportionalStiffness),
+    "axial": get_args(AxialStrain),
+    "curvature": get_args(Curvature),
+}
+
+
+class DataFileData(Struct, frozen=True, forbid_unknown_fields=True):
+    """Name and SHA-256 of a file of measurements."""
+
+    name: NotEmpty
+    sha256: Hash
+
+
+class IdentificationData(Struct, frozen=True, forbid_unknown_fields=True):
+    """The result of a fit: values, standard errors, intervals, covariance, warnings; null is unknown or not finite."""
+
+    kind: NotEmpty
+    result: dict[str, Any]
+    data: tuple[DataFileData, ...]
+
+
+class ProvenanceData(Struct, frozen=True, forbid_unknown_fields=True):
+    """Time of writing (UTC), versions of the programs, and a note."""
+
+    written: Time
+    versions: dict[str, str]
+    note: str
+
+
+class DocumentData(Struct, frozen=True, forbid_unknown_fields=True):
+    """A beam with its damping law and its identifications; SI units, and no key twice in an object."""
+
+    format: Literal["ancf-casadi"]
+    schema: Literal[1]
+    beam: BeamData
+    strain_measures: StrainMeasuresData
+    damping: LawData | None
+    identifications: tuple[IdentificationData, ...]
+    provenance: ProvenanceData
+
+
+def read(data: dict[str, Any]) -> DocumentData:
+    """Return plain data as a document.
+
+    Raises
+    ------
+    InputError
+        If the data have another layout; the message names the place, such as ``$.damping.laws[0].alpha``.
+    """
+    if data.get("format") != FORMAT:
+        raise InputError(f"must be {FORMAT!r}: the file is no document of this toolkit", "$.format")
+    version = data.get("schema")
+    if type(version) is not int or version != VERSION:
+        raise InputError(f"must be {VERSION}, the version that this release reads; install a newer one", "$.schema")
+    return data_of(data, DocumentData, "$")
+
+
+def data_of(source: Any, kind: type[Data], where: str = "") -> Data:
+    """Return plain data, or the attributes of an object, as data of the layout.
+
+    Raises
+    ------
+    InputError
+        If a key or a value does not fit the layout.
+    """
+    try:
+        return msgspec.convert(source, kind, from_attributes=True)
+    except msgspec.ValidationError as error:
+        raise _refusal(str(error), where) from None
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a document."""
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"urn:{FORMAT}:document:{VERSION}"}
+    return head | msgspec.json.schema(DocumentData)
+
+
+def _refusal(message: str, where: str) -> InputError:
+    """Return the error for a message of msgspec: one line, not too long, with the names that a key may hold."""
+    found = re.fullmatch(r"(.*?)(?: - at (?:`key` in )?`\$([^`]*)`)?", message, re.DOTALL)
+    reason, inner = found.groups("") if found else (message, "")
+    text = " ".join(reason.split())
+    text = text if len(text) <= LONGEST_MESSAGE else f"{text[: LONGEST_MESSAGE // 2]}..."
+    known = NAMES.get(inner.rpartition(".")[2])
+    advice = f"; must be one of {', '.join(known)}" if known else ""
+    return InputError(f"{text[0].lower()}{text[1:]}{advice}", f"{where}{inner}" if where else inner.removeprefix("."))

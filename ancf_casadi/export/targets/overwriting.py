@@ -1,0 +1,26 @@
+"""Protection of files that this package did not write."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ancf_casadi.exceptions import InputError
+
+
+def check_ours(path: Path, beginning: str) -> None:
+    """Check that a file is new or was written by this package, which is told by its beginning.
+
+    Raises
+    ------
+    InputError
+        If the file exists and begins otherwise.
+    """
+    if not path.exists():
+        return
+    try:
+        with open(path, "rb") as file:
+            ours = file.read(len(beginning)) == beginning.encode()
+    except OSError:
+        ours = False
+    if not ours:
+        raise InputError("is there already, and was not written by this export; choose another place", str(path))

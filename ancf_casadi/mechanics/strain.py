@@ -1,0 +1,96 @@
+"""Strain measures of the strain energy, Eq. (8), and their values at the Gauss points of an element.
+
+Axial strain eps: ``engineering`` |r'| - 1, or ``green`` (r'.r' - 1)/2.
+Curvature kappa: ``material`` r' x r''/|r'|^2, ``geometric`` r' x r''/|r'|^3, or ``small`` |r''|.  The components of r''
+along r' and normal to r' serve as two strains for ``small``, because they rotate with the beam.
+
+Each term has two Gauss points.  With three or more the axial term over-constrains the cubic in bending: it locks.
+
+References
+----------
+Gerstmayr and Irschik 2008, "On the correct representation of bending and axial deformation in the absolute nodal
+coordinate formulation with an elastic line approach" (the material curvature).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import casadi as cs
+
+from ancf_casadi.mechanics.shape import gauss_pairs, hermite_curvature, hermite_slope, shape_matrix
+from ancf_casadi.support.inputs import choice, whole
+
+AxialStrain = Literal["engineering", "green"]
+Curvature = Literal["material", "geometric", "small"]
+
+AXIAL_POINTS = 2
+BENDING_POINTS = 2
+
+
+@dataclass(frozen=True)
+class StrainMeasures:
+    """The strain measures in Eq. (8) and their numbers of Gauss points.
+
+    Parameters
+    ----------
+    axial : {"engineering", "green"}
+        Longitudinal strain eps.
+    curvature : {"material", "geometric", "small"}
+        Transverse curvature kappa.
+    axial_points, bending_points : int
+        Gauss points of each term; the defaults do not lock.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or a number of points is not 1 to 9.
+    """
+
+    axial: AxialStrain = "engineering"
+    curvature: Curvature = "material"
+    axial_points: int = AXIAL_POINTS
+    bending_points: int = BENDING_POINTS
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        for name, kind in (("axial", AxialStrain), ("curvature", Curvature)):
+            choice(getattr(self, name), get_args(kind), name)
+        for name in ("axial_points", "bending_points"):
+            whole(getattr(self, name), name, 1, 9)
+
+
+def axial_strain(slope: Any, measure: AxialStrain) -> Any:
+    """Return eps from the components of r': numbers, arrays or symbols."""
+    squared = slope[0] ** 2 + slope[1] ** 2
+    return squared**0.5 - 1 if measure == "engineering" else (squared - 1) / 2
+
+
+def curvature(slope: Any, second: Any, measure: Curvature) -> Any:
+    """Return kappa from the components of r' and r'': numbers, arrays or symbols; of ``small`` the normal component."""
+    cross = slope[0] * second[1] - slope[1] * second[0]
+    power = {"material": 1.0, "geometric": 1.5, "small": 0.5}[measure]
+    return cross / (slope[0] ** 2 + slope[1] ** 2) ** power
+
+
+def axial_strains(e: cs.SX, l: cs.SX, measures: StrainMeasures) -> list[tuple[cs.SX, float]]:
+    """Return eps at each Gauss point with its weight, from coordinates e scaled to an element of length 1."""
+    strains = []
+    for xi, w in gauss_pairs(measures.axial_points):
+        slope = cs.vertsplit(shape_matrix(xi, hermite_slope) @ e / l)
+        strains.append((axial_strain(slope, measures.axial), w))
+    return strains
+
+
+def bending_strains(e: cs.SX, l: cs.SX, measures: StrainMeasures) -> list[tuple[cs.SX, float]]:
+    """Return kappa at each Gauss point with its weight, from coordinates e scaled to an element of length 1."""
+    strains = []
+    for xi, w in gauss_pairs(measures.bending_points):
+        slope = cs.vertsplit(shape_matrix(xi, hermite_slope) @ e / l)
+        second = cs.vertsplit(shape_matrix(xi, hermite_curvature) @ e / l**2)
+        strains.append((curvature(slope, second, measures.curvature), w))
+        if measures.curvature == "small":
+            along = (slope[0] * second[0] + slope[1] * second[1]) / (slope[0] ** 2 + slope[1] ** 2) ** 0.5
+            strains.append((along, w))
+    return strains

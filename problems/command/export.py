@@ -1,0 +1,61 @@
+"""``ancf-casadi export``: a beam and its damping for other programs."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+
+from ancf_casadi.support.files import check_folder
+from problems.command.exporting import FORMATS, export, read_identifications
+from problems.command.output import Output, Subcommands, json_text, located, new_files, positive_count
+from problems.command.study_file import TABLE_KEYS, read_source
+
+
+def add_export(commands: Subcommands) -> None:
+    """Add the subcommand."""
+    parser = commands.add("export", _run, "write a beam and its damping for other programs", epilog=TABLE_KEYS)
+    parser.add_argument("file", metavar="BEAM.toml", help="tables [beam] and [damping], or a JSON document")
+    parser.add_argument("--format", choices=tuple(FORMATS), required=True, help="; ".join(FORMATS.values()))
+    parser.add_argument("--out", type=Path, required=True, metavar="PATH", help="file to write; for c, a folder")
+    parser.add_argument(
+        "--markers", type=_lengths, default=(), metavar="S,S,...", help="arc lengths of the observed points, m"
+    )
+    parser.add_argument("--reduced", type=positive_count, metavar="N", help="write the reduced model with N modes")
+    parser.add_argument(
+        "--identification",
+        action="append",
+        default=[],
+        metavar="RESULT.json",
+        help="output of fit-decay --json or match --json to include; may be repeated",
+    )
+    parser.add_argument(
+        "--data", action="append", default=[], metavar="FILE.csv", help="record behind each identification"
+    )
+
+
+def _run(options: argparse.Namespace) -> Output:
+    began = time.perf_counter()
+    source = read_source(options.file)
+    if options.format == "c":
+        check_folder(options.out)
+    else:
+        new_files([options.file, *options.identification, *options.data], options.out)
+    with located("--markers"):
+        for marker in options.markers:
+            source.model.element_at(marker)
+    found = read_identifications(options.identification, options.data)
+    written = export(
+        source, options.format, options.out, markers=options.markers, modes=options.reduced, identifications=found
+    )
+    files = [{"path": str(path), "bytes": path.stat().st_size} for path in written]
+    if options.json:
+        return Output(json_text({"format": options.format, "files": files, "seconds": time.perf_counter() - began}))
+    return Output("\n".join(f"{file['path']}  {file['bytes']} bytes" for file in files))
+
+
+def _lengths(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"must be numbers separated by commas, got {text!r}") from None

@@ -1,0 +1,108 @@
+"""The result of a command, and the files that it writes."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.files import check_file, write_file
+from ancf_casadi.support.tables import to_json
+
+
+@dataclass(frozen=True)
+class Output:
+    """Result of a command.
+
+    Parameters
+    ----------
+    text : str
+        Text to print, also if a file cannot be written.
+    files : sequence of callable
+        Functions that write the files, in their order.
+    closing : str
+        Text to print below once all files are written.
+    """
+
+    text: str
+    files: Sequence[Callable[[], object]] = ()
+    closing: str = ""
+
+
+class Subcommands:
+    """The subcommands of a parser.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+        The parser of the whole command.
+    """
+
+    def __init__(self, parser: argparse.ArgumentParser) -> None:
+        self._parsers = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    def add(
+        self, name: str, run: Callable[[argparse.Namespace], Output], about: str, *, epilog: str | None = None
+    ) -> argparse.ArgumentParser:
+        """Return the parser of a new subcommand, which has ``--json`` and calls ``run``."""
+        added = self._parsers.add_parser(
+            name,
+            help=about,
+            description=f"{about[0].upper()}{about[1:]}.",
+            epilog=epilog,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        added.add_argument("--json", action="store_true", help="print JSON")
+        added.set_defaults(run=run)
+        return added
+
+
+def positive_count(text: str) -> int:
+    """Return a whole number above zero from an argument."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number above 0, got {text!r}")
+    return int(text)
+
+
+def json_text(value: Any) -> str:
+    """Return plain data as JSON without the last line break."""
+    return to_json(value).rstrip()
+
+
+def file_writer(path: Path, content: Callable[[], str | bytes]) -> Callable[[], None]:
+    """Return a function that makes a content and writes it to a file."""
+    return lambda: write_file(path, content())
+
+
+@contextlib.contextmanager
+def located(where: str) -> Iterator[None]:
+    """Prefix the message of an ``InputError`` with the file or option that holds the value."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(str(error), where) from None
+
+
+def new_files(inputs: Sequence[str], *outputs: Path | None) -> tuple[Path | None, ...]:
+    """Check the output files: each must be writable, different from the others and from every input.
+
+    Raises
+    ------
+    InputError
+        If one is not.
+    """
+    taken = {os.path.realpath(path): "is an input, which would be lost; choose another name" for path in inputs}
+    for path in outputs:
+        if path is None:
+            continue
+        check_file(path)
+        place = os.path.realpath(path)
+        if place in taken:
+            raise InputError(taken[place], str(path))
+        taken[place] = "is named for two outputs; choose two names"
+    return outputs

@@ -1,0 +1,67 @@
+"""``ancf-casadi simulate``: the large motion of a beam."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.dynamics.simulation import simulate
+from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
+from ancf_casadi.support.tables import Table
+from problems.command.output import Output, Subcommands, file_writer, json_text, located, new_files
+from problems.command.study_file import TABLE_KEYS, read_simulation
+
+
+def add_simulate(commands: Subcommands) -> None:
+    """Add the subcommand."""
+    parser = commands.add("simulate", _run, "simulate the large motion of a beam", epilog=TABLE_KEYS)
+    parser.add_argument("file", metavar="STUDY.toml", help="tables [beam], [simulation], [damping], [base]")
+    parser.add_argument("--out", type=Path, metavar="FILE.csv", help="write the motion of the tip")
+    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the motion of the tip")
+
+
+def _run(options: argparse.Namespace) -> Output:
+    study = read_simulation(options.file)
+    out, plot = new_files([options.file], options.out, options.plot)
+    with located(f"{options.file}: [simulation]"):
+        run = simulate(study.model, damping=study.damping, base=study.base, progress=True, **study.settings)
+    if run.interrupted:
+        raise KeyboardInterrupt
+    files = []
+    if out is not None:
+        files.append(file_writer(out, lambda: _motion(run).csv()))
+    if plot is not None:
+        from ancf_casadi.plot import motion_figure, png  # matplotlib is slow to import
+
+        files.append(file_writer(plot, lambda: png(motion_figure(run))))
+    summary = {
+        "samples": len(run.time),
+        "duration_s": float(run.time[-1]),
+        "tip_at_end_m": run.tip[-1].tolist(),
+        "tip_travel_m": np.ptp(run.tip - run.base, axis=0).tolist(),
+        "steps": run.steps,
+        "seconds": run.wall_seconds,
+    }
+    if options.json:
+        return Output(json_text(summary | {"integrators": [_use(use) for use in run.integrators]}), files)
+    used = ", ".join(f"{use.method} from {use.start:.6g} s at {use.tolerance:.1e}" for use in run.integrators)
+    lines = [f"{name:<14}{_plain(value)}" for name, value in summary.items()]
+    return Output("\n".join([*lines, f"{'integrators':<14}{used}"]), files)
+
+
+def _use(use: IntegratorUse) -> dict[str, Any]:
+    return {"start_s": use.start, "method": use.method, "tolerance": use.tolerance, "reason": use.reason}
+
+
+def _motion(run: Trajectory) -> Table:
+    columns = ("time_s", "tip_x_m", "tip_y_m", "base_x_m", "base_y_m")
+    rows = np.column_stack([run.time, run.tip, run.base]).tolist()
+    return Table("motion", "Motion of the tip", columns, rows)
+
+
+def _plain(value: Any) -> str:
+    values = value if isinstance(value, list) else [value]
+    return "  ".join(f"{item:.6g}" if isinstance(item, float) else str(item) for item in values)

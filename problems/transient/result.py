@@ -1,0 +1,146 @@
+"""The result of a fit to large motion: law, beam, uncertainties, and the effect of the integration error."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.damping import DampingLaw
+from ancf_casadi.dynamics.derivatives.release_load import held_start, start_jacobians
+from ancf_casadi.dynamics.trajectory import State
+from ancf_casadi.estimation.autocorrelation import colour_warning
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.least_squares import residual_function
+from ancf_casadi.estimation.resampling import refit
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
+from problems.transient.problem import OPTIONS, TransientProblem
+from problems.transient.tolerance import ALLOWED, TIGHTEST
+from problems.transient.unknowns import load_name, loads
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class TransientFit:
+    """A damping law, and properties of a beam, estimated from measured motions.
+
+    Parameters
+    ----------
+    law : DampingLaw
+        The law with the estimated parameters.
+    model : Model
+        The beam with the estimated properties.
+    fit : Fit
+        All unknowns with their uncertainties.
+    problem : TransientProblem
+        The measurements and the fitted model, with the tolerance of the integration.
+    shifts : ndarray
+        Shift of each estimate by the integration error, in standard errors (n,); nan if it is not known.
+    """
+
+    law: DampingLaw
+    model: Model
+    fit: Fit
+    problem: TransientProblem
+    shifts: Array
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Limitations of the estimates, one sentence each."""
+        coloured = colour_warning(self.fit.residuals, self.fit.series, noise_free=self.fit.systematic)
+        notes = [*self.fit.warnings, coloured]
+        tolerance, worst = self.problem.tolerance, float(np.abs(self.shifts).max())
+        if math.isnan(worst):
+            notes.append(f"the integration error at the tolerance {tolerance:.1e} could not be checked")
+        elif worst > ALLOWED:
+            name = self.fit.names[int(np.abs(self.shifts).argmax())]
+            advice = "let the fit select the tolerance" if tolerance > TIGHTEST else "shorten the record"
+            notes.append(
+                f"the integration error at the tolerance {tolerance:.1e} shifts {name} by {worst:.2g} standard errors; "
+                f"{advice}"
+            )
+        return tuple(note for note in notes if note)
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Estimated unknowns by name."""
+        return dict(zip(self.fit.names, self.fit.values.tolist(), strict=True))
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each unknown."""
+        return dict(zip(self.fit.names, self.fit.units, strict=True))
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each unknown by name; nan at a bound."""
+        return self.fit.standard_errors
+
+    def refit(self, noise: Array) -> Array:
+        """Return the unknowns from a fit to the fitted motion plus noise (m)."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # the solver steps back from a trial without a motion
+            return refit(self.fit, noise, gauss_newton=True, forward=True, options=OPTIONS)
+
+    def start(self, record: int = 0) -> State:
+        """Return the state at the start of a record whose load was estimated.
+
+        Raises
+        ------
+        InputError
+            If no load was estimated.
+        """
+        if not self.problem.start_load:
+            raise InputError("was not estimated; give fit_transient the components of the start load", "start_load")
+        found = self.estimates
+        load = [found.get(load_name(record, name), value) for name, value in loads(self.problem.records[record])]
+        held = held_start(self.model, start_jacobians(self.model), np.array(load))
+        return State(held.coordinates, held.velocities)
+
+    def report(self) -> str:
+        """Return the result as text."""
+        table = self.fit.table()
+        integration = (
+            f"integrated at the tolerance {self.problem.tolerance:.1e}, whose error shifts no estimate by more than "
+            f"{np.abs(self.shifts).max():.2g} standard errors"
+        )
+        systematic = f"the standard errors allow for a systematic error of the record of {self.fit.systematic:.1e} m"
+        notes = (*table.notes, integration, systematic)
+        return "\n".join([replace(table, notes=notes).text(), *(f"  note: {note}" for note in self.warnings)])
+
+    def figure(self) -> Figure:
+        """Draw the measured positions and the fitted motion over time, and the residuals below."""
+        from problems.transient.figures import markers_figure  # matplotlib is slow to import
+
+        return markers_figure(self.problem.records, self.fit.residuals)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON."""
+        return {
+            "law": repr(self.law),
+            **self.fit.to_dict(),
+            "tolerance": self.problem.tolerance,
+            "integration_shifts": [float(shift) if math.isfinite(shift) else None for shift in self.shifts],
+            "warnings": list(self.warnings),
+        }
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle without the motion, which the other process derives again."""
+        return _restored, (self.law, self.model, replace(self.fit, model=cs.Function()), self.problem, self.shifts)
+
+
+def _restored(law: DampingLaw, model: Model, fit: Fit, problem: TransientProblem, shifts: Array) -> TransientFit:
+    motions = [runs.function() for runs in problem.runs()]
+
+    def residuals(*values: cs.MX) -> cs.MX:
+        return problem.residuals(motions, dict(zip(fit.names, values, strict=True)))
+
+    return TransientFit(law, model, replace(fit, model=residual_function(residuals, fit.scale)), problem, shifts)

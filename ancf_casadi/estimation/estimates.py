@@ -131,8 +131,7 @@ class Estimates:
     @property
     def autocorrelation(self) -> float:
         """Correlation of successive residuals of a series; nan if there are none."""
-        rho = autocorrelation(self.residuals, self.series)
-        return float(rho[1]) if len(rho) > 1 else math.nan
+        return float(autocorrelation(self.residuals, self.series)[1]) if max(self.series) > 1 else math.nan
 
     @property
     def effective_samples(self) -> float:
@@ -157,9 +156,8 @@ class Estimates:
     @property
     def correlations(self) -> Array:
         """Correlations (n, n); nan for unknowns at a bound, or if all residuals are zero."""
-        error = self.errors
         with np.errstate(invalid="ignore"):
-            return self.covariance / np.outer(error, error)
+            return self.covariance / np.outer(self.errors, self.errors)
 
     def intervals(self, level: float = LEVEL) -> Array:
         """Return the intervals (n, 2) of the unknowns that contain the truth with a probability, to first order.
@@ -178,13 +176,7 @@ class Estimates:
         return values, self._errors(jacobian)
 
     def derived_intervals(self, quantities: Quantities, level: float = LEVEL) -> Array:
-        """Return the intervals (q, 2) of quantities, to first order; nan for one that depends on no unknown.
-
-        Raises
-        ------
-        InputError
-            If the level is not between 0 and 1.
-        """
+        """Return the intervals (q, 2) of quantities, to first order; nan for one that depends on no unknown."""
         return self._ends(*self._linearised(quantities), level)
 
     def shifts(self, change: Array) -> Array:
@@ -202,8 +194,8 @@ class Estimates:
             column = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k])[0]
             shifts[k] = -(column @ change) / (column @ column)
         errors = self.errors
-        own_moves = np.diag(self.moves(LEVEL)[self.active_bounds])
-        errors[self.active_bounds] = np.abs(own_moves) / quantile(LEVEL, self.degrees_of_freedom)
+        reach = np.abs(np.diag(self.moves(LEVEL)[self.active_bounds]))
+        errors[self.active_bounds] = reach / quantile(LEVEL, self.degrees_of_freedom)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(shifts * self.scale / errors)
 

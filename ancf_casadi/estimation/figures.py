@@ -49,6 +49,10 @@ def criteria_figure(names: Sequence[str], aicc: Sequence[float], bic: Sequence[f
             places[finite] + shift, values[finite] - values[finite].min(initial=np.inf), 0.4, color=colour, label=label
         )
     axes.set_xscale("symlog", linthresh=10.0)
+    highest = max(20.0, 1.1 * axes.get_xlim()[1])
+    ticks = [tick for tick in (0, 5, 10, 100, 1000, 10_000, 100_000) if tick <= highest]
+    axes.set(xlim=(0.0, highest), xticks=ticks, xticklabels=[f"{tick:d}" for tick in ticks])
+    axes.minorticks_off()
     axes.set(yticks=places, yticklabels=names, xlabel="criterion above its lowest; 10 is clear")
     axes.invert_yaxis()
     axes.legend(frameon=False)
@@ -76,5 +80,6 @@ def scatter_figure(labels: Sequence[str], samples: Array, estimates: Array, erro
             x = estimate + error * np.linspace(-4.0, 4.0, 200)
             normal = np.exp(-(((x - estimate) / error) ** 2) / 2) / (error * np.sqrt(2 * np.pi))
             axes.plot(x, normal, lw=1, color=MEASURED)
+        axes.locator_params(axis="x", nbins=4)
         axes.set(xlabel=label, yticks=[])
     return figure

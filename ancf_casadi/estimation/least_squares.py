@@ -136,9 +136,7 @@ def least_squares(
         raise InputError(f"{evaluate.size1_out(0)} values cannot determine {len(names)} unknowns", "residuals")
 
     r, jacobian = residuals_and_jacobian(evaluate, guess / scale)
-    weight = float(np.max(np.sum(jacobian**2, axis=0)))
-    if not (math.isfinite(weight) and weight > 0.0):
-        raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
+    weight = _weight(jacobian)
     settings = {**TIGHT, "ipopt.mu_init": _barrier(r, weight), **(options or {})}
     if gauss_newton:
         settings = {**gauss_newton_functions(evaluate, huber, weight, forward), **settings}
@@ -166,8 +164,6 @@ def least_squares(
     if weak.any():
         which = ", ".join(np.array(names)[~active][weak])
         raise FitError(f"the data do not determine {which}; {advice or 'fix one, or add data'}")
-    covariance = np.full((len(names), len(names)), math.nan)
-    covariance[np.ix_(~active, ~active)] = _variance(r, len(inverse), huber, systematic) * inverse
     return Fit(
         names=names,
         units=tuple(unknown.unit for unknown in unknowns),
@@ -175,7 +171,7 @@ def least_squares(
         lower=lower,
         upper=upper,
         scale=scale,
-        covariance=covariance,
+        covariance=_covariance(inverse, ~active, r, huber, systematic),
         active_bounds=active,
         residuals=r,
         series=tuple(series) or (len(r),),
@@ -195,6 +191,14 @@ def residual_function(residuals: Callable[..., cs.MX], scale: Array) -> cs.Funct
     z = cs.MX.sym("z", len(scale))
     r = residuals(*cs.vertsplit(cs.DM(scale) * z))
     return cs.Function("residuals", [z], [cs.densify(r), cs.densify(cs.jtimes(r, z, cs.DM.eye(len(scale))))])
+
+
+def _weight(jacobian: Array) -> float:
+    """Return the divisor w of the objective, the largest diagonal entry of J' J at the guess."""
+    weight = float(np.max(np.sum(jacobian**2, axis=0)))
+    if not (math.isfinite(weight) and weight > 0.0):
+        raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
+    return weight
 
 
 def _barrier(residuals: Array, weight: float) -> float:
@@ -223,6 +227,10 @@ def _inverse(jacobian: Array) -> tuple[Array, float, Mask]:
     return root @ root.T, float(singular[0] / singular[-1]), np.zeros(n, dtype=bool)
 
 
-def _variance(residuals: Array, free: int, huber: float, systematic: float) -> float:
-    """Return phi/w, the variance that (J' J)^-1 has as its factor in the covariance."""
-    return dispersion(residuals, len(residuals) - free, huber, systematic) / influence(residuals, huber)[1]
+def _covariance(inverse: Array, free: Mask, residuals: Array, huber: float, systematic: float) -> Array:
+    """Return phi/w (J' J)^-1 (n, n) of the free unknowns; nan for the others."""
+    _, w = influence(residuals, huber)
+    covariance = np.full((len(free), len(free)), math.nan)
+    phi = dispersion(residuals, len(residuals) - len(inverse), huber, systematic)
+    covariance[np.ix_(free, free)] = phi / w * inverse
+    return covariance

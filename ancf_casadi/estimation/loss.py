@@ -11,9 +11,13 @@ white noise the variance of the residuals, in the measure of the loss, is
 The second term allows for a systematic error of root mean square e, which the residuals need not show.  If all m
 residuals share it in the direction that is worst for an unknown, it shifts this unknown by m^1/2 e ((J' J)^-1_kk)^1/2.
 
+A robust fit has d = 1.345 standard deviations of the noise.  If the noise is normal, its standard errors are a few
+percent larger than those of least squares.  Outliers hardly change the median of |residual|, so 1.4826 times this
+median, the standard deviation of normal residuals, estimates the noise.
+
 References
 ----------
-P. J. Huber, Robust Statistics, Wiley (1981), Section 7.6.
+P. J. Huber, Robust Statistics, Wiley (1981), Sections 7.6, 7.8.
 P. Charbonnier, L. Blanc-Feraud, G. Aubert, M. Barlaud, Deterministic edge-preserving regularization in computed
 imaging, IEEE Transactions on Image Processing 6 (1997).
 """
@@ -26,6 +30,9 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.support.arrays import Array
+
+HUBER = 1.345  # threshold d over the standard deviation of the noise
+NORMAL = 1.4826  # standard deviation over the median of |residual|, normal residuals
 
 
 def loss(residuals: cs.MX, huber: float) -> cs.MX:
@@ -56,3 +63,8 @@ def dispersion(residuals: Array, freedom: int, huber: float, systematic: float) 
     psi, w = influence(residuals, huber)
     spread = float(psi @ psi) / (freedom * w) if freedom else math.nan
     return spread + len(residuals) * w * systematic**2
+
+
+def noise_of(residuals: Array) -> float:
+    """Return the standard deviation of the noise in residuals with outliers."""
+    return NORMAL * float(np.median(np.abs(residuals)))

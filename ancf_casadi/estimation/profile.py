@@ -78,6 +78,7 @@ def profile_interval(fit: Estimates, quantity: str | Quantities, level: float = 
             constraint_lower=-math.inf,
             constraint_upper=1.0,
             options={"ipopt.tol": 1e-8, "ipopt.bound_relax_factor": 0.0, "ipopt.max_iter": 300},
+            advice="use the interval of the fit, or another level",
         )
         ends.append(float(estimate[0]) - sign * solution.objective * width)
     return ends[0], ends[1]

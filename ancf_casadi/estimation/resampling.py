@@ -149,17 +149,8 @@ class MonteCarlo:
         """Return estimate and standard error of the quantities, and mean, deviation and interval of the runs."""
         columns = ("quantity", "estimate", "unit", "standard_error", "mean", "deviation", "lower_95", "upper_95")
         rows = [
-            (name, float(value), unit, known(error), mean, deviation, low, high)
-            for name, value, unit, error, mean, deviation, (low, high) in zip(
-                self.names,
-                self.estimates.tolist(),
-                self.units,
-                self.standard_errors.values(),
-                self.means.tolist(),
-                self.deviations.tolist(),
-                self.intervals().tolist(),
-                strict=True,
-            )
+            (name, estimate, unit, known(error), mean, deviation, *interval)
+            for name, unit, estimate, error, mean, deviation, interval in self._rows()
         ]
         drawn = f"blocks of {self.block} residuals" if self.block > 1 else "single residuals"
         notes = [
@@ -197,19 +188,17 @@ class MonteCarlo:
                     "deviation": deviation,
                     "interval_95": interval,
                 }
-                for name, unit, estimate, error, mean, deviation, interval in zip(
-                    self.names,
-                    self.units,
-                    self.estimates.tolist(),
-                    self.standard_errors.values(),
-                    self.means.tolist(),
-                    self.deviations.tolist(),
-                    self.intervals().tolist(),
-                    strict=True,
-                )
+                for name, unit, estimate, error, mean, deviation, interval in self._rows()
             ],
             "samples": self.samples.tolist(),
         }
+
+    def _rows(self) -> list[tuple[str, str, float, float, float, float, list[float]]]:
+        """Return name, unit, estimate, standard error, mean, deviation and interval of each quantity."""
+        columns = (self.means, self.deviations, self.intervals())
+        numbers = (column.tolist() for column in columns)
+        errors = self.standard_errors.values()
+        return list(zip(self.names, self.units, self.estimates.tolist(), errors, *numbers, strict=True))
 
 
 def monte_carlo(

@@ -8,8 +8,8 @@ measured displacements y_i at the times t_i after the release are fitted by
 over the unknowns of the law, d, and d' if requested.  Several records of the same mode are fitted at once: they share
 the unknowns of the mode, and each has its own amplitude, phase and equilibrium; their noise is assumed to be equal.
 
-A robust fit replaces the squares by the pseudo-Huber loss beyond 1.345 standard deviations of the noise, estimated as
-1.4826 median |residual| of the previous fit.  With normal noise this costs a few percent of the standard errors.
+A robust fit replaces the squares by the pseudo-Huber loss (``ancf_casadi.estimation.loss``), with the noise of the
+previous fit.
 
 References
 ----------
@@ -34,7 +34,7 @@ from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.decay.one_mode import longest_step
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.least_squares import least_squares
-from ancf_casadi.estimation.robust import HUBER, noise_of
+from ancf_casadi.estimation.loss import HUBER, noise_of
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import choice, flag, instances, number, numbers, vector
 from problems.decay.laws import LAWS, DecayModel, Law

@@ -124,6 +124,8 @@ class RayleighFit:
             self.frequencies, 100 * np.array(self.measured), errors, fmt="o", color=MEASURED, label="measured"
         )
         axes.set(xscale="log", xlabel="frequency, Hz", ylabel="damping ratio, %")
+        axes.set_xticks(self.frequencies, [f"{frequency:.4g}" for frequency in self.frequencies])
+        axes.minorticks_off()
         axes.legend(frameon=False)
         return figure
 

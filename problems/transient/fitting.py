@@ -13,7 +13,7 @@ load stands for the velocity at its start.
 This takes the place of the closed form (27) for large motion: (27) has no inertia along the beam, no higher modes, and
 no effect of the deflected shape on the drag.
 
-Robust fits replace the squares by the pseudo-Huber loss (``ancf_casadi.estimation.robust``).  Its threshold follows
+Robust fits replace the squares by the pseudo-Huber loss (``ancf_casadi.estimation.loss``).  Its threshold follows
 first the noise of the samples, then, in a second fit from the estimates of the first, the median residual.
 
 The integration.  The fit selects its tolerance, checks the effect of the integration error on the estimates, and allows

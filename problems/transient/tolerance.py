@@ -32,7 +32,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ancf_casadi.estimation.robust import HUBER, noise_of
+from ancf_casadi.estimation.loss import HUBER, noise_of
 from ancf_casadi.support.arrays import Array
 from problems.transient.marker_record import MarkerRecord
 

@@ -89,7 +89,7 @@ def test_without_the_finder_the_damping_would_be_wrong():
 
 
 def plain(kind, rng, t):
-    """A free decay, by its largest."""
+    """Return a free decay, normalised to a largest value of 1."""
     far, near = ω * 6.3, ω * rng.uniform(1.02, 1.5)
     first = {"η1": rng.uniform(0.0, 0.3), "e0": 0.1, "φ": rng.uniform(0, 6)}
     damped = np.array(linear_decay(cs.DM(t), ω, rng.uniform(0.001, 0.03), 0.1, rng.normal())).ravel()
@@ -109,7 +109,7 @@ def plain(kind, rng, t):
 
 @pytest.mark.parametrize("kind", ["linear", "quadratic", "friction", "drift", "two modes", "a far mode"])
 def test_a_plain_decay_is_never_cut(kind):
-    """Records of 3 to 30 s, without noise and with up to a tenth."""
+    """Records of 3 to 30 s, without noise and with noise of up to a tenth of the amplitude."""
     rng = np.random.default_rng(1)
     for k in range(40):
         t = np.arange(0.0, rng.uniform(3.0, 30.0), 1 / 50)

@@ -32,7 +32,7 @@ def test_products_run_within_a_series_only():
 
 @pytest.mark.parametrize("size", [60, 300, 2500])
 def test_white_residuals_count_in_full(size):
-    """But for a few percent of short records, in which a correlation is significant by chance."""
+    """Except for a few percent of the short records, where a correlation is significant by chance."""
     worth = np.array([effective_samples(autoregressive(seed, 0.0, size)) for seed in range(200)]) / size
     assert np.mean(worth == 1.0) >= 0.96
     assert worth.mean() > 0.98
@@ -40,14 +40,14 @@ def test_white_residuals_count_in_full(size):
 
 @pytest.mark.parametrize("rho", [0.3, 0.6, 0.9, -0.5])
 def test_autoregressive_residuals_count_as_theory_says(rho):
-    """In the median of 100 records, 15 % above at most: the tail below what is significant is left out."""
+    """In the median of 100 records, at most 15 % above theory: the sum omits the insignificant tail."""
     worth = np.median([effective_samples(autoregressive(seed, rho)) for seed in range(100)])
     expected = 2500 * (1 - abs(rho)) / (1 + abs(rho))
     assert 0.95 < worth / expected < 1.15
 
 
 def test_residuals_that_swing_are_hardly_worth_anything():
-    """They are one wave; in a sum with signs their correlations would cancel."""
+    """The residuals are one wave; its correlations would cancel in a sum with signs."""
     swing = np.cos(2 * math.pi * 0.01 * np.arange(2500))
     assert 1.0 < effective_samples(swing) < 3.0
     assert abs(1 + 2 * autocorrelation(swing)[1:].sum()) < 0.1

@@ -47,7 +47,7 @@ def test_intervals_of_a_line_are_those_of_linear_regression_both_ways():
 
 
 def test_profile_intervals_of_a_curve_are_where_the_profiled_sum_of_squares_says():
-    """The sum of squares is profiled by hand: Vm is linear for given K."""
+    """The sum of squares has a closed-form profile: for given K, Vm is linear."""
     fit = puromycin()
     np.testing.assert_allclose(fit.values, [212.68, 0.06412], rtol=1e-4)
     np.testing.assert_allclose(fit.errors, [6.947, 0.00828], rtol=2e-3)
@@ -110,7 +110,7 @@ def test_a_quantity_of_an_unknown_at_its_bound_has_its_interval():
 
 
 def test_outliers_are_borne():
-    """One value in ten is off by fifty times the noise; the pseudo-Huber loss hardly notices."""
+    """One value in ten has an error of fifty times the noise, which hardly affects the pseudo-Huber loss."""
     rng = np.random.default_rng(3)
     x = np.linspace(0.0, 3.0, 400)
     y = -1 + 2 * x + 0.1 * rng.standard_normal(400) + np.where(rng.random(400) < 0.1, 5.0, 0.0)
@@ -237,7 +237,7 @@ def test_at_a_bound_the_shift_is_that_without_the_bound_by_the_reach_inwards():
 
 
 def test_a_systematic_error_within_what_is_allowed_for_shifts_no_unknown_beyond_its_standard_error():
-    """The worst error of that size is the one along the column of an unknown that the others cannot make up for."""
+    """The worst error of that size is along the part of a column that the other unknowns cannot compensate."""
     unknowns = [Unknown("a", -0.5), Unknown("b", 0.0)]
     exact = lambda a, b: a + b * cs.DM(X) - cs.DM(-1 + 2 * X)  # noqa: E731
     fit = least_squares(exact, unknowns, systematic=1e-3)

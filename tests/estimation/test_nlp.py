@@ -126,7 +126,7 @@ def test_the_hessian_of_gauss_and_newton_leads_to_the_same_minimum(huber):
 @pytest.mark.parametrize("huber", [math.inf, 0.1])
 @pytest.mark.parametrize("start", [(500.0, 0.0001), (250.0, 0.0005)])
 def test_steps_of_gauss_and_newton_lead_to_the_minimum_where_ipopt_ends_early(start, huber):
-    """Of two unknowns that correlate at 0.999, the gradient says little; the estimates are right to 1 % of an error."""
+    """The gradient hardly determines two unknowns that correlate at 0.999; the estimates are within 1 % of an error."""
     exact = least_squares(misra, [Unknown("b1", 250.0, 100.0), Unknown("b2", 5e-4, 1e-4)], huber=huber)
     unknowns = [Unknown("b1", start[0], 100.0), Unknown("b2", start[1], 1e-4)]
     early = {"options": {"ipopt.tol": 1e-3, "ipopt.compl_inf_tol": 1e-3}}

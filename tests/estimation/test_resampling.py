@@ -66,7 +66,7 @@ def test_the_scatter_of_the_runs_is_the_standard_error_where_the_noise_is_white(
 
 
 def test_blocks_keep_what_correlates_together():
-    """Over many records, the fits scatter as their block bootstraps say, twice as far as single residuals would."""
+    """Over many records, the scatter of the fits is that of the block bootstrap, twice that of single residuals."""
     rho = 0.8
     fits = [fit_decay(TIME, swing() + 1e-3 * coloured(100 + seed, rho), offset=False) for seed in range(40)]
     scatter = np.std([fit.frequency for fit in fits], ddof=1)
@@ -92,7 +92,7 @@ def test_a_motion_is_fitted_again_too(transient):
 
 
 def test_blocks_stay_within_a_record_and_a_coordinate(transient, monkeypatch):
-    """Residuals that say where they are from: their number in the series, times 1 in the first, 1000 in the second."""
+    """Residuals that encode their origin: their number in the series, times 1 in the first and 1000 in the second."""
     records = [Measurement(TIME[:size], swing()[:size] + 1e-3 * white(size, size)) for size in (300, 200)]
     both = fit_decays(records, release_times=[0.0, 0.0])[0]
     noise = []
@@ -142,7 +142,7 @@ def test_runs_that_fail_are_counted_and_named(decay, monkeypatch):
 
 
 def test_any_executor_gives_the_same_numbers(decay, transient):
-    """Here, in processes, and on a dask cluster."""
+    """In this process, in other processes, and on a dask cluster."""
     distributed = pytest.importorskip("distributed")
     serial = [monte_carlo(fit, runs=6, seed=7) for fit in (decay, transient)]
     assert not np.array_equal(serial[0].samples, monte_carlo(decay, runs=6, seed=8).samples)

@@ -66,7 +66,7 @@ def test_coloured_residuals_are_named():
 
 
 def test_a_misfit_that_none_of_the_laws_explains_settles_nothing():
-    """A second mode of 3 % is no noise: what it leaves repeats itself.  Counted one by one, the samples settled it."""
+    """A second mode of 3 % is not noise: it correlates the residuals.  Counting all samples would select a law."""
     second = 2e-3 * np.cos(2 * math.pi * 3.1 * TIME) * np.exp(-TIME)
     comparison = compare_decay_laws(TIME, record("linear", noise=5e-5) + second)
     white = [
@@ -80,7 +80,7 @@ def test_a_misfit_that_none_of_the_laws_explains_settles_nothing():
 
 
 def test_the_criteria_count_independent_residuals():
-    """The same misfits, worth fewer: what was clear is not."""
+    """With fewer independent residuals, the same misfits no longer give a clear result."""
     fitted = [("first", 1.00e-3, 3), ("second", 0.99e-3, 4)]
     white, coloured = (
         judge([Candidate(name, 5000, n, rms, rank, 0.0) for name, rms, rank in fitted]) for n in (5000.0, 250.0)
@@ -97,7 +97,7 @@ def test_the_criteria_count_independent_residuals():
 
 
 def test_a_long_linear_decay_is_a_linear_one():
-    """600 periods; the fit of the quadratic law used to fail, and the comparison with it."""
+    """Over 600 periods the fit of the quadratic law, and so the comparison, used to fail."""
     time, ω = np.arange(0.0, 12.0, 1e-3), 100 * math.pi
     y = 1e-2 * np.exp(-3e-3 * ω * time) * np.cos(ω * time) + np.random.default_rng(4).normal(0.0, 1e-4, len(time))
     comparison = compare_decay_laws(time, y)
@@ -120,7 +120,7 @@ def test_the_release_is_detected_once(monkeypatch):
 
 
 def test_a_record_that_is_too_short_and_noisy_cannot_tell():
-    """None of 9 records of a period and a half."""
+    """None of 9 records of one and a half periods settles the choice."""
     weak = np.arange(0.0, 0.8, 1 / 500)
     for law in TRUTHS:
         for seed in range(3):
@@ -131,7 +131,7 @@ def test_a_record_that_is_too_short_and_noisy_cannot_tell():
 
 
 def test_a_law_without_a_term_does_not_win_where_the_term_may_be_large():
-    """The drag is 70 % of the damping, and the record too short to see it: BIC prefers the law without."""
+    """The drag is 70 % of the damping, but the record is too short to show it: BIC prefers the law without drag."""
     time = TIME[:400]
     verdicts = [
         compare_decay_laws(time, record("quadratic", seed, noise=4e-3, time=time), laws=("linear", "quadratic"))

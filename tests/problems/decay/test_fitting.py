@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, linear_decay, quadratic_decay
 from ancf_casadi.decay.friction import friction_decay
 from ancf_casadi.decay.measurement import Measurement
-from ancf_casadi.estimation.least_squares import Unknown, least_squares
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.estimation.least_squares import TIGHT, Unknown, least_squares
+from ancf_casadi.exceptions import FitError, InputError
 from problems.decay.comparison import compare_decay_laws
 from problems.decay.fitting import fit_decay, fit_decays
 
@@ -195,7 +195,7 @@ def test_a_quadratic_decay_without_noise_gives_back_the_truth(frequency, η1, η
 
 @pytest.mark.parametrize(("frequency", "η1", "η2", "e0", "uncertainty"), TABLE_4)
 def test_a_noisy_quadratic_decay_says_how_little_it_tells_of_eta2(frequency, η1, η2, e0, uncertainty):
-    """The relative standard errors 3, 22, 47, 73, 18 % are from a Fisher information computed apart."""
+    """The relative standard errors 3, 22, 47, 73, 18 % are from an independently computed Fisher information."""
     fit = fit_decay(TIME, drag(frequency, η1, η2, e0) + 2e-4 * noise(13), law="quadratic")
     assert fit.standard_errors["eta2"] / η2 == pytest.approx(uncertainty, rel=0.1)
     assert -0.999 < fit.correlation < -0.93
@@ -219,7 +219,7 @@ LONG = [
     ("periods", "rate", "life", "share", "seed"), [(*about, seed) for *about, seeds in LONG for seed in seeds]
 )
 def test_a_long_decay_is_fitted_from_its_first_guess(periods, rate, life, share, seed):
-    """Where the barrier of IPOPT outweighed the residuals at the guess, the amplitude ran to zero."""
+    """When the barrier of IPOPT outweighed the residuals at the guess, the amplitude went to zero."""
     time, e0, ratio = np.arange(periods * rate) / rate, 0.01, 1 / (2 * math.pi * life)
     η1, η2 = 4 * math.pi * ratio * (1 - share), ratio * share * 3 * math.pi / (4 * e0)
     fit = fit_decay(time, drag(1.0, η1, η2, e0, time=time) + 1e-4 * noise(seed, len(time)), law="quadratic")
@@ -245,7 +245,7 @@ def test_every_law_fits_600_periods_in_few_iterations(law):
 
 @pytest.mark.parametrize(("seed", "bounded"), [(5, "eta2"), (49, "eta1")])
 def test_intervals_allow_for_a_term_at_its_bound(seed, bounded):
-    """Seven periods do not tell drag from viscous damping: either term may be all of it, or nothing."""
+    """Seven periods do not separate drag from viscous damping: either term may be all of the damping, or none."""
     time = np.linspace(0.0, 7.0, 73)
     η1, η2, e0 = 0.0, 0.43, 0.05374
     fit = fit_decay(time, drag(1.0, η1, η2, e0, time=time) + 1e-3 * noise(seed, len(time)), law="quadratic")
@@ -261,7 +261,7 @@ def test_intervals_allow_for_a_term_at_its_bound(seed, bounded):
 
 @pytest.mark.parametrize("quadratic", [True, False])
 def test_the_step_of_an_integrated_law_shifts_no_estimate_by_a_tenth_of_its_error(quadratic):
-    """Against a fit whose steps are a third as long, an error of integration of one in eighty."""
+    """The reference has steps a third as long, which reduces the integration error by a factor of 80."""
     time = np.arange(0.0, 100.0, 1 / 8)
     η1, η2 = (0.0, 0.03 * 3 * math.pi / 4 / 0.05) if quadratic else (0.06 * math.pi, 0.0)
     y = drag(1.0, η1, η2, 0.05, time=time) + 5e-4 * noise(37, len(time))
@@ -330,7 +330,7 @@ def test_friction_that_stops_the_mode_within_the_record_is_found():
 
 
 def test_friction_is_told_from_none():
-    """Fails with a coefficient of zero: its interval excludes zero with friction, and holds it without."""
+    """The interval of the coefficient excludes zero with friction, and contains zero without."""
     with_friction = fit_decay(TIME, rub(1.85, 0.05, 0.15, 0.11, 0.076) + 2e-4 * noise(22), law="friction")
     low, high = with_friction.intervals["eta0"]
     assert 0.0 < low < 0.05 < high
@@ -416,7 +416,7 @@ def test_a_drift_is_borne(law, slope):
 
 
 def test_outliers_are_borne():
-    """One sample in twenty is anywhere within the amplitude."""
+    """One sample in twenty has a random value within the amplitude."""
     rng = np.random.default_rng(26)
     y = swing(1.85, 0.01, 0.05) + 2e-4 * noise(26)
     wrong = rng.random(2500) < 0.05
@@ -447,7 +447,7 @@ def test_both_kinds_of_intervals_agree_where_the_record_is_good(law):
 
 
 def test_an_interval_at_a_bound_is_one_sided_either_way():
-    """The noise is such that the best drag of a record without any is none."""
+    """For some noise, the best estimate of the drag of a record without drag is zero."""
     records = (drag(1.85, 0.15, 0.0, 0.076) + 2e-4 * noise(seed) for seed in range(30))
     fit = next(fit for fit in (fit_decay(TIME, y, law="quadratic") for y in records) if "eta2" in fit.active_bounds)
     low, high = fit.intervals["eta2"]
@@ -459,7 +459,7 @@ def test_an_interval_at_a_bound_is_one_sided_either_way():
 
 @pytest.mark.slow
 def test_intervals_next_to_a_bound_cover_the_truth():
-    """Of eta2, a standard error or two from zero: at times it is at its bound."""
+    """The true eta2 is one or two standard errors from zero; some estimates are at the bound."""
     truth, covered, bounded = 0.005, [], 0
     for seed in range(120):
         fit = fit_decay(TIME, drag(1.85, 0.15, truth, 0.076) + 2e-4 * noise(500 + seed), law="quadratic")
@@ -488,6 +488,13 @@ def test_a_quantity_the_law_does_not_estimate_has_no_interval():
         fit.profile_interval("eta1", 2.0)
 
 
+def test_a_fit_that_does_not_converge_recommends_what_the_caller_can_change(monkeypatch):
+    monkeypatch.setitem(TIGHT, "ipopt.max_iter", 1)
+    with pytest.raises(FitError, match=r"Maximum_Iterations_Exceeded.*release_time") as caught:
+        fit_decay(TIME, swing(1.85, 0.01, 0.05) + 1e-4 * noise(29))
+    assert "max_iter" not in str(caught.value)
+
+
 def test_a_short_record_says_so():
     fit = fit_decay(TIME[:1100], swing(1.85, 0.01, 0.05, time=TIME[:1100]) + 1e-3 * noise(30, 1100))
     assert any(w.startswith("the record is short: 4.1 periods of free decay") for w in fit.warnings)
@@ -500,7 +507,7 @@ def test_a_short_record_says_so():
 
 
 def test_a_noisy_record_says_so():
-    """Longer than the decay: more of it would only be more noise."""
+    """The record is longer than the decay: a longer one would only add noise."""
     fit = fit_decay(TIME, swing(8.0, 0.05, 0.005) + 2e-3 * noise(34))
     assert fit.standard_errors["damping_ratio"] > 0.1 * fit.damping_ratio
     assert any(w.endswith("% only: less noise, or a larger release, would help") for w in fit.warnings)

@@ -91,7 +91,7 @@ def test_deviations_are_absolute():
 
 
 def test_a_mode_that_the_law_does_not_reach_is_named():
-    """The fourth ratio is ten standard deviations off a law that holds for all others; their weight holds the line."""
+    """The fourth ratio is ten standard deviations from the law of all others, whose weight dominates."""
     ratios = 0.228 / (2 * ω) + 3.18e-5 * ω / 2
     ratios[3] += 10 * 1e-3
     deviations = (1e-5, 1e-5, 1e-5, 1e-3, 1e-5)

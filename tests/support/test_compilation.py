@@ -116,7 +116,7 @@ class TestWithACompiler:
     def test_a_compiled_motion_is_the_interpreted_one_to_the_last_digit(self, monkeypatch, method, law):
         model = Model(a_beam(3))
         start = static_equilibrium(model, tip_force=(0.05, 0.0))
-        settings = {"damping": LAWS[law](model), "start": start, "duration": 0.1, "method": method}
+        settings = {"damping": LAWS[law](model), "start": start, "duration": 0.1, "method": method, "tolerance": 1e-6}
         with_compiler = simulate(model, **settings)
         monkeypatch.setenv("ANCF_CASADI_COMPILE", "0")
         without = simulate(model, **settings)

@@ -12,14 +12,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from ancf_casadi.decay.envelope import DampingCurve
 from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.dynamics.trajectory import Trajectory
 from ancf_casadi.estimation.figures import COMPUTED, MEASURED, draw_autocorrelation
 from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.support.arrays import Array
 
-RESOLUTION = 130  # dots an inch
+RESOLUTION = 130  # dots per inch
 FINE = 4000  # points of a drawn curve
 
 
@@ -58,23 +57,6 @@ def fit_figure(time: Array, measured: Array, fitted: Array) -> Figure:
     left.plot(time, 1e3 * residuals, lw=0.5, color=MEASURED)
     left.set(xlabel="time, s", ylabel="residual, mm")
     draw_autocorrelation(repeated, residuals)
-    return figure
-
-
-def damping_figure(curve: DampingCurve) -> Figure:
-    """Draw the damping ratio against the amplitude, with 95 % intervals."""
-    figure = Figure(figsize=(6, 3.6), layout="constrained")
-    axes = figure.subplots()
-    axes.errorbar(
-        1e3 * curve.amplitude,
-        100 * curve.damping_ratio,
-        yerr=196 * curve.damping_ratio_errors,
-        fmt="o",
-        ms=3,
-        lw=0.8,
-        color=COMPUTED,
-    )
-    axes.set(xlabel="amplitude, mm", ylabel="damping ratio, %")
     return figure
 
 

@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -31,6 +32,9 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import positive
 from ancf_casadi.support.tables import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 ROUNDS = 3
 UNKNOWNS = 5  # per window
@@ -77,6 +81,17 @@ class DampingCurve:
             self.frequency_errors,
         )  # fmt: skip
         return Table("damping_curve", "Damping against amplitude", columns, np.column_stack(series).tolist())
+
+    def figure(self) -> Figure:
+        """Draw the damping ratio against the amplitude, with 95 % intervals."""
+        from matplotlib.figure import Figure  # slow to import
+
+        figure = Figure(figsize=(6, 3.6), layout="constrained")
+        axes = figure.subplots()
+        ratio, error = 100 * self.damping_ratio, 196 * self.damping_ratio_errors
+        axes.errorbar(1e3 * self.amplitude, ratio, yerr=error, fmt="o", ms=3, lw=0.8, color="#1b7f5c")
+        axes.set(xlabel="amplitude, mm", ylabel="damping ratio, %")
+        return figure
 
 
 def damping_curve(record: Measurement, *, periods: float = 2.0, release_time: float | None = None) -> DampingCurve:

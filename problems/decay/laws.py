@@ -93,7 +93,7 @@ class DecayLaw:
 
     @property
     def integrated(self) -> bool:
-        """Whether the curve is integrated; its second derivatives cost more than the iterations they save."""
+        """True if the curve is integrated; its second derivatives cost more than the iterations they save."""
         return self.curve is None
 
 

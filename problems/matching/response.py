@@ -114,7 +114,7 @@ class Matching:
 
     @property
     def noisy(self) -> bool:
-        """Whether the standard deviations of the data are known."""
+        """True if the standard deviations of the data are known."""
         return self.measured.frequency_std is not None
 
     @property

@@ -94,7 +94,7 @@ class FrequencyMatch:
 
     @property
     def out_of_reach(self) -> bool:
-        """Whether no beam within the bounds has the measured frequencies."""
+        """True if no beam within the bounds has the measured frequencies."""
         if not self.matching.noisy:
             return self.max_relative_error > MET
         return bool(np.abs(self.relative_errors / self.matching.measured.relative_std).max() > NOISE)

@@ -12,7 +12,6 @@ from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.decay.friction import friction_decay, friction_envelope
 from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.plot import damping_figure
 
 TIME = np.arange(0.0, 15.0, 1 / 500)
 ω, E0 = 2 * math.pi * 1.85, 0.076
@@ -100,7 +99,7 @@ def test_the_curve_is_a_table():
 
 def test_the_curve_is_drawn_with_its_errors():
     curve = damping_curve(record(*TERMS[1], noise=2e-4))
-    (axes,) = damping_figure(curve).axes
+    (axes,) = curve.figure().axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("amplitude, mm", "damping ratio, %")
     np.testing.assert_allclose(np.asarray(axes.lines[0].get_ydata()), 100 * curve.damping_ratio)
 

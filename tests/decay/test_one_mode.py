@@ -86,7 +86,7 @@ def test_times_may_be_uneven_and_in_any_order():
 
 
 def test_a_fit_of_the_equation_recovers_strong_damping_from_its_first_guess():
-    """Where Eq. (27) is off: the equivalent ratio is 15 % at the release."""
+    """Eq. (27) is inaccurate here: the equivalent ratio is 15 % at the release."""
     truth = 0.5, 4.0
     y = reference(*truth) + 2e-5 * np.random.default_rng(2).standard_normal(len(TIME))
     fit = fit_decay(TIME, y, law="one-mode")

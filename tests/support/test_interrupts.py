@@ -40,7 +40,7 @@ else:
 
 
 def stopped_at(step):
-    """What a fit says to a Ctrl-C in a step of its integrations, and how many steps it takes."""
+    """Return the message of a fit after a Ctrl-C in a step of its integrations, and its number of steps."""
     run = subprocess.run(
         [sys.executable, "-W", "error", "-c", FIT.replace("STOP", str(step))],
         cwd=ROOT,

@@ -33,7 +33,7 @@ LEAST_ERROR, LEAST_TREND = 1e-10, 1e-2  # lower limits of err and err_last
 
 @dataclass(frozen=True)
 class StepControl:
-    """What decides on the next step.
+    """The state on which the next step length depends.
 
     Parameters
     ----------

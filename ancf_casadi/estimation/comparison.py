@@ -86,7 +86,7 @@ class LawComparison(Generic[F]):
         columns = ("law", "estimated", "residual_rms_m", "delta_AICc", "delta_BIC", "autocorrelation", "parameters")
         best = f"best by BIC: {self.names[verdict.best]}"
         if not verdict.settled:
-            best = f"the record cannot tell for sure; {best}"
+            best = f"the record does not settle the choice; {best}"
         return Table("laws", "Damping laws", columns, rows, (best, *(f"note: {text}" for text in self.warnings)))
 
     def report(self) -> str:

@@ -20,8 +20,8 @@ n is therefore used for all models, as QAIC uses the overdispersion of the most 
 
 A smaller model with the lowest criterion does not prove that the terms it lacks are absent.  If the record is short or
 noisy, they may be as large as the others and cost more than they explain.  The record can therefore decide only if no
-model that is not clearly worse has a term that may be off by a third of all damping (``vagueness``, which assumes white
-residuals, times (m/n)^1/2).
+model that is not clearly worse has a term that is uncertain by a third of the total damping (``vagueness``, which
+assumes white residuals, times (m/n)^1/2).
 
 References
 ----------
@@ -152,8 +152,8 @@ def judge(candidates: Sequence[Candidate]) -> Verdict:
         vague = candidate.vagueness * math.sqrt(m / n)
         if candidate is not chosen and value - bic[best] < CLEAR and vague > VAGUE:
             warnings.append(
-                f"the record cannot rule out the {candidate.name} law: one of its terms may be off by {vague:.0%} of "
-                "all damping"
+                f"the record cannot rule out the {candidate.name} law: one of its terms is uncertain by {vague:.0%} of "
+                "the total damping"
             )
     settled = not warnings
     if n < DEPENDENT * m:

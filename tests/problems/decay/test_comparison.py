@@ -126,7 +126,7 @@ def test_a_record_that_is_too_short_and_noisy_cannot_tell():
         for seed in range(3):
             comparison = compare_decay_laws(weak, record(law, seed, noise=4e-3, time=weak))
             assert not comparison.verdict.settled
-            assert "the record cannot tell for sure; best by BIC" in comparison.report()
+            assert "the record does not settle the choice; best by BIC" in comparison.report()
             assert not comparison.to_dict()["settled"]
 
 
@@ -142,7 +142,7 @@ def test_a_law_without_a_term_does_not_win_where_the_term_may_be_large():
     for comparison in preferred:
         assert not comparison.verdict.settled
         assert any(
-            "cannot rule out the quadratic law: one of its terms may be off by" in w for w in comparison.warnings
+            "cannot rule out the quadratic law: one of its terms is uncertain by" in w for w in comparison.warnings
         )
 
 

@@ -1,1 +1,6 @@
-"""Services without mechanics: checks of input, files, tables, compilation, processes and interrupts."""
+"""Services without mechanics, on which all other folders rest.
+
+``inputs`` checks arguments, ``files`` reads and writes files, ``tables`` prints results, ``arrays`` names the array
+types, ``layout`` names the parts of a vector, and ``banded`` stores and factorises banded matrices.  ``compilation``
+compiles CasADi Functions, ``parallel`` runs tasks in processes, and ``interrupts`` handles Ctrl-C.
+"""

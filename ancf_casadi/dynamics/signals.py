@@ -22,12 +22,11 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.mechanics.beam import PROPERTIES
+from ancf_casadi.mechanics.beam import PROPERTIES, UNITS
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
-PROPERTY_UNITS = {"width": "m", "thickness": "m", "density": "kg/m3", "elastic_modulus": "Pa"}
 COORDINATES = (("x", "m", "position, x"), ("y", "m", "position, y"), ("slope_x", "1", "slope dr/ds, x"),
                ("slope_y", "1", "slope dr/ds, y"))  # fmt: skip
 BASE = (("base_x", "m", "displacement of the clamp, x"), ("base_y", "m", "displacement of the clamp, y"),
@@ -112,7 +111,8 @@ def parameter_signals(equations: Equations) -> tuple[Signal, ...]:
     described = [(f"gravity_{c}", "m/s2", f"acceleration of gravity, {c}") for c in "xy"]
     for i in range(1, equations.model.beam.elements + 1):
         described += [
-            (f"{name}_{i}", PROPERTY_UNITS[name], f"{name.replace('_', ' ')} of element {i}") for name in PROPERTIES
+            (f"{name}_{i}", UNITS[name].replace("^", ""), f"{name.replace('_', ' ')} of element {i}")
+            for name in PROPERTIES
         ]
     described += [(own.name, own.unit, own.description) for own in equations.law.parameters]
     given = equations.parameters[: equations.parameters.size - equations.projection.size]

@@ -32,6 +32,8 @@ from ancf_casadi.support.inputs import (
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 LUMPED = ("tip_mass", "clamp_stiffness")
+UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modulus": "Pa", "tip_mass": "kg",
+         "clamp_stiffness": "N m/rad"}  # fmt: skip
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is a typing error
 SMALLEST, LARGEST = 1e-100, 1e100  # in SI units; products of values outside overflow or vanish

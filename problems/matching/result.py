@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ancf_casadi.estimation.result import known as finite
-from ancf_casadi.mechanics.beam import LUMPED, Beam
+from ancf_casadi.mechanics.beam import LUMPED, UNITS, Beam
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Cell, Table
 from problems.matching.identifiability import Identifiability
@@ -25,8 +25,6 @@ NOISE = 3.0  # standard deviations beyond which a frequency is missed
 CLEAR_MAC = 0.9  # below it, two shapes differ visibly
 HOLDING = 0.01  # of the largest multiplier; bounds with smaller ones hold little
 MOST_NAMES = 6  # of bounds, in a warning
-UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modulus": "Pa",
-         "tip_mass": "kg", "clamp_stiffness": "N m/rad"}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,15 +48,15 @@ def fit_figure(time: Array, measured: Array, fitted: Array) -> Figure:
     For white residuals, 95 % of the autocorrelation values lie between the dotted lines.
     """
     figure = Figure(figsize=(8, 6.4), layout="constrained")
-    record, left, repeated = figure.subplots(3, 1, height_ratios=(2, 1, 1))
+    record, remainder, correlation = figure.subplots(3, 1, height_ratios=(2, 1, 1))
     record.plot(time, 1e3 * measured, ".", ms=2.5, color=MEASURED, label="record")
     record.plot(time, 1e3 * fitted, lw=1, color=COMPUTED, label="fit")
     record.set(xlabel="time, s", ylabel="displacement, mm")
     record.legend(frameon=False)
     residuals = measured - fitted
-    left.plot(time, 1e3 * residuals, lw=0.5, color=MEASURED)
-    left.set(xlabel="time, s", ylabel="residual, mm")
-    draw_autocorrelation(repeated, residuals)
+    remainder.plot(time, 1e3 * residuals, lw=0.5, color=MEASURED)
+    remainder.set(xlabel="time, s", ylabel="residual, mm")
+    draw_autocorrelation(correlation, residuals)
     return figure
 
 

@@ -1,8 +1,9 @@
 """The command ``ancf-casadi``: its subcommands, its exit codes, and the signals that end it.
 
-The exit code is 0; 2 if the input is unusable or a result cannot be written, with one line that says what and where; 1
-if the numerics fail, with advice; 128 plus the number of a signal that ended the command.  Results go to standard
-output, as text or with ``--json`` as data, even if a file cannot be written; progress goes to standard error.
+The exit code is 0 on success; 2 if the input is unusable or a result cannot be written, with one line that says what
+and where; 1 if the numerics fail, with advice; 128 plus the number of the signal if one ended the command.  Results go
+to standard output, as text or with ``--json`` as data, even if a file cannot be written; progress goes to standard
+error.
 """
 
 from __future__ import annotations
@@ -33,7 +34,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code."""
     try:
         try:
-            return _run(_parser().parse_args(arguments))
+            options, unknown = _parser().parse_known_args(arguments)
+            if unknown:
+                options.refuse(f"unrecognized arguments: {' '.join(unknown)}")
+            return _run(options)
         finally:
             sys.stdout.flush()
     except BrokenPipeError:  # the reader of our output has left
@@ -51,7 +55,10 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="ancf-casadi", description="Damping, properties and large motion of very flexible beams.")
+    parser = _Parser(
+        prog="ancf-casadi",
+        description="Identify the damping and the properties of very flexible beams, and predict their large motion.",
+    )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = Subcommands(parser)
     for add in (add_reproduce, add_fit_decay, add_modes, add_match, add_simulate, add_export):
@@ -113,7 +120,7 @@ def _failed(reason: object, code: int) -> int:
 
 
 def _discard_output() -> None:
-    """Redirect the output that cannot be printed, or Python tries again at its end."""
+    """Redirect the output that cannot be printed; otherwise Python tries to print it again when it ends."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -5,7 +5,7 @@ de = P n Theta dq, and velocity and acceleration are
 
     e_t = u_t + P n theta_t,    e_tt = u_tt + P (n theta_tt - r' theta_t^2),    theta_t = phi_t + Theta q_t.
 
-The virtual work of Eq. (8) gives one equation per mode,
+The virtual work of all forces in Eq. (6) gives one equation per mode,
 
     Theta^T n . (P^T M P (n theta_tt - r' theta_t^2) - P^T M 1 (g - u_tt) + P^T Q_damp) + f_0 + K_b q = 0.
 
@@ -77,7 +77,7 @@ class ReducedMotion:
         return self.gravity - self.base[6:8]
 
     def nodal(self, x: cs.SX, y: cs.SX, base: cs.SX) -> cs.SX:
-        """Return u + P (x, y) at all nodes, (4 n + 4,): e, or e_t from the velocities of slopes and clamp (2,)."""
+        """Return u + P (x, y) at all nodes, (4 n + 4,): e from slopes and u, or e_t from their velocities."""
         shape = cs.DM(self.projection.slopes.shape)
         position = cs.repmat(cs.DM([1.0, 0.0]), shape.size1() // 2, 1)
         return cs.vec(cs.horzcat(shape @ x + position * base[0], shape @ y + position * base[1]).T)
@@ -166,8 +166,7 @@ class ReducedMotion:
 class ProjectedForces:
     """The forces that a damping law combines, projected on the modes; see ``damping.Forces``.
 
-    The forces are those of ``motion``.  The arguments, modal coordinates and velocities without the motion of the
-    clamp, do not enter.
+    The forces are those of ``motion``.  The arguments q and v are not used, because they lack the motion of the clamp.
 
     Parameters
     ----------

@@ -38,8 +38,8 @@ from ancf_casadi.vibration.modes import Modes
 
 SNAPSHOTS = 200  # random bent shapes
 LARGEST_ROTATION = 0.8  # rad, of the slope in a snapshot: root of the sum of squares over the modes
-FIRST_ORDER_WEIGHT = 1e4  # of the state at rest and of the first-order motion among the snapshots
-LARGEST_STRAIN = 0.1  # axial strain per rotation; a mode with more is no bending mode
+FIRST_ORDER_WEIGHT = 1e4  # weight of the state at rest and of the first-order motion among the snapshots
+LARGEST_STRAIN = 0.1  # axial strain per unit rotation; a mode with more is not a bending mode
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ def nodal_slopes(modes: Modes) -> Slopes:
 
 
 def select_points(slopes: Slopes, count: int) -> Slopes:
-    """Return the slopes at the ``count`` points that determine all slopes best; ``count`` exceeds the modes."""
+    """Return the slopes at the ``count`` points that best determine all slopes; more points than modes."""
     points, m = slopes.rotations.shape
     largest = LARGEST_ROTATION / np.sqrt(m) / np.abs(slopes.rotations).max(axis=0)
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (SNAPSHOTS, m)) * largest
@@ -126,7 +126,7 @@ def select_points(slopes: Slopes, count: int) -> Slopes:
 
 
 def _simpson(model: Model) -> Array:
-    """Return P from the slopes at nodes and midpoints, and of an elastic clamp, to the nodal coordinates."""
+    """Return P, from the slopes at nodes and midpoints (and of an elastic clamp) to the nodal coordinates."""
     elements, l = model.beam.elements, model.beam.element_length
     shape = np.zeros((2 * elements + 2, 2 * elements + 1))
     nodes = np.arange(elements + 1)

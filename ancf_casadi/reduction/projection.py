@@ -8,7 +8,8 @@ With the nodal coordinates e = u + P r' (``kinematics``) these are
 with the tangent stiffness K of the straight beam, the displacements W across the straight beam whose slopes are Theta,
 and the elastic force Q_e at rest.  The elastic force f_0 + K_b q is linear in q because the curvature theta' is.
 
-The drag acts at Gauss points of the whole beam.  Their masses integrate polynomials over the mass of the elements.
+The drag acts at Gauss points along the whole beam.  With their masses as weights, sums over these points integrate
+polynomials exactly over the mass of the elements.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ class Projection:
     total_mass : float
         1^T M 1, kg.
     tip_mass : float
-        The part of the mass that sits at the tip and has no drag, kg.
+        Mass at the tip, which has no drag, kg.
     bending_stiffness : array (m, m)
         K_b.
     rest_force : array (m,)
@@ -47,7 +48,7 @@ class Projection:
     rest_energy : float
         Strain energy at rest, J.
     drag_shape, drag_mass : array (d, k), (d,)
-        Matrix from the slopes to the positions of the points of the drag, and the mass at each point, kg.
+        Matrix from the slopes to the positions of the drag points, and the mass at each point, kg.
     """
 
     slopes: Slopes

@@ -2,9 +2,9 @@
 
     M(q) q_tt = -h(q, q_t, base, p)
 
-is Eq. (8) with damping, projected on the bending modes (``forces``).  It keeps the large bending, the inertia, gravity
-and damping of the beam.  It has no axial motion, whose waves would limit the steps of an explicit integrator.  Small
-motion about the rest has the modes of the full beam.  The error grows with the amplitude: ``docs/reduction.md``.
+is Eq. (6) with damping, projected on the bending modes (``forces``).  It keeps the large bending, the inertia, gravity
+and damping of the beam.  It has no axial motion, whose waves would limit the steps of an explicit integrator.  In small
+motion about rest, it has the modes of the full beam.  ``docs/reduction.md`` shows how the error grows with amplitude.
 
 All Functions are sequences of scalar operations on short vectors, which makes them fast as C code.  M is factored as
 L D L^T.  ``write_c``, ``save_functions`` and ``write_fmu`` export them like those of the full model, and
@@ -67,7 +67,7 @@ class ReducedFunctions(MotionFunctions):
     Parameters
     ----------
     parameters, states, base, outputs, rhs, tip, markers, energies
-        As in ``MotionFunctions``; a is q_tt, in m kg^1/2/s^2.
+        As in ``MotionFunctions``; a is q_tt, m kg^1/2/s^2.
     step : Function
         (q, v, base, p, h) -> q_next, v_next after h seconds, with base (9, 3) at the start, middle and end of the step.
     mass : Function
@@ -132,7 +132,7 @@ def reduce_model(
         The modes kept.  An int m keeps the m lowest modes about the equilibrium under gravity.  ``Modes`` are kept
         as they are, and their equilibrium is the state of rest.
     damping : DampingLaw, optional
-        The damping law; undamped if not given.  Proportional damping with ``stiffness="reference"`` is refused.
+        The damping law; undamped if not given.  ``RayleighDamping(stiffness="reference")`` is refused.
     markers : sequence of float
         Arc lengths of observed points, m.  The Function ``markers`` returns their positions.
     slope_points : int, optional

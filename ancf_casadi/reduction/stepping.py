@@ -3,8 +3,8 @@
 The samples of the result and the ends of the pieces of the base motion divide the time into intervals.  Each interval
 has equal steps, at least ``steps_per_period`` of them in the period of the highest mode.
 
-Projection.  A state (e, e_t) of the full beam becomes a state (q, v) of the reduced model.  The modal coordinates give
-the reduced shape e(q) nearest to e in the norm of the mass matrix, and v the velocity nearest to e_t.  The projected
+Projection.  A state (e, e_t) of the full beam becomes a state (q, v) of the reduced model: in the norm of the mass
+matrix, q gives the reduced shape e(q) nearest to e, and v gives the velocity nearest to e_t.  The projected
 velocity is also the state after an impact, where the velocity of the clamp jumps: the impulse of the clamp does no work
 on the motions that the clamp allows.
 """
@@ -36,11 +36,11 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 
 STEPS_PER_PERIOD = 20
 CHUNK = 1000  # steps per call of a CasADi Function
-COMPILED_FROM = 0.25  # s of simulated time; a shorter run ends before the compiler would
+COMPILED_FROM = 0.25  # s of simulated time; a shorter run would end before the compiler does
 COMPILED_UP_TO = 20_000  # operations in the right-hand side; compiling more takes minutes
 MOST_STEPS = 100_000_000
 PROJECTION_ITERATIONS = 30
-PROJECTION_TOLERANCE = 1e-12  # last change of a projected shape, relative to the largest modal coordinates
+PROJECTION_TOLERANCE = 1e-12  # largest last change of q, relative to the root of the mass times the length
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +138,7 @@ def simulate_reduced(
     start : {"equilibrium", "straight", "impact"}, Equilibrium or State
         As in ``simulate``; the state of the full model is projected on the modes.
     steps_per_period : float
-        Steps per period of the highest mode, at least.
+        Smallest number of steps per period of the highest mode.
 
     Raises
     ------

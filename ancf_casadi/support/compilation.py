@@ -3,7 +3,7 @@
 CasADi's virtual machine evaluates a Function two to four times slower than compiled C.  Only the Functions of one
 element are compiled (``dynamics.element_forces``); they depend neither on the mesh nor on the numbers of a beam, so one
 library serves all beams.  It is kept, and found again by a hash of the Function.  Machine code and virtual machine do
-the same operations in the same order, without fused ones, and give the same digits.
+the same operations in the same order, without fused multiply-add, and give the same digits.
 
 Compiler.  The command in ``CC``, else ``cc`` or ``gcc``, else the package ``ziglang``.  If there is none, or it fails,
 one warning says so, and the virtual machine runs the Functions.  ``ANCF_CASADI_COMPILE=0`` turns compilation off
@@ -41,11 +41,11 @@ from ancf_casadi.support.arrays import Array
 
 LIBRARY = ("-fno-math-errno", "-fPIC", "-shared", "-ffp-contract=off")
 FLAGS = ("-O1", *LIBRARY)  # -O3 takes twice as long, and its code is no faster
-SECONDS = 300  # for one compilation
+SECONDS = 300  # limit of one compilation
 FORMAT = "2"  # of the cache; raise it to compile the same functions again
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
-_failed: set[tuple[str, ...]] = set()  # compilers that this process tries no more
+_failed: set[tuple[str, ...]] = set()  # compilers that failed; this process does not try them again
 
 
 def interpreted(function: cs.Function) -> cs.Function:
@@ -120,7 +120,7 @@ def _safe_folder() -> Path:
 
 
 def _danger(folder: Path) -> str:
-    """Return who else could put a library into a folder; empty if only root could."""
+    """Return why other users could put a library into a folder; empty if only root could."""
     if os.name != "posix":
         return ""
     for path in (folder, *folder.parents):
@@ -197,7 +197,7 @@ def _built(function: cs.Function, derivatives: bool, compiler: tuple[str, ...], 
 
 
 def _jacobian_patterns(function: cs.Function) -> str:
-    """Return C code with the sparsity of the Jacobian; without it CasADi takes every Jacobian as dense."""
+    """Return C code with the sparsity of the Jacobian, which CasADi otherwise takes as dense."""
     patterns = [function.jac_sparsity(k, i).compress() for k in range(function.n_out()) for i in range(function.n_in())]
     tables = [f"{{{', '.join(map(str, pattern))}}}" for pattern in patterns]
     size = max(map(len, patterns))
@@ -215,7 +215,7 @@ def _remove_drafts(folder: Path) -> None:
 
 
 def _give_up(compiler: tuple[str, ...], why: str) -> None:
-    """Warn once that the virtual machine is used, and try this compiler no more."""
+    """Warn once that the virtual machine is used, and do not try this compiler again."""
     _failed.add(compiler)
     warnings.warn(
         f"{why}; the equations run uncompiled, two to four times slower. Install gcc or clang, set CC to a C compiler, "
@@ -241,7 +241,7 @@ class Buffered:
     function : Function
         The Function; its inputs and outputs are dense.
     inputs : array
-        Its inputs, real or complex, contiguous, matrices by columns; a call uses the values that they hold then.
+        Its inputs, real or complex, contiguous, matrices by columns; each call uses their current values.
     """
 
     def __init__(self, function: cs.Function, *inputs: NDArray[Any]) -> None:

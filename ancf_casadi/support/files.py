@@ -15,7 +15,7 @@ MOST_BYTES = 64 * 2**20  # of a file that is read
 
 
 def check_folder(path: str | Path) -> Path:
-    """Check, without touching it, that a folder can be written or made.
+    """Check, without touching it, that a folder can be written or created.
 
     Raises
     ------
@@ -24,7 +24,7 @@ def check_folder(path: str | Path) -> Path:
     """
     folder = Path(path)
     existing = folder.absolute()
-    while not os.path.exists(existing):  # also false for a name that is too long
+    while not os.path.exists(existing):  # also false if the name is too long
         existing = existing.parent
     if not existing.is_dir():
         raise InputError("is not a folder", str(existing))
@@ -51,7 +51,7 @@ def check_file(path: str | Path) -> Path:
 
 
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a complete file or none; missing folders are made.
+    """Write a complete file or none; missing folders are created.
 
     A symbolic link is kept, and its target is written.
 
@@ -113,8 +113,8 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     try:
         return tomllib.loads(read_bytes(path).decode())
     except RecursionError:
-        raise InputError("is not TOML (tables or lists too deep in each other)", str(path)) from None
-    except ValueError as error:  # TOML, its characters, or a number of thousands of digits
+        raise InputError("is not TOML (tables or lists are nested too deeply)", str(path)) from None
+    except ValueError as error:  # invalid TOML or UTF-8, or a number with thousands of digits
         raise InputError(f"is not TOML ({error})", str(path)) from None
 
 
@@ -130,7 +130,7 @@ def read_bytes(path: str | Path) -> bytes:
     try:
         with open(path, "rb") as file:
             content = file.read(MOST_BYTES + 1)
-    except (OSError, ValueError) as error:  # a name with a null character is a value error
+    except (OSError, ValueError) as error:  # a name with a null character raises ValueError
         raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})", str(path)) from None
     if len(content) > MOST_BYTES:
         raise InputError(f"is larger than {MOST_BYTES // 2**20} MiB", str(path))

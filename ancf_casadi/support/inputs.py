@@ -289,7 +289,9 @@ def check_keys(table: dict[str, Any], required: set[str], optional: set[str], wh
     InputError
         Naming the first missing or unknown key.
     """
+    unknown = sorted(table.keys() - required - optional)
     for key in sorted(required - table.keys()):
-        raise InputError(f"the key '{key}' is missing", where)
-    for key in sorted(table.keys() - required - optional):
+        instead = f"; unknown are {', '.join(map(shown, unknown))}" if unknown else ""
+        raise InputError(f"the key '{key}' is missing{instead}", where)
+    for key in unknown:
         raise InputError(f"unknown key '{key}'; known are {', '.join(sorted(required | optional))}", where)

@@ -2,7 +2,7 @@
 
 A signal that raises an exception inside a CasADi call surfaces as a failure of the solver, or not at all.  It is
 therefore noted during the call and acted upon after it.  A Python function that the library calls can ask
-``interrupted`` and give up its work, so that the call ends soon.
+``interrupted`` and stop early, so that the call ends soon.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _noted: list[list[int]] = []  # signals noted in each open context, the innermos
 
 @contextlib.contextmanager
 def noted_interrupts() -> Iterator[list[int]]:
-    """Note each Ctrl-C instead of raising; outside the main thread, or if Ctrl-C is ignored, there is none to note.
+    """Note each Ctrl-C instead of raising; none is noted outside the main thread or if Ctrl-C is ignored.
 
     SIGTERM and SIGHUP are noted as well if the program handles them, and delivered to it at the end.
     """
@@ -44,7 +44,7 @@ def noted_interrupts() -> Iterator[list[int]]:
 def raised_endings() -> Iterator[list[int]]:
     """Note Ctrl-C, SIGTERM and SIGHUP, and raise ``KeyboardInterrupt`` for each, so that a program can clean up.
 
-    The exception may reach the program as any error of the CasADi call that was running, or as a run that ended early.
+    A CasADi call that is running may turn the exception into any error of its own, or into a run that ends early.
     """
     noted: list[int] = []
 
@@ -74,7 +74,7 @@ def delayed_interrupts() -> Iterator[None]:
 
 
 def interrupted() -> bool:
-    """Return whether a Ctrl-C was noted in an open context; the work under way should then be given up."""
+    """Return whether a Ctrl-C was noted in an open context; the running work should then stop."""
     return any(_noted)
 
 

@@ -1,4 +1,4 @@
-"""Named parts of a vector, so that no index arithmetic is repeated where vectors are put together and taken apart."""
+"""Named parts of a vector, which replace index arithmetic where vectors are joined and split."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ Tasks and results are pickled on their way to other processes, so a task is a fu
 ``functools.partial`` of one.  A run gives the same numbers in any process.
 
 Each process first imports the script that asked for it.  A script that asks for processes at its top level, and not
-under ``if __name__ == "__main__":``, would ask again in each of them; such a script is refused.
+under ``if __name__ == "__main__":``, would ask for more in each of them, and is refused.
 
 A process ends with its parent, however the parent ends: it waits for the end of a pipe that only the parent holds open.
 """
@@ -52,12 +52,12 @@ def run_all(
     tasks : sequence of callable
         Functions without arguments.
     executor : Executor, optional
-        Executor of the tasks, such as a pool of processes or that of a dask client; ``jobs`` processes if not given.
+        Executor of the tasks, such as a process pool or the executor of a dask client; ``jobs`` processes if not given.
     jobs : int
         Number of processes if no executor is given; with 1 the tasks run in this process, one after the other.  With
         more, a script must call this under ``if __name__ == "__main__":``.
     sizes : sequence of float, optional
-        Cost of each task; the most expensive start first.  1 each if not given.
+        Cost of each task, in any unit; the most expensive task starts first.  All equal if not given.
     progress : bool
         Show a progress bar, in which a task counts by its size.
     title : str
@@ -132,13 +132,13 @@ def _check_portable(tasks: Sequence[Callable[[], object]]) -> None:
 
 
 def _check_script() -> None:
-    """End a process that asks for processes while it imports the script; refuse a script that is no file."""
+    """End a process that asks for processes while it imports the script; refuse a script that is not a file."""
     if getattr(multiprocessing.current_process(), "_inheriting", False):  # the test of multiprocessing itself
         sys.exit(1)  # without a message: the first process reports it
     main = sys.modules["__main__"]
     script = getattr(main, "__file__", None)
     if getattr(main, "__spec__", None) is None and script is not None and not os.path.exists(script):
-        raise InputError(f"processes import the script, and {script} is no file; save it, or use jobs=1", "jobs")
+        raise InputError(f"processes import the script, and {script} is not a file; save it, or use jobs=1", "jobs")
 
 
 def _begin(pool: Executor, jobs: int) -> None:
@@ -174,7 +174,7 @@ def _finished(
 
 def _start_process() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    tqdm.set_lock(threading.RLock())  # the usual lock is shared, and a process that is killed would keep it
+    tqdm.set_lock(threading.RLock())  # the default lock is shared, and a killed process would keep it
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 

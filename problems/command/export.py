@@ -20,7 +20,11 @@ def add_export(commands: Subcommands) -> None:
     parser.add_argument("--format", choices=tuple(FORMATS), required=True, help="; ".join(FORMATS.values()))
     parser.add_argument("--out", type=Path, required=True, metavar="PATH", help="file to write; for c, a folder")
     parser.add_argument(
-        "--markers", type=_lengths, default=(), metavar="S,S,...", help="arc lengths of the observed points, m"
+        "--markers",
+        type=_lengths,
+        default=(),
+        metavar="S,S,...",
+        help="arc lengths (m) of points whose positions are outputs",
     )
     parser.add_argument("--reduced", type=positive_count, metavar="N", help="write the reduced model with N modes")
     parser.add_argument(
@@ -28,10 +32,14 @@ def add_export(commands: Subcommands) -> None:
         action="append",
         default=[],
         metavar="RESULT.json",
-        help="output of fit-decay --json or match --json to include; may be repeated",
+        help="output of fit-decay --json or match --json to include in json or fmu; may be repeated",
     )
     parser.add_argument(
-        "--data", action="append", default=[], metavar="FILE.csv", help="record behind each identification"
+        "--data",
+        action="append",
+        default=[],
+        metavar="FILE.csv",
+        help="record behind each identification, in the same order",
     )
 
 
@@ -39,7 +47,8 @@ def _run(options: argparse.Namespace) -> Output:
     began = time.perf_counter()
     source = read_source(options.file)
     if options.format == "c":
-        check_folder(options.out)
+        with located("--out"):
+            check_folder(options.out)
     else:
         new_files([options.file, *options.identification, *options.data], options.out)
     with located("--markers"):

@@ -65,16 +65,16 @@ def export(
     Raises
     ------
     InputError
-        If the format cannot hold the identifications, markers or reduced model, or the writer of the format refuses.
+        If the format cannot hold the identifications, markers or reduced model, or the export fails.
     EquilibriumError
         If the beam has no stable equilibrium, and the format needs one.
     """
     if identifications and form not in ("json", "fmu"):
         raise InputError(f"cannot be kept in {form}; choose json or fmu", "--identification")
     if markers and form == "json":
-        raise InputError("JSON holds the beam without outputs; choose another format", "--markers")
+        raise InputError("a JSON document has no outputs; choose another format", "--markers")
     if modes is not None and form == "json":
-        raise InputError("JSON holds the beam itself; choose another format for the reduced model", "--reduced")
+        raise InputError("a JSON document holds the full beam; choose another format", "--reduced")
     document = replace(
         source,
         identifications=[*source.identifications, *identifications],
@@ -94,7 +94,7 @@ def export(
 
 
 def read_identifications(results: Sequence[str], records: Sequence[str]) -> list[Identification]:
-    """Read the output of commands with ``--json``, and the hash of the record behind each if records are given.
+    """Read the output of commands with ``--json``; if records are given, hash the record behind each output.
 
     Raises
     ------
@@ -102,9 +102,7 @@ def read_identifications(results: Sequence[str], records: Sequence[str]) -> list
         If a file cannot be read or is not such an output, or the numbers of results and records differ.
     """
     if records and len(records) != len(results):
-        raise InputError(
-            f"there are {len(records)} for {len(results)} results of --identification; give one per result", "--data"
-        )
+        raise InputError(f"there are {len(records)} for {len(results)} --identification; give one for each", "--data")
     pairs = zip(results, [[record] for record in records] or [[] for _ in results], strict=True)
     found = []
     for path, data in pairs:
@@ -117,4 +115,5 @@ def read_identifications(results: Sequence[str], records: Sequence[str]) -> list
 def _functions(document: Document, markers: Sequence[float], modes: int | None) -> BeamFunctions | ReducedModel:
     if modes is None:
         return beam_functions(document.model, document.damping, markers=markers)
-    return reduce_model(document.model, damping=document.damping, markers=markers, modes=modes)
+    with located("--reduced"):
+        return reduce_model(document.model, damping=document.damping, markers=markers, modes=modes)

@@ -19,16 +19,16 @@ LAWS = ("linear", "quadratic", "friction", "one-mode", "auto")
 def add_fit_decay(commands: Subcommands) -> None:
     """Add the subcommand."""
     parser = commands.add("fit-decay", _run, "estimate frequency and damping from one measured decay")
-    parser.add_argument("file", metavar="FILE.csv", help="times (s) and displacements (m)")
+    parser.add_argument("file", metavar="FILE.csv", help="columns with time (s) and displacement (m)")
     parser.add_argument(
         "--law", choices=LAWS, default="linear", help="damping law, or auto to compare all (default: linear)"
     )
-    parser.add_argument("--drift", action="store_true", help="let the rest position drift at a constant velocity")
+    parser.add_argument("--drift", action="store_true", help="let the rest position drift at constant velocity")
     parser.add_argument("--robust", action="store_true", help="limit the influence of outliers")
     parser.add_argument("--column", help="name of the displacement column (default: the second column)")
     parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the record and the fit")
     parser.add_argument(
-        "--curve", type=Path, metavar="FILE.csv", help="write damping ratio against amplitude, measured without a law"
+        "--curve", type=Path, metavar="FILE.csv", help="write damping ratio against amplitude, without assuming a law"
     )
 
 

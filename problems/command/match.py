@@ -1,4 +1,4 @@
-"""``ancf-casadi match``: the beam nearest to a given one that has the measured frequencies."""
+"""``ancf-casadi match``: the beam with the measured frequencies that is nearest to a given one."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ class Output:
     Parameters
     ----------
     text : str
-        Text to print, also if a file cannot be written.
+        Text to print, even if a file cannot be written.
     files : sequence of callable
         Functions that write the files, in their order.
     closing : str
@@ -48,7 +48,7 @@ class Subcommands:
     def add(
         self, name: str, run: Callable[[argparse.Namespace], Output], about: str, *, epilog: str | None = None
     ) -> argparse.ArgumentParser:
-        """Return the parser of a new subcommand, which has ``--json`` and calls ``run``."""
+        """Return the parser of a new subcommand, which has ``--json`` and calls ``run``; ``refuse`` is its error."""
         added = self._parsers.add_parser(
             name,
             help=about,
@@ -56,8 +56,8 @@ class Subcommands:
             epilog=epilog,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        added.add_argument("--json", action="store_true", help="print JSON")
-        added.set_defaults(run=run)
+        added.add_argument("--json", action="store_true", help="print the result as JSON")
+        added.set_defaults(run=run, refuse=added.error)
         return added
 
 
@@ -74,7 +74,7 @@ def json_text(value: Any) -> str:
 
 
 def file_writer(path: Path, content: Callable[[], str | bytes]) -> Callable[[], None]:
-    """Return a function that makes a content and writes it to a file."""
+    """Return a function that makes the content of a file and writes it."""
     return lambda: write_file(path, content())
 
 

@@ -13,8 +13,10 @@ from problems.command.output import Output, Subcommands, json_text, positive_cou
 
 def add_reproduce(commands: Subcommands) -> None:
     """Add the subcommand."""
-    parser = commands.add("reproduce", _run, "reproduce the paper's study from its embedded data")
-    parser.add_argument("--out", type=Path, default=Path("results"), metavar="DIR", help="folder (default: results)")
+    parser = commands.add("reproduce", _run, "reproduce the study of the paper: tables, figures and results.json")
+    parser.add_argument(
+        "--out", type=Path, default=Path("results"), metavar="DIR", help="folder of the results (default: results)"
+    )
     parser.add_argument("--quick", action="store_true", help="short excitations and loose tolerances, for a first look")
     parser.add_argument(
         "--jobs", type=positive_count, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)"
@@ -22,7 +24,7 @@ def add_reproduce(commands: Subcommands) -> None:
 
 
 def _run(options: argparse.Namespace) -> Output:
-    from problems.study import report, reproduction, tables, transients  # for this command and its processes alone
+    from problems.study import report, reproduction, tables, transients  # slow to import, and only needed here
 
     folder = check_folder(options.out)
     effort = transients.QUICK if options.quick else transients.FULL

@@ -19,9 +19,13 @@ from problems.command.study_file import TABLE_KEYS, read_simulation
 def add_simulate(commands: Subcommands) -> None:
     """Add the subcommand."""
     parser = commands.add("simulate", _run, "simulate the large motion of a beam", epilog=TABLE_KEYS)
-    parser.add_argument("file", metavar="STUDY.toml", help="tables [beam], [simulation], [damping], [base]")
-    parser.add_argument("--out", type=Path, metavar="FILE.csv", help="write the motion of the tip")
-    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the motion of the tip")
+    parser.add_argument(
+        "file",
+        metavar="STUDY.toml",
+        help="a file with the tables [beam] and [simulation], and if wanted [[damping]] and [base]",
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE.csv", help="write positions of tip and base")
+    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the tip over time, and shapes of the beam")
 
 
 def _run(options: argparse.Namespace) -> Output:
@@ -48,7 +52,7 @@ def _run(options: argparse.Namespace) -> Output:
     }
     if options.json:
         return Output(json_text(summary | {"integrators": [_use(use) for use in run.integrators]}), files)
-    used = ", ".join(f"{use.method} from {use.start:.6g} s at {use.tolerance:.1e}" for use in run.integrators)
+    used = ", ".join(f"{use.method} from {use.start:.6g} s at tolerance {use.tolerance:.1e}" for use in run.integrators)
     lines = [f"{name:<14}{_plain(value)}" for name, value in summary.items()]
     return Output("\n".join([*lines, f"{'integrators':<14}{used}"]), files)
 

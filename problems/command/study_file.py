@@ -1,8 +1,8 @@
 """Reading of beams, damping laws and base motions from TOML files, and of beams and laws from JSON documents.
 
 A TOML file has the table ``[beam]``, either with the keys of ``Beam.uniform`` or with the single key ``document``, the
-name of a JSON document in the same folder; the damping of the document holds unless the file has its own.  All other
-tables and keys are listed in ``TABLE_KEYS``.
+path of a JSON document.  The damping of the document holds unless the file has its own.  ``TABLE_KEYS`` lists all
+tables and keys.
 """
 
 from __future__ import annotations
@@ -30,21 +30,22 @@ SIMULATION = ("sample_rate", "start", "method", "tolerance")  # optional keys of
 TABLES = ("beam", "match", "damping", "base", "simulation")
 TABLE_KEYS = """\
 tables of a TOML file:
-  [beam]        length, width, thickness (m), density (kg/m^3),
-                elastic_modulus (Pa): each except the length a number, or a
-                list with one value per element; elements, axis, gravity (m/s^2),
-                tip_mass (kg), clamp_stiffness (N m/rad);
-                or only document = "BEAM.json": a JSON document in the same
-                folder, with its damping
+  [beam]        length (m), elements; width, thickness (m), density (kg/m^3),
+                elastic_modulus (Pa): each a number, or a list with one value
+                per element; optional: axis, gravity (m/s^2), tip_mass (kg),
+                clamp_stiffness (N m/rad);
+                or only document = "BEAM.json": a JSON document with a beam and
+                its damping; a relative path starts at the folder of this file
   [match]       targets (Hz), frequency_std (Hz), bounds, starts, seed,
                 objective ("least-squares" or "worst-error");
-                points (m), shapes, shape_std where shapes were measured;
+                for measured shapes: points (m), shapes, shape_std;
                 unknowns = {width = "element", density = "global",
                 thickness = {smooth = 3, bounds = 0.05}}
   [[damping]]   law = "rayleigh": alpha (1/s), beta (s),
                 stiffness ("strain-rate", "tangent" or "reference")
                 law = "quadratic": eta1 (1/s), eta2 (1/m)
-                law = "modal": ratios, frequencies (Hz);  several tables add up
+                law = "modal": ratios, frequencies (Hz)
+                several tables add up
   [base]        amplitude (m), frequency (Hz), stop (s), direction,
                 stop_at ("rest" or "once")
   [simulation]  duration (s), sample_rate (1/s), tolerance,
@@ -166,7 +167,8 @@ def _beam(tables: dict[str, Any], path: str) -> Document:
         check_keys(table, {"document"}, set(), where)
         if not isinstance(table["document"], str):
             raise InputError(f"must be the name of a file, got {shown(table['document'])}", f"{where}: document")
-        return read_document(Path(path).parent / table["document"])
+        with located(f"{where}: document"):
+            return read_document(Path(path).parent / table["document"])
     return Document(Model(Beam.from_table(table, path)))
 
 
@@ -195,7 +197,7 @@ def _unknown(name: str, given: Any) -> PropertyUnknown:
 
 def _table(table: Any, required: set[str], optional: set[str], where: str) -> dict[str, Any]:
     if table is None:
-        raise InputError("the table is missing", where)
+        raise InputError("the table is missing; --help lists its keys", where)
     if not isinstance(table, dict):
         raise InputError(f"must be a table, got {shown(table)}", where)
     check_keys(table, required, optional, where)

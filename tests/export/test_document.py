@@ -281,7 +281,7 @@ class TestRefusals:
             ('"length": 0.5', f'"length": 1{"0" * 5000}', "is not JSON"),
             ('"length": 0.5', '"length": "0.5"', "$.beam.length: expected `float`, got `str`"),
             ('"length": 0.5', '"length": null', "$.beam.length: expected `float`, got `null`"),
-            ('"length": 0.5', '"length": 0.5, "length": 0.5', "$.beam.length: the key is there twice"),
+            ('"length": 0.5', '"length": 0.5, "length": 0.5', "$.beam.length: the key appears twice"),
             ('"length": 0.5', '"length": 0.5, "colour": 1', "$.beam: object contains unknown field `colour`"),
             ('"length": 0.5', '"length": -0.5', "$.beam.length: expected `float` > 0.0"),
             ('"length": 0.5', f'"length": 0.5, "{"k" * 300}": 1', "$.beam: has a key of 300 characters"),

@@ -297,7 +297,7 @@ def test_unusable_files_are_refused(functions, tmp_path):
     with pytest.raises(InputError, match="cannot be read"):
         load_functions(tmp_path / "none.casadi")
     path.write_text("mine")
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="already exists"):
         save_functions(functions, path)
     assert path.read_text() == "mine"
 

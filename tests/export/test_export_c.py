@@ -180,9 +180,12 @@ X = cs.SX.sym("x")
     [
         (cs.Function("rest", [X], [X]), "rest: is the name of another Function or table"),
         (cs.Function("rhs_raw", [X], [X]), "rhs_raw: is the name of another Function or table"),
-        (cs.Function("own", [X], [X], ["w"], ["y"]), "own: w has a meaning of its own in C"),
-        (cs.Function("own", [X], [X], ["x"], ["double"]), "own: double has a meaning of its own in C"),
-        (cs.Function("own", [X], [X * cs.SX.sym("k")], {"allow_free": True}), "own: depends on k, which is no input"),
+        (cs.Function("own", [X], [X], ["w"], ["y"]), "own: w is a reserved name in C"),
+        (cs.Function("own", [X], [X], ["x"], ["double"]), "own: double is a reserved name in C"),
+        (
+            cs.Function("own", [X], [X * cs.SX.sym("k")], {"allow_free": True}),
+            "own: depends on k, which is not an input",
+        ),
     ],
 )
 def test_functions_that_would_not_compile_are_refused(functions, tmp_path, function, message):
@@ -221,12 +224,12 @@ def test_a_function_with_an_integrator_is_refused(model, functions, tmp_path, ca
 
 def test_foreign_files_are_not_overwritten(functions, tmp_path):
     (tmp_path / "main.c").write_text("int main(void) { return 0; }\n")
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="already exists"):
         write_c(functions, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["main.c"]
     (tmp_path / "main.c").unlink()
     (tmp_path / "main.c").mkdir()
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="already exists"):
         write_c(functions, tmp_path)
     (tmp_path / "main.c").rmdir()
     first = [path.read_bytes() for path in write_c(functions, tmp_path)]

@@ -120,7 +120,7 @@ def test_a_script_without_a_file_is_refused(tmp_path):
         [sys.executable, "-"], input=text, capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path
     )
     assert done.stderr.count("Traceback") == 1
-    assert "InputError: jobs: processes import the script, and <stdin> is no file" in done.stderr.splitlines()[-1]
+    assert "InputError: jobs: processes import the script, and <stdin> is not a file" in done.stderr.splitlines()[-1]
 
 
 @pytest.mark.parametrize(

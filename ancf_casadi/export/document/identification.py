@@ -1,4 +1,4 @@
-"""Identifications and provenance: records of the fits behind a model, and of the origin of its document."""
+"""Identifications, the results of the fits behind a model, and provenance, the origin of its document."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class Identification:
         found = result.to_dict() if hasattr(result, "to_dict") else result
         kinds = [kind for key, kind in KINDS.items() if isinstance(found, Mapping) and key in found]
         if not kinds:
-            raise InputError(f"is not the result of a fit, which has one of the keys {', '.join(KINDS)}", "result")
+            raise InputError(f"is not the result of a fit: it has none of the keys {', '.join(KINDS)}", "result")
         if not is_sequence(data):
             raise InputError(f"must be a sequence of files, got {shown(data)}", "data")
         return cls(kinds[0], found, [DataFile.of(path) for path in data])

@@ -1,7 +1,8 @@
 """Strict reader of JSON files: it returns plain data, or one line that names the error and its place.
 
 Beyond the rules of JSON, a file has at most ``MOST_BYTES`` bytes and ``MOST_LEVELS`` levels, no key twice in an object,
-only finite numbers, and only whole characters.  A place is written as ``$.damping.laws[1].alpha``; $ is the whole file.
+only finite numbers, and no half characters (lone surrogates).  A place is written as ``$.damping.laws[1].alpha``; $ is
+the whole file.
 
 References
 ----------
@@ -25,7 +26,7 @@ LONGEST_KEY = 200
 
 
 class _Repeated:
-    """Stands for the values of a key that an object has twice."""
+    """Placeholder for the values of a key that appears twice in an object."""
 
 
 def read_json(path: str | Path) -> dict[str, Any]:
@@ -41,7 +42,7 @@ def read_json(path: str | Path) -> dict[str, Any]:
         value = json.loads(content.decode(), object_pairs_hook=_object, parse_constant=_refuse_constant)
     except RecursionError:
         raise InputError(f"has more than {MOST_LEVELS} levels", str(path)) from None
-    except ValueError as error:  # wrong JSON, wrong UTF-8, or a number of thousands of digits
+    except ValueError as error:  # invalid JSON or UTF-8, or a number with thousands of digits
         raise InputError(f"is not JSON ({error})", str(path)) from None
     if not isinstance(value, dict):
         raise InputError("must hold a JSON object", str(path))
@@ -63,13 +64,13 @@ def check(value: Any, where: str, level: int = 1) -> None:
     Raises
     ------
     InputError
-        If a value is nested too deeply, beyond the range of doubles, repeated, or holds half a character, or a key is
-        too long or no text.
+        If a value is nested too deeply, is beyond the range of doubles, is repeated, or holds half a character, or if
+        a key is too long or not a text.
     """
     if level > MOST_LEVELS:
         raise InputError(f"has more than {MOST_LEVELS} levels", where)
     if isinstance(value, _Repeated):
-        raise InputError("the key is there twice", where)
+        raise InputError("the key appears twice", where)
     if isinstance(value, int | float) and not _is_finite(value):
         raise InputError("is beyond the range of numbers", where)
     if isinstance(value, str):

@@ -13,7 +13,7 @@
     sum          laws, which act together
 
 The modes of a modal law are stored with their shapes and their equilibrium, because modes that are computed again
-differ in their last digits.  They hold a beam and strain measures of their own where these are not the document's.
+differ in their last digits.  If their beam or strain measures differ from those of the document, they hold their own.
 
 ``data_of`` checks data against the layout, and ``schema`` returns the layout as a JSON Schema (draft 2020-12).
 Unknown keys are refused, and a key may be left out only if it has a default here.
@@ -30,6 +30,7 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 from ancf_casadi.damping import ProportionalStiffness
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.strain import AxialStrain, Curvature
+from ancf_casadi.support.inputs import shown
 
 FORMAT: Final = "ancf-casadi"
 VERSION: Final = 1  # of the layout: it changes when the meaning of a key does
@@ -183,10 +184,11 @@ def read(data: dict[str, Any]) -> DocumentData:
         If the data have another layout; the message names the place, such as ``$.damping.laws[0].alpha``.
     """
     if data.get("format") != FORMAT:
-        raise InputError(f"must be {FORMAT!r}: the file is no document of this toolkit", "$.format")
+        raise InputError(f"must be {FORMAT!r}: the file is not a document of this toolkit", "$.format")
     version = data.get("schema")
     if type(version) is not int or version != VERSION:
-        raise InputError(f"must be {VERSION}, the version that this release reads; install a newer one", "$.schema")
+        message = f"must be {VERSION}, got {shown(version)}; a document of a later version needs a later release"
+        raise InputError(message, "$.schema")
     return data_of(data, DocumentData, "$")
 
 
@@ -211,7 +213,7 @@ def schema() -> dict[str, Any]:
 
 
 def _refusal(message: str, where: str) -> InputError:
-    """Return the error for a message of msgspec: one line, not too long, with the names that a key may hold."""
+    """Return the error for a message of msgspec: one line of limited length, with the names that a key may hold."""
     found = re.fullmatch(r"(.*?)(?: - at (?:`key` in )?`\$([^`]*)`)?", message, re.DOTALL)
     reason, inner = found.groups("") if found else (message, "")
     text = " ".join(reason.split())

@@ -62,9 +62,9 @@ class BeamFunctions(MotionFunctions):
     damping_force : Function
         (q, v, base, p) -> Q_damp, on the left of the equation of motion.
     equilibrium : Function
-        p -> q at rest, with the base at rest; nan where none was found.
+        p -> q at rest, with the base at rest; nan if none was found.
     frequencies : Function
-        p -> f, the lowest natural frequencies about the equilibrium, Hz; nan where they are not certain.
+        p -> f, the lowest natural frequencies about the equilibrium, Hz; nan if they are not certain.
     step : Function
         (q, v, base, p, h) -> q_next, v_next after a step h (s); base (9, 2) at the instants ``STAGES`` of the step.
     """
@@ -196,12 +196,12 @@ class _SymbolicMotion:
         return (self.balance.inertia(e_tt) + resisting)[self.model.free]
 
     def accelerations(self) -> cs.MX:
-        """Return the accelerations with zero residual: minus M^-1 times the residual without them."""
+        """Return the accelerations with zero residual: -M^-1 times the residual at zero acceleration."""
         without = cs.vertcat(self.clamped[2], cs.MX(*self.symbols["a"].shape))
         return -_divided(self.forces(without), self.mass, self.model)
 
     def jacobians(self) -> dict[str, cs.MX]:
-        """Return the Jacobians dr_dq, dr_dv and dr_da; that of the low-rank damping with respect to q is zero."""
+        """Return the Jacobians dr_dq, dr_dv and dr_da; the low-rank damping does not depend on q."""
         balance, free = self.balance, self.model.free
         local = balance.local_damping(self.e, self.e_t)[free]
         dr_dv = _jacobian(local, self.symbols["v"])
@@ -225,7 +225,7 @@ def _symbolic_motion(equations: Equations, parameters: int) -> _SymbolicMotion:
 
 
 def _jacobian(expression: cs.MX, symbol: cs.MX) -> cs.MX:
-    """Return a Jacobian that is computed by one derivative at a time, which keeps the C code short."""
+    """Return a Jacobian computed one directional derivative at a time, which keeps the C code short."""
     return cs.jacobian(expression, symbol, {"helper_options": {"max_num_dir": 1}})
 
 

@@ -1,7 +1,7 @@
 """The model as C99: a source, a header, and a small program that integrates a decay.
 
 CasADi translates expressions, loops over the elements, linear solvers and Newton's method to C.  A Function that
-contains an integrator with adaptive steps, or calls Python, has no translation and is refused.
+contains an integrator with adaptive steps, or calls Python, cannot be translated and is refused.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def write_c(
     functions : BeamFunctions, ReducedModel or ReducedFunctions
         The model, full or reduced.
     folder : path
-        Folder of the files; made if it is not there.
+        Folder of the files; created if it does not exist.
     name : str
         Name of the files and first part of every C name: small letters, digits and underscores.
     also : sequence of Function
@@ -98,10 +98,10 @@ def _write_all(contents: dict[Path, str]) -> None:
 def _check_translated(function: cs.Function) -> None:
     """Check that CasADi can translate a Function and that its names can be used in C."""
     if function.has_free():
-        raise InputError(f"depends on {', '.join(function.get_free())}, which is no input", function.name())
+        raise InputError(f"depends on {', '.join(function.get_free())}, which is not an input", function.name())
     for label in (*function.name_in(), *function.name_out()):
         if label in RESERVED or label.startswith("casadi"):
-            raise InputError(f"{label} has a meaning of its own in C; rename it", function.name())
+            raise InputError(f"{label} is a reserved name in C; rename it", function.name())
     for inner in (function, *function.find_functions()):
         if inner.class_name() not in TRANSLATED:
             raise InputError(

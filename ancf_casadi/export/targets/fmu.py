@@ -1,4 +1,4 @@
-"""The beam as a functional mock-up unit (FMU): FMI 3.0, model exchange, for co-simulation and control.
+"""The beam as a functional mock-up unit (FMU): FMI 3.0, model exchange, for simulation and control.
 
     states       q, v of the Functions, and the motion (u, u_t) of the clamp
     inputs       the accelerations u_tt of the clamp: x, y and rotation
@@ -9,8 +9,8 @@ with q_t = v, v_t = rhs(q, v, (u, u_t, u_tt), p).  The FMU of a reduced model is
 
 The clamp is driven by its accelerations, and its position and velocity are states.  They stay consistent however an
 importer interpolates or holds its inputs; a prescribed position would excite axial waves at each kink.  The states
-start in the static equilibrium of the exported beam.  If a parameter is changed, the importer sets other start values,
-or the beam swings to its new equilibrium.
+start in the static equilibrium of the exported beam.  If a parameter is changed, the importer must set other start
+values; otherwise the beam swings to its new equilibrium.
 
 CasADi's DaeBuilder writes the equations and their derivatives as C, and the FMI wrapper.  ``fmu_description`` completes
 its description of the model.  The FMU may hold a document of the beam, as ``resources/beam.json``.
@@ -81,7 +81,7 @@ def write_fmu(
     _check_document(document, functions)
     headers, compiler = _fmi_headers(), c_compiler()
     if not compiler:
-        raise InputError("an FMU needs a C compiler, and none was found; install one, or name it in CC", "CC")
+        raise InputError("an FMU needs a C compiler, and none was found; install one, or set CC to its command", "CC")
     with (
         tempfile.TemporaryDirectory() as temporary,
         tqdm(total=2, disable=not progress, bar_format=BAR, desc="C") as bar,
@@ -121,11 +121,11 @@ def _fmi_headers() -> Path:
     Raises
     ------
     InputError
-        If they are not there.
+        If fmpy or its headers are missing.
     """
     found = importlib.util.find_spec("fmpy")
     if found is None or found.origin is None:
-        raise InputError("an FMU needs the headers of FMI, which fmpy has; pip install 'ancf-casadi[fmu]'", "fmpy")
+        raise InputError("is not installed, but an FMU needs its FMI headers; pip install 'ancf-casadi[fmu]'", "fmpy")
     folder = Path(found.origin).parent / "c-code"
     if not (folder / "fmi3Functions.h").is_file():
         raise InputError(f"has no FMI 3.0 headers: {folder} lacks fmi3Functions.h; install another version", "fmpy")
@@ -174,7 +174,7 @@ def _compile(compiler: tuple[str, ...], sources: Sequence[Path], library: Path, 
     try:
         subprocess.run(call, check=True, capture_output=True, timeout=SECONDS, env=environment)
     except subprocess.TimeoutExpired:
-        raise InputError(f"did not compile the FMU in {SECONDS} s; take fewer elements or modes", name) from None
+        raise InputError(f"did not compile the FMU in {SECONDS} s; use fewer elements or modes", name) from None
     except subprocess.CalledProcessError as error:
         said = [line for line in error.stderr.decode(errors="replace").splitlines() if "error" in line] or ["no reason"]
         raise InputError(f"cannot compile the FMU ({said[0]})", name) from None

@@ -8,7 +8,7 @@ from ancf_casadi.exceptions import InputError
 
 
 def check_ours(path: Path, beginning: str) -> None:
-    """Check that a file is new or was written by this package, which is told by its beginning.
+    """Check that a file is new, or begins like the files that this package writes.
 
     Raises
     ------
@@ -23,4 +23,4 @@ def check_ours(path: Path, beginning: str) -> None:
     except OSError:
         ours = False
     if not ours:
-        raise InputError("is there already, and was not written by this export; choose another place", str(path))
+        raise InputError("already exists, and was not written by this export; choose another path", str(path))

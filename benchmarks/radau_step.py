@@ -1,4 +1,4 @@
-"""The cost of a Radau step and of its parts.
+"""Cost of a Radau step and of its parts.
 
     python benchmarks/radau_step.py
 

@@ -287,11 +287,11 @@ def check_keys(table: dict[str, Any], required: set[str], optional: set[str], wh
     Raises
     ------
     InputError
-        Naming the first missing or unknown key.
+        Naming the first missing key and all unknown ones, or the first unknown key.
     """
     unknown = sorted(table.keys() - required - optional)
     for key in sorted(required - table.keys()):
-        instead = f"; unknown are {', '.join(map(shown, unknown))}" if unknown else ""
+        instead = f"; unknown keys: {', '.join(map(shown, unknown))}" if unknown else ""
         raise InputError(f"the key '{key}' is missing{instead}", where)
     for key in unknown:
         raise InputError(f"unknown key '{key}'; known are {', '.join(sorted(required | optional))}", where)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 
-from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import Table
 from ancf_casadi.vibration.modes import natural_modes
 from problems.command.output import Output, Subcommands, json_text
@@ -21,9 +20,7 @@ def add_modes(commands: Subcommands) -> None:
 
 
 def _run(options: argparse.Namespace) -> Output:
-    model = read_model(options.file)
-    with located("--count"):
-        modes = natural_modes(model, count=options.count)
+    modes = natural_modes(read_model(options.file), count=options.count)
     x, y = modes.equilibrium.tip.tolist()
     if options.json:
         return Output(json_text({"frequencies_hz": modes.frequencies.tolist(), "equilibrium_tip_m": [x, y]}))

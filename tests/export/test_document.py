@@ -80,7 +80,7 @@ def beams(draw, elements=None):
 
 @pytest.fixture(scope="module")
 def identified(paper_beam):
-    """A beam with every law: one has the modes of another beam, one those of the loaded beam."""
+    """A beam with every law; one modal law has the modes of another beam, one those of the loaded beam."""
     model = Model(paper_beam(2, axis=(0.3, -0.9)), StrainMeasures("green", "geometric", 2, 3))
     other = Model(paper_beam(2, thickness=0.6e-3))
     loaded = natural_modes(model, count=2, equilibrium=static_equilibrium(model, tip_force=(1e-3, 0), tip_moment=1e-4))
@@ -194,7 +194,7 @@ class TestRoundTrip:
             assert message.startswith(f"$.beam.{key}: expected `float")
 
     def test_a_document_of_an_earlier_release_is_read_and_written_unchanged(self, paper_beam, tmp_path):
-        """Written by version 0.1.0 before msgspec; the modal law has the modes of a beam of its own."""
+        """Version 0.1.0 wrote this document before msgspec; its modal law holds modes of another beam."""
         path = tmp_path / "beam.json"
         path.write_text(EARLIER)
         found = read_document(path)

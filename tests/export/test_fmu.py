@@ -74,7 +74,7 @@ def functions(document):
 
 
 def quickly(functions, path, document=None) -> str:
-    """Write an FMU, compiled without optimisation in a fifth of the time."""
+    """Write an FMU compiled without optimisation, which takes a fifth of the time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(fmu, "FLAGS", ("-O0", *fmu.FLAGS[1:]))
         write_fmu(functions, path, document=document)
@@ -292,7 +292,7 @@ def test_the_reduced_model_under_other_parameters(small, reduced, rest):
 
 
 def test_a_release_of_the_reduced_model_agrees_with_the_full_beam(small, reduced):
-    """From a small deflection in modes 1 and 2, set by start values."""
+    """Start values set a small deflection in modes 1 and 2."""
     q = np.array([1e-3, 2e-4, 0.0, 0.0])
     start = State(*(part.full().ravel() for part in reduced.coordinates(q, 0 * q, np.zeros(9))))
     settings = {"duration": DURATION, "sample_rate": RATE, "method": "radau", "tolerance": 1e-9}

@@ -90,7 +90,7 @@ class TestWithACompiler:
         assert len(list(cache.iterdir())) == len(files) + 1
 
     def test_the_compiler_may_be_named_with_options(self, cache, monkeypatch):
-        """``CC="gcc -O1"`` was taken for the name of a program, and silently nothing was compiled."""
+        """Regression: ``CC="gcc -O1"`` was taken as the name of a program, and silently nothing was compiled."""
         monkeypatch.setenv("CC", f"{shutil.which('gcc') or shutil.which('cc')} -O1 -DSOME='a b'")
         assert is_right(compiled(a_function()))
         assert len(list(cache.glob("product-*.so"))) == 1
@@ -152,7 +152,7 @@ class TestCache:
         ids=["empty", "truncated", "changed", "nonsense"],
     )
     def test_a_damaged_library_is_built_anew(self, cache, damage):
-        """An empty one gave a traceback in every later run, and a truncated one killed the process."""
+        """An empty library caused a traceback in every later run, and a truncated one killed the process."""
         compiled(a_function())
         (library,) = cache.glob("*.so")
         whole = library.read_bytes()
@@ -164,7 +164,7 @@ class TestCache:
 
     @pytest.mark.parametrize("mode", [0o770, 0o707])
     def test_a_library_in_a_folder_that_others_can_write_does_not_run(self, cache, mode):
-        """Its name was enough to be loaded."""
+        """Regression: the name of a library was enough for it to be loaded."""
         for factor in (2.0, 3.0):
             compiled(a_function(factor))
         two, three = (next(p for p in cache.iterdir() if _factor(p) == factor) for factor in (2.0, 3.0))
@@ -202,7 +202,7 @@ class TestCache:
         assert [path.stat().st_mode & 0o777 for path in cache.iterdir()] == [0o700]
 
     def test_a_user_without_a_home(self, monkeypatch, tmp_path):
-        """``Path.home()`` raised RuntimeError."""
+        """Regression: ``Path.home()`` raised RuntimeError."""
 
         def nobody(_):
             raise KeyError
@@ -222,7 +222,7 @@ class TestCache:
             assert is_right(compiled(a_function()))
 
     def test_drafts_of_killed_compilers_are_removed(self, cache):
-        """SIGKILL left them for good."""
+        """Regression: SIGKILL left drafts for good."""
         cache.mkdir(mode=0o700)
         for name, age in (("tmpold", 3600.0), ("tmpnew", 1.0)):
             (cache / name).mkdir()
@@ -296,7 +296,7 @@ class TestWithoutACompiler:
         assert len(list(cache.glob("product-*.so"))) == 1
 
     def test_drafts_of_a_compiler_that_is_stopped_go_with_its_folder(self, tmp_path, monkeypatch, cache):
-        """They stayed in the folder of temporary files."""
+        """Regression: the drafts stayed in the folder of temporary files."""
         monkeypatch.setenv("CC", fake_compiler(tmp_path, 'touch "$TMPDIR/draft.s"; exit 1'))
         (tmp_path / "temporary").mkdir()
         monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))

@@ -153,13 +153,13 @@ def test_a_wrong_class_is_refused_in_one_line_with_what_was_expected(call, messa
     ],
 )
 def test_a_time_or_a_frequency_beyond_all_experience_is_refused(call, size):
-    """Its powers are no numbers any more; mostly the unit is wrong."""
+    """Powers of such a time or frequency overflow; usually the unit is wrong."""
     with pytest.raises(InputError, match=r"is not within 1e-30 to 1e\+30; check the unit$"):
         call(size)
 
 
 def test_a_beam_too_soft_for_its_weight_is_given_up_soon():
-    """The path of equilibria went on in ten thousands of tiny steps."""
+    """Regression: the path of equilibria continued in tens of thousands of tiny steps."""
     soft = Beam.uniform(length=0.5, width=5e-3, thickness=5e-4, density=8000.0, elastic_modulus=2.5, elements=4)
     with pytest.raises(EquilibriumError, match=r"a value is in the wrong unit$"):
         static_equilibrium(Model(soft))
@@ -173,7 +173,7 @@ def test_an_integer_too_large_for_a_float_is_no_number():
 
 @pytest.mark.parametrize("stop", [1e-30, 1e-14])
 def test_a_base_that_stops_as_soon_as_it_starts_has_not_moved(stop):
-    """Closer than instants are told apart."""
+    """The stop is so close to the start that both count as the same instant."""
     run = simulate(MODEL, duration=0.01, base=HarmonicBase(1e-3, 1.0, stop=stop, stop_at="once"))
     assert np.abs(run.base).max() < 1e-15
     assert math.isclose(run.time[-1], 0.01)

@@ -71,7 +71,7 @@ class TestFolder:
             check_folder(tmp_path / below)
 
     def test_one_that_cannot_be_written(self, tmp_path, monkeypatch):
-        """The superuser may write anywhere, so that the system's answer is stood in for."""
+        """The superuser may write anywhere, so the answer of the system is replaced."""
         monkeypatch.setattr(os, "access", lambda path, mode: False)
         with pytest.raises(InputError, match=r"cannot be written$"):
             check_folder(tmp_path / "new")
@@ -114,7 +114,7 @@ class TestFile:
         assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
     def test_a_pipe_or_a_device_is_not_replaced(self, tmp_path):
-        """The superuser's ``--out /dev/null`` made an ordinary file of it."""
+        """Regression: ``--out /dev/null`` by the superuser replaced the device by an ordinary file."""
         os.mkfifo(tmp_path / "pipe")
         for write in (check_file, lambda path: write_file(path, "new")):
             with pytest.raises(InputError, match="pipe: is a device or a pipe; name a file"):

@@ -55,7 +55,7 @@ real_record = pytest.mark.skipif(not RECORD.exists(), reason="the measured recor
 
 
 def edited(text: str, *changes: tuple[str, str]) -> str:
-    """Return a file with parts replaced, each of which must be there."""
+    """Return a text with parts replaced, each of which must occur."""
     for old, new in changes:
         assert old in text
         text = text.replace(old, new)
@@ -64,7 +64,7 @@ def edited(text: str, *changes: tuple[str, str]) -> str:
 
 @pytest.fixture
 def files(tmp_path, monkeypatch) -> Path:
-    """A folder, the current one, with a beam, a small study and a decay."""
+    """The current folder, with a beam, a small study and a decay."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "beam.toml").write_text(BEAM)
     (tmp_path / "study.toml").write_text(edited(STUDY, *SMALL.items()))
@@ -149,7 +149,7 @@ class TestMatch:
 class TestFitDecay:
     @pytest.mark.parametrize("law", ["linear", "quadratic"])
     def test_json(self, files, capsys, law):
-        """3 Hz and 2 % come back, from millimetres; the quadratic law puts the loss down to eta1."""
+        """The fit recovers 3 Hz and 2 % at amplitudes of millimetres; the quadratic law attributes the loss to eta1."""
         assert main(["fit-decay", "decay.csv", "--law", law, "--json"]) == 0
         data = json.loads(capsys.readouterr().out)
         assert data["law"] == law
@@ -231,7 +231,7 @@ class TestSimulate:
         assert data["steps"] > 100
 
     def test_motion_as_csv(self, files, capsys):
-        """All digits, and the base where it stopped: at its first rest after 0.2 s, three quarters of a period."""
+        """All digits; the base stays where it first rests after 0.2 s, at three quarters of a period."""
         assert main(["simulate", "study.toml", "--out", "new/motion.csv", "--plot", "new/motion.png"]) == 0
         assert "samples" in capsys.readouterr().out
         header, *rows = (files / "new" / "motion.csv").read_text().splitlines()
@@ -245,7 +245,7 @@ class TestSimulate:
 
 
 def test_reproduce_writes_and_prints(files, capsys, monkeypatch):
-    """The command's own part; the study has tests of its own."""
+    """What the command adds to the study, which has its own tests."""
     calls = {}
 
     def study(**arguments):
@@ -504,7 +504,7 @@ class TestUnusableInput:
                 "[beam]: unknown key 'colour'; known are axis, clamp_stiffness",
             ),
             ("[match]", "[mach]", "unknown key 'mach'; known are base, beam, damping, match"),
-            ("[beam]", "[bean]", "the key 'beam' is missing; unknown are 'bean'"),
+            ("[beam]", "[bean]", "the key 'beam' is missing; unknown keys: 'bean'"),
             ("thickness = 0.5e-3", "thickness = -0.5e-3", "[beam]: thickness: must be positive, got -0.0005"),
             ("density = 8000.0", "density = nan", "[beam]: density: must be a finite number, got nan"),
             ("density = 8000.0", "density = 'steel'", "[beam]: density: must be a finite number, got 'steel'"),
@@ -692,7 +692,7 @@ class TestFailure:
 
 @pytest.fixture
 def full_disk(monkeypatch):
-    """A disk that takes no further byte."""
+    """A disk that is full."""
 
     def fails(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -702,7 +702,7 @@ def full_disk(monkeypatch):
 
 
 class TestFullDisk:
-    """A result that took long is printed, also where it cannot be written."""
+    """A result that took long to compute is printed even if it cannot be written."""
 
     COMMANDS = (
         ["simulate", "study.toml", "--out", "motion.csv"],
@@ -750,7 +750,7 @@ class TestFullDisk:
         assert [path for path in files.rglob("*") if path.is_file() and path not in before] == []
 
     def test_a_limit_of_the_system(self, files):
-        """The real thing: the system lets no file grow beyond a few bytes."""
+        """A real failure: the system lets no file grow beyond a few bytes."""
         resource = pytest.importorskip("resource")
         command = [sys.executable, "-m", "problems.cli", "simulate", "study.toml", "--out", "motion.csv", "--json"]
 
@@ -774,7 +774,7 @@ class TestFullDisk:
 
 
 def without_times(text: str) -> str:
-    """Return a report without the time that it took."""
+    """Return a report without the computing time."""
     return re.sub(r"(seconds\"?:?\s+)[\d.e-]+|[\d.]+ s(?=[,.;)]|$)", r"\1", text)
 
 
@@ -818,7 +818,7 @@ class TestInterrupted:
 
     @pytest.mark.parametrize("error", [FitError("NonIpopt_Exception_Thrown"), NotImplementedError("Wrong number")])
     def test_taken_for_a_failure_by_casadi(self, files, capsys, monkeypatch, error):
-        """IPOPT and IDAS report an exception in their callbacks as their own failure, and calls as wrong arguments."""
+        """IPOPT and IDAS report an exception in a callback as their own failure, CasADi calls as wrong arguments."""
 
         def swallowed(*_, **__):
             try:

@@ -122,7 +122,7 @@ class TestMatch:
 
 class TestSimulation:
     def test_least(self, file):
-        """A beam and a duration: undamped, on a fixed base, all else as ``simulate`` has it."""
+        """With a beam and a duration alone: undamped, on a fixed base, with the defaults of ``simulate``."""
         study = read_simulation(file(BEAM, SIMULATION))
         assert study.model == Model(beam())
         assert (study.damping, study.base) == (None, None)

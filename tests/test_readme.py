@@ -22,6 +22,8 @@ def test_the_python_runs_and_finds_the_damping_it_put_in(capsys):
     exec(compile(code, "README.md", "exec"), names)
     assert "linear decay" in capsys.readouterr().out
     assert names["match"].max_relative_error < 1e-6
+    assert names["shaped"].max_relative_error < 1e-6
+    assert names["shaped"].identifiability.rank == 5
     assert names["fit"].frequency == pytest.approx(1.85, rel=1e-3)
     assert names["fit"].damping_ratio == pytest.approx(0.0100, rel=0.03)
     assert names["air"].fit["eta2"] < 0.05  # there is none in the record

@@ -29,7 +29,7 @@ StopAt = Literal["rest", "once"]
 
 SPLINE_DEGREE = 5  # the acceleration of the clamp is then twice continuously differentiable
 AMPLITUDE_ACCURACY = 0.10  # relative to the amplitude; gives the usual bounds of an estimate
-AT_REST = 1e-9  # ``stop`` so many half periods after an instant of zero velocity means this instant
+AT_REST = 1e-9  # half periods; if ``stop`` is that close behind an instant of rest, the base stops at this instant
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ class MotionFunctions:
 
     @property
     def named(self) -> dict[str, cs.Function]:
-        """All Functions by their names, which are those in C."""
+        """All Functions by name; their names in C are the same."""
         return {field.name: getattr(self, field.name) for field in fields(self) if field.type == "cs.Function"}
 
     @property

@@ -36,7 +36,7 @@ class Runs:
     problem : Problem
         The motion.
     patience : float
-        A run is given up if it takes more steps than this multiple of those of the first run, and than ``FEW_STEPS``.
+        A run is given up after this many times the steps of the first run, but not before ``FEW_STEPS``.
     """
 
     def __init__(self, problem: Problem, patience: float = math.inf) -> None:

@@ -51,7 +51,7 @@ def quietly(model, **settings):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("mode", "amplitude"), [(0, 5e-3), (1, 0.5e-3)])
-def test_a_driven_beam_is_followed_to_a_ten_thousandth_of_its_travel_within_few_steps(modes, mode, amplitude):
+def test_a_driven_beam_is_accurate_to_a_ten_thousandth_of_its_travel_within_few_steps(modes, mode, amplitude):
     """The impact at the start once made the mesh vibrate: millions of steps of IDAS, and a failure at 3.8 s."""
     law, base = ModalDamping(modes, RATIOS), HarmonicBase(amplitude, modes.frequencies[mode], stop=0.6)
     settings = {"damping": law, "base": base, "duration": 1.0}
@@ -89,7 +89,7 @@ def bent(modes, mode, amplitude):
 
 
 @pytest.mark.parametrize(("mode", "amplitude"), [(0, 1e-4), (4, 1e-4), (1, 1e-3), (0, 1e-2), (2, 3e-3)])
-def test_defaults_damp_and_detune_no_mode_by_themselves(mode, amplitude):
+def test_defaults_neither_damp_nor_detune_a_mode(mode, amplitude):
     """Numerical damping below 1e-5 and the frequency within 3e-5, against a motion integrated to 1e-10."""
     modes = natural_modes(steel(axis=(1.0, 0.0), gravity=(0.0, 0.0)))
     frequency, start = modes.frequencies[mode], bent(modes, mode, amplitude * L)
@@ -144,7 +144,7 @@ def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
 # ------------------------------------------------------------------------- which integrator, and how accurate
 
 
-def test_a_beam_that_rings_is_handed_to_radau_with_one_warning_that_says_when_and_why(modes):
+def test_a_beam_with_a_vibrating_mesh_is_handed_to_radau_with_one_warning_that_says_when_and_why(modes):
     """An impact on the clamp excites undamped modes of the mesh."""
     base = HarmonicBase(1e-2, modes.frequencies[0])
     with pytest.warns(UserWarning, match=r"^radau was used from \S+ s on: .*IDAS.*method='radau'") as caught:
@@ -224,7 +224,7 @@ def whole():
 
 @pytest.mark.parametrize("sample", [1, 50, 106, -20])
 @pytest.mark.parametrize("method", ["idas", "radau"])
-def test_going_on_from_any_sample_of_a_driven_run_gives_the_uninterrupted_run(whole, sample, method):
+def test_continuing_from_any_sample_of_a_driven_run_gives_the_uninterrupted_run(whole, sample, method):
     """While the base moves, after its stop, and between the samples of the first run."""
     state = whole.state(sample)
     assert state.time == whole.time[sample]
@@ -239,7 +239,7 @@ def test_going_on_from_any_sample_of_a_driven_run_gives_the_uninterrupted_run(wh
 
 
 def test_without_a_base_motion_the_clamp_stays_where_the_state_has_it(whole):
-    """It used to jump back to 0: 100 times the strain energy, and 34 m/s."""
+    """The clamp used to jump back to 0, which gave 100 times the strain energy and 34 m/s."""
     assert abs(whole.base[-1, 0]) > 1e-3
     run = simulate(whole.model, damping=DAMPED, start=whole.state(-1), duration=0.1, sample_rate=200.0, tolerance=1e-9)
     np.testing.assert_allclose(run.base, np.tile(whole.base[-1], (len(run.time), 1)), atol=1e-15)

@@ -114,7 +114,7 @@ def test_a_beam_that_rotates_steadily_keeps_its_extension(method):
 
 
 def test_after_the_spin_up_of_simo_and_vu_quoc_the_beam_has_the_extension_of_steady_rotation():
-    """Theta = (6/15) (t^2/2 + (15/(2 pi))^2 (cos(2 pi t/15) - 1)) up to 15 s, then 6 t - 45."""
+    """Angle theta = (6/15) (t^2/2 + (15/(2 pi))^2 (cos(2 pi t/15) - 1)) up to 15 s, then 6 t - 45."""
     time, slow = np.linspace(0.0, 18.0, 361), SPIN_UP / (2 * np.pi)
     spun_up = SPEED / SPIN_UP * (time**2 / 2 + slow**2 * (np.cos(time / slow) - 1))
     angle = np.where(time < SPIN_UP, spun_up, SPEED * (time - SPIN_UP / 2))

@@ -1,7 +1,7 @@
 """External damping laws of Section 4 of the paper, and sums of laws.
 
-A law adds the force Q_damp(e, e_t) to the left of the equation of motion, M e_tt + Q_damp + Q_e = Q_g.  The velocities
-e_t are those in the laboratory frame: external damping resists motion relative to the still air.
+A law adds the force Q_damp(e, e_t) to the left-hand side of the equation of motion, M e_tt + Q_damp + Q_e = Q_g.  The
+velocities e_t are those in the laboratory frame: external damping resists motion relative to the still air.
 
     proportional    Rayleigh (proportional)  Q = alpha M e_t + beta (stiffness part),              Eqs. (11)-(16)
     quadratic       quadratic                Q = int S^T (gamma1 v + gamma2 |v| v) dp,             Eqs. (19)-(26)
@@ -9,12 +9,12 @@ e_t are those in the laboratory frame: external damping resists motion relative 
     law             parameters of a law, sums of laws
     turning         rotation R of the modal law with the clamp
 
-Each force has a local part, a sum over the elements, and a low-rank part R B diag(d) B^T R^T e_t.  An integrator keeps
-its matrices sparse by taking B^T R^T e_t as further unknowns.  Both parts are symbolic in the properties of the beam
-and in the parameters of the law.  A coefficient of exactly 0 is not a parameter, and its term is left out.
+Each force has a local part, a sum over the elements, and a low-rank part R B diag(d) B^T R^T e_t, which the integrators
+keep apart so that their matrices stay sparse.  Both parts are symbolic in the properties of the beam and in the
+parameters of the law.  A coefficient of exactly 0 is not a parameter, and its term is left out.
 
-Each law predicts its equivalent damping ratio for a mode with the tip amplitude A: the viscous ratio that loses the
-same energy per period.
+Each law predicts its equivalent damping ratio for a mode with the tip amplitude A: the ratio of the viscous damping
+that loses the same energy per period.
 
 References
 ----------

@@ -6,7 +6,7 @@ With mass-normalised modes, Phi^T M Phi = I, Eq. (30), the inverse transformatio
     Q = R C R^T e_t,
 
 in which R turns the matrix with the clamp (``turning``).  With fewer measured modes than degrees of freedom, Phi has
-no inverse: then Eq. (32) is the definition, and leaves all other modes undamped.
+no inverse; Eq. (32) is then the definition of C and leaves all other modes undamped.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_sequence, number, physical, shown
 from ancf_casadi.vibration.modes import Modes
 
-LARGEST_RATIO = 1.0 - 1e-6  # usual upper bound of an estimate
+LARGEST_RATIO = 1.0 - 1e-6  # usual upper bound of an estimated damping ratio
 
 
 @final
@@ -49,7 +49,7 @@ class ModalDamping(DampingLaw):
     Raises
     ------
     InputError
-        If a ratio is negative, 1 or more, or the lengths do not fit.
+        If a ratio is negative, 1 or more, a frequency is not positive, or the numbers of values do not fit.
     """
 
     modes: Modes
@@ -110,7 +110,7 @@ class ModalDamping(DampingLaw):
         return 4 * math.pi * cs.DM(list(self.frequencies or ())) * parameters
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
-        """Return phi^T C phi / (2 omega) of each mode at any amplitude; for the given modes, the given ratios."""
+        """Return phi^T C phi / (2 omega) of each mode at any amplitude: for the modes of the law, its ratios."""
         check_instance(modes, "modes", Modes)
         coefficients = 4 * math.pi * np.array(self.ratios) * np.array(self.frequencies)
         squares = (self.projection(modes.model).T @ modes.shapes) ** 2

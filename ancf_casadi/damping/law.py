@@ -29,13 +29,13 @@ class Parameter:
     Parameters
     ----------
     name : str
-        Its name, a C identifier.
+        Name, a C identifier.
     value : float
-        Its value.
+        Value.
     unit : str
-        SI unit, in ASCII; ``1`` if it has none.
+        SI unit, in ASCII; ``1`` for a dimensionless parameter.
     description : str
-        Its meaning.
+        Meaning.
     lower, upper : float
         Usual bounds of an estimate.
     """
@@ -51,7 +51,7 @@ class Parameter:
 class Forces(Protocol):
     """Forces that a damping law combines: those of a beam, of one of its elements, or of a reduced model.
 
-    The Functions are those of ``Element``, of coordinates or velocities and of properties.
+    The Functions are those of ``Element``; their inputs are coordinates, velocities and properties of the body.
     """
 
     @property
@@ -117,7 +117,7 @@ class DampingLaw(ABC):
         return True
 
     def projection(self, model: Model) -> Array:
-        """Return B (4 n + 4, m) of the low-rank part R B diag(d) B^T R^T e_t of the force; without it, m is 0."""
+        """Return B (4 n + 4, m) of the low-rank part R B diag(d) B^T R^T e_t of the force; m is 0 if there is none."""
         return np.zeros((model.size, 0))
 
     def modal_coefficients(self, parameters: cs.MX) -> cs.MX:
@@ -146,7 +146,7 @@ class DampingLaw(ABC):
 @final
 @dataclass(frozen=True)
 class SumOfLaws(DampingLaw):
-    """Several laws that act together; made by adding them.
+    """Several laws that act together, made by adding laws.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ class SumOfLaws(DampingLaw):
 
 
 def weighted_sum(forces: Sequence[Any], parameters: S, e_t: S) -> S:
-    """Return the sum of the forces, each times its parameter; without forces, zeros of the size of ``e_t``."""
+    """Return the sum of the forces, each multiplied by its parameter; without forces, zeros of the size of ``e_t``."""
     total = 0 * e_t
     for weight, force in zip(cs.vertsplit(parameters) if forces else [], forces, strict=True):
         total += weight * force
@@ -250,5 +250,5 @@ def check_coefficients(law: DampingLaw, *names: str) -> None:
 
 
 def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
-    """Return the terms of a law, those of sums within a sum included."""
+    """Return the terms of a law, including those of nested sums."""
     return tuple(term for part in law.laws for term in _terms(part)) if isinstance(law, SumOfLaws) else (law,)

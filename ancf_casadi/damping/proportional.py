@@ -43,10 +43,10 @@ class RayleighDamping(DampingLaw):
         Stiffness-proportional coefficient, s.
     stiffness : {"strain-rate", "tangent", "reference"}
         The meaning of K in large motion.  ``strain-rate``: a Kelvin-Voigt force from the rates of axial strain and
-        curvature.  It is objective, and its linearisation is the elastic K of the straight beam.  ``tangent``: the
-        current tangent stiffness.  Where this is indefinite, as in a beam that buckles, the force adds energy, and
-        ``simulate`` warns.  ``reference``: the constant K of the straight beam, as in the paper.  It is not
-        objective: in rotated elements its axial part resists the motion itself.
+        curvature.  It is objective, and about the straight beam its linearisation is the elastic K.  ``tangent``: the
+        current tangent stiffness.  Where this is indefinite, as in a beam that buckles, the force may add energy, of
+        which ``simulate`` warns.  ``reference``: the constant K of the straight beam, as in the paper.  It is not
+        objective: in elements that have rotated, its axial part resists transverse motion.
 
     Raises
     ------
@@ -99,8 +99,8 @@ class RayleighDamping(DampingLaw):
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
         """Return zeta = alpha/(2 omega) + beta phi^T K phi/(2 omega), at any amplitude.
 
-        With the ``tangent`` stiffness phi^T K phi is omega^2, and this is Eq. (16).  The other two lack the stiffness
-        due to gravity: 4 % of the beta part in mode 2 of the paper's beam.
+        With the ``tangent`` stiffness phi^T K phi is omega^2, and this is Eq. (16).  The other two choices lack the
+        stiffness due to gravity, 4 % of the beta part in mode 2 of the paper's beam.
         """
         check_instance(modes, "modes", Modes)
         stiffness = modes.angular_frequencies**2

@@ -6,7 +6,7 @@ Eq. (19), and so
     Q = int S^T (gamma1 v + gamma2 |v| v) dp,                       Eq. (23)
     gamma1 = eta1 mu,    gamma2 = eta2 mu 1183/876.                 Eq. (25)
 
-For the one-mode shape of Eq. (21) this is Eq. (26), M e_tt + eta1 M e_t + eta2 M e_t |e_t| + K e = 0.
+For the assumed shape of Eq. (21) alone, this gives Eq. (26), M e_tt + eta1 M e_t + eta2 M e_t |e_t| + K e = 0.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, numbers
 from ancf_casadi.vibration.modes import Modes
 
-DRAG_CONSTANT = 1183 / 876  # exact for Eqs. (24), (25); the paper rounds 876/1183 to 0.74
+DRAG_CONSTANT = 1183 / 876  # exact in Eqs. (24) and (25), where the paper rounds its inverse to 0.74
 
 
 @final

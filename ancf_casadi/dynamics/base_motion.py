@@ -1,7 +1,7 @@
 """Prescribed motion of the clamp.
 
-A base motion is a sequence of smooth pieces.  In each piece, displacement u(t) and rotation phi(t) of the clamp from
-where the beam was at rest move the clamped node to
+A base motion is a sequence of smooth pieces.  In each piece, the displacement u(t) and the rotation phi(t) of the
+clamp from its rest position move the clamped node to
 
     r_0 = u,    tau_0 = R(phi) axis.
 
@@ -28,8 +28,8 @@ from ancf_casadi.support.inputs import array, choice, number, physical, positive
 StopAt = Literal["rest", "once"]
 
 SPLINE_DEGREE = 5  # the acceleration of the clamp is then twice continuously differentiable
-AMPLITUDE_ACCURACY = 0.10  # relative; the usual bounds of an estimated amplitude
-AT_REST = 1e-9  # in half periods; the base is at rest at the time asked for
+AMPLITUDE_ACCURACY = 0.10  # relative to the amplitude; gives the usual bounds of an estimate
+AT_REST = 1e-9  # half periods; if ``stop`` is that close behind an instant of rest, the base stops at this instant
 
 
 @dataclass(frozen=True)
@@ -125,8 +125,8 @@ class _Oscillation(BaseMotion):
             return self.stop
         f, f_t = self._frequency
         half_periods = math.ceil((2 * f + f_t * self.stop) * self.stop - 0.5 - AT_REST) + 0.5
-        square = f**2 + f_t * half_periods  # of the frequency at rest
-        return half_periods / (f + math.sqrt(square)) if square > 0.0 else -f / f_t  # at rest where the frequency is 0
+        square = f**2 + f_t * half_periods  # squared frequency at that instant
+        return half_periods / (f + math.sqrt(square)) if square > 0.0 else -f / f_t  # frequency 0
 
     def pieces(self) -> tuple[Piece, ...]:
         """Return the oscillation and, if it stops, the hold."""
@@ -162,7 +162,7 @@ class HarmonicBase(_Oscillation):
     frequency : float
         Frequency, Hz, positive.
     stop : float, optional
-        Requested stop time, s, positive; the motion goes on for ever if not given.
+        Requested stop time, s, positive; if not given, the motion never stops.
     direction : (float, float)
         Direction of the motion, of any positive length; kept as a unit vector.
     stop_at : {"rest", "once"}
@@ -246,9 +246,9 @@ class SampledBase(BaseMotion):
     time : array_like (k,)
         Instants, s, increasing; the motion begins with the first one.
     displacement : array_like (k, 2)
-        Displacement, m, counted from the first sample.
+        Displacement, m; its value at the first sample is subtracted.
     rotation : array_like (k,), optional
-        Rotation, rad, counterclockwise, counted from the first sample.
+        Rotation, rad, counterclockwise; its value at the first sample is subtracted.
 
     Raises
     ------
@@ -261,7 +261,7 @@ class SampledBase(BaseMotion):
     rotation: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        """Validate, and keep arrays counted from the first sample."""
+        """Validate, and keep arrays relative to the first sample."""
         time = array(self.time, "time")
         if time.ndim != 1 or time.size <= SPLINE_DEGREE:
             raise InputError(f"needs at least {SPLINE_DEGREE + 1} instants", "time")

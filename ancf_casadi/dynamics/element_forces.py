@@ -1,12 +1,12 @@
-"""Functions of one element under a damping law, with all terms of the equation of motion.
+"""Functions of one element under a damping law: its contribution to the equation of motion.
 
 With c = (acceleration of gravity, parameters of the law), an element contributes
 
     Q = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g    and the power e_t . Q_damp,
 
 in which Q_damp is the local part of the damping.  The integrators map these Functions over the elements of the beam.
-The Functions contain neither the mesh nor any number of the beam or the law, so their machine code is short and the
-same for all beams.
+The Functions depend neither on the mesh nor on any value of the beam or the law, so their machine code is short and
+serves all beams.
 
 A call from CasADi's virtual machine costs about as much as the forces of an element.  Compiled Functions therefore take
 ``TOGETHER`` elements per call; the last call is padded with copies of the last element.
@@ -24,7 +24,7 @@ import casadi as cs
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.mechanics.element import Element
 
-TOGETHER = 10  # elements per call
+TOGETHER = 10  # elements per call of a compiled Function
 
 
 @dataclass(frozen=True, eq=False)

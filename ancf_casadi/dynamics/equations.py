@@ -2,7 +2,7 @@
 
 The free coordinates q, their velocities v and accelerations a obey
 
-    q_t = v,    v_t = a,    0 = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g   (free rows).
+    q_t = v,    v_t = a,    0 = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g   (rows of the free coordinates).
 
 The clamped node carries the base motion: its position, velocity and acceleration are part of e, e_t and e_tt.  The rows
 of the clamped node give the generalized force of the base on it.
@@ -109,7 +109,7 @@ class Equations:
         balance : Balance
             The terms of the equation of motion, with their parameters.
         vectors : MX (4 n + 4, s)
-            Coordinates, velocities and so on at all nodes, in s columns, one per state.
+            Coordinates, velocities and so on at all nodes, in s columns, one per state of the beam.
 
         Returns
         -------
@@ -127,7 +127,7 @@ class Equations:
 
     @cached_property
     def turned_projection(self) -> cs.Function:
-        """(clamped node (12,)) -> R B of the free coordinates, (4 n, m)."""
+        """(clamped node (12,)) -> rows of R B of the free coordinates, (N, m)."""
         node = cs.MX.sym("node", 3 * NODE)
         B = turned(cs.MX(cs.DM(self.projection)), self.model.beam.axis, node[2:NODE])
         return cs.Function("turned_projection", [node], [B[self.model.free, :]])
@@ -192,7 +192,7 @@ class Balance:
         return model.elastic_force(e, self.properties) - model.gravity_force(self.properties, self.gravity)
 
     def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX) -> tuple[cs.MX, cs.MX]:
-        """Return all forces except the low-rank damping, (4 n + 4, s), and the powers they lose to damping, (1, s).
+        """Return all forces but the low-rank damping, (4 n + 4, s), and the power lost to the local damping, (1, s).
 
         Coordinates, velocities and accelerations have s columns.
         """
@@ -209,7 +209,7 @@ class Balance:
     def tangents(self, e: cs.MX, e_t: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
         """Return the entries of K = d(Q_damp + Q_e)/de, D = dQ_damp/de_t and M of all elements, (entries, s).
 
-        The entries are in the order of ``Model.entries``, without the low-rank part of the damping force.
+        The entries are in the order of ``Model.entries`` and omit the low-rank part of the damping force.
         """
         k, d, m = self.equations.mapped("tangents", self, e, e_t)
         columns = [cs.vertcat(*(cs.reshape(block, -1, e.size2()) for block in blocks)) for blocks in (k, d, m)]

@@ -7,10 +7,10 @@ restarts on each with consistent accelerations; begin and span are parameters, s
 segments.
 
 Order.  Undamped high modes lie on the imaginary axis, where backward differentiation formulas of order 3 to 5 are
-unstable; the order is 2.
+unstable, so the order is limited to 2.
 
-Energy.  The power of the base, the force on the clamped node times its velocity, and the power lost to damping are
-integrated with the motion, so that its energy balance can be checked.
+Energy.  Two powers are integrated with the motion, so that its energy balance can be checked: the power lost to damping
+and the power of the base, which is the force on the clamped node times the velocity of this node.
 
 References
 ----------
@@ -126,7 +126,7 @@ def _refusal(message: str) -> str:
 
 
 def _failure(message: str, segment: Segment) -> SimulationError:
-    """Return an error of one line: when and how IDAS failed, a possible cause, and what to try."""
+    """Return an error with a message of one line: how and when IDAS failed, a possible cause, and what to try."""
     said = re.search(r"[Aa]t t = ([-+.\de]+)(?: and h = ([-+.\de]+))?", message)
     time = segment.start + segment.length * (float(said[1]) if said else 0.0)
     step = f" with a step of {segment.length * float(said[2]):.1e} s" if said and said[2] else ""
@@ -135,10 +135,10 @@ def _failure(message: str, segment: Segment) -> SimulationError:
         why = "modes of the mesh may vibrate undamped, perhaps after an impact on the clamp"
     elif "CONV_FAIL" in message:
         what = "could not solve the equations of a step"
-        why = "the beam may bend more sharply than its elements can follow, or the tolerance be below rounding"
+        why = "the beam may bend more sharply than its elements can follow, or the tolerance may be below rounding"
     else:
         what = "could not meet the tolerance"
-        why = "the tolerance may be below rounding, or the clamp have suffered an impact"
+        why = "the tolerance may be below rounding, or the clamp may have suffered an impact"
     return SimulationError(
         f"IDAS {what} at {time:.6g} s{step}: {why}; try method='radau', another tolerance, a little damping "
         "proportional to the strain rate, or more elements",

@@ -1,14 +1,14 @@
 """Integration of a motion through the smooth pieces of its base motion, by one integrator or two.
 
-IDAS follows every undamped vibration of the mesh, however small: its steps then shrink to the periods of the mesh, and
-the run crawls.  Radau damps what its steps do not resolve, and passes over such vibrations.  An automatic run therefore
-limits the steps of IDAS to
+IDAS resolves every undamped vibration of the mesh, however small: its steps then shrink to a fraction of the periods of
+these vibrations, and the run becomes very slow.  Radau damps the vibrations that its steps do not resolve.  Up to the
+time t of a motion from t_0 to t_1, an automatic run therefore grants IDAS the number of steps
 
-    SPARE_STEPS + IDAS_WORK / elements  (evenly over the time).
+    SPARE_STEPS + IDAS_WORK / elements (t - t_0)/(t_1 - t_0),    elements at least ``FEWEST_ELEMENTS``.
 
-If IDAS exceeds this limit or fails, Radau continues from the last good state.  If the expected motion is so small that
-IDAS would need a tolerance below ``IDAS_SMALLEST``, Radau starts.  The limit counts steps, not seconds, so that a run
-gives the same numbers every time.
+If IDAS exceeds this number or fails, Radau continues from the last good state.  If no tolerance is given, and the
+expected motion is so small that IDAS would need one below ``IDAS_SMALLEST``, Radau integrates from the start.  The
+limit counts steps, not seconds, so that a run gives the same numbers every time.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from ancf_casadi.support.arrays import Array
 
 Method = Literal["auto", "idas", "radau"]
 
-IDAS_WORK = 4_000_000  # steps times elements that an automatic run grants IDAS; about 4 s
-FEWEST_ELEMENTS = 20  # a coarser mesh needs as much time per step
-SPARE_STEPS = 10_000  # steps granted in advance
-BURST = 4  # steps between two samples, relative to an even distribution
-RESTART_STEPS = 300  # additional steps to the next sample, as after a restart
+IDAS_WORK = 4_000_000  # steps of IDAS times elements in an automatic run; they take about 4 s
+FEWEST_ELEMENTS = 20  # a step on a coarser mesh takes as long
+SPARE_STEPS = 10_000  # steps granted at the start
+BURST = 4  # largest number of steps between two samples, relative to their even distribution over the time
+RESTART_STEPS = 300  # granted in addition between two samples, because a restart needs small steps
 SEGMENTS = 25  # per piece of the base motion; a restart of IDAS costs about a hundred small steps
 MOST_POINTS = 250  # samples per segment
 
@@ -52,7 +52,7 @@ class Integration:
     method : {"auto", "idas", "radau"}
         The integrator.
     tolerance : float or None
-        Its tolerance; None for one that follows the expected travel.
+        Its tolerance; None for the default, which depends on the expected travel.
     largest_step : float
         Largest step, s.
     options : mapping

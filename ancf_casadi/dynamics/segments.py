@@ -20,7 +20,7 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.support.arrays import Array
 
-CLOSE = 1e-9  # of a sampling interval; instants closer than that are the same
+CLOSE = 1e-9  # instants are the same if they differ by less than this fraction of a sampling interval or step
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Segment:
     Parameters
     ----------
     start, length : float
-        Its start and length, s.
+        Start and length, s.
     points : int
         Number of instants at equal intervals after the start; the last is the end.
     samples : int
@@ -47,12 +47,12 @@ class Segment:
 
     @property
     def end(self) -> float:
-        """Its end, s."""
+        """End, s."""
         return self.start + self.length
 
     @property
     def instants(self) -> Array:
-        """Its start and its points, (points + 1,), s."""
+        """Start and points, (points + 1,), s."""
         return self.start + self.length * np.arange(self.points + 1) / self.points
 
     @property
@@ -63,7 +63,7 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class InitialValueProblem:
-    """The motion from a state to the end of a smooth piece of the base motion, as an integrator takes it.
+    """The motion from a state to the end of a smooth piece of the base motion, as an integrator receives it.
 
     Parameters
     ----------
@@ -125,9 +125,9 @@ class SegmentSolution:
 
 
 def divide(begin: float, end: float, origin: float, rate: float, size: int) -> Iterator[Segment]:
-    """Divide [begin, end] into segments of ``size`` samples; the ends may lie between two samples.
+    """Divide [begin, end] into segments of ``size`` samples; ``begin`` and ``end`` may lie between two samples.
 
-    The samples start at ``origin``, the start of the motion, with a given rate (1/s).
+    The first sample is at ``origin``, the start of the motion; the others follow at the given rate (1/s).
     """
     first, last = math.ceil((begin - origin) * rate - CLOSE), math.floor((end - origin) * rate + CLOSE)
     if first > last:

@@ -7,8 +7,8 @@ w = B^T R^T e_t.
 Scaling.  The unknowns are x = (displacement/S, v/(S W)) and z = (a/(S W^2), w/(L W)), with S the length L of the beam
 for positions and 1/2 for slopes, and W the bending frequency of a single element.  One tolerance, relative to L, then
 serves all unknowns.  Without the scaling, the noise that Newton's method leaves in the positions, divided by the step,
-would become a velocity error that fails every other step.  The force balance is divided by diag(M) S W^2, so that a
-sparse factorisation finds its pivots on the diagonal and stays within the band of the mesh.
+would become a velocity error that makes every other step fail.  The force balance is divided by diag(M) S W^2, so that
+a sparse factorisation finds its pivots on the diagonal and stays within the band of the mesh.
 """
 
 from __future__ import annotations
@@ -72,8 +72,8 @@ class SemiExplicit:
     def energetics(self) -> cs.Function:
         """(x, z, clamp, parameters) -> powers and reaction.
 
-        The powers are lost to damping and supplied by the base, W; the reaction is the generalized force of the base
-        on the clamped node, (4,).
+        The powers are those lost to damping and supplied by the base, in watts; the reaction is the generalized force
+        of the base on the clamped node, (4,).
         """
         inputs = self._symbols
         outputs = self._outputs(*inputs)
@@ -98,7 +98,7 @@ class SemiExplicit:
 
     @cached_property
     def _jacobian(self) -> cs.Function:
-        """The Jacobian of the residual, written block by block.
+        """The Jacobian of ``residual``, assembled block by block.
 
         Because of the dense rows and columns of B, CasADi alone would compute all other columns one at a time.
         """

@@ -5,12 +5,12 @@ All export formats share these tables, so that a C header, an FMU and a document
     parameters p    gravity, the properties of each element in turn, the parameters of the damping law
     state           free coordinates q and velocities v in the laboratory frame; in the reduced model, whose parameters
                     contain no properties, modal coordinates and their velocities
-    base            displacement (x, y) and rotation of the clamp from where the beam is at rest, with their velocities
-                    and accelerations; a positive rotation turns the axis of the beam counterclockwise
+    base            displacement (x, y) and rotation of the clamp from its rest position, their velocities, and their
+                    accelerations; a positive rotation turns the axis of the beam counterclockwise
 
 Elements are numbered from 1 at the clamp.  Node i ends element i; node 0 is clamped, or free behind an elastic clamp.
-Names are C identifiers.  Three things are fixed in the model and so are not parameters: the projection B of a modal
-(generic) law, the mass at the tip, and the stiffness of the clamp.
+Names are C identifiers.  The projection B of a modal (generic) law, the mass at the tip, and the stiffness of the
+clamp are fixed in the model and are therefore not parameters.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ class Signal:
     Parameters
     ----------
     name : str
-        Its name, a C identifier.
+        Name, a C identifier.
     unit : str
-        SI unit, in ASCII; ``1`` if it has none.
+        SI unit, in ASCII; ``1`` for a dimensionless signal.
     description : str
-        Its meaning.
+        Meaning.
     value : float
         Value of a parameter, or start value of a state or an input.
     """
@@ -87,7 +87,7 @@ class MotionFunctions:
 
     @property
     def named(self) -> dict[str, cs.Function]:
-        """All Functions by their names, which are those in C."""
+        """All Functions by name; their names in C are the same."""
         return {field.name: getattr(self, field.name) for field in fields(self) if field.type == "cs.Function"}
 
     @property

@@ -4,9 +4,9 @@
 
     idas     backward differentiation formulas with variable steps, order 2
     radau    implicit Runge-Kutta collocation of order 5, with longer steps
-    auto     IDAS, and Radau from the time at which IDAS starts to crawl; the default
+    auto     IDAS, and Radau from the time at which IDAS has taken too many steps; the default
 
-Compilation.  The forces of an element are compiled if there is a C compiler; this does not change any digit.
+If there is a C compiler, the forces of an element are compiled, which does not change any digit of the result.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from ancf_casadi.support.inputs import check_instance, choice, flag, positive, p
 from ancf_casadi.support.interrupts import noted_interrupts
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
-MOST_STEPS = 5_000_000  # one or two minutes
+MOST_STEPS = 5_000_000  # these take one or two minutes
 BAR = "{l_bar}{bar}| {n:.2f}/{total:.2f} s [{elapsed}<{remaining}]"
 
 
@@ -78,15 +78,15 @@ def simulate(
         The integrator.  ``auto``: IDAS, and Radau from the time at which IDAS takes too many steps, which a warning
         and ``integrators`` of the result report.  ``idas`` and ``radau`` never change.
     tolerance : float, optional
-        Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.  If not
-        given, it follows the expected motion (``ancf_casadi.dynamics.tolerance``).
+        Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.  The default
+        depends on the expected motion (``ancf_casadi.dynamics.tolerance``).
     largest_step : float
         Largest step, s: for a base motion with short events, or for even steps, which follow a steady vibration better
         than the tolerance alone.
     options : mapping, optional
         Options of CasADi's IDAS interface; they override the defaults.
     most_steps : int
-        Number of steps after which a run is given up.
+        Largest number of steps; a run that needs more fails.
     progress : bool
         Whether to show a progress bar in simulated seconds.
 
@@ -158,7 +158,7 @@ class _Solution:
     setup : MotionSetup
         The motion.
     began : float
-        Time on the clock at which the run began, s.
+        Reading of ``time.perf_counter`` at the start of the run, s.
     segments : list of SegmentSolution
         The solution on each segment so far.
     uses : list of IntegratorUse
@@ -189,9 +189,9 @@ class _Solution:
         last = solution.segment
         if self.steps > most_steps:
             raise SimulationError(
-                f"the integrator took {self.steps} steps up to {last.end:g} s, more than {most_steps}, the last ones "
-                f"of {last.length / solution.steps:.1e} s: undamped vibrations of the mesh may keep them short; try "
-                "method='radau', a little damping proportional to the strain rate, a larger tolerance, or more "
+                f"the integrator took {self.steps} steps up to {last.end:g} s, more than {most_steps}, the last of "
+                f"them {last.length / solution.steps:.1e} s long: undamped vibrations of the mesh may keep them short; "
+                "try method='radau', a little damping proportional to the strain rate, a larger tolerance, or more "
                 "most_steps",
                 last.end,
             )

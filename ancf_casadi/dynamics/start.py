@@ -7,7 +7,8 @@ the velocity v_0 of the clamp and its angular velocity w,
 
     r_t = v_0 + w (z x (r - r_0)),        tau_t = w (z x tau),
 
-so that a base motion that begins with a velocity causes no impact on the clamp.  An impact is a start of its own.
+so that a base motion that begins with a velocity causes no impact on the clamp.  With the start ``impact`` the beam is
+at rest instead, and the clamp strikes it.
 """
 
 from __future__ import annotations
@@ -37,10 +38,10 @@ from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
 Start = Literal["equilibrium", "straight", "impact"]
 
-MOST_SAMPLES = 1e7  # 13 GB at 20 elements
+MOST_SAMPLES = 1e7  # coordinates and velocities take 13 GB at 20 elements
 CHECKED = 1001  # instants at which each piece of a base motion is checked
-LARGEST_STRAIN = 0.01  # axial, of a given state; an equilibrium is balanced and needs no check
-AGREEMENT = 1e-6  # of a state with its base: relative to the length, the slope, and the largest velocity
+LARGEST_STRAIN = 0.01  # largest axial strain of a given state; an equilibrium needs no check
+AGREEMENT = 1e-6  # deviation of a state from its base, relative to length, unit slope and largest velocity
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,7 +190,7 @@ def clamped_nodes(pieces: Sequence[TimedPiece]) -> Array:
 
 
 def base_of(model: Model, base: BaseMotion | None, start: Start | Equilibrium | State) -> BaseMotion:
-    """Return the given base motion; without one, a fixed clamp: at its place in a given state, else at the origin."""
+    """Return the given base motion; if there is none, a clamp fixed at its place in a given state or at the origin."""
     if base is not None:
         return base
     if not isinstance(start, State) or start.coordinates.shape != (model.size,):
@@ -239,7 +240,7 @@ def check_start(model: Model, start: Start | Equilibrium | State) -> None:
     Raises
     ------
     InputError
-        If the start is one of these.
+        If the start is unknown, or an equilibrium of another model.
     """
     if isinstance(start, Equilibrium):
         if start.model != model:
@@ -262,7 +263,7 @@ def rigid_motion(model: Model) -> cs.Function:
 
 
 def _check_state(model: Model, clamp: Array, state: State) -> None:
-    """Refuse a state that does not fit the model, stretches the beam, or disagrees with its clamp (12,)."""
+    """Refuse a state that does not fit the model, stretches the beam, or disagrees with the clamped node (12,)."""
     for name, given in (("coordinates", state.coordinates), ("velocities", state.velocities)):
         if given.shape != (model.size,) or not np.isfinite(given).all():
             raise InputError(f"the {name} must be {model.size} finite numbers", "start")

@@ -3,12 +3,12 @@
 An integrator with the local error tau relative to the length L of the beam damps a small motion of amplitude A, and
 shifts its frequency, by amounts that depend on tau L/A alone.  Two causes move the beam:
 
-    its base, by the larger of its travel and L times its rotation,
-    its start, by the larger of its distance from rest under gravity and v/w_1, v the velocity relative to the clamp,
+    the base, by the larger of its travel and L times its rotation,
+    the start, by the larger of the distance from rest under gravity and v/w_1, v the velocity relative to the clamp,
 
-with w_1 = 1.8751^2 (E I/mu)^1/2/L^2 of the mean section.  The expected travel A is the larger of the two.  If both move
-the beam, A is the smaller, but at least a tenth of the larger, so that a fast small motion on top of a slow large one
-is followed too.  At a resonance the travel is larger than expected, and the result more accurate than required.  The
+with w_1 = 1.8751^2 (E I/mu)^1/2/L^2 of the mean section.  If only one of them moves the beam, A is its travel.  If both
+do, A is the smaller travel, but at least a tenth of the larger, so that a fast small motion on top of a slow large one
+is resolved too.  At a resonance the travel is larger than expected, and the result more accurate than required.  The
 tolerances below keep numerical damping under 1e-5 and the frequency within 3e-5 in the first five modes
 (``docs/accuracy.md``).
 """
@@ -25,11 +25,11 @@ from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.equilibrium import static_equilibrium
 
-IDAS_PER_TRAVEL, RADAU_PER_TRAVEL = 6e-8, 2e-5  # tolerance per expected travel
-IDAS_LARGEST, RADAU_LARGEST = 1e-9, 3e-7
+IDAS_PER_TRAVEL, RADAU_PER_TRAVEL = 6e-8, 2e-5  # tolerance per expected travel A/L
+IDAS_LARGEST, RADAU_LARGEST = 1e-9, 3e-7  # limits for large motion
 IDAS_SMALLEST, RADAU_SMALLEST = 1e-10, 1e-12  # limits set by rounding
-NEGLIGIBLE = 1e-6  # travel that counts as none, relative to the length
-LEAST_OF_LARGER = 0.1  # smallest expected travel, relative to the larger of two motions
+NEGLIGIBLE = 1e-6  # A/L below which a cause is taken not to move the beam
+LEAST_OF_LARGER = 0.1  # smallest expected travel, relative to the larger of the two travels
 FIRST_ROOT = 1.8751040687  # beta_1 L of a cantilever
 
 

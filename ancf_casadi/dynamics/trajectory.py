@@ -1,8 +1,9 @@
 """Result of a simulation: positions, forces and energies.
 
 Axial force and bending moment follow from the strains, N = E A eps and M = E I kappa.  The curvature of a cubic element
-is accurate at its two Gauss points; elsewhere it is taken from the straight line through them.  Only the mean of the
-axial strain over an element is accurate; it is taken from the straight line through the means of two elements.
+is accurate at its two Gauss points; elsewhere it is taken from the straight line through these values.  Of the axial
+strain, only the mean over an element is accurate; elsewhere the straight line through the means of two elements is
+used.
 
 The energy balance is
 
@@ -32,12 +33,12 @@ AT_ONCE = 1000  # samples whose energy is computed together, to limit memory
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Coordinates and velocities of a beam at one instant, a start for a simulation.
+    """Coordinates and velocities of a beam at one instant, from which a simulation can start.
 
     Parameters
     ----------
     coordinates, velocities : array (4 n + 4,)
-        Nodal coordinates and velocities in the laboratory frame, those of the clamp first.
+        Nodal coordinates and velocities in the laboratory frame, beginning with those of the clamped node.
     time : float
         Time on the clock of the base motion, s.
     """
@@ -88,7 +89,7 @@ class Trajectory:
     coordinates, velocities : array (k, 4 n + 4)
         Nodal coordinates and velocities in the laboratory frame.
     clamp_force : array (k, 4)
-        Generalized force of the base on the clamped node: its force, N, and the force conjugate to its slope, N m.
+        Generalized force of the base on the clamped node: force, N, and force conjugate to the slope, N m.
     dissipated_energy : array (k,)
         Energy lost to damping since the start, J.
     base_work : array (k,)
@@ -100,7 +101,7 @@ class Trajectory:
     integrators : tuple of IntegratorUse
         The integrators used; more than one if the default changed from IDAS to Radau.
     interrupted : bool
-        Whether the run was stopped before its end, so that only its finished part is here.
+        Whether Ctrl-C stopped the run before its end, so that only the finished part is here.
     """
 
     model: Model
@@ -117,7 +118,7 @@ class Trajectory:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Reasons for which the default integrator was not used throughout."""
+        """The reasons why the default integrator was not used throughout."""
         return tuple(
             f"radau was used from {use.start:.6g} s on: {use.reason}; use method='radau' to start with it, or "
             "method='idas' to exclude it"
@@ -259,7 +260,7 @@ class Trajectory:
         return np.asarray(float(modulus * width * thickness) * np.mean(strains, axis=0))
 
     def _from_gauss_points(self, s: float, strain: Callable[[Array, Array], Array]) -> Array:
-        """Return a strain, a function of r' and r'', at arc length s from the line through the two Gauss points."""
+        """Return a strain, a function of r' and r'', at arc length s from the line through the Gauss points."""
         l, index = self.model.beam.element_length, self.model.element_at(s)
         first, second = ((index + gauss(2)[0]) * l).tolist()
         values = [

@@ -35,9 +35,9 @@ LUMPED = ("tip_mass", "clamp_stiffness")
 UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modulus": "Pa", "tip_mass": "kg",
          "clamp_stiffness": "N m/rad"}  # fmt: skip
 MINIMUM_ELEMENTS = 2
-MAXIMUM_ELEMENTS = 10_000  # a larger number is a typing error
-SMALLEST, LARGEST = 1e-100, 1e100  # in SI units; products of values outside overflow or vanish
-UNIT_TOLERANCE = 1e-15  # deviation from 1 of the length of a unit vector
+MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error
+SMALLEST, LARGEST = 1e-100, 1e100  # bounds in SI units; products of values beyond them overflow or vanish
+UNIT_TOLERANCE = 1e-15  # largest deviation of the length of a unit vector from 1
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,7 @@ class Beam:
         Raises
         ------
         InputError
-            As ``Beam``, and if a sequence does not have ``elements`` values.
+            As in ``Beam``, and if a sequence does not have ``elements`` values.
         """
         elements = whole(elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
         given = {"width": width, "thickness": thickness, "density": density, "elastic_modulus": elastic_modulus}
@@ -200,7 +200,7 @@ class Beam:
 
     @classmethod
     def from_table(cls, table: Any, where: str) -> Beam:
-        """Make a beam from the table ``[beam]`` of a document called ``where``.
+        """Make a beam from the table ``[beam]`` of a document, which error messages call ``where``.
 
         Raises
         ------
@@ -240,7 +240,7 @@ class Beam:
         Raises
         ------
         InputError
-            If a name is not a field of ``Beam``, or as ``Beam``.
+            If a name is not a field of ``Beam``, or a value is unusable.
         """
         names = {field.name for field in fields(self)}
         for name, value in changes.items():
@@ -251,7 +251,7 @@ class Beam:
         return replace(self, **changes)
 
     def _check_range(self) -> None:
-        """Reject values whose products overflow or vanish, mostly because of a wrong unit."""
+        """Reject values whose products overflow or vanish; the usual cause is a wrong unit."""
         l = self.element_length
         if l == 0.0:
             raise InputError(f"{self.length:g} m is beyond the range of numbers; check the units", "length")

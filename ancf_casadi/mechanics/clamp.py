@@ -1,8 +1,7 @@
 """The elastic clamp: a torsional spring between the base and the first node of the beam.
 
-A real clamp yields a little.  Behind a clamp of torsional stiffness k the base is a node of its own, without mass, and
-the first node of the beam is free.  With position and slope (r_b, tau_b) of the base, (r_0, tau_0) of the first node,
-and
+A real clamp yields a little.  With a clamp of torsional stiffness k, the base is a massless node of its own, and the
+first node of the beam is free.  With position and slope (r_b, tau_b) of the base, (r_0, tau_0) of the first node, and
 
     d = r_0 - r_b,        sigma = |tau_0| - |tau_b|,        theta = angle from tau_b to tau_0,
 

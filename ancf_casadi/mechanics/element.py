@@ -3,7 +3,7 @@
 Length and axis of the element are properties like its width, so one set of Functions serves every mesh.
 
 The eight coordinates e = (r_0, tau_0, r_l, tau_l), Eq. (1), are positions and slopes in the laboratory frame.
-With r = S e, Eq. (2), and line density mu, the energies are
+With r = S e, Eq. (2), and the mass per length mu, the energies are
 
     kinetic   T = 1/2 int mu r_t . r_t dp,                            Eq. (5)
     strain    U = 1/2 int E A eps^2 dp + 1/2 int E I kappa^2 dp,      Eq. (8)
@@ -34,14 +34,14 @@ from ancf_casadi.mechanics.shape import gauss_pairs, shape_matrix
 from ancf_casadi.mechanics.strain import StrainMeasures, axial_strains, bending_strains
 
 MASS_POINTS = 4  # exact: the integrand has degree 6
-DRAG_POINTS = 4
+DRAG_POINTS = 4  # approximate: |v| v is not a polynomial
 ELEMENT_PROPERTIES = 7  # width, thickness, density, elastic modulus, length, x and y of the axis
 STILL = 1e-9  # m/s; |v| is smoothed below this speed, because it has no derivative at rest
 
 
 @dataclass(frozen=True, eq=False)
 class Element:
-    """The CasADi Functions of one element: of the beam, of its clamp, or the mass at its tip.
+    """The CasADi Functions of one element: a piece of the beam, its elastic clamp, or the mass at its tip.
 
     Inputs are coordinates e (d), velocities e_t (d) and the properties p of the element, in SI units.  A beam element
     has d = 8 and p = (width, thickness, density, elastic modulus, length, x and y of the axis); for the others see
@@ -91,7 +91,7 @@ def element(measures: StrainMeasures) -> Element:
     """Derive the Functions of a beam element from its energies, once for each choice of strain measures."""
     e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", ELEMENT_PROPERTIES)
     width, thickness, density, elastic_modulus, l, *axis = cs.vertsplit(p)
-    area, units = width * thickness, cs.vertcat(1, 1, l, l, 1, 1, l, l)  # units * e belongs to an element of length 1
+    area, units = width * thickness, cs.vertcat(1, 1, l, l, 1, 1, l, l)  # units * e: for a length of 1
     mu = density * area
 
     eps, kappa = axial_strains(units * e, l, measures), bending_strains(units * e, l, measures)
@@ -154,7 +154,7 @@ def derived_element(
     elastic_force = cs.jtimes(s, e, d * s, True)
     strain_rate_force = cs.jtimes(s, e, d * cs.jtimes(s, e, e_t), True)
     tangent_force = cs.jtimes(elastic_force, e, e_t)
-    tangent_stiffness = cs.triu2symm(cs.triu(cs.densify(cs.jacobian(elastic_force, e))))  # one half needs no work
+    tangent_stiffness = cs.triu2symm(cs.triu(cs.densify(cs.jacobian(elastic_force, e))))  # the matrix is symmetric
     g = cs.SX.sym("g", 2)
 
     def function(name: str, inputs: list[cs.SX], output: Any) -> cs.Function:

@@ -28,7 +28,7 @@ class Group:
     coordinates : array (k, d)
         Indices of the nodal coordinates of each of the k elements.
     columns : int
-        Number of columns of P that belong to these elements, from the first: k, or 0.
+        Number of columns of P, from the first, that belong to these elements: k, or 0.
     constants : tuple of float
         The fixed properties: length and axis.
     lumped : mapping of str to float
@@ -52,13 +52,13 @@ class Group:
         return cs.vertcat(P[:, : self.columns], cs.repmat(given, 1, self.columns)) if self.columns else given
 
     def gather(self, e: cs.MX) -> cs.MX:
-        """Return the coordinates of each element as columns, (d, k s), from those of all nodes, (size, s)."""
+        """Return the coordinates of each element as columns, (d, k s), from s states of all nodes, (size, s)."""
         columns = np.arange(e.size2())[:, None] * e.size1()
         places = (self.coordinates.ravel() + columns).ravel()
         return cs.reshape(e.nz[places.tolist()], self.coordinates.shape[1], -1)
 
     def scatter(self, forces: cs.MX, size: int) -> cs.MX:
-        """Return the sum of element forces, columns (d, k s), at all nodes, (size, s)."""
+        """Return the sums at all nodes, (size, s), of element forces, (d, k s)."""
         rows = self.coordinates.ravel()
         pattern = cs.Sparsity.triplet(size, rows.size, rows.tolist(), list(range(rows.size)))
         return cs.DM(pattern, 1.0) @ cs.reshape(forces, rows.size, -1)

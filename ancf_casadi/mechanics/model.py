@@ -5,10 +5,10 @@ shared by neighbouring elements.  Forces and matrices add up over the elements,
 
     M e_tt + Q_damp(e, e_t) + Q_e(e) = Q_g,                  Eq. (6), with damping on the left,
 
-and position and slope of node 0 are clamped: the ``free`` coordinates are those of the other nodes.  The Functions of
-an element are mapped over the elements and never expanded here, so graphs stay small and all derivatives sparse.
-A tip mass is one more element, at the last node.  With an elastic clamp the base is a node ahead of the beam's own,
-4 (n + 2) coordinates in all, and the clamp is one more element between the two.
+and node 0 is clamped in position and slope: the ``free`` coordinates are those of the other nodes.  The Functions of an
+element are mapped over the elements and never expanded here, so graphs stay small and all derivatives stay sparse.
+A tip mass is one more element, at the last node.  With an elastic clamp the base is a node ahead of the first node of
+the beam, which makes 4 (n + 2) coordinates, and the clamp is one more element, between these two nodes.
 
 The properties P are a matrix with one column (width, thickness, density, elastic modulus) per element.  Every Function
 here is symbolic in P; ``Model.properties`` holds the values of the beam.
@@ -68,7 +68,7 @@ class Model:
         check_instance(self.measures, "measures", StrainMeasures)
 
     def __reduce__(self) -> tuple[type[Model], tuple[Beam, StrainMeasures]]:
-        """Send the model to another process without its Functions, which are derived again there."""
+        """Pickle the model without its Functions, which the receiving process derives again."""
         return Model, (self.beam, self.measures)
 
     @property
@@ -191,7 +191,7 @@ class Model:
         return cs.Function("gravity_force", [p, g], [self.sum_at_nodes(forces)], ["P", "g"], ["Q_g"])
 
     def sum_at_nodes(self, forces: Sequence[cs.MX]) -> cs.MX:
-        """Return the sum at all nodes, (4 n + 4, s), of the element forces of each group, (d, k s)."""
+        """Return the sums at all nodes, (4 n + 4, s), of the element forces of each group, (d, k s), in s states."""
         sums = [group.scatter(columns, self.size) for group, columns in zip(self.groups, forces, strict=True)]
         return sum(sums[1:], sums[0])
 
@@ -206,7 +206,7 @@ class Model:
         return np.concatenate(rows), np.concatenate(columns)
 
     def matrix(self, values: cs.MX, first: int = 0) -> cs.MX:
-        """Return the sparse sum of element matrices, without the first ``first`` coordinates; values as ``entries``."""
+        """Return the sparse sum of element matrices, ``values`` as in ``entries``, from coordinate ``first`` on."""
         rows, columns = (index - first for index in self.entries)
         kept = np.flatnonzero((rows >= 0) & (columns >= 0))
         pairs, target = np.unique(np.column_stack([columns[kept], rows[kept]]), axis=0, return_inverse=True)

@@ -29,7 +29,7 @@ def hermite(xi: Any, l: float) -> tuple[Any, Any, Any, Any]:
 
 
 def hermite_slope(xi: Any, l: float) -> tuple[Any, Any, Any, Any]:
-    """Return s1'..s4' at ``xi``, in 1/m for the positions and without unit for the slopes."""
+    """Return s1'..s4' at ``xi``, in 1/m for the positions and dimensionless for the slopes."""
     return (
         (6 * xi**2 - 6 * xi) / l,
         1 - 4 * xi + 3 * xi**2,
@@ -55,6 +55,6 @@ def gauss(points: int) -> tuple[Array, Array]:
 
 
 def gauss_pairs(points: int) -> list[tuple[float, float]]:
-    """Return the same rule as pairs of a node and its weight."""
+    """Return the rule of ``gauss`` as pairs (node, weight)."""
     nodes, weights = gauss(points)
     return list(zip(nodes.tolist(), weights.tolist(), strict=True))

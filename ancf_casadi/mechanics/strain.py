@@ -1,10 +1,10 @@
 """Strain measures of the strain energy, Eq. (8), and their values at the Gauss points of an element.
 
 Axial strain eps: ``engineering`` |r'| - 1, or ``green`` (r'.r' - 1)/2.
-Curvature kappa: ``material`` r' x r''/|r'|^2, ``geometric`` r' x r''/|r'|^3, or ``small`` |r''|.  The components of r''
-along r' and normal to r' serve as two strains for ``small``, because they rotate with the beam.
+Curvature kappa: ``material`` r' x r''/|r'|^2, ``geometric`` r' x r''/|r'|^3, or ``small`` |r''|.  For ``small``, the
+components of r'' along r' and normal to r' are two separate strains, because they rotate with the beam.
 
-Each term has two Gauss points.  With three or more the axial term over-constrains the cubic in bending: it locks.
+Each term has two Gauss points.  Three or more in the axial term over-constrain the cubic in bending: the element locks.
 
 References
 ----------
@@ -40,7 +40,7 @@ class StrainMeasures:
     curvature : {"material", "geometric", "small"}
         Transverse curvature kappa.
     axial_points, bending_points : int
-        Gauss points of each term; the defaults do not lock.
+        Numbers of Gauss points; with the defaults the element does not lock.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def axial_strain(slope: Any, measure: AxialStrain) -> Any:
 
 
 def curvature(slope: Any, second: Any, measure: Curvature) -> Any:
-    """Return kappa from the components of r' and r'': numbers, arrays or symbols; of ``small`` the normal component."""
+    """Return kappa (for ``small`` its normal part) from the components of r' and r'': numbers, arrays or symbols."""
     cross = slope[0] * second[1] - slope[1] * second[0]
     power = {"material": 1.0, "geometric": 1.5, "small": 0.5}[measure]
     return cross / (slope[0] ** 2 + slope[1] ** 2) ** power

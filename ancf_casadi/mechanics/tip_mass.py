@@ -1,6 +1,6 @@
 """The mass at the tip: one more element, with a single node.
 
-A mass m has the inertia m r_tt and the weight m g.  It is a point, so it meets no drag.
+A mass m has the inertia m r_tt and the weight m g.  It is a point, so no drag acts on it.
 """
 
 from __future__ import annotations

@@ -1,15 +1,16 @@
 """Forces, stiffness and mass of a structure as numbers, and products with the stiffness that keep their digits.
 
 The entries of the stiffness K of n elements are of the size of n^4 times its lowest eigenvalues (relative to the mass).
-Rounding the assembled K, or its factors, to u = 1e-16 therefore moves the low frequencies by up to n^4 u: measured
-1e-7 with 400 elements, 1e-6 with 1000, and nothing is left with 10 000.  Two measures keep the digits:
+Rounding the assembled K, or its factors, to u = 1e-16 therefore changes the low frequencies by up to n^4 u, relative to
+their size: measured 1e-7 with 400 elements and 1e-6 with 1000; with 10 000 no digit is left.  Two measures help:
 
 - A product K x is summed element by element as the derivative of the element's force along x, with the positions in x
   relative to the first node of the element.  These differences are exact, and the error in the strains is u x/l instead
   of u x/l^2.  The factors of K solve K x = b approximately; this product corrects them (iterative refinement).
 - Rounding a position by u L strains an element by u n, and evaluating the strain of a steel beam to u = 1e-16 leaves a
-  noise of 1e-10 N.  The balance R that remains at the rounded coordinates e gives the rest of them, de = -K^-1 R.  It
-  is too small to be added to e but not to the stiffness: K + (dK/de) de is the stiffness at the equilibrium.
+  noise of 1e-10 N.  The balance R that remains at the rounded coordinates e gives their remainder, de = -K^-1 R.
+  The remainder is too small to be added to e, but its effect on the stiffness is not: at the equilibrium the stiffness
+  is K + (dK/de) de.
 
 References
 ----------
@@ -33,20 +34,20 @@ from ancf_casadi.support.compilation import Buffered
 from ancf_casadi.vibration.element_balance import ElementBalance, element_balance, tip_load_balance
 
 BAND = 2 * NODE - 1  # diagonals on either side of the main one
-REFINEMENTS = 12  # of a solution, at most
+REFINEMENTS = 12  # largest number for one solution
 ROUNDING = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
 class Position:
-    """Nodal coordinates with the remainder that rounding has cut off.
+    """Nodal coordinates, and the remainder that rounding has cut off.
 
     Parameters
     ----------
     coordinates : array (size,)
         The coordinates e, rounded.
     remainder : array (size,)
-        The rest de, which counts to first order.
+        The remainder de, whose effect is taken into account to first order.
     """
 
     coordinates: Array
@@ -54,7 +55,7 @@ class Position:
 
     @classmethod
     def of(cls, coordinates: Array) -> Position:
-        """Return given coordinates without a remainder."""
+        """Return a position without a remainder."""
         return cls(coordinates, np.zeros_like(coordinates))
 
 
@@ -65,11 +66,11 @@ class Part:
     Parameters
     ----------
     balance : ElementBalance
-        Forces and mass of one of them.
+        Forces and mass of one element.
     coordinates : array (elements, d)
-        Indices of their coordinates in the structure.
+        Indices of the coordinates of each element in the structure.
     properties : array (elements, k)
-        Indices of their properties in the structure.
+        Indices of the properties of each element in the structure.
     """
 
     balance: ElementBalance
@@ -101,11 +102,11 @@ class Structure:
     Parameters
     ----------
     model : Model
-        The beam; ``properties`` replace its own.
+        The beam; ``properties`` override the properties of ``model.beam``.
     parts : tuple of Part
         The parts.
     properties : array (properties,)
-        Their properties.
+        The properties of all parts.
     """
 
     model: Model
@@ -127,7 +128,7 @@ class Structure:
         return relative(at.coordinates[part.coordinates]), self.properties[part.properties]
 
     def linearisation(self, at: Position) -> tuple[Array, Array, Array]:
-        """Return R, and K and M by diagonals, of the free coordinates, at the rounded coordinates."""
+        """Return R, K and M of the free coordinates at the rounded coordinates; K and M are stored by diagonals."""
         size, free, bands = self.model.size, self.model.free, 2 * BAND + 1
         force, stiffness, mass = np.zeros((size, 1)), np.zeros((bands * size, 1)), np.zeros((bands * size, 1))
         for part in self.parts:
@@ -156,14 +157,14 @@ class Structure:
 
 
 def relative(rows: Array) -> Array:
-    """Return coordinates of elements, (elements, d), with positions relative to their first node."""
+    """Return coordinates of elements, (elements, d), with positions relative to the first node of each."""
     pairs = rows.reshape(len(rows), -1, 2).copy()
     pairs[:, ::2] -= pairs[:, :1].copy()
     return pairs.reshape(rows.shape)
 
 
 def per_element(function: cs.Function, *inputs: Array) -> list[Array]:
-    """Call a Function for each element, inputs as rows; return its outputs, each (elements, rows, columns)."""
+    """Call a Function for each element, with one row of each input; return its outputs, (elements, rows, columns)."""
     count = len(inputs[0])
     evaluate = Buffered(_mapped(function, count), *(np.ascontiguousarray(values) for values in inputs))
     return [output.reshape(count, -1, function.size1_out(k)).transpose(0, 2, 1) for k, output in enumerate(evaluate())]
@@ -184,10 +185,10 @@ def scatter(places: Index, values: Array, size: int) -> Array:
 
 
 def refined(solve: Callable[[Array], Array], product: Callable[[Array], Array], right: Array) -> Array:
-    """Return x of A x = b from an approximate inverse and the exact product with A, by iterative refinement.
+    """Solve A x = b by iterative refinement, with an approximate inverse of A and exact products A x.
 
-    The corrections shrink by a nearly constant factor.  The iteration ends when the next one would be below rounding,
-    or when they stop shrinking.
+    The corrections shrink by a nearly constant factor.  The iteration ends when the next correction would be below
+    rounding, or when the corrections stop shrinking.
     """
     x = solve(right)
     last = float(np.linalg.norm(x))

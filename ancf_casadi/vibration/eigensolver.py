@@ -8,11 +8,12 @@ the largest lambda many orders of magnitude above the smallest, so Lanczos' meth
 with banded Cholesky factors of K + a M and solutions refined by products K x that keep their digits
 (``ancf_casadi.vibration.assembly``).  The shift a bounds the error of an eigenvalue by rounding,
 
-    a = c u sum_i K_ii (over the positions) / total mass,    u = 1e-16.
+    a = c u sum_i K_ii (over the positions) / mass of the free nodes,    c = 10,    u = 2.2e-16.
 
 It is 1e-6 of the lowest lambda with 20 elements, and as large as the lowest lambda with 4000.  With the shift the
-factors exist even if rounding alone would make K indefinite.  Rayleigh's quotient with the same product gives lambda
-with the square of the error of phi.  The equilibrium is stable if and only if all lambda are positive.
+factors exist even if rounding alone would make K indefinite.  Rayleigh's quotient, with the same product, gives lambda
+with an error of the order of the squared error of phi.  The equilibrium is stable if and only if all lambda are
+positive.
 
 References
 ----------
@@ -33,7 +34,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import sparse
 from ancf_casadi.vibration.assembly import BAND, ROUNDING, Position, Structure, refined
 
-SHIFT = 10.0  # c
+SHIFT = 10.0  # c in the shift a
 
 
 def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array, Array] | None:

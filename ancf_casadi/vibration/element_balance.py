@@ -22,7 +22,7 @@ class ElementBalance:
     Parameters
     ----------
     force : casadi.Function
-        (e, p) -> R (d,), elastic force less gravity, from coordinates e (d,) and properties p (k,).
+        (e, p) -> R (d,), the elastic force minus the weight, for coordinates e (d,) and properties p (k,).
     mass : casadi.Function
         p -> mass matrix M (d, d).
     """
@@ -99,7 +99,7 @@ def element_balance(
     constants : tuple of float
         The properties that are fixed.
     lumped : int
-        Number of variable properties after the constants; those before them are a column of P.
+        Number of variable properties after the constants; the properties before the constants are a column of P.
     gravity : (float, float)
         Acceleration of gravity, m/s^2.
     """
@@ -122,5 +122,5 @@ def tip_load_balance() -> ElementBalance:
 
 
 def _function(name: str, inputs: list[cs.SX], outputs: list[cs.SX]) -> cs.Function:
-    """Return a Function with dense outputs, common subexpressions evaluated once."""
+    """Return a Function with dense outputs that evaluates common subexpressions once."""
     return cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True})

@@ -14,8 +14,9 @@ element bends by about 0.6 rad, because two Gauss points do not control a cubic 
 pure end moment with 5 to 10 elements).  An unstable equilibrium, such as a standing beam beyond buckling, is returned
 too; ``Equilibrium.is_stable`` marks it.
 
-The Newton steps are refined iteratively.  A last step, too small to be added to the coordinates, is kept beside them
-(``ancf_casadi.vibration.assembly``), so the balance holds to the rounding error of the forces on any mesh.
+The corrections of Newton's method are refined iteratively.  The last one, too small to be added to the coordinates, is
+kept beside them (``ancf_casadi.vibration.assembly``), so the balance holds to the rounding error of the forces on any
+mesh.
 """
 
 from __future__ import annotations
@@ -35,10 +36,10 @@ from ancf_casadi.vibration.assembly import Position, Structure, refined
 from ancf_casadi.vibration.eigensolver import lowest_modes
 
 NEWTON_ITERATIONS = 12
-NEWTON_TOLERANCE = 1e-11  # of the beam's length (positions) and of 1/2 (slopes)
-LARGEST_ROTATION = 0.5  # change of a slope in one load step
-SMALLEST_STEP = 1e-5  # of the load factor
-MOST_TRIALS = 500  # of load steps; a path that needs more is close to a fold
+NEWTON_TOLERANCE = 1e-11  # of a correction, relative to the beam's length (positions) and to 1/2 (slopes)
+LARGEST_ROTATION = 0.5  # norm of the change of a slope vector in one load step; about the angle, rad
+SMALLEST_STEP = 1e-5  # of the load factor, which is 1 at full load
+MOST_TRIALS = 500  # load steps tried in all; a path that needs more is close to a fold
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class Equilibrium:
     model : Model
         The beam.
     coordinates : array (4 n + 4,)
-        Nodal coordinates, m and 1.
+        Nodal coordinates: positions, m, and dimensionless slopes.
     tip_force : (float, float)
         Force at the tip, N.
     tip_moment : float
@@ -67,7 +68,7 @@ class Equilibrium:
 
     @property
     def structure(self) -> Structure:
-        """The beam and its loads as parts."""
+        """The beam and its loads as parts with properties."""
         return Structure.of(self.model, (*self.tip_force, self.tip_moment))
 
     @property
@@ -164,7 +165,7 @@ def neighbour(structure: Structure, near: Position, support: Array | float = 0.0
     near : Position
         Start of Newton's method.
     support : array (free,), optional
-        Generalized forces that carry a part of the loads; they are added to the balance.
+        Generalized forces that carry a part of the loads; they are added to the balance R.
     """
     model, at = structure.model, near
     free, scale = model.free, model.scale[model.free]

@@ -1,13 +1,14 @@
-"""Modes followed by their shapes, not by their order, while the properties change.
+"""Following modes by their shapes, not by their order, while the properties change.
 
-Between two states a mode keeps its shape.  The measure is the modal assurance criterion weighted with the masses,
+Over a small change of the properties a mode keeps its shape.  Shapes are compared by the modal assurance criterion,
+weighted with the mass matrix,
 
     MAC = (phi^T M phi_0)^2 / (phi_0^T M phi_0),                    phi^T M phi = 1.
 
-For one shape phi_0 the values of all modes phi add up to at most 1, so a mode with more than one half is unique.  If no
-mode reaches one half, or the equilibrium moves too far, the change is divided into smaller steps.  Uncoupled modes,
-such as bending and axial modes, cross without changing shape.  Coupled modes veer away from the crossing; there, in the
-smallest step, the assignment with the largest sum of MAC values decides.
+For one shape phi_0 the values of all modes phi add up to at most 1, so at most one mode exceeds one half.  If no mode
+does, or the equilibrium moves too far, the change is divided into smaller steps.  Uncoupled modes, such as bending and
+axial modes, cross without changing shape.  Coupled modes veer away from the crossing; there, in the smallest step, the
+assignment with the largest sum of MAC values decides.
 
 References
 ----------
@@ -26,9 +27,9 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.modal_state import ModalState, modes_near
 from ancf_casadi.vibration.modes import Modes
 
-SPARE = 4  # modes above the highest followed one that are computed too
-UNIQUE = 0.5  # MAC above which no other mode can be the same
-SMALLEST_STEP = 1e-3  # of a change of the properties
+SPARE = 4  # additional modes computed above the highest one followed
+UNIQUE = 0.5  # MAC above which the assignment is unique
+SMALLEST_STEP = 1e-3  # relative to the whole change of the properties
 
 
 def followed_modes(modes: Modes, numbers: Index) -> ModalState:
@@ -70,13 +71,13 @@ def follow(start: ModalState, properties: Array) -> ModalState:
 
 
 def _step(here: ModalState, properties: Array, smallest: bool) -> ModalState | None:
-    """Return the modes of a neighbouring state; None if there is none, or a mode is not unique in a divisible step."""
+    """Return the modes of a neighbouring state; None if there is none, or the step is ambiguous and not smallest."""
     model = here.model
     count = min(model.size - model.free.start, int(here.numbers.max()) + 1 + SPARE)
     state = modes_near(replace(here.structure, properties=properties), here.at, count)
     if state is None:
         return None
-    correlations = _correlations(here, here.shapes, state)
+    correlations = _correlations(here, state)
     modes, targets = linear_sum_assignment(-(correlations**2))
     order = modes[np.argsort(targets)]
     if not smallest and (correlations[order, np.arange(len(order))] ** 2).min() <= UNIQUE:
@@ -84,15 +85,16 @@ def _step(here: ModalState, properties: Array, smallest: bool) -> ModalState | N
     return _selected(state, order, correlations)
 
 
-def _correlations(before: ModalState, shapes: Array, after: ModalState) -> Array:
-    """Return phi^T M phi_0 / (phi_0^T M phi_0)^(1/2), the signed root of the MAC, (modes after, shapes)."""
+def _correlations(before: ModalState, after: ModalState) -> Array:
+    """Return phi^T M phi_0 / (phi_0^T M phi_0)^(1/2), the signed root of the MAC, (modes after, modes before)."""
     free = before.model.free
-    inertia = after.inertia @ shapes[free]
-    return np.asarray(after.shapes[free].T @ inertia / np.sqrt(np.sum(shapes[free] * inertia, axis=0)))
+    shapes = before.shapes[free]
+    inertia = after.inertia @ shapes
+    return np.asarray(after.shapes[free].T @ inertia / np.sqrt(np.sum(shapes * inertia, axis=0)))
 
 
 def _selected(state: ModalState, order: Index, correlations: Array) -> ModalState:
-    """Return the state with these modes only, with the signs of the shapes they follow."""
+    """Return the state with some of its modes only, each with the sign of the mode it continues."""
     signs = np.sign(correlations[order, np.arange(len(order))])
     return replace(
         state,

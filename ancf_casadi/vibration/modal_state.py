@@ -1,8 +1,8 @@
 """The modes of a beam with varied properties, as fast as an optimiser needs them, and their linearisation.
 
 ``natural_modes`` follows the equilibrium from the straight beam.  Here Newton's method starts from a neighbouring
-equilibrium, and the properties are numbers in Functions derived once.  Newton's method and the eigenvalue solver are
-the same (``ancf_casadi.vibration.equilibrium``, ``ancf_casadi.vibration.eigensolver``).
+equilibrium, and the properties are numerical inputs of Functions that are derived once.  Newton's method and the
+eigenvalue solver are the same in both cases (``ancf_casadi.vibration.equilibrium`` and ``.eigensolver``).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class ModalState:
 
     @property
     def model(self) -> Model:
-        """The beam; ``properties`` replace its own."""
+        """The beam; ``properties`` override the properties of ``model.beam``."""
         return self.structure.model
 
     @property

@@ -35,7 +35,7 @@ class Modes:
     Parameters
     ----------
     equilibrium : Equilibrium
-        The equilibrium about which they vibrate.
+        The equilibrium about which the beam vibrates.
     frequencies : array (m,)
         Natural frequencies, Hz.
     shapes : array (4 n + 4, m)
@@ -68,7 +68,7 @@ class Modes:
         return np.asarray(np.linalg.norm(tip @ self.shapes, axis=0))
 
     def modal_coordinate(self, coordinates: Array, mode: int) -> Array:
-        """Return the modal coordinate of one mode in given motions, scaled to the displacement of the tip.
+        """Return the modal coordinate of one mode in a given motion, scaled to the displacement of the tip.
 
         The projection phi^T M (e - e_rest) excludes all other modes of small motion.
 
@@ -143,7 +143,7 @@ def mac(first: Array, second: Array) -> Array:
     Parameters
     ----------
     first, second : array (k, m1), (k, m2)
-        Shapes as columns, in the same coordinates, all with one unit.
+        Shapes as columns, in the same coordinates and the same unit.
 
     Returns
     -------

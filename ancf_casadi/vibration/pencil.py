@@ -1,7 +1,8 @@
 """The matrix K - lambda M at an eigenvalue lambda, solvable although it is singular.
 
-K - lambda M is singular along its mode shape phi alone.  With the largest component of the unknown held at zero the
-system is regular and keeps its band (Nelson).  Rows and columns are scaled by the diagonal of K.
+K - lambda M is singular in the direction of its mode shape phi alone.  Rows and columns are scaled to give K a unit
+diagonal.  If the unknown is held at zero in the coordinate in which phi, scaled likewise, is largest, the system is
+regular and keeps its band (Nelson).
 
 References
 ----------
@@ -28,9 +29,9 @@ class Pencil:
     factors : Factors
         The factors.
     scale : array (free,)
-        Factors by which rows and columns were multiplied.
+        Multipliers of the rows and columns, 1/K_ii^1/2.
     held : int
-        Number of the coordinate that is held.
+        Index of the coordinate that is held at zero.
     """
 
     factors: Factors

@@ -9,10 +9,11 @@ Let u = (q, p) and v = (phi, lambda), with the first derivatives u_p and v_p.  T
 
     y_pp = B + B^T + v_p^T L_vv v_p,    B = u_p^T (1/2 L_uu u_p + L_uv v_p),    u_p^T Y = Y_p - R_p^T K^-1 Y_q,
 
-    v_p^T L_vv v_p = -sum_k (beta_k phi_p^T M phi_p + lambda_p^T (a_k^T M phi_p) + (a_k^T M phi_p)^T lambda_p).
+    v_p^T L_vv v_p = -sum_k (beta_k phi_p^T M phi_p + lambda_p^T (a_k^T M phi_p) + (a_k^T M phi_p)^T lambda_p),
 
-L is a sum over the elements, so its Hessian is needed for one element and one mode only.  The work grows with the
-square of the number of elements if each element has properties of its own.
+in which Y_q and Y_p are the rows of any matrix Y that belong to q and to p, and phi and lambda those of mode k.  L is a
+sum over the elements, so its Hessian is needed for one element and one mode only.  The work grows with the square
+of the number of elements if each element has properties of its own.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from ancf_casadi.vibration.assembly import Part, per_element, scatter
 from ancf_casadi.vibration.modal_state import ModalState
 from ancf_casadi.vibration.sensitivities import Sensitivities, multipliers, sensitivities
 
-COLUMNS = 128  # directions treated at once, so that the products of small matrices stay in the cache
+COLUMNS = 128  # directions at once: few enough that the products of small matrices stay in the cache
 
 
 def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
@@ -70,7 +71,7 @@ def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
 
 
 def _lagrangian_hessians(state: ModalState, a: Array, beta: Array, z: Array) -> list[tuple[Part, Array]]:
-    """Return 1/2 L_uu and L_uv of the elements side by side, each (elements, d + k, d + k + m (d + 1))."""
+    """Return 1/2 L_uu and L_uv of the elements of each part side by side, (elements, d + k, d + k + m (d + 1))."""
     m, found = len(beta), []
     for part in state.structure.parts:
         elements, shared = len(part.coordinates), sum(part.balance.sizes)
@@ -84,7 +85,7 @@ def _lagrangian_hessians(state: ModalState, a: Array, beta: Array, z: Array) -> 
 
 
 def _b_of_all_properties(state: ModalState, first: Sensitivities, blocks: list[tuple[Part, Array]]) -> Array:
-    """Return B with u_p by all properties on the left and along the directions of ``first`` on the right."""
+    """Return B with all properties as its rows and the directions of ``first`` as its columns."""
     free, N = state.model.free, first.directions.shape[1]
     by_coordinate, by_property = np.zeros_like(first.coordinates), np.zeros_like(first.directions)
     for part, block in blocks:

@@ -9,7 +9,7 @@ Along a change dp the equilibrium moves by K dq = -R_p dp.  With f = (K phi)_q d
     dlambda = phi^T f,    (K - lambda M) dphi = -f + dlambda M phi,    phi^T M dphi = -1/2 (phi^T M phi)_p dp.
 
 The derivative of one combination y = sum_k (b_k lambda_k + c_k^T phi_k) costs one solution per mode for any number of
-properties.  Each mode has multipliers a and beta,
+properties.  Each mode k has multipliers a_k and beta_k, written here without the index,
 
     (K - lambda M) a = -c + beta M phi,    beta = phi^T c,    phi^T M a = b,
 
@@ -60,7 +60,7 @@ class Sensitivities:
 
 
 def sensitivities(state: ModalState, directions: Array) -> Sensitivities:
-    """Return the derivatives of equilibrium and modes along changes of the properties, (properties, N)."""
+    """Return the derivatives of equilibrium and modes along N changes of the properties, (properties, N)."""
     free, size, m, N = state.model.free, state.model.size, len(state.eigenvalues), directions.shape[1]
     coordinates, force = np.zeros((2, size, N))
     f, half_norm = np.zeros((m, size, N)), np.zeros((m, N))
@@ -82,7 +82,7 @@ def sensitivities(state: ModalState, directions: Array) -> Sensitivities:
 
 
 def gradient(state: ModalState, b: Array, c: Array) -> Array:
-    """Return the derivatives of combinations of eigenvalues and mode shapes with respect to all properties.
+    """Return the derivatives of C combinations of eigenvalues and mode shapes with respect to all properties.
 
     Parameters
     ----------

@@ -166,7 +166,7 @@ def test_at_the_default_tolerance_a_released_beam_keeps_swinging_in_both_modes(m
 
 
 def test_damping_by_the_reference_stiffness_has_the_predicted_ratio_in_very_small_motion_only(modes):
-    """Its axial part resists the rotation of elements: at 0.2 % of the length the ratio more than doubles."""
+    """The axial part resists the rotation of elements: at 0.2 % of the length the ratio more than doubles."""
     law = reference(2e-3)
     predicted = law.damping_ratios(modes, np.zeros(5))[0]
     tiny = simulated_ratios(law, modes, amplitudes=(1e-5,), duration=0.7, tolerance=1e-11)[0]
@@ -214,7 +214,7 @@ def test_drag_takes_as_much_energy_in_a_period_as_its_equivalent_viscous_ratio(m
 
 
 def test_drag_constants_of_the_true_modes_fall_from_0_739_to_0_618(paper_beam):
-    """Int |phi|^3/int phi^2 of the exact cantilever modes, by midpoint sums; the shape of Eq. (21) has 876/1183."""
+    """Ratio int |phi|^3/int phi^2 of the exact cantilever modes, by midpoint sums; that of Eq. (21) is 876/1183."""
     exact = np.array([0.738914, 0.647144, 0.632013, 0.622715, 0.617725])
     modes = natural_modes(Model(paper_beam(40, gravity=(0.0, 0.0))), count=5)
     ratios = QuadraticDamping(eta2=1.0).damping_ratios(modes, np.full(5, 0.01))

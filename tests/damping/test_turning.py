@@ -54,7 +54,7 @@ def modes(rubber_beam):
     return natural_modes(Model(rubber_beam(4, **WEIGHTLESS)), count=2)
 
 
-def turned_and_struck(angle):
+def turned_and_shifted(angle):
     """Turn the clamp in 0.5 s, then shift it across the beam by 1 mm in 15 ms, and hold it."""
     time = np.linspace(0.0, 0.52, 521)
     across = rotation(angle) @ [1e-3, 0.0]
@@ -76,7 +76,7 @@ def ratio_of(time, displacement, omega):
 @ANGLES
 def test_the_modes_of_a_turned_beam_decay_with_the_ratios_given(modes, method, degrees):
     angle, law = np.radians(degrees), ModalDamping(modes, RATIOS)
-    base = turned_and_struck(angle)
+    base = turned_and_shifted(angle)
     settings = {"duration": 1.0, "sample_rate": 1000.0, "method": method, "tolerance": 1e-9}
     run = simulate(modes.model, damping=law, base=base, **settings)
     held = run.time > 0.53

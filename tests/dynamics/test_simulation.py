@@ -133,7 +133,7 @@ def test_a_damped_beam_under_a_base_that_moves_and_stops_agrees_with_an_explicit
     assert abs(driven.tip[::10] - tip).max() < 5e-7
 
 
-def test_a_beam_at_rest_whose_base_starts_with_a_speed_is_struck(rubber):
+def test_a_beam_at_rest_whose_base_starts_with_a_velocity_suffers_an_impact(rubber):
     base, settings = HarmonicBase(AMPLITUDE, FREQUENCY), {"duration": 0.02, "sample_rate": 500.0, "tolerance": 1e-9}
     run = simulate(rubber, base=base, start="impact", method="idas", **settings)
     rest = static_equilibrium(rubber).coordinates
@@ -144,7 +144,7 @@ def test_a_beam_at_rest_whose_base_starts_with_a_speed_is_struck(rubber):
     assert abs(run.tip[-1] - rest[-4:-2]).max() > 1e-6
 
 
-def test_a_base_that_stops_at_once_strikes_the_beam_too(rubber):
+def test_a_base_that_stops_at_once_causes_an_impact_too(rubber):
     stop = 0.0513
     base = HarmonicBase(AMPLITUDE, FREQUENCY, stop=stop, stop_at="once")
     run = simulate(rubber, base=base, duration=0.07, sample_rate=500.0, tolerance=1e-9)
@@ -162,7 +162,7 @@ def test_a_base_that_stops_at_once_strikes_the_beam_too(rubber):
 
 
 def test_a_base_that_shifts_and_turns_carries_the_beam_as_an_explicit_integrator_has_it(rubber):
-    """U = 20 mm (sin 7t, 1 - cos 5t), phi = 0.3 sin 6t, sampled every millisecond; the beam starts with the base."""
+    """Base motion u = 20 mm (sin 7t, 1 - cos 5t), phi = 0.3 sin 6t, sampled every millisecond."""
     t = np.arange(0.0, 0.301, 1e-3)
     shift = 0.02 * np.column_stack([np.sin(7 * t), 1 - np.cos(5 * t)])
     run = simulate(

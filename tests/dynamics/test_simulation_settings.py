@@ -232,7 +232,7 @@ def test_options_override_the_defaults(small):
 
 
 @pytest.mark.parametrize("method", ["idas", "radau"])
-def test_a_run_that_crawls_is_given_up_and_keeps_what_it_has(small, method):
+def test_a_run_of_too_many_steps_is_given_up_and_keeps_its_finished_part(small, method):
     with pytest.raises(
         SimulationError, match=r"^the integrator took \d+ steps up to 0\.\d+ s, more than 10, "
     ) as caught:
@@ -249,7 +249,7 @@ def test_no_step_is_longer_than_allowed(small, method):
 
 
 def test_radau_below_rounding_says_so_with_time_and_step(small):
-    with pytest.raises(SimulationError, match=r"^the integrator could not go on at 0 s with a step of \S+ s: "):
+    with pytest.raises(SimulationError, match=r"^the integrator could not continue at 0 s with a step of \S+ s: "):
         simulate(small, start="straight", duration=0.1, tolerance=1e-40, method="radau")
 
 

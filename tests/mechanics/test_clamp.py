@@ -23,7 +23,7 @@ WEIGHTLESS = {"axis": (1.0, 0.0), "gravity": (0.0, 0.0)}
 
 
 def roots(equation, count):
-    """Beta L of the lowest modes: the first roots above 0 of a frequency equation."""
+    """Values beta L of the lowest modes: the first roots above 0 of a frequency equation."""
     grid = np.arange(0.05, 20.0, 0.05)
     values = np.array([equation(x) for x in grid])
     changes = np.flatnonzero(values[:-1] * values[1:] < 0)[:count]
@@ -31,7 +31,7 @@ def roots(equation, count):
 
 
 def in_hertz(beam, beta):
-    """F = (beta L)^2/(2 pi L^2) (EI/mu)^1/2."""
+    """Frequency f = (beta L)^2/(2 pi L^2) (EI/mu)^1/2."""
     section = beam.sections[0]
     stiffness, line = beam.elastic_modulus[0] * section.second_moment, beam.density[0] * section.area
     return beta**2 / (2 * np.pi * beam.length**2) * np.sqrt(stiffness / line)
@@ -39,7 +39,7 @@ def in_hertz(beam, beta):
 
 @pytest.mark.parametrize("ratio", [0.1, 1.0, 5.0])
 def test_a_tip_mass_lowers_the_frequencies_as_the_frequency_equation_says(paper_beam, ratio):
-    """1 + cos x cosh x = (m/M) x (sin x cosh x - cos x sinh x)."""
+    """Frequency equation 1 + cos x cosh x = (m/M) x (sin x cosh x - cos x sinh x)."""
     beam = paper_beam(40, **WEIGHTLESS)
     beam = beam.with_(tip_mass=ratio * beam.mass)
     beta = roots(
@@ -52,7 +52,7 @@ def test_a_tip_mass_lowers_the_frequencies_as_the_frequency_equation_says(paper_
 
 @pytest.mark.parametrize("ratio", [1e-3, 1.0, 50.0, 1e4])
 def test_an_elastic_clamp_lowers_the_frequencies_as_the_frequency_equation_says(paper_beam, ratio):
-    """K L/(E I) (1 + cos x cosh x) = x (sin x cosh x - cos x sinh x)."""
+    """Frequency equation k L/(E I) (1 + cos x cosh x) = x (sin x cosh x - cos x sinh x)."""
     beam = paper_beam(40, **WEIGHTLESS)
     stiffness = beam.elastic_modulus[0] * beam.sections[0].second_moment
     beam = beam.with_(clamp_stiffness=ratio * stiffness / beam.length)

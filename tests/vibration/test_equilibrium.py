@@ -245,6 +245,6 @@ def test_a_point_off_the_beam_has_no_position(weightless):
 
 
 def test_a_beam_too_slender_for_arithmetic_is_an_error_with_advice(paper_beam):
-    """Its stiffness is singular, which once raised a RuntimeError in the solver."""
+    """The stiffness is singular, which once raised a RuntimeError in the solver."""
     with pytest.raises(EquilibriumError, match="a value is in the wrong unit"):
         static_equilibrium(Model(paper_beam(4, length=1e20)))

@@ -27,7 +27,7 @@ WEIGHTLESS = {"axis": (1.0, 0.0), "gravity": (0.0, 0.0)}
 
 
 def cantilever_roots(count):
-    """Beta L of the clamped-free beam: cos x cosh x = -1."""
+    """Values beta L of the clamped-free beam: cos x cosh x = -1."""
     return np.array(
         [
             brentq(lambda x: np.cos(x) + 1 / np.cosh(x), (k + 0.4) * np.pi, (k + 0.7) * np.pi, xtol=1e-14)
@@ -46,7 +46,7 @@ def test_twenty_elements_give_the_frequencies_of_twenty_cubic_elements(modes):
 
 
 def test_frequencies_are_those_of_the_cantilever_formula(modes):
-    """F = (beta L)^2/(2 pi L^2) (EI/mu)^1/2, which 20 elements overestimate by (beta l)^4/1440."""
+    """Frequency f = (beta L)^2/(2 pi L^2) (EI/mu)^1/2, which 20 elements overestimate by (beta l)^4/1440."""
     roots = cantilever_roots(5)
     exact = roots**2 / (2 * np.pi * 0.5**2) * np.sqrt(210e9 / 8000.0) * 0.5e-3 / np.sqrt(12)
     np.testing.assert_allclose(exact, EXACT_8000, rtol=1e-9)
@@ -64,7 +64,7 @@ def test_the_error_of_a_frequency_is_beta_l_to_the_fourth_over_1440(paper_beam, 
 @pytest.mark.parametrize("elements", [100, 400, 2000])
 @pytest.mark.parametrize("axis", [(1.0, 0.0), (0.6, 0.8)])
 def test_fine_meshes_keep_the_digits_of_the_low_frequencies(paper_beam, elements, axis):
-    """Rounding the assembled stiffness changed the first by 3e-7 with 400 elements, and by 1e-4 with 2000."""
+    """Rounding the assembled stiffness changed the first frequency by 3e-7 with 400 elements, and by 1e-4 with 2000."""
     frequencies = natural_modes(Model(paper_beam(elements, **{**WEIGHTLESS, "axis": axis}))).frequencies
     roots = cantilever_roots(5)
     exact = roots**2 / (2 * np.pi * 0.5**2) * np.sqrt(210e9 / 8000.0) * 0.5e-3 / np.sqrt(12)
@@ -106,7 +106,7 @@ def test_gravity_raises_the_frequencies_of_a_hanging_beam_and_lowers_those_of_a_
 
 
 def test_table_10_standard_is_the_weightless_beam_of_density_7850_not_8000(paper_beam, modes):
-    """Table 1 and 9 print 8000 kg/m^3."""
+    """Tables 1 and 9 print 8000 kg/m^3."""
     frequencies = natural_modes(Model(paper_beam(density=7850.0, **WEIGHTLESS))).frequencies
     np.testing.assert_allclose(frequencies, TABLE_10_STANDARD, rtol=2e-4)
     np.testing.assert_allclose(frequencies, EXACT_7850, rtol=2e-4)

@@ -1,9 +1,9 @@
 """The motion of a beam as a CasADi Function of its parameters.
 
-``motion`` makes the motion that ``simulate(method="radau")`` computes a Function of the law's parameters theta, those
-of the base motion b, the properties P of the elements and, if asked for, the load s from which the beam is let go.  The
-Function can stand in any CasADi expression.  Its derivatives are exact (``sensitivity``), forward for few parameters
-and in reverse for few results.
+``motion`` returns the motion that ``simulate(method="radau")`` computes, as a Function of the parameters theta of the
+law, the parameters b of the base motion, the properties P of the elements and, on request, the load s from which the
+beam is released.  The Function can stand in any CasADi expression.  Its derivatives are exact (``sensitivity``),
+forward for few parameters and reverse for few results.
 """
 
 from __future__ import annotations
@@ -51,11 +51,12 @@ def motion(
         As in ``simulate``, with the same defaults.  The start ``equilibrium`` or ``impact``, or an ``Equilibrium``,
         changes with the properties; a ``State`` does not.
     start_load : bool
-        Whether the Function has a fourth input, ``start``: the tip load that holds the beam until it is let go, and its
-        rate (``release_load.START``; N, N, N m, and the same per second), instead of the load of ``start``.
+        Whether the Function has a fourth input, ``start``, which replaces the load of the argument ``start``: the tip
+        load that holds the beam until its release, and the rate of this load (``release_load.START``; N, N, N m, and
+        the same per second).
     most_steps : int
-        Number of steps after which a motion is given up.  Fewer than in ``simulate``, as all steps are kept in memory,
-        4 kB each at 20 elements.
+        Largest number of steps.  The default is below that of ``simulate``, because all steps are kept in memory, 4 kB
+        each at 20 elements.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The first state of a motion and its Jacobian by the parameters.
+"""The first state of a motion, and its Jacobian with respect to the parameters.
 
 A start at rest depends on the properties P of the elements, and on the load s that holds the beam, through the static
 equilibrium (``release_load``).  Unless it is an impact, the beam moves with its clamp as one rigid body (``start``), so
@@ -42,7 +42,7 @@ class DifferentiableStart:
     layout: Layout
 
     def state(self, model: Model, clamp: ClampMotion, load: Array) -> tuple[State, Array]:
-        """Return the first state, and the Jacobian of its q and v by the values, (2 N, ...).
+        """Return the first state, and the Jacobian of q and v with respect to the values, (2 N, ...).
 
         Parameters
         ----------
@@ -51,7 +51,7 @@ class DifferentiableStart:
         clamp : ClampMotion
             Motion of the clamp.
         load : array (6,) or (0,)
-            s; empty if the load at the start is no parameter.
+            The load s; empty if the load at the start is not a parameter.
         """
         free = model.size - NODE
         jacobian = np.zeros((2 * free, self.layout.size))
@@ -74,7 +74,7 @@ class DifferentiableStart:
 
     @property
     def _own_load(self) -> Array:
-        """The load and its rate that hold the beam if they are no parameters."""
+        """The load that holds the beam, and its rate, if they are not parameters."""
         if isinstance(self.start, Equilibrium):
             return np.array([*self.start.tip_force, self.start.tip_moment, 0.0, 0.0, 0.0])
         return np.zeros(len(START))
@@ -85,7 +85,7 @@ class DifferentiableStart:
 
     @cached_property
     def _rigid_velocities(self) -> cs.Function:
-        """(e, velocity of the clamped node) -> velocities of a rigid motion, and their Jacobians by q and by it."""
+        """(e, velocity of the clamped node) -> rigid velocities, and Jacobians of the free ones by q and by it."""
         e, clamp_velocity = cs.MX.sym("e", self.model.size), cs.MX.sym("clamp_velocity", NODE)
         moved = rigid_motion(self.model)(e, clamp_velocity)
         jacobians = [cs.jacobian(moved[NODE:], e)[:, NODE:], cs.jacobian(moved[NODE:], clamp_velocity)]

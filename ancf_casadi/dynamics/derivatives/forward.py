@@ -1,6 +1,6 @@
 """Forward sensitivities: the derivatives of a computed motion along some directions of its parameters.
 
-For each step, with what is given for it in u = (q, v, clamped nodes, parameters),
+For each step, with its data u = (q, v, clamped nodes, parameters),
 
     dZ = -G^-1 R_u du,    dV = A^-1 dZ/h,    da = A^-1 (dV - dv)/h,
 

@@ -20,16 +20,16 @@ from ancf_casadi.support.compilation import Buffered
 
 @dataclass(frozen=True, eq=False)
 class LinearisedStep:
-    """A step and its linearisation G dZ + R_u du = 0, with d directions side by side.
+    """A step and its linearisation G dZ + R_u du = 0, for d directions side by side.
 
     Parameters
     ----------
     step : Step
         The step.
     samples : array
-        Indices of the samples in it.
+        Indices of the samples in the step.
     factors : Factors
-        The factors of G, in its own order of the unknowns.
+        The factors of G, with the unknowns in the order of ``Tangent.order``.
     linearisation : Linearisation
         The Functions.
     parameters : array
@@ -88,7 +88,7 @@ class Linearisation:
         Raises
         ------
         SimulationError
-            If there is a Ctrl-C that ``noted_interrupts`` has noted.
+            If ``noted_interrupts`` has noted a Ctrl-C.
         """
         order = -1 if backwards else 1
         modal_coefficients = self._modal_coefficients(run.parameters).full().ravel()

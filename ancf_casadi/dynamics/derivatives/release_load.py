@@ -5,9 +5,9 @@ If the load changes slowly, at the rate p', the beam moves through these shapes 
 
     R(q, p, P) = 0,    h = K v - L p' = 0,    K = dR/dq,    L = -dR/dp,
 
-and is released with both.  Shape and velocity bend the beam without stretching it, unlike a linear mode shape.  For a
-hanging beam, Fx and Fx' set the amplitude and phase of the first mode; force and moment set those of the first two.  By
-the implicit function theorem,
+and is released with this shape and velocity, which bend the beam without stretching it, unlike a linear mode shape.
+For a hanging beam, Fx and Fx' set the amplitude and phase of the first mode; force and moment set those of the first
+two.  By the implicit function theorem,
 
     dq = -K^-1 (R_p dp + R_P dP),    dv = -K^-1 (h_q dq + h_p dp + h_P dP - L dp').
 """
@@ -38,7 +38,7 @@ class HeldStart:
     coordinates, velocities : array (4 n + 4,)
         Nodal coordinates and velocities.
     by_properties, by_load : array (2 N, 4 n), (2 N, 6)
-        Derivatives of the free coordinates and velocities by P, element by element, and by p and p'.
+        Derivatives of the free coordinates and velocities with respect to P, element by element, and (p, p').
     """
 
     coordinates: Array

@@ -1,7 +1,7 @@
-"""Reverse sensitivities: the derivatives of weighted sums of a computed motion by all its parameters.
+"""Reverse sensitivities: the derivatives of weighted sums of a computed motion with respect to all its parameters.
 
-The steps are those of ``forward`` backwards, each transposed: from the weights q, v and a of the end of a step follow
-those of its increments Z, then -R_u^T G^-T of these, and with them the weights of its start.
+The steps of ``forward`` are taken backwards, each transposed.  The weights of q, v and a at the end of a step give the
+weights w of its increments Z; -R_u^T G^-T w are then weights of u, and give those of q, v and a at the start.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ from ancf_casadi.support.layout import Layout
 
 
 def reverse(linearisation: Linearisation, run: Run, weights: Array) -> tuple[Array, Array, Array]:
-    """Return the derivatives of d sums of the coordinates by the first q and v, b, and the parameters, (..., d).
+    """Return the derivatives of d sums of the coordinates with respect to the first q and v, b, and the parameters.
+
+    Each is an array (..., d).
 
     Parameters
     ----------
@@ -59,7 +61,7 @@ def reverse(linearisation: Linearisation, run: Run, weights: Array) -> tuple[Arr
 
 
 def _sampled(run: Run, passage: Passage, linear: LinearisedStep, weights: Array, b: Array) -> Array:
-    """Return the weights (6, N, d) of q, v and a at both ends of a step from its samples; add those of b to it."""
+    """Return the weights (6, N, d) of q, v and a at both ends of a step from its samples; add those of b to ``b``."""
     ends = np.zeros((6, weights.shape[1] - NODE, weights.shape[2]))
     for sample in linear.samples:
         time = float(run.times[sample])

@@ -1,4 +1,4 @@
-"""A computed motion: the steps that were taken, and all that its derivatives need."""
+"""A computed motion: its steps, and the other data from which its derivatives are computed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ancf_casadi.support.interrupts import interrupted
 
 @dataclass(frozen=True, eq=False)
 class ClampMotion:
-    """Motion of the clamped node on a smooth piece of the base motion, and its Jacobian by the parameters b.
+    """Motion of the clamped node on a smooth piece of the base motion, and its Jacobian with respect to b.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class ClampMotion:
         return np.asarray(self.function(time).full().ravel())
 
     def jacobian(self, time: float) -> Array:
-        """Return the derivatives of the clamped node by b, (12, m), at a time."""
+        """Return the derivatives of the clamped node with respect to b, (12, m), at a time."""
         return np.asarray(self._jacobian(time, self.b).full())
 
     @cached_property
@@ -70,9 +70,10 @@ class Passage:
     clamp : ClampMotion
         Motion of the clamped node.
     begin : float
-        Its first instant, s.
+        First instant, s.
     acceleration_jacobian : array (N, ...)
-        Derivatives of the first accelerations by q, v, the clamped node and the parameters of the equation of motion.
+        Derivatives of the first accelerations with respect to q, v, the clamped node and the parameters of the equation
+        of motion.
     steps : list of Step
         The steps.
     samples : list of array
@@ -97,7 +98,7 @@ class Run:
     times : array (k,)
         The samples, s.
     start_jacobian : array (2 N, ...)
-        Derivatives of the first q and v by theta, b, P and s.
+        Derivatives of the first q and v with respect to theta, b, P and s.
     passages : list of Passage
         Its smooth pieces.
     coordinates : array (k, 4 n + 4)
@@ -130,6 +131,6 @@ def sample_weights(step: Step, time: float) -> Array:
 
 
 def stop_if_interrupted() -> None:
-    """Raise a SimulationError if there is a Ctrl-C that ``noted_interrupts`` has noted."""
+    """Raise a SimulationError if ``noted_interrupts`` has noted a Ctrl-C."""
     if interrupted():
-        raise SimulationError("was interrupted")
+        raise SimulationError("the motion was interrupted")

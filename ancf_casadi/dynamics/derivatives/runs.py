@@ -3,9 +3,9 @@
 CasADi asks for values and derivatives separately and in any order.  ``Runs`` keeps the last run, so that one
 integration serves the value and all derivatives at a point.
 
-Lifetime.  Expressions keep a Function of CasADi alive, but not a callback, a Function written in Python.  The callback
-is therefore called by a Function of CasADi's own and must live as long as that one: ``_ALIVE`` pairs a weak reference
-to the Function with its callback, and each new pair drops those whose Function is gone.
+Lifetime.  Expressions keep CasADi's own Functions alive, but not callbacks, which are Functions written in Python.
+Each callback is therefore wrapped in a Function of CasADi and must live as long as the latter: ``_ALIVE`` pairs a weak
+reference to the Function with its callback, and adding a pair drops those whose Function is gone.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from ancf_casadi.exceptions import AncfError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import interrupted
 
-FEW_STEPS = 2000  # a motion of so few steps is never given up for the steps of the first run
-SAME_INPUTS = 1e-14  # relative difference below which inputs are the same: the rounding of a solver
+FEW_STEPS = 2000  # a motion of at most so many steps is never given up, however few the first run took
+SAME_INPUTS = 1e-14  # relative difference that a solver may cause by rounding; such inputs are the same
 
 
 class Runs:
@@ -36,7 +36,7 @@ class Runs:
     problem : Problem
         The motion.
     patience : float
-        A run is given up if it takes this many times the steps of the first one (and more than ``FEW_STEPS``).
+        A run is given up after this many times the steps of the first run, but not before ``FEW_STEPS``.
     """
 
     def __init__(self, problem: Problem, patience: float = math.inf) -> None:
@@ -59,7 +59,7 @@ class Runs:
         return [cs.Sparsity.dense(*shape) for shape in shapes]
 
     def run(self, inputs: Sequence[cs.DM]) -> Run:
-        """Return the run for some inputs; for the same inputs as before, up to rounding, the one that is kept.
+        """Return the run for some inputs; if they equal the last inputs up to rounding, the run that is kept.
 
         Raises
         ------
@@ -81,7 +81,7 @@ class Runs:
         return found if isinstance(found, AncfError) else None
 
     def forward(self, run: Run, directions: Array) -> Array:
-        """Return the derivatives along some directions; for the same directions as before, those that are kept."""
+        """Return the derivatives along some directions; if these equal the last ones, the derivatives that are kept."""
         last = self._last_forward
         if last is None or last[0] is not run or not np.array_equal(last[1], directions):
             self._last_forward = last = run, directions, self.problem.forward(run, directions)
@@ -199,7 +199,7 @@ class _Derivative(_Callback):
         return [self.runs.forward(run, directions)]
 
     def _of_sums(self, run: Run, weights: Array) -> list[Array]:
-        """Return the derivatives of weighted sums of the coordinates by the inputs."""
+        """Return the derivatives of weighted sums of the coordinates with respect to the inputs."""
         problem = self.runs.problem
         parts = problem.layout.split(problem.reverse(run, weights))
         sizes = [(shape.size2(), shape.size1(), self._count) for shape in self._parts]

@@ -1,9 +1,9 @@
 """A motion that depends on parameters, and its exact derivatives, forward and in reverse.
 
-The parameters are those of the law theta, of the base motion b, the properties P of the elements and, for a beam let go
-from an unknown load, this load and its rate s.  Derivatives are those of the Radau steps that were taken, with their
-lengths held: exact for the computed numbers, and as close to those of the exact motion as these numbers are.  They are
-chained through the linearised steps (``tangent``),
+The parameters are theta of the law, b of the base motion, the properties P of the elements and, for a beam released
+from an unknown load, this load and its rate, s.  The derivatives are those of the Radau steps that were taken, with
+fixed lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the linearised
+steps (``tangent``),
 
     G dZ + R_u du = 0,    G = dR/dZ,    u = (q, v, clamped nodes, parameters),
 
@@ -46,7 +46,7 @@ from ancf_casadi.support.compilation import compiled
 from ancf_casadi.support.layout import Layout
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
-MOST_KEPT_STEPS = 100_000  # of a motion: a minute or two, and 0.4 GB at 20 elements
+MOST_KEPT_STEPS = 100_000  # these take a minute or two, and 0.4 GB at 20 elements
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class Problem:
     held : bool
         Whether s, the load at the start and its rate in the order of ``START``, are parameters.
     most_steps : int
-        Number of steps after which a motion is given up; all are kept in memory.
+        Largest number of steps, which are all kept in memory.
     """
 
     equations: Equations
@@ -98,8 +98,8 @@ class Problem:
         Raises
         ------
         AncfError
-            If there is no equilibrium to start from, the integrator fails or takes more steps than ``most_steps``, or
-            there is a Ctrl-C that ``noted_interrupts`` has noted.
+            If there is no equilibrium to start from, the integrator fails or needs more than ``most_steps``, or
+            ``noted_interrupts`` has noted a Ctrl-C.
         """
         theta, b, properties, load = self.layout.split(values)
         model, parameters = self._model(properties), self.equations.parameters.copy()
@@ -126,7 +126,7 @@ class Problem:
         return forward(self._linearisation, run, run.start_jacobian @ directions, b, parameters)
 
     def reverse(self, run: Run, weights: Array) -> Array:
-        """Return the derivatives by the values, (..., d), of d sums of the coordinates weighted by (k, 4 n + 4, d)."""
+        """Return the derivatives (..., d), by the values, of d sums of the coordinates with weights (k, 4 n + 4, d)."""
         start, b, parameters = reverse(self._linearisation, run, weights)
         _, properties, theta, _ = self.equations.layout.split(parameters)
         direct = self.layout.join(weights.shape[2], damping=theta, base=b, properties=properties)
@@ -172,8 +172,8 @@ class Problem:
         while not steps or stepper.now < end - CLOSE * steps[-1].length:
             if len(steps) >= most_steps:
                 raise SimulationError(
-                    f"the motion crawls: too many steps up to {stepper.now:g} s, lately of {steps[-1].length:.1e} s; "
-                    "try a larger tolerance",
+                    f"the motion takes too many steps: {len(steps)} up to {stepper.now:g} s, the last of them "
+                    f"{steps[-1].length:.1e} s long; try a larger tolerance",
                     stepper.now,
                 )
             stop_if_interrupted()
@@ -203,13 +203,13 @@ class Problem:
         return result
 
     def _acceleration_jacobian(self, first: Step, node: Array, parameters: Array) -> Array:
-        """Return the derivatives of the first accelerations by q, v, the clamped node (12,) and the parameters."""
+        """Return the derivatives of the first accelerations as in ``Passage``, for the clamped node (12,)."""
         jacobian = self._force_jacobian(first.q, first.v, first.a, node, parameters).full()
         return np.asarray(-scipy.sparse.linalg.splu(self._form.mass(parameters)).solve(jacobian))
 
     @cached_property
     def _force_jacobian(self) -> cs.Function:
-        """(q, v, a, node, parameters) -> derivatives of the forces on the free coordinates by all but a."""
+        """(q, v, a, node, parameters) -> Jacobian of the forces on the free coordinates, for all inputs but a."""
         free = self.equations.free
         q, v, a = (cs.MX.sym(name, free) for name in "qva")
         node, p = cs.MX.sym("node", 3 * NODE), cs.MX.sym("p", self.equations.layout.size)

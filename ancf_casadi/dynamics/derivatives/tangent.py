@@ -1,12 +1,12 @@
 """The linearised equations of a Radau step.
 
-With the residual R(Z, u) of the stages, as in ``collocation`` but in the laboratory frame, and the data of the step
-u = (q, v, clamped nodes, parameters), derivatives of a motion are made of
+Let R(Z, u) be the residual of the stages, as in ``collocation`` but in the laboratory frame, and u = (q, v, clamped
+nodes, parameters) the data of the step.  Derivatives of a motion are composed of
 
     G = dR/dZ,    R_u du,    R_u^T dR.
 
-G is banded if the unknowns are ordered by nodes, the stages of a node side by side.  Its low-rank part is left to
-Woodbury's identity.  With B_i turned with the clamp at stage i, and U = diag(B_i diag(d)), this part is
+G is banded if the unknowns are ordered by nodes, with the stages of a node side by side.  Its low-rank part is handled
+by Woodbury's identity.  With B_i turned with the clamp at stage i, and U = diag(B_i diag(d)), this part is
 
     (A^-1)_ij/h B_i diag(d) B_i^T = (U V^T)_ij,    V_ji = (A^-1)_ij/h B_i.
 """
@@ -98,7 +98,7 @@ class Tangent:
 
     @cached_property
     def forward(self) -> cs.Function:
-        """(Z, h, u, du) -> R_u du, (N, 3)."""
+        """(Z, h, u, du) -> R_u du, (3 N,)."""
         z, h, u = self._symbols
         seed = cs.MX.sym("du", u.numel())
         product = cs.jtimes(self._residual(z, h, u), u, seed)
@@ -106,7 +106,7 @@ class Tangent:
 
     @cached_property
     def reverse(self) -> cs.Function:
-        """(Z, h, u, dR) -> R_u^T dR."""
+        """(Z, h, u, dR) -> R_u^T dR, as long as u."""
         z, h, u = self._symbols
         seed = cs.MX.sym("dR", STAGES * self._free)
         product = cs.jtimes(self._residual(z, h, u), u, seed, True)

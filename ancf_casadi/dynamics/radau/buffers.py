@@ -23,9 +23,9 @@ class LastStep:
     Parameters
     ----------
     start, end : array (3, N)
-        q, v and a at its start and its end.
+        q, v and a at the start and at the end.
     nodes : array (4, 4 n + 4)
-        All coordinates at its start and its stages.
+        All coordinates at the start and at the stages.
     """
 
     start: Array
@@ -42,11 +42,11 @@ class Trial:
     Parameters
     ----------
     time, length, ratio : array (1,)
-        Its start, s, its length, s, and its length relative to that of the last step.
+        Start, s, length, s, and length relative to that of the last step.
     clamps : array (3, 12)
-        The clamped nodes at its stages.
+        The clamped node at each stage.
     increments : array (3, N)
-        Z, increments of the free coordinates at its stages.
+        Z, increments of the free coordinates at the stages.
     corrections : array (3 N,)
         dW, the last correction of Newton's method.
     turns : array
@@ -80,7 +80,7 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class Buffers:
-    """All arrays of a run, and the parameters of the equation of motion, which nobody writes."""
+    """All arrays of a run, and the parameters of the equation of motion, which nothing overwrites."""
 
     last: LastStep
     trial: Trial

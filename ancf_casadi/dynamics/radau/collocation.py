@@ -12,14 +12,14 @@ matrices, a real and a complex banded system in N unknowns, with s = gamma/h and
 
     (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e)/de,
 
-replace one system in 3 N.  K changes as the beam turns, by the axial stiffness, thousands of times the bending
-stiffness; seen from the beam it hardly changes.  Residuals are therefore turned back to the configuration in which the
-matrices were taken, and corrections are turned forth from there (``corotation``).
+replace one system in 3 N.  As the beam turns, K changes by its axial part, which is thousands of times stiffer
+than its bending part; in coordinates that turn with the beam, K hardly changes.  Residuals are therefore turned back to
+the configuration in which the matrices were evaluated, and corrections are turned forth from there (``corotation``).
 
-Prediction.  The collocation polynomial of the last step is continued in the logarithms of the beam's slopes: errors of
-the coordinates themselves would stretch the beam.
+Prediction.  The collocation polynomial of the last step is extrapolated in the logarithms of the beam's slopes: errors
+of the coordinates themselves would stretch the beam.
 
-Error.  The embedded formula of order 3 of Hairer and Wanner, filtered by the real system.
+Error.  The estimate is the embedded formula of order 3 of Hairer and Wanner, filtered by the real system.
 
 References
 ----------
@@ -83,7 +83,7 @@ class Collocation:
         """(inputs of ``stages``, a) -> all coordinates (4 n + 4, 3) at the stages, v and a at the end, error, powers.
 
         ``error`` is the right-hand side of the error estimate, turned back; ``powers`` (2, 3) are the powers lost to
-        damping and put in by the base at the stages.
+        damping and supplied by the base at the stages.
         """
         s = self._symbols
         a, still = cs.MX.sym("a", self.equations.free), cs.MX(NODE, 1)
@@ -132,8 +132,8 @@ class Collocation:
     def sample(self) -> cs.Function:
         """(x, h, q, v, a, q_1, v_1, a_1, clamp, reference, parameters) -> e, e_t, e_tt, R, turns.
 
-        They are the quintic polynomial at the time x h into a step, the residual of the free rows, turned back, and the
-        turns from the reference.
+        The outputs are the quintic polynomial at the time x h after the start of a step, the residual of the free rows,
+        turned back, and the turns from the reference.
         """
         s, x, clamp = self._symbols, cs.MX.sym("x"), cs.MX.sym("clamp", 3 * NODE)
         a, q1, v1, a1 = (cs.MX.sym(name, self.equations.free) for name in ("a", "q1", "v1", "a1"))
@@ -162,7 +162,7 @@ class Collocation:
         return _function("observation", [e, e_t, e_tt, correction, turns, s.parameters], [corrected, forces[:NODE]])
 
     def accelerations(self, q: Array, v: Array, clamp: Array, parameters: Array) -> Array:
-        """Return the accelerations a in a state, with the clamped node (12,)."""
+        """Return the accelerations a in a state (q, v) with the clamped node (12,)."""
         position, velocity, acceleration = np.split(clamp, 3)
         motion = [np.concatenate(parts) for parts in ((position, q), (velocity, v), (acceleration, 0 * q))]
         forces, _ = self.balance(*motion, parameters)
@@ -183,7 +183,7 @@ class Collocation:
         return self._frames(STAGES)
 
     def _corrected(self, s: _Symbols) -> cs.MX:
-        """Return the increments less T dW, turned forth."""
+        """Return Z minus T dW, turned forth."""
         real, pair = cs.vertsplit(s.corrections, [0, self.equations.free, STAGES * self.equations.free])
         corrections = cs.horzcat(real, cs.reshape(pair, 2, -1).T) @ cs.DM(RADAU.transform).T
         return s.increments - self._corotation.forth(corrections, s.turns)
@@ -205,13 +205,13 @@ class Collocation:
 
     @cached_property
     def balance(self) -> cs.Function:
-        """(e, e_t, e_tt, parameters) -> forces at all nodes, and the powers lost to damping and put in by the base."""
+        """(e, e_t, e_tt, parameters) -> forces at all nodes, and powers lost to damping and supplied by the base."""
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
         parameters = self._symbols.parameters
         return cs.Function("balance", [e, e_t, e_tt, parameters], [*self.forces(e, e_t, e_tt, parameters)])
 
     def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, parameters: cs.MX) -> tuple[cs.MX, cs.MX]:
-        """Return the forces at all nodes (4 n + 4, s), and the powers lost to damping and put in by the base (2, s)."""
+        """Return the forces at all nodes, (4 n + 4, s), and powers lost to damping and supplied by the base, (2, s)."""
         balance = self.equations.balance(parameters)
         local, lost = balance.local(e, e_t, e_tt)
         if balance.projection.numel():

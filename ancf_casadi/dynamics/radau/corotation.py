@@ -1,9 +1,9 @@
 """Corrections, residuals and predictions in coordinates that turn with the beam.
 
 The axial stiffness of a thin beam is thousands of times its bending stiffness, and its direction turns with the beam:
-matrices taken in one configuration are of little use in the next.  But the axial strains depend only on the lengths of
-the slopes r'(p_g) at the two Gauss points g = 1/2 -+ sqrt(3)/6 of each element, and these slopes determine the nodes:
-r' is quadratic in an element of length l, so that
+matrices evaluated in one configuration are of little use in the next.  The axial strains, however, depend only on the
+lengths of the slopes r' at the two Gauss points g = 1/2 -+ sqrt(3)/6 of each element, and these slopes determine the
+nodes: r' is quadratic in an element of length l, so that
 
     r_k+1 = r_k + l/2 (r'_1 + r'_2),    tau_k+1 = tau_k + (r'_2 - r'_1)/(g_2 - g_1).
 
@@ -11,11 +11,12 @@ Corrections.  G maps the free coordinates to these slopes, and R turns each slop
 configurations.  X = G^-1 R G then takes corrections from one configuration to the other: the axial stiffness X^T K X is
 the same in both, inertia and bending are nearly so.  Residuals go the other way, by X^T.
 
-Prediction.  A motion is continued in the logarithms, length and angle, of the slopes, so that errors of the angles do
-not stretch the beam.
+Prediction.  A motion is extrapolated in the logarithms of the slopes, log length and angle, so that errors of the
+angles do not stretch the beam.
 
-A link joins two nodes: an element, or an elastic clamp, whose pair of vectors are the position and slope of its second
-node.  The Functions of a link take positions in units of l, so that their machine code serves all meshes.
+A link joins two nodes.  It is an element, whose pair of vectors are the slopes at its Gauss points, or an elastic
+clamp, whose pair of vectors are the position and slope of its second node.  The Functions of a link take positions in
+units of l, so that their machine code serves all meshes.
 """
 
 from __future__ import annotations
@@ -42,9 +43,9 @@ class Link(NamedTuple):
     turns : Function
         (coordinates in the reference (8,), coordinates (8 c,)) -> cosines and sines of the angles of its pair (4 c,).
     forth : Function
-        (corrections in the reference (8 c,), turns) -> steps of the corrections from the first node to the second.
+        (corrections in the reference (8 c,), turns) -> their steps from the first node to the second (4 c,).
     back : Function
-        (residuals summed behind the link (4 c,), turns) -> contribution to the residuals in the reference (8 c,).
+        (residuals summed beyond the link (4 c,), turns) -> contribution to the residuals in the reference (8 c,).
     continued : Function
         (coordinates at k + 1 instants (8 (k + 1),), weights (k, c)) -> steps of the coordinates (4 c,).
     """
@@ -57,7 +58,7 @@ class Link(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Corotation:
-    """Turns vectors from a reference to several configurations of a beam, such as the stages of a step.
+    """Rotation of vectors from a reference to several configurations of a beam, such as the stages of a step.
 
     Turns are arrays (4 c, links) for c configurations.
 
@@ -95,7 +96,7 @@ class Corotation:
         return self._nodes(second + cs.horzcat(first, cs.DM.zeros(NODE * c, 1)))
 
     def continued(self, weights: cs.MX, motion: cs.MX, clamped: cs.MX) -> cs.MX:
-        """Continue a motion in the logarithms of the slopes, and return the free coordinates (N, c).
+        """Extrapolate a motion in the logarithms of the slopes, and return the free coordinates (N, c).
 
         ``motion`` (4 n + 4, k + 1) are coordinates at k + 1 instants.  Column i of ``weights`` (k, c) holds the weights
         of the logarithms, from the first instant to each other one, in configuration i; ``clamped`` (4, c) are the
@@ -104,7 +105,7 @@ class Corotation:
         found = self._mapped("continued", self._gathered(motion), cs.repmat(cs.vec(weights), 1, self._links))
         steps = self._scaled(found, 1)
         first = steps[:, 0] + cs.vec(clamped)
-        if self.model.root:  # the step of an elastic clamp is its slope itself
+        if self.model.root:  # ``continued`` of an elastic clamp gives its slope, not a change of slope
             still = cs.vertcat(*(cs.vertcat(cs.MX(2, 1), clamped[2:, i]) for i in range(self.configurations)))
             first -= still
         return self._nodes(_running_sum(cs.horzcat(first, steps[:, 1:])))
@@ -239,5 +240,5 @@ def _running_sum(columns: cs.MX, *, back: bool = False) -> cs.MX:
 
 
 def _picked(x: cs.MX, places: Index, rows: int) -> cs.MX:
-    """Return entries of x as a matrix with so many rows; places count column by column, in x and in the result."""
+    """Return entries of x as a matrix with ``rows`` rows; places count down the columns, in x and in the result."""
     return cs.reshape(cs.vec(x).nz[places.ravel().tolist()], rows, places.size // rows)

@@ -2,7 +2,7 @@
 
 Each iteration solves a real and a complex banded system (``collocation``); the low-rank part B diag(d) B^T of the
 damping enters both by Woodbury's identity.  With the norm |.| relative to the tolerance and the contraction
-theta = |dW_k|/|dW_k-1|, the iteration ends when theta/(1 - theta) |dW_k| is small.
+theta = |dW_k|/|dW_k-1|, the iteration ends when theta/(1 - theta) |dW_k| is below ``TOLERANCE``.
 
 References
 ----------
@@ -25,23 +25,23 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import Factors, lapack_storage
 from ancf_casadi.support.compilation import Buffered
 
-TOLERANCE = 0.001  # relative to that of the step; with more, the noise of the steps adds up
-LARGEST_CONTRACTION = 2.0  # above which the iteration is given up
+TOLERANCE = 0.001  # relative to the tolerance of the step; with a larger one, the errors of many steps add up
+LARGEST_CONTRACTION = 2.0  # theta above which the iteration is given up
 MIDDLE = STAGES // 2  # stage in which the matrices are taken
 
 
 class Newton:
     """Newton's method for the stage equations of the step in ``buffers.trial``.
 
-    ``iterations`` and ``factorisations`` count the work of the run; ``contraction`` is the last one measured, also of
-    an earlier step if the last one took a single iteration.
+    ``iterations`` and ``factorisations`` count the work of the run.  ``contraction`` is the last theta that was
+    measured, in an earlier step if the last step took a single iteration.
 
     Parameters
     ----------
     form : Collocation
         The Functions of a step.
     buffers : Buffers
-        Their arrays.
+        The arrays of these Functions.
     tolerance : float
         Tolerance of the step.
     """
@@ -66,7 +66,7 @@ class Newton:
         self._pair: Factors
 
     def factorise(self) -> None:
-        """Take and factorise the matrices in the predicted configuration of the middle stage."""
+        """Evaluate and factorise the matrices in the predicted configuration of the middle stage."""
         self.factorisations += 1
         trial, reference, (q, _, _) = self._buffers.trial, self._buffers.reference, self._buffers.last.end
         free = q.size
@@ -103,7 +103,7 @@ class Newton:
         return 0
 
     def error(self, residual: Array) -> float:
-        """Return the error estimate relative to the tolerance from its right-hand side, which is overwritten."""
+        """Return the error relative to the tolerance from the right-hand side of its system, which is overwritten."""
         weighted = self.solve(residual) * self._weights
         return math.sqrt(weighted.dot(weighted))
 

@@ -1,9 +1,9 @@
 """Motion and energies within a step of Radau IIA.
 
-Motion.  The quintic polynomial through positions, velocities and accelerations at both ends of the step, improved by
-one Newton step of the equation of motion: the polynomial alone may stretch the beam by more than the axial forces do.
+Motion.  The quintic polynomial through positions, velocities and accelerations at both ends of the step is corrected by
+one Newton iteration on the equation of motion, because it may stretch the beam more than the axial forces do.
 
-Energies.  The powers lost to damping and put in by the base, integrated by the quadrature of the stages.
+Energies.  The powers lost to damping and supplied by the base are integrated by the quadrature of the stages.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from ancf_casadi.support.compilation import Buffered
 
 @dataclass(frozen=True, eq=False)
 class StepEnergies:
-    """Energies lost to damping and put in by the base within a step, J.
+    """Energies lost to damping and supplied by the base within a step, J.
 
     Parameters
     ----------
     start : array (2,)
         The energies at the start of the step.
     coefficients : array (3, 2)
-        Coefficients of x, x^2 and x^3 in what the step adds, x from 0 to 1.
+        Coefficients of x, x^2 and x^3 in the energies added by the step, x from 0 to 1.
     """
 
     start: Array
     coefficients: Array
 
     def at(self, x: Array) -> Array:
-        """Return the energies at some places in the step, (k, 2)."""
+        """Return the energies at k places x in the step, (k, 2)."""
         x, (first, second, third) = x[:, None], self.coefficients
         return np.asarray(self.start + x * (first + x * (second + x * third)))
 
@@ -48,16 +48,16 @@ class StepEnergies:
 
 
 class Samples:
-    """Evaluates k samples of the last step at once.
+    """Evaluation of k samples of the last step at once.
 
     Parameters
     ----------
     count : int
-        Their number k.
+        Number k of samples.
     form : Collocation
         The Functions of a step.
     buffers : Buffers
-        Their arrays.
+        The arrays of these Functions.
     clamp : Function
         (t) -> the clamped node, (12,).
     """

@@ -1,14 +1,14 @@
 """Time integration by Radau IIA collocation of order 5, an implicit Runge-Kutta method of three stages.
 
-The method is stable for all oscillations and damps those it does not resolve: mesh modes that nothing excites die down,
-and the steps follow the modes that matter.  ``collocation`` states the equations of a step.  A step is
+The method is stable for all oscillations and damps those that its steps do not resolve: mesh modes that nothing excites
+decay, and the steps adapt to the other modes.  ``collocation`` states the equations of a step.  A step is
 
     predicted       by the collocation polynomial of the last one,
-    solved          by Newton's method (``newton``), whose matrices are taken anew unless it converges fast,
+    solved          by Newton's method (``newton``), whose matrices are kept as long as it converges fast,
     accepted        if the error of positions and slopes is within the tolerance (``step_control``), else repeated,
-    sampled         where the result has instants (``samples``).
+    sampled         at the instants of the result (``samples``).
 
-Velocities do not count in the error.
+The error estimate does not include the velocities.
 
 References
 ----------
@@ -38,9 +38,9 @@ from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 
-SMALLEST_STEP = 1e-11  # s
+SMALLEST_STEP = 1e-11  # s; after the first second, relative to the time
 MOST_STEPS_BETWEEN_SAMPLES = 200_000
-AT_ONCE = 8  # samples of a step in one call
+AT_ONCE = 8  # largest number of samples evaluated in one call
 
 
 def integrate_by_radau(problem: InitialValueProblem) -> Iterator[SegmentSolution]:
@@ -84,13 +84,13 @@ class Step:
     Parameters
     ----------
     start, length : float
-        Its start and length, s.
+        Start and length, s.
     q, v, a : array (N,)
-        Free coordinates, velocities and accelerations at its start.
+        Free coordinates, velocities and accelerations at the start.
     increments : array (3, N)
-        Increments of the coordinates at its stages.
+        Increments of the coordinates at the stages.
     clamps : array (3, 12)
-        The clamped nodes at its stages.
+        The clamped node at each stage.
     """
 
     start: float
@@ -103,9 +103,9 @@ class Step:
 
 
 class Stepper:
-    """Goes through a smooth piece of the base motion.
+    """Integration over a smooth piece of the base motion, one step at a time.
 
-    ``now`` is the end of the last step, s; ``steps`` counts the steps, repeated ones not among them.
+    ``now`` is the end of the last step, s; ``steps`` counts the accepted steps.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ class Stepper:
         return *samples(instants, self._places_of(instants), self.newton.solve), self.energies_at(instants)
 
     def energies_at(self, instants: Array) -> Array:
-        """Return the energies lost to damping and put in by the base, (k, 2), J, at instants (k,) of the last step."""
+        """Return energies lost to damping and supplied by the base, (k, 2), J, at instants (k,) of the last step."""
         return self._energies.at(self._places_of(instants))
 
     def advance(self) -> None:
@@ -190,7 +190,7 @@ class Stepper:
         while True:
             h = control.trial_length(self._end - self.now, self._largest_step)
             if not h > SMALLEST_STEP * max(1.0, self.now):
-                raise SimulationError(_failure("could not go on", self.now, h), self.now)
+                raise SimulationError(_failure("could not continue", self.now, h), self.now)
             kept = control.keep and h == control.length
             self._begin(h)
             if not kept:
@@ -215,7 +215,7 @@ class Stepper:
         self.steps += 1
 
     def _begin(self, h: float) -> None:
-        """Begin to try a step of length h: provide the clamped nodes and predict the increments."""
+        """Set up the trial of a step of length h: evaluate the clamped nodes and predict the increments."""
         trial, (_, v, a) = self._buffers.trial, self._buffers.last.end
         trial.length[0], trial.time[0] = h, self.now
         trial.clamps.ravel()[:] = self._clamps_ahead()[0]
@@ -241,6 +241,6 @@ def _stage_clamps(clamp: cs.Function) -> cs.Function:
 def _failure(problem: str, now: float, step: float) -> str:
     """Return the message of a run that fails: what went wrong, where, and what to try."""
     return (
-        f"the integrator {problem} at {now:g} s with a step of {step:.1e} s: the beam may be struck, or bent more "
-        "sharply than its elements can follow; try a larger tolerance, or more elements"
+        f"the integrator {problem} at {now:g} s with a step of {step:.1e} s: the beam may have suffered an impact, or "
+        "may bend more sharply than its elements can follow; try a larger tolerance, or more elements"
     )

@@ -24,11 +24,11 @@ class Tableau:
     Parameters
     ----------
     nodes : array (3,)
-        c.
+        The nodes c.
     weights, inverse : array (3, 3)
-        A and A^-1.
+        The weights A, and A^-1.
     transform : array (3, 3)
-        T, with T^-1 A^-1 T = [[gamma, 0, 0], [0, mu', -mu''], [0, mu'', mu']].
+        The matrix T with T^-1 A^-1 T = [[gamma, 0, 0], [0, mu', -mu''], [0, mu'', mu']].
     gamma, mu : float, complex
         The eigenvalues of A^-1.
     embedded : array (3,)
@@ -66,9 +66,9 @@ def tableau() -> Tableau:
 
 
 def quintic() -> Array:
-    """Return the coefficients (6, 6) of the six polynomials of degree 5 with one condition 1 and the others 0.
+    """Return the coefficients (6, 6) of six polynomials of degree 5, each with one quantity 1 and five quantities 0.
 
-    The conditions are the value, first and second derivative at 0, then at 1.
+    The quantities are the value and the first and second derivatives at 0, then at 1.
     """
     conditions = np.zeros((6, 6))
     for k in range(6):

@@ -207,7 +207,7 @@ def test_residuals_that_are_not_noise_give_a_warning_for_each_law(model):
     exact = replace(exact, positions=exact.positions - NOISE * np.random.default_rng(6).normal(size=(61, 1, 2)))
     laws = [RayleighDamping(alpha=1.0), QuadraticDamping(eta2=4.0)]
     comparison = compare_laws(model, exact, laws, tolerance=1e-6)
-    coloured = "they are not noise, the law does not explain all of the motion, and the standard errors are too small"
+    coloured = "the law does not explain all of the motion, and the standard errors are too small"
     wrong, right = comparison.fits
     assert any(coloured in warning for warning in wrong.warnings) and coloured in wrong.report()
     assert wrong.to_dict()["warnings"] == list(wrong.warnings)
@@ -306,7 +306,7 @@ def test_the_right_law_is_selected(model):
 def test_laws_that_explain_a_record_equally_are_not_distinguished():
     verdict = judge([Candidate("first", 200, 200.0, 1.00e-3, 1, 0.0), Candidate("second", 200, 200.0, 1.01e-3, 1, 0.0)])
     assert verdict.best == 0 and not verdict.settled
-    assert "the second law is not clearly worse" in verdict.warnings
+    assert any(text.startswith("the second law is not clearly worse") for text in verdict.warnings)
     clear = judge([Candidate("first", 200, 200.0, 1.0e-3, 1, 0.0), Candidate("second", 200, 200.0, 1.2e-3, 1, 0.0)])
     assert clear.settled and not clear.warnings
 

@@ -83,7 +83,7 @@ def colour_warning(residuals: Array, series: Sequence[int] = (), *, noise_free: 
     if n >= COLOURED * m or not residuals @ residuals > m * noise_free**2:
         return None
     return (
-        f"the residuals are not noise: {m} of them carry the information of {n:.0f} independent ones, so the law does "
+        f"the {m} residuals are not noise and carry the information of {n:.0f} independent ones: the law does "
         "not explain all of the motion, and the standard errors are too small, by a factor of up to "
         f"{math.sqrt(m / n):.2g}; another law, or more modes, may explain the rest"
     )

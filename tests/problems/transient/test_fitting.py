@@ -314,7 +314,7 @@ def test_laws_that_explain_a_record_equally_are_not_distinguished():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"time": np.arange(5) / 40.0}, "time: needs at least 10 instants"),
+        ({"time": np.arange(5) / 40.0}, "time: needs at least 10 samples"),
         ({"time": np.arange(61) ** 1.1}, "time: must begin with 0 and continue at equal intervals"),
         ({"positions": np.zeros((60, 2))}, r"positions: must have the shape \(61, 1, 2\), got \(60, 1, 2\)"),
         ({"positions": np.full((61, 2), np.nan)}, "positions: must be finite"),
@@ -338,7 +338,7 @@ def test_a_record_that_makes_no_sense_is_refused(changes, message):
         ({"fixed": ("eta3",)}, "fixed: must be one of eta1, eta2, got 'eta3'"),
         ({"load": ("force",)}, "load: must be one of force_x"),
         ({"fixed": ("eta1", "eta2")}, "damping: nothing is to be estimated"),
-        ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: beta: not to be estimated"),
+        ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: beta: not among the unknowns"),
         ({"bounds": {"eta1": (1.0, 2.0)}}, "eta1: the guess 0.6 is not within"),
         ({"bounds": {"eta1": 0.1}}, r"bounds: eta1: must be a pair \(lower, upper\), got 0\.1"),
         ({"bounds": {"eta1": ("a", 1.0)}}, "bounds: eta1: must be numbers"),

@@ -197,7 +197,10 @@ def test_the_first_tolerance_follows_the_noise_and_without_noise_the_travel():
 
 def test_a_motion_that_fails_at_the_guess_is_reported(model, driven):
     still = replace(driven, base=None, start=State(np.zeros(3), np.zeros(3)))
-    with pytest.raises(FitError, match="are not finite; the last motion tried: start: the coordinates must be"):
+    with pytest.raises(
+        FitError,
+        match="are not finite; start from another guess; the last motion tried: start: the coordinates must be",
+    ):
         fit_transient(model, still, TRUTH)
 
 

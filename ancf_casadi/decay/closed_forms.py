@@ -10,15 +10,15 @@ and with both terms, to first order in the damping,
     e(t) = a(t) cos(omega t + phi),
     a(t) = e0 exp(-x) / (1 + 4 omega eta2 e0 t/(3 pi) (1 - exp(-x))/x),    x = eta1 t/2,                 Eq. (27)
 
-written so that eta1 = 0 needs no exception.  The viscous damping ratio with the same energy loss per period at the
-amplitude A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi); friction, in ``friction``, adds 2 eta0/(pi omega^2 A).
+written so that eta1 = 0 is no special case.  The viscous damping ratio with the same energy loss per period at the
+amplitude A is zeta_eq = eta1/(2 omega) + 4 eta2 A/(3 pi); friction adds 2 eta0/(pi omega^2 A) (``friction``).
 
 The closed forms take and return CasADi values, MX, SX or DM, and are smooth in all their arguments.
 
 References
 ----------
-"Comparison of external damping models in a large deformation problem", Eqs. (9), (26), (27); the limit eta1 -> 0 of the
-latter is corrected.
+"Comparison of external damping models in a large deformation problem", Eqs. (9), (26), (27).  Eq. (27) as printed is
+0/0 at eta1 = 0; the form above has the right limit.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def quadratic_decay(time: Value, ω: Value, η1: Value, η2: Value, e0: Value, �
 def equivalent_damping_ratio(η1: Value, η2: Value, ω: Value, amplitude: Value, η0: Value | None = None) -> Value:
     """Return the viscous damping ratio with the same energy loss per period at an amplitude (m).
 
-    The loss is that of linear (1/s) and quadratic (1/m) damping, and of friction η0 (force per mass, m/s^2) if given.
+    The loss is due to linear damping η1 (1/s), quadratic damping η2 (1/m) and, if given, friction η0 (m/s^2).
     """
     viscous = η1 / (2 * ω) + 4 * η2 * amplitude / (3 * math.pi)
     return viscous if η0 is None else viscous + 2 * η0 / (math.pi * ω**2 * amplitude)
@@ -90,5 +90,5 @@ def _mean_decay(x: Value) -> Value:
     series = 0 * x + 1
     for k in range(SERIES_TERMS, 1, -1):
         series = 1 - x / k * series
-    away = cs.if_else(near, 1, x)  # keeps 0/0 out of the derivatives
+    away = cs.if_else(near, 1, x)  # avoids 0/0 in the derivatives
     return cs.if_else(near, series, -cs.expm1(-away) / away)

@@ -4,13 +4,14 @@ The record is divided into successive windows of a few periods.  In a window, wi
 
     y = Re((z0 + z1 tau) exp((i omega - lambda) tau)) + d
 
-and z0, z1, d follow from linear least squares.  z1/z0 is the error of decay rate and frequency.  Three rounds of
+and z0, z1, d follow from linear least squares.  To first order, Re(z1/z0) is the error of the decay rate lambda, and
+-Im(z1/z0) that of the frequency omega.  Three rounds of
 
     lambda <- lambda - Re(z1/z0),    omega <- omega + Im(z1/z0)
 
-make z1 vanish.  Then |z0| is the amplitude in the middle of the window, and lambda/(omega^2 + lambda^2)^1/2 is the
-damping ratio there, from the derivative of ln A under any law.  The windows do not overlap, so that their errors are
-independent; the noise is assumed to be white and equal in all.  The curve ends where noise hides the oscillation.
+make z1 vanish.  Then |z0| is the amplitude A in the middle of the window, and lambda/(omega^2 + lambda^2)^1/2 is the
+damping ratio there, whatever the law, because lambda = -d(ln A)/dt.  The windows do not overlap, so that their errors
+are independent; the noise is assumed to be white and equal in all.  The curve ends where noise hides the oscillation.
 
 References
 ----------
@@ -39,8 +40,8 @@ if TYPE_CHECKING:
 ROUNDS = 3
 UNKNOWNS = 5  # per window
 MINIMUM_SAMPLES = 8  # in a window
-VISIBLE = 5.0  # amplitude in standard errors, below which noise hides the oscillation
-PLAUSIBLE = 0.5  # change of decay rate or frequency per round, relative to the frequency; larger ones are due to noise
+VISIBLE = 5.0  # amplitude, in standard errors, below which noise hides the oscillation
+PLAUSIBLE = 0.5  # largest change of decay rate and frequency per round, relative to the frequency; beyond is noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ class DampingCurve:
     time : ndarray
         Middle of each window (k,), s, in the times of the record.
     amplitude : ndarray
-        Amplitude there (k,), m.
+        Amplitude in the middle of each window (k,), m.
     damping_ratio, damping_ratio_errors : ndarray
         Damping ratio (k,), and its standard error.
     frequency, frequency_errors : ndarray
@@ -102,7 +103,7 @@ def damping_curve(record: Measurement, *, periods: float = 2.0, release_time: fl
     record : Measurement
         Record, which may begin at rest.
     periods : float
-        Length of a window in periods; longer windows have less noise and less resolution.
+        Length of a window in periods, 1 or more; longer windows give smaller errors and fewer points.
     release_time : float, optional
         Start of the free decay, s; detected in the record if not given.
 
@@ -122,7 +123,7 @@ def damping_curve(record: Measurement, *, periods: float = 2.0, release_time: fl
     for begin, end in pairwise(edges.tolist()):
         if end - begin < MINIMUM_SAMPLES:
             raise InputError(
-                f"makes windows of {end - begin} samples, fewer than {MINIMUM_SAMPLES}; use more periods",
+                f"makes windows of {end - begin} samples, fewer than {MINIMUM_SAMPLES}; use more periods per window",
                 "periods",
             )
         middle = (time[begin] + time[end - 1]) / 2
@@ -136,7 +137,9 @@ def damping_curve(record: Measurement, *, periods: float = 2.0, release_time: fl
             rows.pop()
             break
     if not rows:
-        raise InputError("has no window in which the oscillation is above the noise", "record")
+        raise InputError(
+            "shows no oscillation above the noise in its first window; use more periods per window", "record"
+        )
     middles, amplitudes, rates, frequencies, _, rate_spread, frequency_spread = np.array(rows).T
     noise = math.sqrt(squares / freedom)
     natural = np.hypot(rates, frequencies)
@@ -155,7 +158,7 @@ def _local_decay(
 ) -> tuple[float, float, float, tuple[float, float, float], float] | None:
     """Return decay rate, frequency, amplitude, their standard errors for unit noise, and the sum of squared residuals.
 
-    None if the rounds do not settle.
+    None if a round changes decay rate and frequency too much.
     """
     for _ in range(ROUNDS):
         fading = np.exp(-λ * τ)

@@ -1,7 +1,8 @@
 """First guess of frequency, damping ratio and amplitude from a measured free decay.
 
 A record may begin at rest or with an excitation (``release``).  From the release on, the highest peak of the spectrum
-gives the frequency.  The decay rate is the best of a list; for each, the linear coefficients are fitted.
+gives the frequency.  For each decay rate of a list, the linear coefficients are fitted; the rate that leaves the
+smallest residuals is taken.
 
 References
 ----------
@@ -21,8 +22,8 @@ from ancf_casadi.decay.release import MINIMUM_SAMPLES, Release, find_release, pe
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 
-MINIMUM_PERIODS = 1.5  # by the peak of the spectrum, which is up to half a period off
-NOISE_ODDS = 1e-4  # probability to mistake pure noise for an oscillation
+MINIMUM_PERIODS = 1.5  # counted from the peak of the spectrum, which may be too low by half a period
+NOISE_ODDS = 1e-4  # probability of mistaking pure noise for an oscillation
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class DecayGuess:
     release : int
         Index of the first sample of the free decay.
     reason : str
-        Reason for this start.
+        Reason for this release, as in ``Release``.
     duration : float
         The smaller of ``length`` and 1/(zeta omega), s.
     length : float
@@ -133,14 +134,14 @@ def _evenly_spaced(record: Measurement) -> tuple[Array, Array]:
 
 
 def _without_line(time: Array, displacement: Array) -> Array:
-    """Return the displacement less a straight line fitted by least squares."""
+    """Return the displacement minus a straight line fitted by least squares."""
     t: Array = time - time.mean()
     rest: Array = displacement - displacement.mean() - t * (t @ displacement) / (t @ t)
     return rest
 
 
 def _best_rate(t: Array, y: Array, ω_d: float, offset: bool, drift: bool) -> tuple[float, float, float, float, float]:
-    """Return the best decay rate, cosine and sine coefficient, offset and drift for a given frequency.
+    """Return the best decay rate, coefficients of cosine and sine, offset and drift for a given frequency.
 
     Raises
     ------

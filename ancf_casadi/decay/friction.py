@@ -19,15 +19,16 @@ square of its matrix is k = a^2/4 - b c times the identity, and so
 
     A(t) = (e0 - (a e0/2 + c) s) / (1 + (a/2 + b e0) s),    s = tanh(k^1/2 t)/k^1/2,
 
-which is a tangent for k < 0, and t for k = 0.  Before k^1/2 t = i pi/2, A reaches zero, and friction holds the mode
-from then on.  With eta0 = 0 this is Eq. (27).  The centre of each half swing is shifted by the band of rest, d =
-eta0/omega^2.  The displacement has an error of this size, and is valid as long as A is well above d.  Within the last
-half period, where -d < A < d and averages mean nothing, A is replaced by (3 d - A)(A + d)^3/(16 d^3), which goes to
-zero with two continuous derivatives, so that a fit can find the stop.
+with s = tan(|k|^1/2 t)/|k|^1/2 for k < 0, and s = t for k = 0.  A reaches zero before this tangent becomes infinite,
+and friction holds the mode from then on.  With eta0 = 0 this is Eq. (27).  Friction shifts the centre of each half
+swing by d = eta0/omega^2, half the width of the band of rest.  The averaged displacement ignores this shift; it is
+valid as long as A is well above d.  Within the last half period, where -d < A < d and averages mean nothing, A is
+replaced by (3 d - A)(A + d)^3/(16 d^3), which goes to zero with two continuous derivatives, so that a fit can find the
+stop.
 
 References
 ----------
-"Comparison of external damping models in a large deformation problem", Eq. (26), (27).
+"Comparison of external damping models in a large deformation problem", Eqs. (26), (27).
 B. F. Feeny, J. W. Liang, A decrement method for the simultaneous estimation of Coulomb and viscous friction, Journal of
 Sound and Vibration 195 (1996).
 A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley (1979), Section 3.3.
@@ -42,10 +43,10 @@ import casadi as cs
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 
-LEAST_BAND = 1e-9  # relative to the amplitude at the release
+LEAST_BAND = 1e-9  # least d relative to the amplitude at the release
 SERIES_BELOW = 1e-3  # |y| below which the series of tanh(y^1/2)/y^1/2 is used; its 7th term is below 1e-20
 SERIES = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925)
-LARGEST_ANGLE = 1.57  # of the tangent, just below pi/2; friction has stopped the motion before
+LARGEST_ANGLE = 1.57  # of the tangent, just below pi/2; the motion stops earlier
 
 
 def friction_envelope(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e0: Value) -> Value:
@@ -80,7 +81,7 @@ def _stopping(amplitude: Value, band: Value) -> Value:
 
 
 def _tanh_ratio(y: Value) -> Value:
-    """Return tanh(y^1/2)/y^1/2, smooth also at y = 0 and below, down to the largest angle of the tangent."""
+    """Return tanh(y^1/2)/y^1/2; smooth also at y <= 0, where it is a tangent of at most the largest angle."""
     near, above = cs.fabs(y) < SERIES_BELOW, y > 0
     series = 0 * y
     for coefficient in reversed(SERIES):

@@ -1,7 +1,7 @@
 """Measured records: the displacement of one point over time, from arrays or a CSV file.
 
-The first column of a CSV file has the times, the others have displacements.  The first line may name them; a name that
-ends in ``_ms`` or ``_mm`` gives the unit, any other column is in s or m.
+The first column of a CSV file has the times, the others have displacements.  The first line may name the columns.  A
+column whose name ends in ``_ms`` or ``_mm`` is in ms or mm, any other in s or m.
 
 NumPy reads a file of plain numbers in blocks of lines.  Any other file, with quoted cells, a column of text or a fault,
 is read row by row, so that an error message can name the line.
@@ -80,7 +80,7 @@ class Measurement:
         path : str or Path
             CSV file.
         column : str, optional
-            Name of the displacement column; without it the file must have two columns.
+            Name of the displacement column; if not given, the file must have two columns.
         progress : bool
             Whether to show a progress bar on a terminal if reading takes more than a second.
 
@@ -124,12 +124,14 @@ def _series(values: ArrayLike, where: str) -> Array:
 
 
 def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Yield number and cells of each line of a CSV file that is not blank."""
+    """Yield the line number and the cells of each row of a CSV file that is not blank."""
     try:
         if not path.is_file():
             raise InputError("is not a file", str(path))
         if path.stat().st_size > MAXIMUM_BYTES:
-            raise InputError(f"is larger than {MAXIMUM_BYTES >> 20} MB; shorten it, or leave out samples", str(path))
+            raise InputError(
+                f"is larger than {MAXIMUM_BYTES >> 20} MB; shorten the record, or leave out samples", str(path)
+            )
         with open(path, newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file)
             for row in reader:
@@ -173,10 +175,15 @@ def _choose(names: list[str], column: str | None, where: str) -> int:
     """Return the position of the displacement column."""
     if column is None:
         if len(names) != 2:
-            raise InputError(f"has {len(names)} columns, not a time and a displacement; name one of them", where)
+            raise InputError(
+                f"has {len(names)} columns; needs a time and a displacement, or the name of the displacement", where
+            )
         return 1
     if names[1:].count(column) != 1:
-        raise InputError(f"has {names[1:].count(column)} columns '{column}'; there are {', '.join(names[1:])}", where)
+        raise InputError(
+            f"has {names[1:].count(column)} displacement columns named '{column}'; there are {', '.join(names[1:])}",
+            where,
+        )
     return names.index(column, 1)
 
 
@@ -199,5 +206,5 @@ def _is_number(cell: str) -> bool:
 
 
 def _unit(name: str) -> float:
-    """Return the SI value of the unit in the name of a column."""
+    """Return the factor to SI units from the name of a column."""
     return PER_UNIT.get(name.rpartition("_")[2], 1.0)

@@ -1,7 +1,7 @@
 """Detection of the start of the free decay in a record: the end of an initial rest, or the end of an excitation.
 
-Rest.  The release is the last sample at the level of the last half period, before the largest swing, in which almost
-nothing moves.
+Rest.  Before the largest swing, the last half period in which almost nothing moves gives the level of rest.  The
+release is the last sample at this level.
 
 Excitation.  Relative to a carrier near its frequency, the record is y = Re(z exp(i omega t)) with a slow z, estimated
 in blocks of whole periods.  A free mode has z_k = a q^k.  Under a harmonic force z is a steady part and a transient,
@@ -12,11 +12,11 @@ so that an excitation that ends in block s - 1 leaves the misfit
 
     S(s) = min sum_{k < s-1} |z_k - B p^k - C q^k|^2 + min sum_{k >= s} |z_k - a q^k|^2
 
-with q from the second sum.  The excitation is accepted if it explains z clearly better, by the criterion BIC, than free
-decays do: one mode with any amplitude-dependent loss, dA/dk = -c - a A - b A^2 with a, b, c >= 0, and two or three
-modes that beat; and if the force beats with the mode or supplies energy.  Then the release is the latest one that the
-misfit permits.  A late release does no harm to a fit, since the closed forms hold from any instant on; an early one
-does.
+with q from the second sum.  There is an excitation if two conditions hold.  First, it explains z clearly better, by the
+criterion BIC, than each free decay: one mode with an amplitude-dependent loss, dA/dk = -c - a A - b A^2 with a, b, c >=
+0, or two or three modes that beat.  Second, the force beats with the mode or supplies energy.  The release is then the
+latest one that the misfit permits: the closed forms hold from any later instant on, whereas a release that is too early
+spoils a fit.
 
 References
 ----------
@@ -35,26 +35,26 @@ import numpy as np
 from ancf_casadi.support.arrays import Array, ComplexArray
 
 MINIMUM_SAMPLES = 10
-MINIMUM_WINDOW = 8  # samples; with noise, fewer may look quiet by chance
+MINIMUM_WINDOW = 8  # samples; fewer may look quiet by chance
 
-# The end of rest; lengths relative to the largest swing within half a period.
-QUIET = 0.25  # swing of a window at rest: any free oscillation has at least half of the largest
+# The end of rest; all relative to the largest swing within half a period.
+QUIET = 0.25  # largest swing of a window at rest; with a free oscillation it is at least 0.5
 LEVEL = 0.02  # departure that does not count as motion
-GROWN = 0.8  # swing within a period of the release: a released beam reaches it, a driven one grows slowly
-NOISE_PEAK = 25.0  # power over the median of the spectrum, which noise exceeds in 1 bin of 3e7
+GROWN = 0.8  # swing that a released beam reaches within a period; that of a driven beam grows slowly
+NOISE_PEAK = 25.0  # power relative to the median of the spectrum; noise exceeds it in 1 of 3e7 bins
 
 # The end of an excitation: resolution of z.
 MOST_BLOCKS = 128  # limits the time of the search
-FORCED, FREE = 3, 4  # least number of blocks with a force (B, C and p take three) and without
-VISIBLE = 5.0  # amplitude in standard deviations of the noise, below which z ends
-MOST_PLACES = 20  # ends of an excitation that are tried first; a second pass tries those near the best
-TURN, ZOOMS = math.pi / 2, 4  # largest turn (rad) of the steady part per block, and refinements of it by a factor of 4
+FORCED, FREE = 3, 4  # least number of blocks with a force (B, C and p need three), and without
+VISIBLE = 5.0  # amplitude, in standard deviations of the noise, below which z ends
+MOST_PLACES = 20  # ends s tried in a first pass; a second pass tries those near the best
+TURN, ZOOMS = math.pi / 2, 4  # largest turn of p (rad per block), and refinements of it, each by a factor of 4
 
 # The end of an excitation: decision.
-ROUGH = 1e-3  # error relative to the amplitude that no model explains, such as an error of calibration
+ROUGH = 1e-3  # error, relative to the amplitude, that no model explains, such as an error of calibration
 CLEAR = 10.0  # difference of BIC that leaves no doubt
-POSSIBLE = 4.0  # difference of twice the logarithm of the likelihood within which an end is possible, 95 %
-SUPPLY = 0.3  # energy that a force supplies, relative to the loss of a free mode; less may be the beat of two modes
+POSSIBLE = 4.0  # difference of twice the log-likelihood within which an end is possible (95 %)
+SUPPLY = 0.3  # least energy that a force supplies, relative to the loss of a free mode; less may be a beat of two modes
 ONE_MODE, LOSSY_MODE, FORCED_MODE = 4, 7, 10  # number of unknowns of the models
 
 
@@ -67,7 +67,7 @@ class Release:
     index : int
         First sample of the decay.
     reason : str
-        Reason for this start.
+        Reason: the first sample, the end of rest, the end of an excitation, or given.
     """
 
     index: int
@@ -89,10 +89,10 @@ def find_release(time: Array, displacement: Array) -> Release:
     rest, grows = _end_of_rest(time, displacement)
     forced = _end_of_excitation(time[rest:], displacement[rest:])
     if forced:
-        return Release(rest + forced, "an excitation ends before")
+        return Release(rest + forced, "the end of an excitation")
     forced = _end_of_excitation(time, displacement) if grows else 0  # the rest may be a weak excitation
     if forced > rest:
-        return Release(forced, "an excitation ends before")
+        return Release(forced, "the end of an excitation")
     return Release(rest, "the end of rest" if rest else "the first sample")
 
 
@@ -111,7 +111,7 @@ def peak_frequency(time: Array, swing: Array, *, steps: bool = False) -> float:
 
 
 def _end_of_rest(time: Array, displacement: Array) -> tuple[int, bool]:
-    """Return the index of the last sample at rest, 0 if there is none; and whether the swing grows slowly after it."""
+    """Return the index of the last sample at rest, 0 if there is none, and whether the swing then grows slowly."""
     period = 1 / peak_frequency(time, displacement - displacement.mean(), steps=True)
     width = int(np.clip(round(period / (time[1] - time[0]) / 2), MINIMUM_WINDOW, len(time)))
     swing = _running_maximum(displacement, width) + _running_maximum(-displacement, width)
@@ -208,16 +208,16 @@ def _tails(z: ComplexArray) -> tuple[ComplexArray, Array]:
 
 
 def _scatter(z: ComplexArray, log_q: complex) -> float:
-    """Return the misfit of any smooth curve, from the second differences of z/q^k."""
+    """Return the misfit of a smooth curve of any shape, from the second differences of z/q^k."""
     w = z * np.exp(-log_q * np.arange(len(z)))
     size = np.abs(z[1:-1] / w[1:-1])
     return float(np.sum((np.abs(np.diff(w, 2)) * size) ** 2)) / 6 * len(z) / (len(z) - 2)
 
 
 def _forced(z: ComplexArray, s: int, log_q: complex) -> tuple[float, bool]:
-    """Return the misfit of the blocks before s - 1, the first sum of S(s); and whether the force sustains the swing.
+    """Return the first sum of S(s), over the blocks before s - 1, and whether the force sustains the swing.
 
-    A force does if it beats with the mode, or supplies a part of the energy that the free mode would lose.
+    It does if it beats with the mode, or supplies part of the energy that the free mode would lose.
     """
     y, k = z[: s - 1], np.arange(s - 1)
     decay = np.exp(log_q * (k - s))

@@ -1,4 +1,4 @@
-"""Autocorrelation of residuals, and their number of independent residuals.
+"""Autocorrelation of residuals, and the effective number of independent residuals.
 
 The residuals r of several series (a series is one coordinate of one record, in the order of time) have the
 autocorrelation
@@ -10,8 +10,8 @@ the power s^2 (1 + 2 sum_k rho_k cos(2 pi f k)), and m samples contain as much i
 
     m/(1 + 2 sum_k rho_k cos(2 pi f k))
 
-samples with white noise.  A misfit has the frequencies of the motion that it is part of, whatever these are.  The
-effective number of samples is therefore the least over all frequencies that the autocorrelation permits,
+samples with white noise.  The motion that a law fails to explain may have any frequency.  The effective number of
+samples is therefore taken as a lower bound over all frequencies,
 
     n = m/(1 + 2 sum_(k <= M) |rho_k|).
 
@@ -37,7 +37,9 @@ from ancf_casadi.support.arrays import Array
 
 QUIET_LAGS = 5  # successive insignificant lags that end the sum
 SIGNIFICANT = 2.0  # times (log10 m/m)^1/2
-COLOURED = 1 / 3  # ratio n/m below which residuals are not noise; that of successive ones that correlate at 0.5
+COLOURED = (
+    1 / 3
+)  # ratio n/m below which residuals do not count as noise; an autoregressive process with rho = 0.5 has it
 
 
 def autocorrelation(residuals: Array, series: Sequence[int] = ()) -> Array:
@@ -59,7 +61,7 @@ def autocorrelation(residuals: Array, series: Sequence[int] = ()) -> Array:
 
 
 def effective_samples(residuals: Array, series: Sequence[int] = ()) -> float:
-    """Return the number of independent residuals with the same information as these; all of them if they are zero.
+    """Return the effective number n of independent residuals; m if all residuals are zero.
 
     Parameters
     ----------
@@ -76,11 +78,12 @@ def effective_samples(residuals: Array, series: Sequence[int] = ()) -> float:
 
 
 def colour_warning(residuals: Array, series: Sequence[int] = (), *, noise_free: float = 0.0) -> str | None:
-    """Return a warning if residuals are not noise, and their root mean square is above ``noise_free``."""
+    """Return a warning if residuals are correlated and their root mean square is above ``noise_free``; None if not."""
     m, n = len(residuals), effective_samples(residuals, series)
     if n >= COLOURED * m or not residuals @ residuals > m * noise_free**2:
         return None
     return (
-        f"{m} residuals are worth {n:.0f} independent ones: they are not noise, the law does not explain all of the "
-        "motion, and the standard errors are too small"
+        f"the {m} residuals are not noise and carry the information of {n:.0f} independent ones: the law does "
+        "not explain all of the motion, and the standard errors are too small, by a factor of up to "
+        f"{math.sqrt(m / n):.2g}; another law, or more modes, may explain the rest"
     )

@@ -68,7 +68,7 @@ class LawComparison(Generic[F]):
         return (*self.verdict.warnings, *own)
 
     def table(self) -> Table:
-        """Return the laws with their residuals, criteria above the lowest of each, and damping parameters."""
+        """Return residuals, differences of the criteria from the lowest, and damping parameters, one row per law."""
         verdict = self.verdict
         laws = zip(self.names, self.fits, self.terms, verdict.aicc, verdict.bic, strict=True)
         rows = [
@@ -117,13 +117,13 @@ class LawComparison(Generic[F]):
         }
 
     def figure(self) -> Figure:
-        """Draw the criteria of the laws above the lowest of each."""
+        """Draw the differences of AICc and BIC from their lowest values."""
         from ancf_casadi.estimation.figures import criteria_figure  # matplotlib is slow to import
 
         return criteria_figure(self.names, self.verdict.aicc, self.verdict.bic)
 
 
 def _parameters(fit: Fit, terms: tuple[str, ...]) -> str:
-    """Return the estimated damping parameters of a law, and which of them are at a bound."""
+    """Return the estimated damping parameters of a law as text, with a mark on those at a bound."""
     estimated = [name for name in terms if name in fit.names]
     return ", ".join(f"{name} {fit[name]:.4g}{' (bound)' * (name in fit.at_bound)}" for name in estimated)

@@ -1,27 +1,28 @@
 """Information criteria for models that were fitted to the same samples.
 
 With m residuals that contain as much information as n independent ones, the sum S of their squares, and K estimated
-quantities, the variance of the noise counted and an unknown at its bound not, normal noise gives the criteria
+quantities (the free unknowns and the variance of the noise), normal noise gives the criteria
 
     AICc = n ln(S/m) + 2 K + 2 K (K + 1)/(n - K - 1),    BIC = n ln(S/m) + K ln n.
 
-The lowest is best.  Only differences have a meaning; a difference of 10 is clear.  An unknown at its bound is a term
-left out, so that its model is judged as the smaller model it has become; of equal models the first is preferred.  AICc
-favours predictive accuracy and sometimes selects one term too many; BIC finds the true model, if it is among the
-candidates and the record is long.  A term too many costs ln n at most, so that only a model with fewer can be a rival.
+The lowest value is best.  Only differences have a meaning; a difference of 10 is clear.  A model with an unknown at its
+bound is judged as the smaller model without this term; of equal models the first is preferred.  AICc favours predictive
+accuracy and sometimes selects one term too many; BIC finds the true model, if it is among the candidates and the record
+is long.  A superfluous term raises BIC by ln n at most, which is rarely clear, so that only a model with no more free
+unknowns than the best counts as a rival.
 
 Correlated residuals repeat each other, and criteria that count all m of them overstate the differences.  With their
-autocorrelation rho_k, up to the last lag M at which it is significant,
+autocorrelation rho_k, and the last lag M at which it is significant,
 
     n = m/(1 + 2 sum_(k <= M) |rho_k|)                                        (``autocorrelation``),
 
-which is m for white residuals.  The residuals of the model with the lowest S are the best estimate of the noise.  Their
-n is therefore used for all models, as QAIC uses the overdispersion of the most general model.
+which is m for white residuals.  The model with the lowest S gives the best estimate of the noise.  The n of its
+residuals is therefore used for all models, as QAIC uses the overdispersion of the most general model.
 
-A smaller model with the lowest criterion does not prove that the terms it lacks are absent.  If the record is short or
-noisy, they may be as large as the others and cost more than they explain.  The record can therefore decide only if no
-model that is not clearly worse has a term that is uncertain by a third of the total damping (``vagueness``, which
-assumes white residuals, times (m/n)^1/2).
+If a smaller model has the lowest criterion, the terms that it lacks need not be absent: in a short or noisy record, a
+term as large as the others may cost more than it explains.  The choice is therefore settled only if every other model
+either is clearly worse, or has no term that is uncertain by more than a third of the total damping (``vagueness``,
+which assumes white residuals, times (m/n)^1/2).
 
 References
 ----------
@@ -42,8 +43,8 @@ import numpy as np
 from ancf_casadi.estimation.autocorrelation import COLOURED
 from ancf_casadi.estimation.estimates import Estimates
 
-DEPENDENT = 2 / 3  # ratio n/m below which n is reported
-VAGUE = 1 / 3  # vagueness of a term beyond which the record cannot decide
+DEPENDENT = 2 / 3  # ratio n/m below which a warning states n
+VAGUE = 1 / 3  # vagueness of a term beyond which the record does not settle the choice
 CLEAR = 10.0  # difference of a criterion that leaves no doubt
 SAME = 1e-6  # difference of a criterion below which two models are equal
 
@@ -59,7 +60,7 @@ class Candidate:
     samples : int
         Number m of residuals.
     effective_samples : float
-        Number n of independent residuals with the same information.
+        Effective number n of independent residuals.
     residual_rms : float
         Root mean square of the residuals.
     rank : int
@@ -67,7 +68,7 @@ class Candidate:
     autocorrelation : float
         Correlation of successive residuals.
     vagueness : float
-        Largest uncertainty of a damping term relative to all damping, for white residuals (``vagueness``).
+        Largest uncertainty of a damping term relative to the total damping, for white residuals (``vagueness``).
     """
 
     name: str
@@ -115,9 +116,9 @@ class Verdict:
     best : int
         Position of the candidate with the lowest BIC.
     settled : bool
-        Whether the record decides: no rival is close, none may have a large term, and AICc agrees.
+        Whether the record settles the choice: no rival is close, no other law may have a large term, and AICc agrees.
     effective_samples : float
-        Number n of independent residuals that the criteria count.
+        Effective number n of independent residuals in the criteria.
     warnings : tuple of str
         Reasons to doubt the result.
     """
@@ -131,7 +132,7 @@ class Verdict:
 
 
 def judge(candidates: Sequence[Candidate]) -> Verdict:
-    """Compare candidates by their criteria; the simplest comes first."""
+    """Compare candidates, given with the simplest first, by their criteria."""
     noise = min(candidates, key=lambda candidate: candidate.residual_rms)
     m, n = noise.samples, noise.effective_samples
     aicc, bic = zip(*(candidate.criteria(n) for candidate in candidates), strict=True)
@@ -139,36 +140,45 @@ def judge(candidates: Sequence[Candidate]) -> Verdict:
     chosen = candidates[best]
     warnings = []
     if not math.isfinite(max(aicc)):
-        warnings.append(f"{m} residuals that are worth {n:.0f} independent ones are too few to judge the laws by")
+        warnings.append(
+            f"the laws cannot be compared: {m} residuals that carry the information of {n:.0f} independent ones are "
+            "too few; use a longer record, or laws that explain more of the motion"
+        )
     elif _least(aicc) != best:
-        warnings.append(f"AICc prefers the {candidates[_least(aicc)].name} law: the record does not settle the choice")
+        warnings.append(
+            f"BIC favours the {chosen.name} law, AICc the {candidates[_least(aicc)].name} law: the record does not "
+            "settle the choice"
+        )
     rivals = [
-        candidate.name for candidate, value in zip(candidates, bic, strict=True)
+        (candidate.name, value - bic[best]) for candidate, value in zip(candidates, bic, strict=True)
         if SAME < value - bic[best] < CLEAR and candidate.rank <= chosen.rank
     ]  # fmt: skip
-    if rivals:
-        warnings.append(f"the {rivals[0]} law is not clearly worse")
+    warnings += [
+        f"the {name} law is not clearly worse: its BIC is higher by {excess:.2g}, and 10 would be clear"
+        for name, excess in rivals
+    ]
     for candidate, value in zip(candidates, bic, strict=True):
         vague = candidate.vagueness * math.sqrt(m / n)
         if candidate is not chosen and value - bic[best] < CLEAR and vague > VAGUE:
             warnings.append(
                 f"the record cannot rule out the {candidate.name} law: one of its terms is uncertain by {vague:.0%} of "
-                "the total damping"
+                "the total damping; a longer record, less noise or a larger release would help"
             )
     settled = not warnings
     if n < DEPENDENT * m:
         unexplained = ": no law explains all of the motion" if n < COLOURED * m else ""
         warnings.append(
-            f"successive residuals of the best law correlate at {chosen.autocorrelation:.2f}, and the criteria count "
-            f"{m} samples as {n:.0f}{unexplained}"
+            f"successive residuals of the {noise.name} law correlate at {noise.autocorrelation:.2f}, so the criteria "
+            f"count {m} samples as {n:.0f} independent ones{unexplained}"
         )
     return Verdict(aicc, bic, best, settled, n, tuple(warnings))
 
 
 def vagueness(fit: Estimates, names: Sequence[str]) -> float:
-    """Return the largest uncertainty of one of some unknowns, relative to the effect of all of them on the residuals.
+    """Return the largest uncertainty among the named unknowns, relative to the effect of all of them on the residuals.
 
-    With columns J_k of the Jacobian, and the wider side w_k of the interval, max |J_k| w_k / sum |J_k| |x_k|.
+    It is max_k |J_k| w_k / sum_k |J_k| |x_k|, with the columns J_k of the Jacobian, and w_k the longer of the two
+    distances from the estimate x_k to the ends of its 95 % interval.
     """
     chosen = [k for k, name in enumerate(fit.names) if name in names]
     if not chosen:
@@ -180,5 +190,5 @@ def vagueness(fit: Estimates, names: Sequence[str]) -> float:
 
 
 def _least(criterion: Sequence[float]) -> int:
-    """Return the position of the first of the lowest."""
+    """Return the position of the lowest value; of equal ones, the first."""
     return int(np.argmax(np.asarray(criterion) <= min(criterion) + SAME))

@@ -1,20 +1,20 @@
 """Estimates of a least-squares fit and their uncertainty, to first order.
 
-With residuals r(x), their Jacobian J, m of them and n free unknowns, that is, not at a bound, the fit minimises
-L(x) = sum rho(r_i).  With psi, w and phi as in ``loss``, white residuals give to first order the covariance
+A fit minimises L(x) = sum rho(r_i) over m residuals r(x).  With J their Jacobian by the n free unknowns (those not at a
+bound), and psi, w and phi as in ``loss``, white residuals give to first order the covariance
 
     C = (phi/w) (J' J)^-1
 
 and an interval x_k +- t (C_kk)^1/2 with the quantile t of Student's distribution with m - n degrees of freedom.  An
 interval ends at a bound.  Standard errors take an unknown at its bound as known, intervals do not.  The interval of
-such an unknown begins at the bound and ends a distance h inwards.  With the part p = J_k - J c of its column J_k of the
-Jacobian that the free unknowns cannot compensate,
+such an unknown x_k begins at the bound and ends at a distance h from it.  With J_k = dr/dx_k, and p = J_k - J c the
+part of it that the free unknowns cannot compensate,
 
     2 (psi' p) h + w p' p h^2 = phi t^2.
 
-Meanwhile the free unknowns move by -c h.  To a quantity q this adds the step s = h (dq/dx_k - dq/dx c), and its
-interval reaches (t^2 C_qq + s^2)^1/2 to the side of s, the extent of an ellipse that contains
-the region of ``profile``.
+Meanwhile the free unknowns move by -c h.  A quantity q then changes by s = h (dq/dx_k - dq/dx c), and on the side of s
+the interval of q reaches to (t^2 C_qq + s^2)^1/2 from its estimate, the extent of an ellipse that contains the region
+of ``profile``.
 
 To first order, a change c of the residuals shifts the estimates by -(J' D J)^-1 J' D c, with D the diagonal matrix of
 the psi'(r_i); ``Estimates.shifts`` gives this in standard errors.
@@ -52,13 +52,13 @@ class Estimates:
     Parameters
     ----------
     names, units : tuple of str
-        Names and units of the n unknowns.
+        Names and units of the n unknowns, free or not.
     values : ndarray
         Estimates (n,).
     lower, upper : ndarray
         Bounds (n,).
     scale : ndarray
-        Changes of the unknowns that matter (n,).
+        Scales of the unknowns (n,): typical sizes of their changes.
     covariance : ndarray
         Covariance (n, n); nan for unknowns at a bound.
     active_bounds : ndarray of bool
@@ -66,7 +66,7 @@ class Estimates:
     residuals : ndarray
         Residuals (m,).
     series : tuple of int
-        Lengths of the series that the residuals consist of, one after the other, each in the order of time.
+        Lengths of the series of residuals, which follow one another; each series is in the order of time.
     jacobian : ndarray
         Jacobian of the residuals (m, n).
     condition : float
@@ -74,7 +74,7 @@ class Estimates:
     huber : float
         Residual d beyond which the loss grows linearly; infinite for least squares.
     systematic : float
-        Root mean square e of a systematic error of the residuals that the standard errors allow for.
+        Root mean square e of a systematic error of the residuals, for which the standard errors allow.
     status : str
         Return status of IPOPT.
     iterations : int
@@ -82,7 +82,7 @@ class Estimates:
     solve_seconds : float
         Solution time of IPOPT, s.
     model : casadi.Function
-        Unknowns in units of their scales -> residuals and their Jacobian.
+        Unknowns in units of their scales -> residuals, and their Jacobian by these.
     """
 
     names: tuple[str, ...]
@@ -120,7 +120,7 @@ class Estimates:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Degrees of freedom of the residuals, m - n."""
+        """Number of residuals less the number of free unknowns."""
         return len(self.residuals) - self.rank
 
     @property
@@ -135,7 +135,7 @@ class Estimates:
 
     @property
     def effective_samples(self) -> float:
-        """Number of independent residuals with the same information as these (``autocorrelation``)."""
+        """Effective number of independent residuals (``autocorrelation``)."""
         return effective_samples(self.residuals, self.series)
 
     @property
@@ -160,7 +160,7 @@ class Estimates:
             return self.covariance / np.outer(self.errors, self.errors)
 
     def intervals(self, level: float = LEVEL) -> Array:
-        """Return the intervals (n, 2) of the unknowns that contain the truth with a probability, to first order.
+        """Return the intervals (n, 2) of the unknowns for a confidence level, to first order.
 
         Raises
         ------
@@ -171,19 +171,19 @@ class Estimates:
         return np.asarray(np.clip(ends, self.lower[:, None], self.upper[:, None]))
 
     def derived(self, quantities: Quantities) -> tuple[Array, Array]:
-        """Return quantities (q,), and their standard errors to first order; nan for one of no free unknown."""
+        """Return quantities (q,) and their standard errors to first order, nan where no free unknown enters."""
         values, jacobian = self._linearised(quantities)
         return values, self._errors(jacobian)
 
     def derived_intervals(self, quantities: Quantities, level: float = LEVEL) -> Array:
-        """Return the intervals (q, 2) of quantities, to first order; nan for one that depends on no unknown."""
+        """Return the intervals (q, 2) of quantities, to first order; nan where no unknown enters."""
         return self._ends(*self._linearised(quantities), level)
 
     def shifts(self, change: Array) -> Array:
         """Return the shifts (n,) of the estimates by a change of the residuals (m,), in standard errors.
 
-        An unknown at a bound counts as if its standard error were that of an interval as wide as its own.  The shifts
-        are to first order; nan where there is no standard error.
+        The shifts are to first order.  An unknown at a bound has no standard error; the length of its one-sided
+        interval over the quantile t takes its place.  A shift is nan where neither is known.
         """
         weights = row_weights(self.residuals, self.huber)
         columns, change = self.jacobian * self.scale * weights[:, None], weights * change
@@ -200,7 +200,7 @@ class Estimates:
             return np.asarray(shifts * self.scale / errors)
 
     def moves(self, level: float) -> Array:
-        """Return the changes (n, b) of all unknowns as each of the b unknowns at a bound moves inwards by its h."""
+        """Return the changes (n, b) of all unknowns when each of the b unknowns at a bound moves inwards by its h."""
         moves = np.zeros((len(self.names), int(np.count_nonzero(self.active_bounds))))
         psi, curvature = influence(self.residuals, self.huber)
         room = self.dispersion * quantile(level, self.degrees_of_freedom) ** 2
@@ -235,7 +235,7 @@ class Estimates:
     def _ends(self, values: Array, jacobian: Array, level: float) -> Array:
         """Return the intervals (q, 2) of quantities from their values (q,) and Jacobian (q, n)."""
         half = np.nan_to_num(quantile(level, self.degrees_of_freedom) * self._errors(jacobian))
-        with np.errstate(invalid="ignore"):  # infinite moves of quantities that do not depend on them
+        with np.errstate(invalid="ignore"):  # 0 times an infinite move is nan; np.fmax ignores it
             steps = jacobian @ self.moves(level)
         below, above = (np.hypot(half, np.linalg.norm(np.fmax(side * steps, 0.0), axis=1)) for side in (-1.0, 1.0))
         ends = np.array([values - below, values + above]).T

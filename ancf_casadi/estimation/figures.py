@@ -17,7 +17,7 @@ LAGS = 200  # of a drawn autocorrelation
 
 
 def draw_autocorrelation(axes: Axes, residuals: Array, series: Sequence[int] = ()) -> None:
-    """Draw the autocorrelation of residuals; that of white ones is within the dotted lines for 95 % of the lags."""
+    """Draw the autocorrelation of residuals; for white noise, 95 % of the lags are between the dotted lines."""
     correlation = np.nan_to_num(autocorrelation(residuals, series)[: LAGS + 1])
     axes.plot(np.arange(len(correlation)), correlation, lw=1, color=COMPUTED)
     for edge in (-1.96, 1.96):
@@ -38,7 +38,7 @@ def residual_figure(residuals: Array, series: Sequence[int] = ()) -> Figure:
 
 
 def criteria_figure(names: Sequence[str], aicc: Sequence[float], bic: Sequence[float]) -> Figure:
-    """Draw the information criteria of models above the lowest of each; a criterion that is not finite is left out."""
+    """Draw the differences of AICc and BIC from their lowest values; values that are not finite are left out."""
     figure = Figure(figsize=(7, 1.2 + 0.5 * len(names)), layout="constrained")
     axes = figure.subplots()
     places = np.arange(len(names))
@@ -53,14 +53,14 @@ def criteria_figure(names: Sequence[str], aicc: Sequence[float], bic: Sequence[f
     ticks = [tick for tick in (0, 5, 10, 100, 1000, 10_000, 100_000) if tick <= highest]
     axes.set(xlim=(0.0, highest), xticks=ticks, xticklabels=[f"{tick:d}" for tick in ticks])
     axes.minorticks_off()
-    axes.set(yticks=places, yticklabels=names, xlabel="criterion above its lowest; 10 is clear")
+    axes.set(yticks=places, yticklabels=names, xlabel="difference from the lowest value; 10 is clear")
     axes.invert_yaxis()
     axes.legend(frameon=False)
     return figure
 
 
 def scatter_figure(labels: Sequence[str], samples: Array, estimates: Array, errors: Sequence[float]) -> Figure:
-    """Draw the histogram of each column of samples, and the normal distribution about the estimate.
+    """Draw a histogram of each column of samples, and the normal distribution of the estimate.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from ancf_casadi.support.tables import Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-CORRELATED = 0.95  # correlation of two unknowns beyond which the data hardly separate them
+CORRELATED = 0.95  # correlation of two unknowns beyond which there is a warning
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,12 +25,15 @@ class Fit(Estimates):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Unknowns at a bound, strong correlations, and intervals that reach a bound."""
-        notes = [f"{name} is at its bound {self[name]:g}" for name in self.at_bound]
+        notes = [
+            f"{name} is at its bound {self[name]:g}; the other standard errors take it as known"
+            for name in self.at_bound
+        ]
         with np.errstate(invalid="ignore"):
             pairs = np.argwhere(np.triu(np.abs(self.correlations), 1) > CORRELATED).tolist()
         notes += [
-            f"{self.names[i]} and {self.names[j]} correlate at {self.correlations[i, j]:.3f}: the data hardly separate "
-            "them"
+            f"{self.names[i]} and {self.names[j]} correlate at {self.correlations[i, j]:.3f}: the data determine a "
+            "combination of the two much better than each alone; more data, or one unknown fewer, would help"
             for i, j in pairs
         ]
         for k in np.flatnonzero(~self.active_bounds).tolist():
@@ -38,9 +41,9 @@ class Fit(Estimates):
             for bound, end in ((self.lower[k], low), (self.upper[k], high)):
                 if end == bound:
                     notes.append(
-                        f"{self.names[k]} cannot be told from {f'its bound {bound:g}' if bound else 'zero'}: "
-                        f"{self.values[k]:.2g} {self.units[k]}".rstrip()
-                        + f", anywhere in [{low:.2g}, {high:.2g}]"
+                        f"{self.names[k]} does not differ significantly from "
+                        f"{f'its bound {bound:g}' if bound else 'zero'}: {self.values[k]:.2g} {self.units[k]}".rstrip()
+                        + f", 95 % interval [{low:.2g}, {high:.2g}]"
                     )
         return tuple(notes)
 
@@ -52,9 +55,10 @@ class Fit(Estimates):
             for name, unit, value, error, (low, high), active in self._rows()
         ]
         notes = [
-            f"{len(self.residuals)} residuals, rms {self.residual_rms:.3g}, successive ones correlate at "
-            f"{self.autocorrelation:.2f}; worth {self.effective_samples:.0f} independent ones",
-            f"rank {self.rank} of {len(self.names)}, condition {self.condition:.3g}",
+            f"{len(self.residuals)} residuals, root mean square {self.residual_rms:.3g}; successive residuals "
+            f"correlate at {self.autocorrelation:.2f}, effective number of independent "
+            f"residuals {self.effective_samples:.0f}",
+            f"{self.rank} of {len(self.names)} unknowns free of bounds, condition number {self.condition:.3g}",
             f"{self.status} after {self.iterations} iterations",
         ]
         return Table("fit", "Estimates with 95 % intervals", columns, rows, notes)

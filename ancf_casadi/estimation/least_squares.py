@@ -1,13 +1,13 @@
 """Bounded least squares, solved by IPOPT with exact derivatives.
 
-Unknowns x with guesses, scales and bounds, and residuals r(x) of which there are m, more than the n unknowns, give
+For n unknowns x with guesses, scales and bounds, and at least as many residuals r(x), the problem in z = x/scale is
 
     minimise  1/2 r(S z)' r(S z) / w    subject to  lower <= S z <= upper,
 
-with S the diagonal matrix of the scales and w the largest diagonal entry of S J' J S at the guess, J = dr/dx, so that
+with S the diagonal matrix of the scales, J = dr/dx, and w the largest diagonal entry of S J' J S at the guess, so that
 the tolerance of the solver refers to the unknowns in units of their scales.  CasADi gives gradient and Hessian.
 ``loss`` has the loss that replaces r^2/2 if some residuals are outliers, ``polish`` the Gauss-Newton steps that follow
-where the Hessian is that of Gauss and Newton, and ``estimates`` the uncertainty of the solution.
+if IPOPT works with the Gauss-Newton Hessian, and ``estimates`` the uncertainty of the solution.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from ancf_casadi.support.inputs import positive
 
 TIGHT: Mapping[str, Any] = {
     "ipopt.tol": 1e-12,
-    "ipopt.compl_inf_tol": 1e-18,  # an unknown that just touches its bound ends its square root away
+    "ipopt.compl_inf_tol": 1e-18,  # an unknown that just touches its bound ends the square root of this from it
     "ipopt.acceptable_tol": 1e-8,
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.max_iter": 300,
 }
 LEAST_BARRIER, MOST_BARRIER = 1e-12, 0.1  # the tolerance, and the default of IPOPT
 AT_BOUND = 1e-6  # distance, in scales, that an interior-point method leaves between an unknown and its active bound
-WEAK = 0.1  # component of a direction that the data do not determine, above which an unknown is named
+WEAK = 0.1  # component of an unknown in an undetermined direction above which the error message names it
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Unknown:
     guess : float
         Starting value.
     scale : float
-        Change of the unknown that matters; the problem is solved in units of it.
+        Typical size of a change of the unknown; the solver works in units of it.
     lower, upper : float
         Bounds.
     unit : str
@@ -103,16 +103,16 @@ def least_squares(
     huber : float
         Residual beyond which the loss grows linearly; infinite for least squares.
     gauss_newton : bool
-        Whether to approximate the Hessian by J' J, where second derivatives are expensive, as through an integration.
+        Whether to approximate the Hessian by J' J, because second derivatives are expensive, as in an integration.
     forward : bool
-        Whether to compute the gradient from J too, where J is kept for the Hessian, as that of ``motion`` is.
+        Whether to compute the gradient from J too, if ``residuals`` keeps J, as the motion of the nonlinear beam does.
     series : sequence of int
-        Lengths of the series that the residuals consist of, each in the order of time; one series if not given.
+        Lengths of the series of residuals, each in the order of time; one series if not given.
     noise : float
-        Expected standard deviation of the residuals.  With ``gauss_newton``, IPOPT stops a tenth of it from the
-        minimum, and the Gauss-Newton steps that follow do the rest.
+        Expected standard deviation of the residuals.  With ``gauss_newton``, IPOPT stops when it expects the residuals
+        to change by less than a tenth of this, and Gauss-Newton steps do the rest.
     systematic : float
-        Root mean square of a systematic error of the residuals, which the standard errors allow for (``loss``).
+        Root mean square of a systematic error of the residuals, for which the standard errors allow (``loss``).
     options : mapping, optional
         Options of ``nlpsol`` and IPOPT (``"ipopt.max_iter"``); they override those set here.
     advice : str
@@ -154,7 +154,7 @@ def least_squares(
             found, steps = polished.z, polished.steps
         elif noise:
             raise FitError(
-                f"no minimum was found: {polished.steps} Gauss-Newton steps do not settle; {advice or 'start closer'}"
+                f"no minimum was found: {polished.steps} Gauss-Newton steps do not converge; {advice or 'start closer'}"
             )
     at_lower, at_upper = found - bounds["lower"] < AT_BOUND, bounds["upper"] - found < AT_BOUND
     values = np.select([at_lower, at_upper], [lower, upper], found * scale)
@@ -197,14 +197,15 @@ def _weight(jacobian: Array) -> float:
     """Return the divisor w of the objective, the largest diagonal entry of J' J at the guess."""
     weight = float(np.max(np.sum(jacobian**2, axis=0)))
     if not (math.isfinite(weight) and weight > 0.0):
-        raise FitError(f"at the guess the derivatives of the residuals are {'zero' if weight == 0.0 else 'not finite'}")
+        fault = "zero" if weight == 0.0 else "not finite"
+        raise FitError(f"at the guess the derivatives of the residuals are {fault}; start from another guess")
     return weight
 
 
 def _barrier(residuals: Array, weight: float) -> float:
     """Return the initial barrier parameter, the mean contribution of a residual to the objective at the guess.
 
-    The default of IPOPT, 0.1, outweighs residuals that are small at a good guess, and drives the unknowns off it.
+    At a good guess the residuals are small: the default of IPOPT, 0.1, would outweigh them and drive the unknowns away.
     """
     return float(np.clip(np.mean(residuals**2) / (2 * weight), LEAST_BARRIER, MOST_BARRIER))
 
@@ -212,8 +213,8 @@ def _barrier(residuals: Array, weight: float) -> float:
 def _inverse(jacobian: Array) -> tuple[Array, float, Mask]:
     """Return (J' J)^-1 by a singular value decomposition of J (m, n) with its columns scaled to unit length.
 
-    Also return the condition number of these columns, and the unknowns (n,) that the direction of the least singular
-    value consists of, if this is zero to rounding.
+    Also return the condition number of these columns, and a mask (n,) of the unknowns that the data do not determine:
+    those in the direction of the smallest singular value, if this is zero to rounding.
     """
     m, n = jacobian.shape
     if not n:

@@ -2,14 +2,14 @@
 
     rho(r) = r^2/2    or    rho(r) = d^2 ((1 + (r/d)^2)^1/2 - 1),
 
-where the second grows in proportion to r beyond a residual d; the first is its limit for infinite d.  The derivative
-psi = rho' is the influence of a residual, and w is the mean of psi'(r_i) over m residuals.  With n free unknowns and
-white noise the variance of the residuals, in the measure of the loss, is
+where the second grows linearly for |r| well above d, and tends to the first for large d.  The derivative psi = rho' is
+the influence of a residual, and w is the mean of psi'(r_i) over m residuals.  With n free unknowns and white noise, the
+variance of the residuals as the loss counts them is
 
     phi = sum psi_i^2 / ((m - n) w) + m w e^2     (least squares: w = 1, phi = s^2 + m e^2).
 
-The second term allows for a systematic error of root mean square e, which the residuals need not show.  If all m
-residuals share it in the direction that is worst for an unknown, it shifts this unknown by m^1/2 e ((J' J)^-1_kk)^1/2.
+The second term allows for a systematic error of root mean square e, which the residuals need not show.  An error in the
+direction of the m residuals that is worst for an unknown x_k shifts it by m^1/2 e ((J' J)^-1_kk)^1/2.
 
 A robust fit has d = 1.345 standard deviations of the noise.  If the noise is normal, its standard errors are a few
 percent larger than those of least squares.  Outliers hardly change the median of |residual|, so 1.4826 times this
@@ -32,7 +32,7 @@ import numpy as np
 from ancf_casadi.support.arrays import Array
 
 HUBER = 1.345  # threshold d over the standard deviation of the noise
-NORMAL = 1.4826  # standard deviation over the median of |residual|, normal residuals
+NORMAL = 1.4826  # standard deviation over the median of |residual|, for normal residuals
 
 
 def loss(residuals: cs.MX, huber: float) -> cs.MX:

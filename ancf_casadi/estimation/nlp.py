@@ -29,15 +29,15 @@ SILENT: Mapping[str, Any] = {
 }
 ADVICE = {
     "Maximum_Iterations_Exceeded": "the iteration limit was reached; start closer, or raise 'ipopt.max_iter'",
-    "Maximum_CpuTime_Exceeded": "the time limit was reached; start closer, or raise it",
-    "Maximum_WallTime_Exceeded": "the time limit was reached; start closer, or raise it",
+    "Maximum_CpuTime_Exceeded": "the time limit was reached; start closer, or raise 'ipopt.max_cpu_time'",
+    "Maximum_WallTime_Exceeded": "the time limit was reached; start closer, or raise 'ipopt.max_wall_time'",
     "Infeasible_Problem_Detected": "no nearby point meets all constraints; widen the bounds, or start elsewhere",
     "Restoration_Failed": "no nearby point meets all constraints; start elsewhere, or check the scales",
-    "Diverging_Iterates": "the unknowns ran away; bound them, or check that the data determine them",
+    "Diverging_Iterates": "the unknowns diverged; bound them, or check that the data determine them",
     "Invalid_Number_Detected": "a value or derivative is not finite; start elsewhere, or bound the unknowns",
     "Search_Direction_Becomes_Too_Small": "the steps became too small; check the scales, or loosen 'ipopt.tol'",
     "Error_In_Step_Computation": "no step could be computed; check the scales, or start elsewhere",
-    "Invalid_Option": "an option is unknown, or its linear solver is not installed",
+    "Invalid_Option": "an option of IPOPT is unknown, or the linear solver that it names is not installed",
 }
 
 
@@ -133,6 +133,6 @@ def solve_nlp(
 
 
 def _reason(error: RuntimeError) -> str:
-    """Return the end of a CasADi error message, without positions in its source."""
+    """Return the end of a CasADi error message, without file names and line numbers."""
     text = re.split(r"\S*casadi/\S+:\d+: ", str(error))[-1]
     return " ".join(text.split())[:200]

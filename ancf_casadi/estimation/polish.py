@@ -1,10 +1,10 @@
 """Gauss-Newton steps of a bounded least-squares problem.
 
-With the residuals r(z), their Jacobian J and the diagonal matrix D of the second derivatives psi' of the loss, a step d
-minimises |D^1/2 J d + D^-1/2 psi|^2 within the bounds of z, a linear least-squares problem.  IPOPT ends where the
-gradient is small, which says little of an unknown that the data hardly determine.  These steps go on until |D^1/2 J d|
-is a hundredth of the standard deviation of the residuals: then no unknown moves by more than a hundredth of its
-standard error.
+With the residuals r(z), their Jacobian J, and the diagonal matrix D of the second derivatives psi' of the loss, a step
+d minimises |D^1/2 J d + D^-1/2 psi|^2 within the bounds of z, a linear least-squares problem.  IPOPT ends where the
+gradient is small, but the gradient is small over a wide range of an unknown that the data hardly determine.  These
+steps go on until |D^1/2 J d| is below a hundredth of the standard deviation of the residuals: the last step then moves
+no unknown by more than a hundredth of its standard error.
 
 References
 ----------
@@ -24,8 +24,8 @@ from ancf_casadi.estimation.loss import dispersion, influence, loss, loss_value,
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import delayed_interrupts
 
-NEAR = 0.1  # change of the residuals by a step, in standard deviations, that is accepted if it cannot be made smaller
-POLISHED = 0.01  # the same for the last step
+POLISHED = 0.01  # change of the residuals by the last step, in standard deviations
+NEAR = 0.1  # the same, accepted if further steps do not make it smaller
 STEPS, HALVINGS = 20, 5
 
 
@@ -49,14 +49,14 @@ class Polished:
 
 
 def residuals_and_jacobian(evaluate: cs.Function, z: Array) -> tuple[Array, Array]:
-    """Return residuals (m,) and Jacobian (m, n), from a Function that gives both."""
+    """Return residuals (m,) and Jacobian (m, n) from a Function that gives both."""
     with delayed_interrupts():
         residuals, jacobian = evaluate(z)
     return residuals.full().ravel(), jacobian.full()
 
 
 def gauss_newton_functions(evaluate: cs.Function, huber: float, weight: float, forward: bool) -> dict[str, cs.Function]:
-    """Return the options of ``nlpsol`` that make J' D J the Hessian, with D = psi/r; and J' psi the gradient.
+    """Return the options of ``nlpsol`` for a Hessian J' D J, with D the diagonal of psi/r, and a gradient J' psi.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def gauss_newton_functions(evaluate: cs.Function, huber: float, weight: float, f
     weight : float
         Divisor of the loss in the objective.
     forward : bool
-        Whether the gradient is computed from the Jacobian too.
+        Whether to compute the gradient from the Jacobian too.
     """
     z, p, factor = cs.MX.sym("z", evaluate.size1_in(0)), cs.MX.sym("p", 0, 1), cs.MX.sym("factor")
     r, jacobian = evaluate(z)
@@ -108,7 +108,8 @@ def polish(evaluate: cs.Function, z: Array, lower: Array, upper: Array, huber: f
         step = lsq_linear(rows / length, -psi / weights, bounds, method="bvls").x / length
         size = float(np.linalg.norm(rows @ step))
         deviation = math.sqrt(dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature)
-        if size <= POLISHED * deviation or before / 2 < size <= NEAR * deviation:  # the latter by noise of evaluation
+        # The second condition ends steps that rounding or integration errors keep from shrinking.
+        if size <= POLISHED * deviation or before / 2 < size <= NEAR * deviation:
             return Polished(z, count, True)
         before = size
         highest = loss_value(r, huber) + POLISHED * deviation**2

@@ -5,9 +5,9 @@ The quantity q of the unknowns x has the interval from min q to max q over the r
     { x : 2 (L(x) - L_min) <= phi t^2,  lower <= x <= upper },
 
 with L, phi and t as in ``estimates``.  Its ends are two nonlinear programs, each started at the end that the covariance
-predicts.  The interval does not depend on the parametrisation, need not be symmetric, and ends at a bound by itself.
-The same level is used at a bound, where one end is certain: an interval there covers the truth at least as often as
-stated.
+predicts.  The interval does not depend on the parametrisation, need not be symmetric, and does not cross a bound.  An
+interval that ends at a bound uses the same level, although one of its ends is certain, and so covers the truth at least
+as often as stated.
 
 References
 ----------
@@ -38,22 +38,22 @@ def profile_interval(fit: Estimates, quantity: str | Quantities, level: float = 
     fit : Fit
         Estimates with their model.
     quantity : str or callable
-        Name of an unknown; or takes the unknowns as MX scalars, in their order, and returns an MX scalar.
+        Name of an unknown; or a function of the unknowns, MX scalars in their order, that returns an MX scalar.
     level : float
-        Probability that the interval contains the truth.
+        Confidence level.
 
     Raises
     ------
     InputError
-        If there is no such unknown, the level is not between 0 and 1, or the fit leaves no residuals.
+        If there is no such unknown, the level is not between 0 and 1, or there is no scatter.
     FitError
         If IPOPT does not converge.
     """
     if isinstance(quantity, str) and quantity not in fit.names:
-        raise InputError(f"is no unknown of the fit; there are {', '.join(fit.names)}", quantity)
+        raise InputError(f"is not an unknown of the fit; the unknowns are {', '.join(fit.names)}", quantity)
     room = fit.dispersion * quantile(level, fit.degrees_of_freedom) ** 2
     if not room > 0.0:
-        raise InputError("leaves no residuals; without scatter there is no interval", "fit")
+        raise InputError("has no scatter: the residuals are zero, or no more than the unknowns; use more data", "fit")
     free = ~fit.active_bounds
     step = np.where(free, quantile(level, fit.degrees_of_freedom) * fit.errors, np.abs(fit.moves(level)).sum(axis=1))
     step = np.where(np.isfinite(step), step, fit.scale)
@@ -78,7 +78,7 @@ def profile_interval(fit: Estimates, quantity: str | Quantities, level: float = 
             constraint_lower=-math.inf,
             constraint_upper=1.0,
             options={"ipopt.tol": 1e-8, "ipopt.bound_relax_factor": 0.0, "ipopt.max_iter": 300},
-            advice="use the interval of the fit, or another level",
+            advice="use the first-order interval of the fit, or another level",
         )
         ends.append(float(estimate[0]) - sign * solution.objective * width)
     return ends[0], ends[1]

@@ -5,14 +5,14 @@ With the fitted curve r(x), n free unknowns and the residuals e of a record of m
     parametric    y* = r(x) + s g,      g normal and white, s^2 = e'e/(m - n)
     bootstrap     y* = r(x) + e*,       e* drawn from the residuals, centred and scaled by (m/(m - n))^1/2
 
-are fitted as the measured record was, each from its estimates.  If successive residuals correlate at rho, records of
-single residuals scatter too little.  Blocks of successive residuals are drawn instead, of the length that is best for
-an autoregressive process of order 1,
+are fitted as the measured record was, starting from its estimates.  If successive residuals correlate at rho, drawing
+them one by one would make the estimates scatter too little.  Blocks of successive residuals are drawn instead, of the
+length that is best for an autoregressive process of order 1,
 
     l = (2 |rho|/(1 - rho^2))^(2/3) m^(1/3).
 
-The residuals of each series, one coordinate of one record, are drawn from this series alone; a block that reaches the
-end of its series continues at the beginning.
+A series is one coordinate of one record.  The residuals of each series are drawn from this series alone; a block that
+reaches the end of the series continues at its beginning.
 
 Run k uses the k-th child of the seed, so that the numbers do not depend on where and in which order the runs execute.
 
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 
 Method = Literal["parametric", "bootstrap"]
 
-WHITE = 3.0  # standard deviations 1/m^1/2 within which a correlation of successive residuals is not significant
+WHITE = 3.0  # times 1/m^1/2: least correlation of successive residuals that is significant
 MINIMUM_RUNS = 2
 MOST_RUNS = 1_000_000
 
@@ -76,15 +76,15 @@ class Refittable(Protocol):
 
     @property
     def standard_errors(self) -> Mapping[str, float]:
-        """Standard error of each quantity, and perhaps of others."""
+        """Standard error of each quantity by name, possibly among others."""
 
     def refit(self, noise: Array) -> Array:
-        """Return the quantities, in the order of ``estimates``, from a fit to the fitted curve plus noise."""
+        """Fit the fitted curve plus noise; return the quantities in the order of ``estimates``."""
 
 
 @dataclass(frozen=True, eq=False)
 class MonteCarlo:
-    """Fits to many synthetic records of one fit.
+    """Estimates from many synthetic records, made from one fit.
 
     Parameters
     ----------
@@ -93,13 +93,13 @@ class MonteCarlo:
     estimates : ndarray
         Estimates of the fit (p,).
     standard_errors : mapping of str to float
-        Standard errors of the fit by name; nan where it gives none.
+        Standard errors of the fit by name; nan where unknown.
     samples : ndarray
-        Quantities from the runs that converged (runs, p).
+        Quantities of each run that converged (runs, p).
     failures : tuple of str
-        Reason of each failure.
+        Error message of each run that failed.
     method : {"parametric", "bootstrap"}
-        Kind of the records.
+        Kind of noise in the records.
     block : int
         Number of successive residuals that were drawn together; 1 for parametric records.
     """
@@ -129,7 +129,7 @@ class MonteCarlo:
         return np.asarray(self.samples.std(axis=0, ddof=1))
 
     def intervals(self, level: float = LEVEL) -> Array:
-        """Return the ranges (p, 2) that contain a fraction of the samples, with as many below as above.
+        """Return the central ranges (p, 2) of the samples: a fraction ``level`` within, equal parts on either side.
 
         Raises
         ------
@@ -146,7 +146,7 @@ class MonteCarlo:
         return tuple(f"{count} runs failed: {reason}" for reason, count in Counter(self.failures).items())
 
     def table(self) -> Table:
-        """Return estimate and standard error of the quantities, and mean, deviation and interval of the runs."""
+        """Return estimate and standard error of each quantity, and mean, deviation and interval over the runs."""
         columns = ("quantity", "estimate", "unit", "standard_error", "mean", "deviation", "lower_95", "upper_95")
         rows = [
             (name, estimate, unit, known(error), mean, deviation, *interval)
@@ -158,14 +158,14 @@ class MonteCarlo:
             + ("white noise" if self.method == "parametric" else f"bootstrap of {drawn}"),
             *(f"note: {warning}" for warning in self.warnings),
         ]
-        return Table("monte_carlo", "Estimates of many records", columns, rows, notes)
+        return Table("monte_carlo", "Estimates from synthetic records", columns, rows, notes)
 
     def report(self) -> str:
         """Return the table as text."""
         return self.table().text()
 
     def figure(self) -> Figure:
-        """Draw the distribution of each quantity over the runs, and the normal one of the fit."""
+        """Draw the distribution of each quantity over the runs, and the normal distribution that the fit predicts."""
         from ancf_casadi.estimation.figures import scatter_figure  # matplotlib is slow to import
 
         labels = [f"{name}, {unit}".removesuffix(", ") for name, unit in zip(self.names, self.units, strict=True)]
@@ -223,7 +223,7 @@ def monte_carlo(
         Seed of the noise; the same seed gives the same numbers with any executor.
     method : {"parametric", "bootstrap"}
         ``parametric``: white noise as large as the residuals.  ``bootstrap``: the residuals themselves, in blocks if
-        successive ones correlate.
+        successive residuals correlate.
     executor, jobs, progress
         As in ``run_all``; processes, because IPOPT is not safe in threads.  With ``jobs`` above 1 a script must call
         this under ``if __name__ == "__main__":``.
@@ -231,7 +231,7 @@ def monte_carlo(
     Raises
     ------
     InputError
-        If a number is not usable, the method is unknown, or the fit leaves no residuals.
+        If a number is not usable, the method is unknown, or the fit has no scatter.
     FitError
         If fewer than two runs converge.
     """
@@ -240,7 +240,9 @@ def monte_carlo(
     if not isinstance(fit, Refittable):
         raise InputError(f"must be a DecayFit or a TransientFit, got a {type(fit).__name__}", "fit")
     if not (fit.fit.degrees_of_freedom > 0 and fit.fit.residual_rms > 0.0):
-        raise InputError("leaves no residuals to make records from", "fit")
+        raise InputError(
+            "has no scatter to make records from: the residuals are zero, or no more than the unknowns", "fit"
+        )
     block = block_length(fit.fit) if method == "bootstrap" else 1
     tasks = [partial(_run, fit, child, method, block) for child in np.random.SeedSequence(seed).spawn(runs)]
     found = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="fits")
@@ -271,13 +273,13 @@ def block_length(fit: Fit) -> int:
 
 
 def drawn(size: int, block: int, rng: np.random.Generator) -> Index:
-    """Return the positions (size,) of samples drawn in blocks from a series whose end is followed by its beginning."""
+    """Return the positions (size,) of residuals drawn in blocks from a series that continues at its beginning."""
     starts = rng.integers(size, size=-(-size // block))
     return np.asarray((starts[:, None] + np.arange(block)).ravel()[:size] % size)
 
 
 def refit(fit: Fit, noise: Array, **settings: Any) -> Array:
-    """Return the unknowns of a fit to the fitted curve plus noise, from the estimates on.
+    """Return the unknowns from a fit to the fitted curve plus noise, started at the estimates.
 
     Parameters
     ----------
@@ -304,7 +306,7 @@ def refit(fit: Fit, noise: Array, **settings: Any) -> Array:
 
 
 def _run(fit: Refittable, seed: np.random.SeedSequence, method: Method, block: int) -> Array | str:
-    """Return the quantities from one new record, or the reason of a failure."""
+    """Return the quantities from one synthetic record, or the error message if the fit fails."""
     one, rng = fit.fit, np.random.default_rng(seed)
     m = len(one.residuals)
     if method == "parametric":

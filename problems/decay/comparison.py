@@ -41,7 +41,7 @@ def compare_decay_laws(
     Raises
     ------
     InputError
-        If the record is not usable, nothing in it oscillates, a law is unknown, or there is none.
+        If the record is not usable, nothing in it oscillates, a law is unknown, or no law is given.
     FitError
         If a fit does not converge.
     """

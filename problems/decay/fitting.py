@@ -1,15 +1,16 @@
 """Frequency and damping from measured free decays, Eq. (10).
 
-With a closed form r of a free decay, Eq. (9), Eq. (27) or the one with friction, and an equilibrium d + d' t, the
-measured displacements y_i at the times t_i after the release are fitted by
+With a free decay r, Eq. (9), Eq. (27), Eq. (27) with friction, or Eq. (26) integrated, and an equilibrium d + d' t, the
+fit to the measured displacements y_i at the times t_i after the release is
 
     minimise    R = (1/m sum_i (r(t_i) + d + d' t_i - y_i)^2)^1/2
 
-over the unknowns of the law, d, and d' if requested.  Several records of the same mode are fitted at once: they share
-the unknowns of the mode, and each has its own amplitude, phase and equilibrium; their noise is assumed to be equal.
+over the unknowns of the law, d, and d' if it is requested.  Several records of the same mode are fitted at once: they
+share the unknowns of the mode, and each has its own amplitude, phase and equilibrium; their noise is assumed to be
+equal.
 
-A robust fit replaces the squares by the pseudo-Huber loss (``ancf_casadi.estimation.loss``), with the noise of the
-previous fit.
+A robust fit replaces the squares by the pseudo-Huber loss (``ancf_casadi.estimation.loss``).  The residuals of the
+previous fit give the noise that sets its threshold.
 
 References
 ----------
@@ -41,10 +42,10 @@ from problems.decay.laws import LAWS, DecayModel, Law
 from problems.decay.result import ROUNDING, DecayFit, decay_result
 
 RATIO_BOUNDS = (0.0, 0.999)
-INTEGRATION_ERROR = 0.5  # standard errors, for an equal error of all samples; estimates shift by a tenth of that
-INTEGRATIONS = 3  # fits of an integrated law, in which its step settles
-REFINED = 0.7  # ratio of a step to the previous one, below which the fit is repeated
-ROBUST_ROUNDS = 3  # in which the scale of the noise settles
+INTEGRATION_ERROR = 0.5  # standard errors, if all samples had the same error; estimates shift by a tenth of this
+INTEGRATIONS = 3  # most fits of an integrated law, until its step settles
+REFINED = 0.7  # ratio of the required step to the last one, below which the fit is repeated
+ROBUST_ROUNDS = 3  # robust fits, in which the estimate of the noise settles
 ADVICE = "check the release (release_time), or fit a law with fewer terms"
 
 
@@ -68,8 +69,8 @@ def fit_decay(
     displacement : array_like
         Displacement at each time, m.
     law : {"linear", "quadratic", "friction", "one-mode"}
-        Eq. (9); Eq. (27); Eq. (27) with friction as a third term; or Eq. (26), integrated numerically, for damping so
-        strong that its solution (27) is not accurate enough.
+        ``linear``: Eq. (9).  ``quadratic``: Eq. (27).  ``friction``: Eq. (27) with friction as a third term.
+        ``one-mode``: Eq. (26), integrated numerically, for damping so strong that Eq. (27) is not accurate enough.
     offset : bool
         Whether the equilibrium may differ from 0.
     drift : bool
@@ -238,7 +239,7 @@ def _integrate(
     """Return the model with its step, the fit, and the positions of the unknowns of each record.
 
     The fit of the closed form, Eq. (27), gives the starting values and the accuracy that the integration needs.  If the
-    residuals of the integrated law are smaller, the step may have been too long, and the fit is repeated from there.
+    residuals of the integrated law are smaller, they may need a shorter step; the fit is then repeated from its result.
     """
     closed = replace(model, law="quadratic")
     fit, columns = _match(closed, records, guesses, ratio_bounds, robust)
@@ -277,7 +278,7 @@ def check_law(law: Any) -> None:
 
 
 def as_record(time: Measurement | ArrayLike, displacement: ArrayLike | None) -> Measurement:
-    """Return a record, or times (s) and displacements (m), as a record.
+    """Return a record unchanged, and times (s) and displacements (m) as a record.
 
     Raises
     ------

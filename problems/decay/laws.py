@@ -2,13 +2,13 @@
 
     linear      Eq. (9)     omega, zeta; r0, v0                       zeta within its bounds
     quadratic   Eq. (27)    omega, eta1, eta2; e0, phi                eta1, eta2, e0 >= 0
-    friction    the same    omega, eta1, eta2, eta0; e0, phi          and eta0 >= 0
-    one-mode    Eq. (26)    omega, eta1, eta2; r0, v0                 the equation of motion itself, integrated
+    friction    with eta0   omega, eta1, eta2, eta0; e0, phi          also eta0 >= 0 (``friction``)
+    one-mode    Eq. (26)    omega, eta1, eta2; r0, v0                 integrated; eta1, eta2 >= 0
 
 The unknowns before the semicolon belong to the mode, those after it to each release.  The scale of an unknown is the
-change that moves the curve by about its own size within the decay: 1/T for omega, 1/(omega T) for zeta and so on, with
-T the length of the record or of the decay, whichever is less.  All terms start with equal parts of the guessed damping.
-The integrated law starts from the fit of its closed form, the quadratic law.
+change that moves the curve by about as much as its amplitude within the decay: 1/T for omega, 1/(omega T) for zeta and
+so on, with T the length of the record or of the decay, whichever is less.  All damping terms start with equal parts of
+the guessed damping.  The one-mode law starts from the fit of the quadratic law, its closed form.
 
 References
 ----------
@@ -45,7 +45,7 @@ class Quantity:
     unit : str
         SI unit.
     suffix : str
-        Suffix of its keys in JSON.
+        Suffix of the keys in JSON.
     lower : float
         Lower bound, unless the law has another one.
     """
@@ -74,13 +74,13 @@ class DecayLaw:
     Parameters
     ----------
     terms : tuple of str
-        Damping terms that it estimates.
+        Names of the damping coefficients; empty for the linear law, whose damping is the ratio zeta.
     shared : callable
         First guess and bounds of the damping ratio -> unknowns of the mode.
     own : callable
         First guess -> unknowns of the release.
     curve : callable
-        Time after the release, unknowns -> displacement from the equilibrium, m; None if it is integrated.
+        Time after the release (s), unknowns -> displacement from the equilibrium (m); None if it is integrated.
     quantities : callable
         Unknowns -> frequency (Hz), damping ratio at the release, eta1, eta2, eta0, amplitude at the release.
     """
@@ -93,7 +93,7 @@ class DecayLaw:
 
     @property
     def integrated(self) -> bool:
-        """True if the curve is integrated; its second derivatives cost more than the iterations they save."""
+        """True if the curve is integrated; exact second derivatives would then cost more than they save."""
         return self.curve is None
 
 
@@ -125,7 +125,7 @@ def _friction_shared(guess: DecayGuess, _: tuple[float, float]) -> list[Unknown]
 
 
 def _terms(guess: DecayGuess, parts: int = 2) -> list[Unknown]:
-    """Return omega and the coefficients of all three terms, each with its part of the guessed damping."""
+    """Return omega and the coefficients of all three terms, each with one of ``parts`` of the guessed damping."""
     ω, A, T = guess.ω, guess.amplitude, guess.duration
     ζ = guess.ζ / parts
     drag = 3 * math.pi / (4 * A)  # eta2 with an equivalent damping ratio of 1

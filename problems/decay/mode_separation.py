@@ -62,7 +62,8 @@ def fit_modes(
     Returns
     -------
     tuple of DecayFit
-        Result for each mode, by frequency.  The displacement of each is its own, that of the strongest with the offset.
+        Result for each mode, in ascending order of frequency.  ``displacement`` gives the contribution of the mode; the
+        strongest mode includes the offset.
 
     Raises
     ------
@@ -86,7 +87,8 @@ def fit_modes(
             if mode == 1:
                 raise
             raise InputError(
-                f"shows {mode - 1} of {count} modes: the rest {str(error).removeprefix('record: ')}", "record"
+                f"shows {mode - 1} of {count} modes: the rest {str(error).removeprefix('record: ')}; fit fewer modes",
+                "record",
             ) from None
         release, reason = alone.release_time, reason or alone.release_reason
         left = Measurement(alone.time, left.displacement[-alone.samples :] - alone.displacement(alone.time))
@@ -105,7 +107,7 @@ def fit_modes(
 
 
 def _sum(parts: list[tuple[DecayModel, tuple[int, ...]]], t: Array, y: cs.DM) -> Callable[..., cs.MX]:
-    """Return the function from all unknowns to the residuals."""
+    """Return a function of all unknowns: the sum of the modes, less the measured displacements."""
 
     def residuals(*x: cs.MX) -> cs.MX:
         curve = -cs.MX(y)

@@ -8,14 +8,14 @@ Two modes determine both coefficients,
 
     alpha = 2 w1 w2 (z1 w2 - z2 w1)/(w2^2 - w1^2),    beta = 2 (z2 w2 - z1 w1)/(w2^2 - w1^2),      Eq. (17)
 
-and more modes are fitted by weighted least squares with alpha, beta >= 0.  If Eq. (17) makes a coefficient negative, so
-that the law would supply energy at low or high frequency, two modes are fitted by least squares too; the law then does
-not match them, and the fit warns of it.
+with w = omega and z = zeta.  More modes are fitted by weighted least squares with alpha, beta >= 0.  So are two modes
+if Eq. (17) makes a coefficient negative, because the law would supply energy at low or high frequency; the law then
+does not match both modes, and the fit has a warning.
 
-With standard deviations sigma of the ratios and the rows b_i = (1/(2 omega_i), omega_i/2)/sigma_i of B, the
-coefficients that are not at a bound have the covariance (B^T B)^-1, for any number of modes.  Without them, sigma is
-assumed to be the same for all modes and estimated from the scatter, sigma^2 = sum (zeta - fitted)^2/(m - n), if there
-are more modes m than coefficients n.
+With standard deviations sigma_i of the ratios and the rows b_i = (1/(2 omega_i), omega_i/2)/sigma_i of B, the
+coefficients that are not at a bound have the covariance (B^T B)^-1, for any number of modes.  If no deviations are
+given, all modes are assumed to have the same one.  It is estimated from the scatter, sigma^2 = sum (zeta - fitted)^2/
+(m - n), if there are more modes m than free coefficients n.
 
 References
 ----------
@@ -43,7 +43,7 @@ from ancf_casadi.support.tables import Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MISSED = 3.0  # standard deviations beyond which there is a warning
+MISSED = 3.0  # difference from a measured ratio, in standard deviations, beyond which there is a warning
 
 
 @dataclass(frozen=True)
@@ -65,8 +65,8 @@ class RayleighFit:
     ratios : tuple of float
         Damping ratios of the fitted law, Eq. (16).
     standard_errors : mapping of str to float
-        Standard errors of ``alpha`` (1/s) and ``beta`` (s); nan at a bound, and without standard deviations where there
-        are no more modes than coefficients.
+        Standard errors of ``alpha`` (1/s) and ``beta`` (s); nan at a bound.  Without ``ratio_std`` also nan if there
+        are no more modes than free coefficients.
     warnings : tuple of str
         Coefficients at a bound, and modes that the law does not match.
     """
@@ -159,7 +159,7 @@ def fit_rayleigh(
     ratios : sequence of float
         Damping ratio of each mode, at least 0 and below 1.
     ratio_std : float or sequence of float, optional
-        Standard deviations of the ratios; one for all, or one for each.  Without them all ratios have the same weight.
+        Standard deviations of the ratios; one for all, or one for each.  If not given, all ratios have the same weight.
 
     Raises
     ------
@@ -196,14 +196,14 @@ def fit_rayleigh(
     errors = np.full(2, math.nan)
     errors[free] = math.sqrt(variance) * _unit_errors(basis[:, free] / σ[:, None])
     warnings = [
-        f"{name} is at its bound 0; a negative value would supply energy"
+        f"{name} is at its bound 0: the ratios alone would make it negative, and the law would supply energy"
         for name, there in zip(("alpha", "beta"), ~free, strict=True)
         if there
     ]
     if deviations is not None:
         warnings += [
-            f"mode {k + 1}, {hertz[k]:.6g} Hz, is missed by {abs(missed[k]):.1f} standard deviations: measured "
-            f"{ζ[k]:.3g}, fitted {predicted[k]:.3g}"
+            f"mode {k + 1}, {hertz[k]:.6g} Hz: the fitted damping ratio {predicted[k]:.3g} differs from the measured "
+            f"{ζ[k]:.3g} by {abs(missed[k]):.1f} standard deviations; use modal damping to match every mode"
             for k in np.flatnonzero(np.abs(missed) > MISSED).tolist()
         ]
     return RayleighFit(
@@ -226,7 +226,7 @@ def _two_modes(ω: Array, ζ: Array) -> tuple[float, float]:
 
 
 def _bounded(ω: Array, ζ: Array, σ: Array) -> tuple[Array, Mask]:
-    """Return alpha and beta, none negative, and a mask of those that are not at their bound."""
+    """Return alpha and beta, neither negative, and a mask of those that are not at their bound."""
     typical = float(ζ.max()) or 1.0
     alpha, beta = typical * float(ω.min()), typical / float(ω.max())
     fit = least_squares(

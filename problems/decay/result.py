@@ -1,9 +1,9 @@
 """The result of a decay fit: values with units, standard errors, 95 % intervals and warnings.
 
-Standard errors and intervals are those of ``ancf_casadi.estimation``; they assume white residuals.  The warnings name
-terms that are strongly correlated or not significant, residuals that are not white, so that the errors are too small,
-and a record too short.  If the record is shorter than the decay, the standard error of the damping falls with the
-length^(-3/2); this gives the length that would be enough.
+Standard errors and intervals are those of ``ancf_casadi.estimation``; they assume white residuals.  Warnings name terms
+that are strongly correlated or not significant, say if the residuals are not white, so that the standard errors are too
+small, and if the record is too short.  If the record is shorter than the decay, the standard error of the damping is
+proportional to length^(-3/2), which gives the length that would be enough.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROUNDING = 1e-6  # residual relative to the amplitude, below which there is no noise
-FEW_PERIODS = 5  # of free decay, below which frequency, damping and equilibrium are hardly separate
+FEW_PERIODS = 5  # of free decay, below which there is a warning
 IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
 
 
@@ -40,7 +40,7 @@ IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which the
 class DecayFit:
     """A mode identified from a free decay.
 
-    A linear decay counts as a quadratic one with eta1 = 2 zeta omega and eta2 = 0; both have the friction eta0 = 0.
+    The linear law has eta1 = 2 zeta omega and eta2 = 0; only the friction law has an eta0 other than 0.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ class DecayFit:
     eta1, eta2, eta0 : float
         Linear (1/s) and quadratic (1/m) damping coefficient; friction force per mass (m/s^2).
     amplitude : float
-        Amplitude about the offset at the release, m: that of the envelope of Eq. (9), or e0 of Eq. (27).
+        Amplitude about the offset at the release, m: of the envelope of Eq. (9), e0 of Eq. (27), or of r0 and v0.
     offset : float
         Equilibrium, m; with drift, the one at the release.
     drift : float
@@ -61,12 +61,12 @@ class DecayFit:
     release_time : float
         Start of the decay in the times of the record, s.
     release_reason : str
-        Reason for this start: the first sample, the end of rest, an excitation that ends before, or as given.
+        Reason for this start: the first sample, the end of rest, the end of an excitation, or given.
     correlation : float
         Correlation of eta1 and eta2; nan under the linear law.
     standard_errors : mapping of str to float
-        Standard error of each quantity by name, unknowns at a bound taken as known; nan for a quantity that is at a
-        bound or not estimated.
+        Standard error of each quantity by name, with unknowns at a bound taken as known; nan if the quantity itself is
+        at a bound or not estimated.
     intervals : mapping of str to (float, float)
         95 % interval of each quantity by name, one-sided at a bound; nan for a quantity that is not estimated.
     warnings : tuple of str
@@ -78,9 +78,9 @@ class DecayFit:
     model : DecayModel
         Fitted curve.
     indices : tuple of int
-        Positions of the unknowns of the curve in ``fit``; all, unless several records were fitted at once.
+        Positions in ``fit`` of the unknowns of the curve; not all if several records or modes were fitted at once.
     fit : Fit
-        Unknowns of the law, with their covariance, bounds, rank and condition, and the status of the solver.
+        All unknowns, with covariance, bounds and condition number, and the status of the solver.
     """
 
     law: Law
@@ -127,7 +127,7 @@ class DecayFit:
 
     @property
     def residual_rms(self) -> float:
-        """R of Eq. (10), m."""
+        """Root mean square R of the residuals, Eq. (10), m."""
         return math.sqrt(np.mean(self.residuals**2))
 
     @property
@@ -149,22 +149,22 @@ class DecayFit:
         name : str
             ``frequency``, ``damping_ratio``, ``eta1``, ``eta2``, ``eta0``, ``amplitude``, ``offset`` or ``drift``.
         level : float
-            Probability that the interval contains the truth.
+            Confidence level.
 
         Raises
         ------
         InputError
-            If the law has no such quantity, the level is not between 0 and 1, or all residuals are zero.
+            If the law has no such quantity, the level is not between 0 and 1, or there is no scatter.
         FitError
             If a nonlinear program for an end does not converge.
         """
         if name not in self.estimates:
-            raise InputError(f"is not estimated by this fit; there are {', '.join(self.estimates)}", name)
+            raise InputError(f"is not estimated by this fit; it has {', '.join(self.estimates)}", name)
         which = list(QUANTITIES).index(name)
         return profile_interval(self.fit, lambda *x: self.model.quantities(*(x[i] for i in self.indices))[which], level)
 
     def figure(self) -> Figure:
-        """Draw record and fit, and the residuals over time and their autocorrelation."""
+        """Draw the record and the fit, the residuals over time, and their autocorrelation."""
         from ancf_casadi.plot import fit_figure  # matplotlib is slow to import
 
         fitted = self.displacement(self.time)
@@ -191,7 +191,7 @@ class DecayFit:
         return table
 
     def report(self) -> str:
-        """Return the result as text, a line per quantity."""
+        """Return the result as text, one line per quantity."""
         drift = ["drift"] * self.model.drift
         shown = ["frequency", "damping_ratio", *LAWS[self.law].terms, "amplitude", "offset", *drift]
         lines = [f"{self.law} decay, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
@@ -199,8 +199,8 @@ class DecayFit:
         lines.append(f"  {'release':<14}{self.release_time:>13.6g} s  ({self.release_reason})")
         lines.append(f"  {'residual_rms':<14}{self.residual_rms:>13.3g} m")
         lines.append(
-            f"  {'problem':<14}rank {self.fit.rank} of {len(self.fit.names)}, condition {self.fit.condition:.3g}, "
-            f"{self.fit.status} after {self.fit.iterations} iterations"
+            f"  {'solution':<14}{self.fit.rank} of {len(self.fit.names)} unknowns free of bounds, condition number "
+            f"{self.fit.condition:.3g}; {self.fit.status} after {self.fit.iterations} iterations"
         )
         return "\n".join([*lines, *(f"  note: {warning}" for warning in self.warnings)])
 
@@ -280,23 +280,25 @@ def _correlation(fit: Fit, first: str, second: str) -> float:
 
 
 def _warnings(values: Mapping[str, float], errors: Mapping[str, float], length: float, r: Array) -> list[str]:
-    """Return warnings of a short record, an uncertain damping ratio and residuals that are not noise."""
+    """Return warnings of a short record, an uncertain damping ratio, and residuals that are not noise."""
     warnings = []
     periods = length * values["frequency"]
     if periods < FEW_PERIODS:
         warnings.append(
-            f"the record is short: {periods:.1f} periods of free decay; record {FEW_PERIODS} or more, which separate "
-            "frequency, damping and equilibrium"
+            f"the record is short: {periods:.1f} periods of free decay hardly separate frequency, damping and "
+            f"equilibrium; record {FEW_PERIODS} periods or more"
         )
     noise_free = ROUNDING * values["amplitude"]
     ζ, error = values["damping_ratio"], errors["damping_ratio"]
     if math.sqrt(np.mean(r**2)) > noise_free and error > IMPRECISE * abs(ζ):
-        uncertainty = f"to {error / abs(ζ):.0%} only" if error < abs(ζ) else "no better than to be zero"
+        uncertainty = f"has a standard error of {error / abs(ζ):.0%}"
+        if error >= abs(ζ):
+            uncertainty = "does not differ significantly from zero"
         advice = "less noise, or a larger release, would help"
         if ζ * 2 * math.pi * periods < 1.0:
             needed = length * (min(error / abs(ζ), 1.0) / IMPRECISE) ** (2 / 3) if ζ else math.inf
             advice = f"the record is too short; {needed:.2g} s would give {IMPRECISE:.0%}"
-        warnings.append(f"the damping ratio is known {uncertainty}: {advice}")
+        warnings.append(f"the damping ratio {uncertainty}: {advice}")
     coloured = colour_warning(r, noise_free=noise_free)
     return [*warnings, coloured] if coloured else warnings
 

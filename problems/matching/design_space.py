@@ -1,8 +1,8 @@
-"""The unknowns of a matching as one vector m, their bounds, and the properties and the beam that m gives.
+"""The unknowns of a matching as one vector m, their bounds, and the properties and the beam that follow from m.
 
-The factors on all properties are f = 1 + T (m - m_0), with m_0 at the given beam.  Unknowns that are factors themselves
-have bounds of their own.  For the coefficients of a smooth property the bounds apply to its factors, which are linear
-in m: these rows of T are constraints.
+The factors on all properties are f = 1 + T (m - m_0), with m_0 at the given beam.  If the unknowns are factors, they
+are bounded directly.  If they are the coefficients of a smooth property, the bounds apply to the factors of its
+elements, which are linear in m: the rows of T for this property are linear constraints.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from ancf_casadi.vibration.assembly import structure_properties
 from problems.matching.unknowns import PAPER, Global, PerElement, PropertyUnknown, Smooth, check_bounds
 
 SMALLEST = 1e-7  # factor: a property never vanishes
-AT_BOUND = 1e-6  # of half the width of the bounds
+AT_BOUND = 1e-6  # distance from an active bound, relative to half the width of the bounds
 
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """The N unknowns m of a beam, and the properties that they give.
+    """The N unknowns m of a beam, and the properties that follow from them.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class DesignSpace:
     unknowns : tuple of Global, PerElement, Smooth
         Properties that may change.
     bounds : float
-        Largest relative change of the properties whose unknown has no bounds of its own.
+        Largest relative change of a property whose unknown states no bounds.
 
     Raises
     ------
@@ -68,7 +68,7 @@ class DesignSpace:
             if given.count(name) > 1:
                 raise InputError(f"{name} is given {given.count(name)} times; give it once", "unknowns")
             if name in LUMPED and getattr(self.beam, name) in (0.0, math.inf):
-                raise InputError(f"the beam has no {name} to change; give it an expected value", "unknowns")
+                raise InputError(f"the beam has no {name} to change; give the beam a first value of it", "unknowns")
         _ = self.map
 
     @property
@@ -118,24 +118,24 @@ class DesignSpace:
 
     @cached_property
     def rows(self) -> Array:
-        """Rows of T of the smooth properties, which give the changes of their factors, (r, N)."""
+        """Rows of T for the smooth properties: times m, they are the changes of the factors, (r, N)."""
         blocks = [self.map[self.rows_of(name)] for name in self._smooth]
         return np.concatenate(blocks) if blocks else np.zeros((0, self.size))
 
     @cached_property
     def row_bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of these changes, two of (r,)."""
+        """Lower and upper bounds of the changes ``rows @ m``, (r,) each."""
         widths = [bounds for _, smooth, bounds in self._blocks if smooth]
         width = np.repeat(widths, self.beam.elements)
         return np.maximum(-width, SMALLEST - 1), width
 
     @cached_property
     def bounded_names(self) -> tuple[str, ...]:
-        """Names of all that has bounds: the unknowns, and the factors of the smooth properties; N + r."""
+        """Names of all bounded quantities, (N + r): the unknowns, then the factors of the smooth properties."""
         return self.names + tuple(f"{name}[{i + 1}]" for name in self._smooth for i in range(self.beam.elements))
 
     def room(self, m: Array) -> tuple[Array, Array]:
-        """Return the changes down to the lower and up to the upper bounds, by ``bounded_names``, two of (N + r,)."""
+        """Return the changes that lead to the lower and to the upper bounds, by ``bounded_names``, (N + r,) each."""
         values, (below, above) = np.concatenate([m, self.rows @ m]), self.row_bounds
         return np.concatenate([self.lower, below]) - values, np.concatenate([self.upper, above]) - values
 
@@ -177,24 +177,24 @@ class DesignSpace:
         return tuple(name for name, at_bound in zip(self.bounded_names, active, strict=True) if at_bound)
 
     def check_guess(self, guess: Sequence[float] | None) -> Array:
-        """Return first values of the unknowns as an array; those of the given beam if there are none.
+        """Return the first values of the unknowns as an array; those of the given beam if none are given.
 
         Raises
         ------
         InputError
-            If they are not as many as the unknowns, or not within the bounds.
+            If there are more or fewer values than unknowns, or one is outside its bounds.
         """
         if guess is None:
             return self.standard.copy()
         m = np.array(numbers(guess, "guess"))
         if m.size != self.size:
-            raise InputError(f"needs {self.size} factors, got {m.size}", "guess")
+            raise InputError(f"needs {self.size} values, one per unknown, got {m.size}", "guess")
         below, above = self.room(m)
         excess = np.maximum(below, -above)
         if (excess[: self.size] > 0.0).any():
             k = int(np.flatnonzero(excess[: self.size] > 0.0)[0])
             raise InputError(
-                f"the factors must be above 0 and within {self.lower[k]:g} to {self.upper[k]:g}, got {m[k]:g} for "
+                f"the factors must be between {self.lower[k]:g} and {self.upper[k]:g}, got {m[k]:g} for "
                 f"{self.names[k]}",
                 "guess",
             )
@@ -207,7 +207,7 @@ class DesignSpace:
         return m
 
     def random(self, generator: np.random.Generator) -> Array:
-        """Return random values within the bounds: uniform factors, and smooth changes of uniform size."""
+        """Return random values within the bounds: uniform factors, and smooth changes of uniformly distributed size."""
         m = self.standard.copy()
         for block, smooth, bounds in self._blocks:
             if not smooth:
@@ -220,7 +220,7 @@ class DesignSpace:
 
     @cached_property
     def _blocks(self) -> tuple[tuple[slice, bool, float], ...]:
-        """Slice of the values of each property in m, whether it is smooth, and its bounds."""
+        """Slice of m for each property, whether the property is smooth, and its bounds."""
         sizes = [len(unknown.names(self.beam.elements)) for unknown in self.unknowns]
         ends = np.cumsum([0, *sizes]).tolist()
         return tuple(
@@ -229,7 +229,7 @@ class DesignSpace:
         )
 
     def _repeated(self, value: Callable[[bool, float], float]) -> Array:
-        """Return a value of each property, from whether it is smooth and its bounds, for each of its unknowns, (N,)."""
+        """Return ``value(smooth, bounds)`` of each property, repeated for each of its unknowns, (N,)."""
         values = [value(smooth, bounds) for _, smooth, bounds in self._blocks]
         return np.repeat(values, [block.stop - block.start for block, _, _ in self._blocks])
 

@@ -5,9 +5,9 @@
 
 The unknowns (``unknowns``) are factors on the properties of the beam, within bounds.  The targets (``measured_modes``)
 are natural frequencies and, if measured, mode shapes, with their standard deviations.  If there are more unknowns than
-data, a family of beams fits: a preference (``preference``) selects one of them, and the result says which properties
-the data leave open (``identifiability``).  If the targets are out of reach of the bounds, least squares gives the
-nearest beam, and ``objective="worst-error"`` the smallest possible worst relative error (``program``).
+data, a family of beams fits: a preference (``preference``) selects one of them, and the result states which properties
+the data leave open (``identifiability``).  If no beam within the bounds has the targets, least squares gives the
+nearest beam, and ``objective="worst-error"`` the one with the smallest possible largest relative error (``program``).
 
 References
 ----------
@@ -41,8 +41,8 @@ from problems.matching.result import FrequencyMatch
 from problems.matching.unknowns import PAPER, PropertyUnknown
 
 MOST_STARTS = 10_000
-SAME_VALUE = 1e-3  # largest relative difference between the objectives of one optimum reached twice
-SPARE = 2  # modes above the highest one followed, for the MAC
+SAME_VALUE = 1e-3  # largest relative difference of objectives that count as the same optimum
+SPARE = 2  # modes above the highest followed mode that the MAC includes
 
 
 def match_frequencies(
@@ -74,16 +74,16 @@ def match_frequencies(
     unknowns : sequence of Global, PerElement, Smooth
         Properties that may change; if not given, width and thickness of each element, and density and elastic modulus.
     bounds : float
-        Largest relative change of the properties whose unknown has no bounds of its own, above 0 and at most 1.
+        Largest relative change of a property whose unknown states no bounds, above 0 and at most 1.
     preference : LeastChange or Smoothness, optional
-        Selects one of the beams that fit; the one changed least if not given.
+        Criterion that selects one of the beams that fit; the least change if not given.
     objective : {"least-squares", "worst-error"}
-        Minimise the squared residuals, or the largest relative frequency error regardless of the deviations.
+        Minimise the squared residuals, or the largest relative frequency error, whatever the standard deviations.
     guess : sequence of float, optional
         First values of the unknowns, in their order: factors, and coefficients of smooth properties; those of the given
         beam if not given.
     starts : int
-        Number of solutions from different values: from the guess, and from random values within the bounds.
+        Number of solutions: the first from the guess, the others from random values within the bounds.
     seed : int
         Seed of the random values.
     executor : Executor, optional
@@ -135,7 +135,7 @@ def _attempt(matching: Matching, start: Array) -> Optimum | NumericsError:
 
 
 def _result(matching: Matching, optimum: Optimum, build_seconds: float, starts: tuple[int, int, int]) -> FrequencyMatch:
-    """Return the match from the modes of the optimum; ``starts`` are their number, those that agree and that failed."""
+    """Return the match at an optimum; ``starts`` counts all starts, those that ended there, and those that failed."""
     space, full, m = matching.space, matching.response("least-squares"), optimum.m
     state = matching.state(m)
     return FrequencyMatch(
@@ -167,7 +167,7 @@ def _result(matching: Matching, optimum: Optimum, build_seconds: float, starts: 
 
 
 def _mac(matching: Matching, state: ModalState) -> Array:
-    """Return the MAC of the measured shapes with all the lowest modes at the optimum, also those not followed."""
+    """Return the MAC of the measured shapes with all of the lowest modes at the optimum, followed or not."""
     free = matching.model.size - matching.model.free.start
     lowest = modes_near(state.structure, state.at, min(int(state.numbers.max()) + 1 + SPARE, free))
     assert lowest is not None  # the equilibrium of the optimum is stable

@@ -1,16 +1,17 @@
 """Properties of a beam that the measured modes determine, and those that they leave open.
 
 With the Jacobian J of the residuals by the unknowns m at the optimum, the singular value decomposition J = U S V^T
-separates the combinations that the data determine, the rows of V^T with a singular value, from the null space of J.  To
-first order, all m + dm with J dm = 0 within the bounds fit the data equally well.  The least and the greatest value of
-each factor t^T m among them are linear programs, min and max of t^T dm.  Most need no solver: if the move along the
-projection of t on the null space that takes a factor to its own bound stays within all others, the bound is the answer.
+separates the combinations that the data determine, the rows of V^T with a nonzero singular value, from the null space
+of J.  To first order, all m + dm within the bounds with J dm = 0 fit the data equally well.  The lowest and the highest
+value of each factor t^T m among them follow from two linear programs, min and max of t^T dm.  Most need no solver: move
+along the projection of t on the null space until the factor reaches its own bound; if no other bound is crossed, this
+bound is the answer.
 
 With standard deviations, the factors that the data determine have the covariance T (J^T J)^+ T^T, where unknowns at a
-bound count as known.  A preference whose weight is given adds its matrix to J^T J as prior information.
+bound count as known.  A preference with a given weight adds its matrix to J^T J as prior information.
 
-Over wide ranges, frequencies are products of powers of global properties.  In logarithms, the combinations of them that
-the data determine are exponents: without gravity, E h^2/rho.
+Over wide ranges, frequencies are products of powers of the global properties.  The data then determine such products,
+for example E h^2/rho without gravity; their exponents are the combinations of the logarithms that the data determine.
 
 References
 ----------
@@ -30,9 +31,9 @@ from ancf_casadi.support.arrays import Array, Mask
 from problems.matching.design_space import DesignSpace
 from problems.matching.unknowns import Global
 
-RANK = 1e-6  # of the largest singular value; smaller ones count as zero
-NULL = 1e-6  # part of a factor in the null space, below which the data determine it
-TOUCH = 1e-9  # beyond a bound, by rounding
+RANK = 1e-6  # times the largest singular value; smaller ones count as zero
+NULL = 1e-6  # relative part of a factor in the null space, below which the data determine the factor
+TOUCH = 1e-9  # excess over a bound that may be due to rounding
 ORDER = (
     "elastic_modulus",
     "thickness",
@@ -40,12 +41,12 @@ ORDER = (
     "width",
     "tip_mass",
     "clamp_stiffness",
-)  # in which exponents are reduced
+)  # order of the columns in the row reduction of the exponents
 
 
 @dataclass(frozen=True, eq=False)
 class Identifiability:
-    """The information of the data on the unknowns at an optimum.
+    """The information in the data about the unknowns, at an optimum.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ class Identifiability:
 
     @cached_property
     def factor_names(self) -> tuple[str, ...]:
-        """Names of the F factors that may change, of a global property or of an element."""
+        """Names of the F factors that may change, one per global property or per element."""
         n = self.space.beam.elements
         return tuple(
             name
@@ -128,7 +129,7 @@ class Identifiability:
         return np.asarray(self.factors[:, None] + np.column_stack(ends))
 
     def _reaches(self, changes: Array, lower: Array, upper: Array) -> Mask:
-        """Return whether the projected move that changes each factor by so much stays within the bounds, (F,)."""
+        """Return whether the projected move that makes each change of a factor stays within the bounds, (F,)."""
         moves = self.factor_jacobian @ self.null_space.T @ self.null_space
         with np.errstate(divide="ignore", invalid="ignore"):
             moves *= (changes / np.sum(moves**2, axis=1))[:, None]
@@ -136,7 +137,7 @@ class Identifiability:
             return np.asarray(((moves >= lower - TOUCH) & (moves <= upper + TOUCH)).all(axis=1))
 
     def _extreme(self, row: Array, lower: Array, upper: Array) -> float:
-        """Return the minimum of t^T dm over the moves of the null space within the bounds; nan if none is found."""
+        """Return the minimum of t^T dm, with t a row, over the null space within the bounds; nan if none is found."""
         space, size = self.space, self.space.size
         found = linprog(
             row,
@@ -156,7 +157,7 @@ class Identifiability:
 
     @cached_property
     def covariance(self) -> Array:
-        """Covariance of the unknowns, (N, N), of the part that data and prior determine."""
+        """Covariance of the unknowns, (N, N), for the combinations that data and prior determine."""
         values, directions = self._information
         known = values > RANK**2 * values[-1]
         return np.asarray((directions[:, known] / values[known]) @ directions[:, known].T)
@@ -184,7 +185,7 @@ class Identifiability:
 
     @cached_property
     def exponents(self) -> tuple[tuple[str, ...], Array]:
-        """Global unknowns, and exponents of the products of them that the data determine, (r, G), all else held."""
+        """The G global unknowns, and the exponents, (r, G), of the products that the data determine, all else held."""
         given = {unknown.name for unknown in self.space.unknowns if isinstance(unknown, Global)}
         names = tuple(name for name in ORDER if name in given)
         if not names:
@@ -197,9 +198,10 @@ class Identifiability:
         """Return sentences that say which combinations of the unknowns the data determine."""
         size = self.space.size
         said = [
-            f"The data fix {self.rank} of {size} combinations of the unknowns."
+            f"The data determine {self.rank} independent combinations of the {size} unknowns; the preference selects "
+            "the rest."
             if self.rank < size
-            else f"The data fix all {size} unknowns."
+            else f"The data determine all {size} unknowns."
         ]
         names, rows = self.exponents
         if names and len(rows) < len(names):
@@ -207,9 +209,9 @@ class Identifiability:
                 " ".join(f"{name}^{value:.3g}" for name, value in zip(names, row, strict=True) if abs(value) > 1e-3)
                 for row in rows
             ]
-            held = "" if len(names) == size else ", with everything else held,"
-            said.append(f"Of {', '.join(names)} they fix{held} " + (f"{' and '.join(products)} only." if products else
-                        "nothing."))  # fmt: skip
+            held = "" if len(names) == size else ", with everything else held"
+            found = f"only {' and '.join(products)}" if products else "nothing"
+            said.append(f"Of {', '.join(names)}, they determine {found}{held}.")
         return tuple(said)
 
 

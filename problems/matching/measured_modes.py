@@ -32,7 +32,7 @@ class MeasuredModes:
     Parameters
     ----------
     frequencies : sequence of float
-        Natural frequencies of m modes, Hz; without shapes those of the lowest modes, ascending.
+        Natural frequencies of m modes, Hz; without shapes, those of the m lowest modes, ascending.
     frequency_std : float or sequence of float, optional
         Standard deviations of the frequencies, Hz; one for all, or one for each.  If not given, all relative errors
         have the same weight.
@@ -42,7 +42,7 @@ class MeasuredModes:
         Transverse displacements of the points in each mode, (m, k), with any scale and sign; nan if not measured.
     shape_std : float or sequence, optional
         Standard deviations of the displacements, in the unit of each shape: one for all, one per mode, or (m, k).  If
-        not given, the shapes only identify the modes.
+        not given, the shapes serve only to identify the modes.
 
     Raises
     ------
@@ -75,10 +75,10 @@ class MeasuredModes:
         if len(self.shapes):
             self._check_shapes()
         elif self.points or self.shape_std is not None:
-            raise InputError("are missing; points and shape_std belong to shapes", "shapes")
+            raise InputError("are missing, but points or shape_std are given; give the shapes too", "shapes")
         elif (np.diff(frequencies) <= 0.0).any():
             raise InputError(
-                f"must be ascending, got {', '.join(f'{f:g}' for f in frequencies)} Hz; any order needs shapes",
+                f"must be ascending, got {', '.join(f'{f:g}' for f in frequencies)} Hz; sort them, or give shapes",
                 "targets",
             )
 
@@ -105,7 +105,7 @@ class MeasuredModes:
         return np.asarray(np.isfinite(np.array(self.shapes).reshape(self.count, -1)))
 
     def observer(self, model: Model) -> Array:
-        """Return H, (k, 4 n + 4), of the transverse displacements v = H e of the points."""
+        """Return H, (k, 4 n + 4), from nodal coordinates e to the transverse displacements v = H e of the points."""
         x, y = model.beam.axis
         across = np.array([-y, x])
         rows = [across @ model.interpolation(point) for point in self.points]
@@ -135,7 +135,7 @@ class MeasuredModes:
         """
         if self.count > 2 * beam.elements:
             raise InputError(
-                f"{self.count} modes are more than the {2 * beam.elements} of {beam.elements} elements; "
+                f"{self.count} modes are more than the {2 * beam.elements} that {beam.elements} elements have; "
                 "use more elements",
                 "targets",
             )

@@ -1,4 +1,4 @@
-"""Preferences that select one of the beams that fit: the beam changed least, or the smoothest.
+"""Preferences that select one of the beams that fit: the one changed least, or the smoothest.
 
 If there are more unknowns than data, a family of beams has the measured modes.  A preference is a small multiple of a
 quadratic form of the factors f(x) on the properties along the beam, x = s/L from 0 to 1, which selects one of them:
@@ -7,16 +7,16 @@ quadratic form of the factors f(x) on the properties along the beam, x = s/L fro
     Smoothness     w/2 sum over the properties of int_0^1 (df/dx)^2 dx.
 
 For n elements the integrals are 1/n sum (f_i - 1)^2 and n sum (f_(i+1) - f_i)^2: each element counts by its fraction of
-the length, so that the integrals, and the result, converge with the mesh.  For a ``Global`` property, the tip mass and
-the clamp stiffness the first is (f - 1)^2.
+the length, so that the integrals, and the result, converge with the mesh.  For a ``Global`` property, including the tip
+mass and the clamp stiffness, the first integral is (f - 1)^2, the second 0.
 
-The count c is 1 for properties that change as a whole or smoothly, and 20 for ``PerElement``: a change in one twentieth
-of the beam costs as much as that of a global property.  With c = 1 everywhere, the elements would change by much more
-than the modulus or the density, because only their mean along the beam would be known as well as these.
+The factor c is 1 for properties that change as a whole or smoothly, and 20 for ``PerElement``: a change of one
+twentieth of the beam then costs as much as the same change of a global property.  With c = 1, the elements would change
+by much more than the modulus or the density, because only their mean along the beam would cost as much as these.
 
-The weight w stands against half the sum of the squared residuals, each in units of its standard deviation, or relative
-frequency errors if no deviations are given.  A prior uncertainty of 10 %, of a global property or of the mean over a
-twentieth of the beam, is w = 1/0.1^2.
+The preference is added to half the sum of the squared residuals, each in units of its standard deviation, or relative
+frequency errors if no deviations are given.  The weight w = 1/0.1^2 thus means a prior uncertainty of 10 % of a global
+property, or of the mean over a twentieth of the beam.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ from problems.matching.design_space import DesignSpace
 from problems.matching.unknowns import PerElement
 
 WEIGHT = 1e-8  # a change of 1 in one factor costs as much as a relative frequency error of 1e-4
-PATCHES = 20.0  # c of PerElement: 1/c of the beam counts as a global property
+PATCHES = 20.0  # c of PerElement: a fraction 1/c of the beam counts as a global property
 SMOOTH = 50.0  # default weight of smoothness relative to that of least change
 
 
 @dataclass(frozen=True)
 class LeastChange:
-    """Preference for the beam changed least.
+    """Preference for the least change of the beam.
 
     Parameters
     ----------
     weight : float, optional
-        Weight w.  If not given, 1e-8 in units of the best known relative frequency, which only selects among beams that
-        fit.
+        Weight w.  If not given, 1e-8 over the square of the smallest relative standard deviation of a frequency (1 if
+        none is given), so small that it only selects among beams that fit.
 
     Raises
     ------
@@ -60,7 +60,7 @@ class LeastChange:
             positive(self.weight, "preference: weight")
 
     def matrix(self, space: DesignSpace, default: float) -> Array:
-        """Return the matrix of the quadratic form, including the weight or else the default one, (N, N)."""
+        """Return the matrix of the quadratic form, (N, N), with the given or else the default weight."""
         weight = default if self.weight is None else self.weight
         matrix = np.zeros((space.size, space.size))
         for unknown in space.unknowns:
@@ -72,7 +72,7 @@ class LeastChange:
 
 @dataclass(frozen=True)
 class Smoothness:
-    """Preference for the smoothest beam, and among equally smooth ones for the one changed least.
+    """Preference for the smoothest beam and, among equally smooth ones, for the least change.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ class Smoothness:
         LeastChange(self.weight)
 
     def matrix(self, space: DesignSpace, default: float) -> Array:
-        """Return the matrix of the quadratic form, including the weight or else the default one, (N, N)."""
+        """Return the matrix of the quadratic form, (N, N), with the given or else the default weight."""
         steps = np.concatenate([np.diff(space.map[space.rows_of(name)], axis=0) for name in PROPERTIES])
         weight = SMOOTH * default if self.weight is None else self.weight
         return np.asarray(weight * space.beam.elements * steps.T @ steps + LeastChange().matrix(space, default))

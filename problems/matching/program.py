@@ -1,21 +1,22 @@
 """The nonlinear programs that match a beam to measured modes, the matching process of Section 5.1 and Table 10.
 
-With the residuals r(m), relative frequency errors and residuals of the shapes, in units of the smallest relative
-standard deviation of a frequency,
+With the residuals r(m) of frequencies and shapes (``response``),
 
     least-squares    minimise  1/2 |t|^2 + p(m)/w     subject to  r(m) = w^(1/2) t,    w = 1e-8,
     worst-error      minimise  s + p(m)               subject to  -s <= f_k(m)/target_k - 1 <= s,
 
-and the bounds.  p is the preference; worst-error always prefers the least change.  The auxiliary unknowns t and s keep
-r(m) in the constraints, which are met to rounding; the gradient of |r|^2/(2 w) would magnify the rounding by 1/w.
-Both programs have the form
+and the bounds.  p is u^2 times the preference, with u as in ``response``; worst-error always prefers the least change.
+The auxiliary unknowns t and s keep r(m) in the constraints, which are met to rounding; the gradient of |r|^2/(2 w)
+would magnify the rounding by 1/w.  Both programs have the form
 
-    minimise    c^T t + 1/2 t^T Q t + 1/2 (m - m_0)^T P (m - m_0)    subject to  lower <= S r(m) + T t <= upper.
+    minimise    c^T t + 1/2 t^T Q t + 1/2 (m - m_0)^T P (m - m_0)    subject to  lower <= S r(m) + T t <= upper,
+
+where t includes s.
 
 Equilibrium and modes are computed at each m, with exact first and second derivatives
 (``ancf_casadi.vibration.sensitivities``).  With equilibrium and eigenpairs as unknowns too, the program would need no
-inner solver, but it would have 527 unknowns instead of 47 at 20 elements, take 23 iterations instead of 10, find no
-solution in 200 iterations at 80 elements, and could end at a mode that was not meant.
+inner solver.  But it would have 527 unknowns instead of 47 at 20 elements, take 23 iterations instead of 10, find no
+solution in 200 iterations at 80 elements, and could end at the wrong mode.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from ancf_casadi.support.arrays import Array
 from problems.matching.preference import WEIGHT, LeastChange
 from problems.matching.response import Matching, Response
 
-TIE = 1e-6  # weight of p with worst-error: a mean square change of 1 may cost half of it in worst error
+TIE = 1e-6  # weight of p in worst-error: a mean square change of 1 costs as much as an error of TIE/2
 OPTIONS: dict[str, Any] = {
     "no_nlp_grad": True,  # CasADi would differentiate the callbacks, and cannot
     "ipopt.tol": 1e-8,
@@ -48,7 +49,7 @@ OPTIONS: dict[str, Any] = {
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """The optimum that IPOPT found.
+    """An optimum found by IPOPT.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ class Optimum:
     seconds : float
         Time of the solution, s.
     multipliers : array (N + r,)
-        Decrease of the objective per unit of wider bounds, to first order, for the unknowns and the smooth factors.
+        Decrease of the objective per unit by which a bound is widened, to first order, by ``bounded_names``.
     """
 
     m: Array
@@ -195,7 +196,7 @@ def _minimise(matching: Matching, response: Response, program: Program, start: A
 
 
 class External(cs.Callback):
-    """A function of vectors, computed in Python; nan where it has no value.  Keep a reference while it is used."""
+    """A function of vectors, computed in Python; nan where it has no value.  Keep a reference while CasADi uses it."""
 
     def __init__(
         self, name: str, evaluate: Callable[..., Array], inputs: Sequence[int], output: tuple[int, int]

@@ -1,12 +1,13 @@
 """Residuals between the modes of a beam and the measured ones, and their derivatives by the unknowns.
 
 Targets with shapes are assigned to the modes of the given beam by the largest sum of MAC values; targets without shapes
-to the lowest modes, by their order.  From there each mode is followed by its own shape
+to the lowest modes, in their order.  As the beam changes, each mode is followed by its shape
 (``ancf_casadi.vibration.following``), so that modes that cross are not exchanged.
 
-Residuals are f_k/target_k - 1 and those of the shapes (``measured_modes``), all in units of the smallest relative
-standard deviation of a frequency, 1 if none is given.  They are functions r(x) of the observations x, the eigenvalues
-and the displacements v = H phi of the measured points, so that
+The residuals are (u/sigma_k) (f_k/target_k - 1), with the relative standard deviations sigma_k of the frequencies and
+the smallest of them, u, and u times the residuals of the shapes (``measured_modes``).  Without standard deviations they
+are the relative errors f_k/target_k - 1.  They are functions r(x) of the observations x, the eigenvalues and the
+displacements v = H phi of the measured points, so that
 
     dr/dm = r_x x_m,    d2(y^T r)/dm2 = (r_x^T y) x_mm + x_m^T (y^T r)_xx x_m.
 """
@@ -36,8 +37,8 @@ from problems.matching.preference import WEIGHT, LeastChange, Preference
 
 Objective = Literal["least-squares", "worst-error"]
 
-LEAST_MAC = 0.5  # below it, a mode of the beam is not the measured one
-MORE_MODES = 6  # searched for a measured shape, beyond twice the number of shapes
+LEAST_MAC = 0.5  # MAC below which a mode of the beam is not the measured one
+MORE_MODES = 6  # modes searched for a measured shape, beyond twice the number of shapes
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Matching:
     measured : MeasuredModes
         The measured modes.
     preference : Preference
-        Selects one of the beams that fit.
+        Criterion that selects one of the beams that fit.
     objective : {"least-squares", "worst-error"}
         Minimise the squared residuals, or the largest relative frequency error.
     """
@@ -81,7 +82,7 @@ class Matching:
 
     @cached_property
     def standard(self) -> ModalState:
-        """The modes of the given beam that the targets belong to."""
+        """The modes of the given beam to which the targets are assigned."""
         return followed_modes(self.standard_modes, self.numbers)
 
     @cached_property
@@ -91,7 +92,7 @@ class Matching:
 
     @cached_property
     def numbers(self) -> Index:
-        """Numbers, from 0, of the modes of the given beam that the targets belong to, (m,).
+        """Numbers, from 0, of the modes of the given beam to which the targets are assigned, (m,).
 
         Raises
         ------
@@ -119,7 +120,7 @@ class Matching:
 
     @property
     def unit(self) -> float:
-        """Smallest relative standard deviation of a frequency, the unit of the residuals."""
+        """Smallest relative standard deviation u of a frequency; 1 if none is given."""
         return float(self.measured.relative_std.min())
 
     @cached_property

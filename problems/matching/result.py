@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-MET = 1e-5  # relative error that a preference leaves if the targets can be met
-NOISE = 3.0  # standard deviations beyond which a frequency is missed
-CLEAR_MAC = 0.9  # below it, two shapes differ visibly
-HOLDING = 0.01  # of the largest multiplier; bounds with smaller ones hold little
-MOST_NAMES = 6  # of bounds, in a warning
+MET = 1e-5  # largest relative error that a preference leaves if the targets can be met
+NOISE = 3.0  # error in standard deviations beyond which a target is out of reach
+CLEAR_MAC = 0.9  # MAC below which two shapes differ visibly
+HOLDING = 0.01  # least multiplier of a limiting bound, relative to the largest
+MOST_NAMES = 6  # largest number of bounds that a warning names
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,17 +48,17 @@ class FrequencyMatch:
     unknowns : array (N,)
         The unknowns, in the order of ``matching.space.names``.
     modes : tuple of int
-        Numbers, from 1, of the modes of the matched beam that the targets belong to.
+        Numbers, from 1, of the modes of the matched beam to which the targets are assigned.
     mac : array (m, c) or None
         MAC of the measured shapes with the lowest modes of the matched beam.
     residuals : array (R,)
-        Residuals of frequencies and shapes in units of their standard deviations; relative ones if none are given.
+        Residuals of frequencies and shapes in units of their standard deviations; relative errors if none are given.
     multipliers : array (N + r,)
-        Decrease of the objective per unit of wider bounds, to first order, by ``matching.space.bounded_names``.
+        Decrease of the objective per unit by which a bound is widened, by ``matching.space.bounded_names``.
     identifiability : Identifiability
-        The information of the data on the unknowns.
+        The information in the data about the unknowns.
     starts, reached, failed : int
-        Number of starts, of those that ended at this optimum, and of those that converged nowhere.
+        Number of starts, of starts that ended at this optimum, and of starts that did not converge.
     """
 
     beam: Beam
@@ -112,26 +112,28 @@ class FrequencyMatch:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Notes to read before using the result."""
+        """Limitations of the match, one sentence each."""
         notes = []
         if self.out_of_reach:
             names = [name for name, _ in self.holding]
             more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
             limit = (
-                f"the values are at the edge of the bounds, held by {', '.join(names[:MOST_NAMES])}{more}"
+                f"these bounds keep the beam from fitting better: {', '.join(names[:MOST_NAMES])}{more}; widen them if "
+                "the beam may differ by more, or let other properties change"
                 if names
-                else "the bounds do not limit them, so other properties have to change"
+                else "no bound limits the fit; let other properties change"
             )
-            worst = f"{100 * self.max_relative_error:.3g} % at worst"
-            notes.append(f"the targets are out of reach of these unknowns, by {worst}; {limit}")
+            worst = f"a frequency error of {100 * self.max_relative_error:.3g} % remains"
+            notes.append(f"the targets are out of reach of these unknowns: {worst}, and {limit}")
         if self.mac is None and any(mode != k for k, mode in enumerate(self.modes, start=1)):
             notes.append(
-                "the modes followed are not the lowest ones of the matched beam; measured shapes would identify them"
+                f"the targets are matched to modes {', '.join(map(str, self.modes))}, which are not the lowest modes "
+                "of the matched beam; give measured shapes to identify the modes"
             )
         notes += [*self._mode_warnings(), *self._shape_warnings()]
         if self.reached < self.starts:
             failed = f"; {self.failed} did not converge" if self.failed else ""
-            notes.append(f"{self.reached} of {self.starts} starts ended at this optimum, the best one{failed}")
+            notes.append(f"{self.reached} of {self.starts} starts ended at this optimum, the best found{failed}")
         return tuple(notes)
 
     def _mode_warnings(self) -> list[str]:
@@ -153,11 +155,11 @@ class FrequencyMatch:
                     f"(MAC {row.max():.2f} and {own:.2f})"
                 )
             elif own < CLEAR_MAC:
-                notes.append(f"the shape of target {target} agrees with mode {mode} only to a MAC of {own:.2f}")
+                notes.append(f"the shape of target {target} differs from mode {mode}: their MAC is only {own:.2f}")
         return notes
 
     def tables(self) -> tuple[Table, Table]:
-        """Return the frequencies, and the properties with the range that the data leave open."""
+        """Return the table of frequencies, and that of properties with the ranges that the data leave open."""
         columns = ("mode", "target", "before", "matched", "error_%") + (("MAC",) if self.mac is not None else ())
         rows: list[tuple[Cell, ...]] = []
         errors = 100 * self.relative_errors
@@ -172,7 +174,7 @@ class FrequencyMatch:
             Table("frequencies", "Natural frequencies, Hz", columns, rows, (worst,)),
             Table(
                 "properties",
-                title if self.out_of_reach else f"{title}; lowest and highest that fit as well, one at a time",
+                title if self.out_of_reach else f"{title}; lowest and highest value of each that fits equally well",
                 ("property", "unit", "value", "change_%", "lowest", "highest", "stderr"),
                 [
                     (p["name"], p["unit"], p["value"], 100 * p["change"], p["lowest"], p["highest"], p["stderr"])
@@ -233,12 +235,12 @@ class FrequencyMatch:
     @property
     def _statements(self) -> tuple[str, ...]:
         if self.out_of_reach:
-            return ("The targets are out of reach: no beam within the bounds fits, so no property has an interval.",)
+            return ("The targets are out of reach: no beam within the bounds fits, so no property has a range.",)
         return self.identifiability.statements()
 
     @cached_property
     def _given(self) -> Array:
-        """Values of the properties that may change, of the given beam, by ``identifiability.factor_names``."""
+        """Values in the given beam of the properties that may change, by ``identifiability.factor_names``."""
         found = []
         for name in self.identifiability.factor_names:
             kind, _, element = name.partition("[")

@@ -2,14 +2,13 @@
 
 The properties P, one value per element, become P (c + T m), element by element:
 
-    Global        one factor for all elements, for the mass       m = 1 is the given beam
-                  at the tip, or for the stiffness of the clamp
-    PerElement    one factor for each element                     m = 1
-    Smooth        1 + sum_j m_j L_j(x), x = 2 s/L - 1 from -1 to 1    m = 0
+    Global        one factor for all elements (or for the tip mass or the clamp stiffness);  the given beam has m = 1
+    PerElement    one factor for each element;                                               m = 1
+    Smooth        1 + sum_j m_j L_j(x), x = 2 s/L - 1 from -1 to 1;                          m = 0
 
-L_j are Legendre polynomials at the centres of the elements.  Their first terms are the mean and the linear taper, which
-matter most, without the kinks of cosines at the ends.  Each is at most 1, and they are orthogonal: m_j is the size of
-its term, and further terms hardly change the first ones.
+L_j are Legendre polynomials at the centres of the elements.  The first two are the mean and the linear taper, which
+matter most; unlike cosines, they need not be flat at the ends.  Each polynomial is at most 1 in magnitude, so that m_j
+is the size of its term.  They are orthogonal, so that further terms hardly change the first ones.
 
 Factors stay within 1 - bounds and 1 + bounds.  For a smooth property these are linear constraints on m.
 """
@@ -28,7 +27,7 @@ from ancf_casadi.support.inputs import choice, positive, whole
 
 
 def check_bounds(bounds: float, where: str) -> float:
-    """Return the largest relative change of a property.
+    """Return a largest relative change of a property as a float.
 
     Raises
     ------
@@ -56,7 +55,7 @@ class Global:
     name : str
         ``width``, ``thickness``, ``density``, ``elastic_modulus``, ``tip_mass`` or ``clamp_stiffness``.
     bounds : float, optional
-        Largest relative change, above 0 and at most 1; that of ``match_frequencies`` if not given.
+        Largest relative change, above 0 and at most 1; if not given, the ``bounds`` of ``match_frequencies``.
     """
 
     name: str
@@ -106,7 +105,7 @@ class Smooth:
     terms : int
         Number of Legendre polynomials, from 1 to the number of elements: 1 for a constant, 2 for a linear taper, ...
     bounds : float, optional
-        Largest relative change at any element, above 0 and at most 1; that of ``match_frequencies`` if not given.
+        Largest relative change of any element, above 0 and at most 1; if not given, that of ``match_frequencies``.
     """
 
     name: str

@@ -28,13 +28,13 @@ START_AMPLITUDES = (0.050, 0.015, 0.008, 0.005, 0.005)  # m, of the decays of Ta
 
 
 def linear_decays() -> tuple[Measurement, ...]:
-    """Return noisy decays after Eq. (9) with the parameters of Table 2, released at rest."""
+    """Return noisy decays by Eq. (9) with the parameters of Table 2, released at rest."""
     parameters = zip(paper.FREQUENCIES, paper.DAMPING_RATIOS, START_AMPLITUDES, strict=True)
     return _noisy([(linear_decay, (2 * math.pi * f, zeta, r0, 0.0)) for f, zeta, r0 in parameters], SEED)
 
 
 def quadratic_decays() -> tuple[Measurement, ...]:
-    """Return noisy decays after Eq. (27) with the parameters of Table 4, from the amplitudes that Table 4 implies."""
+    """Return noisy decays by Eq. (27) with the parameters of Table 4, from the amplitudes that Table 4 implies."""
     parameters = zip(paper.FREQUENCIES, paper.ETA1, paper.ETA2, paper.EQUIVALENT_AMPLITUDES, strict=True)
     curves = [(quadratic_decay, (2 * math.pi * f, eta1, eta2, e0, 0.0)) for f, eta1, eta2, e0 in parameters]
     return _noisy(curves, SEED + 1)

@@ -1,7 +1,7 @@
 """Figures of the study: one for each of Tables 2, 3, 4, 9, 10 and 11, and one for the transients of each mode.
 
-Records and the values of Table 2 are black, fits and damping laws coloured.  The tables and ``results.json`` hold the
-data of each figure.
+Records and the values of Table 2 are black, fits and damping laws are coloured.  The tables and ``results.json`` hold
+the data of each figure.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def table_2_modal_parameters(study: Study) -> Figure:
 
 
 def table_3_proportional(study: Study) -> Figure:
-    """Draw the damping ratio of Rayleigh damping over the frequency, Eq. (16)."""
+    """Draw the damping ratio of Rayleigh damping against frequency, Eq. (16)."""
     figure = Figure(figsize=(6.4, 4), layout="constrained")
     axes = figure.subplots()
     f = np.geomspace(0.8, 200, 300)

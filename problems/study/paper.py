@@ -30,7 +30,7 @@ ALPHA = 0.228
 BETA_PRINTED = 3.18e-4
 BETA = 3.18e-5
 
-# Table 4.  eta2 is printed per mm.  The amplitudes are those at which Eq. (26) gives the equivalent ratios.
+# Table 4.  The paper prints eta2 in 1/mm.  At these amplitudes (m), Eq. (26) has the equivalent ratios.
 ETA1 = (0.15, 0.31, 0.89, 1.46, 3.00)
 ETA2 = (0.11, 0.060, 0.050, 0.050, 0.050)
 EQUIVALENT_RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
@@ -45,7 +45,7 @@ OPTIMUM_ELASTIC_MODULUS = 205.130e9
 STANDARD_FREQUENCIES = (1.67, 10.47, 29.32, 57.46, 94.97)
 OPTIMUM_FREQUENCIES = (1.84, 10.18, 26.81, 53.15, 88.79)
 
-# Table 11, and the tip amplitudes at which Eq. (26) gives its quadratic row
+# Table 11, and the tip amplitudes (m) at which Eq. (26) gives its quadratic row
 PROPORTIONAL_RATIOS = (0.0100, 0.0028, 0.0032, 0.0050, 0.0070)
 QUADRATIC_RATIOS = (0.0100, 0.0016, 0.0008, 0.0004, 0.00022)
 QUADRATIC_AMPLITUDES = (0.076, 0.0092, 0.0076, 0.0038, 0.0018)

@@ -63,8 +63,8 @@ def results(study: Study) -> dict[str, Any]:
 def write_study(study: Study, folder: Path) -> list[Path]:
     """Write tables and figures, then ``results.json``, and return the paths.
 
-    An existing ``results.json`` is removed first.  If writing stops early, the folder thus holds no results that differ
-    from its tables.
+    An existing ``results.json`` is removed first.  If writing stops early, the folder thus holds no ``results.json``
+    that differs from the tables.
 
     Raises
     ------

@@ -2,12 +2,13 @@
 
 1. Table 2.  Modal parameters of five modes from free decays, Eq. (9).  The decays are synthetic (``decays``).
 2. Table 3.  Rayleigh (proportional) damping from the first two modes, Eq. (17).
-3. Table 4.  Quadratic damping of each mode from decays after Eq. (27), also synthetic.
+3. Table 4.  Quadratic damping of each mode from free decays, Eq. (27), also synthetic.
 4. Tables 9 and 10.  The hanging beam of Table 1 is matched to the frequencies of Table 2.
 5. Table 11.  Damping ratios of the matched beam under each of the three laws, from simulated experiments
    (``transients``).
 
-Steps 2 to 5 start from the numbers printed in the paper.  Step 1 shows that the method recovers the printed parameters.
+Steps 2, 4 and 5 start from the numbers printed in the paper, step 5 also from the results of steps 2 and 4.  Steps 1
+and 3 show that the method recovers the printed parameters from decays made with them.
 
 References
 ----------
@@ -82,7 +83,7 @@ def reproduce(
     Parameters
     ----------
     effort : Effort
-        ``FULL``, or ``QUICK`` for a first look.
+        ``FULL``, or ``QUICK`` for shorter and less accurate simulations.
     jobs : int
         Number of processes for the simulations, if no executor is given.  A script that asks for more than one must
         call this function under ``if __name__ == "__main__":``.

@@ -88,7 +88,8 @@ def table_4_quadratic(study: Study) -> Table:
             SYNTHETIC,
             "The paper prints eta2 per mm: 1.1E-4 stands for 0.11 1/m.  zeta_eq refers to the tip amplitude A.  The",
             "paper does not state A; the values here follow from its zeta_eq.",
-            "If stderr is close to eta2 and the correlation close to -1, the record does not separate eta1 from eta2.",
+            "If stderr is close to eta2 and the correlation close to -1, the record determines only a combination",
+            "of eta1 and eta2.",
         ),
     )  # fmt: skip
 
@@ -113,9 +114,9 @@ def table_9_properties(study: Study) -> Table:
         (
             f"{study.match.iterations} iterations of IPOPT, {study.match.solve_seconds:.2f} s; at a bound: "
             f"{', '.join(study.match.active_bounds) or 'none'}.",
-            "42 properties, 5 frequencies: of all beams that match, this one differs least from the standard beam.",
-            "A uniform beam with the optimum of the paper misses Table 10 by up to 13 %.  Means over the elements with",
-            "the values of this optimum can give Table 10.",
+            "42 properties and 5 frequencies: of all beams that match, this one differs least from the standard beam.",
+            "A uniform beam with the optimum of the paper misses Table 10 by up to 13 %.  If the values of this",
+            "optimum are means over the elements, Table 10 can be reproduced.",
         ),
     )
 
@@ -168,8 +169,8 @@ def table_11_damping_ratios(study: Study) -> Table:
         (
             "Each mode is driven at its natural frequency and stopped.  Eq. (9) is fitted to the decay.",
             f"{LAW_NAMES['proportional']}, predicted: Eq. (16).  The printed 0.32, 0.50, 0.70 remain unexplained.",
-            "quadratic: eta1 and eta2 of mode 1 apply to all modes.  The ratio grows with the amplitude, here that in",
-            "the middle of the fitted decay.  The printed row is Eq. (26) at tip amplitudes of "
+            "quadratic: eta1 and eta2 of mode 1 apply to all modes.  The ratio grows with the amplitude; it is given",
+            "for the amplitude in the middle of the fitted decay.  The printed row is Eq. (26) at tip amplitudes of",
             f"{_millimetres(paper.QUADRATIC_AMPLITUDES)} mm:",
             f"{', '.join(f'{zeta:.3f}' for zeta in _implied_ratios())}.  It is too low at high frequency because eta1",
             "is a constant decay rate, not because air drag is weak.",
@@ -178,11 +179,11 @@ def table_11_damping_ratios(study: Study) -> Table:
 
 
 def numerical_damping(study: Study) -> Table:
-    """Return the damping ratios found without damping."""
+    """Return the damping ratios that the integrator causes, from the experiments without damping."""
     rows = [(r.mode + 1, r.frequency, r.damping_ratio, 1e3 * r.amplitude, r.steps) for r in study.undamped]
     return Table(
         "numerical_damping",
-        "Numerical damping: the damping ratio of the integrator, from the same experiments without damping",
+        "Numerical damping: damping ratios due to the integrator, from the same experiments without damping",
         ("mode", "f_Hz", "zeta", "A_mm", "steps"),
         rows,
         ("Frequencies are below those of small motion; in higher modes the difference grows with the amplitude.",),
@@ -190,7 +191,7 @@ def numerical_damping(study: Study) -> Table:
 
 
 def _implied_ratios() -> list[float]:
-    """Return Eq. (26) with eta1 and eta2 of mode 1 at the amplitudes that Table 11 implies, %."""
+    """Return damping ratios (%) by Eq. (26), with eta1 and eta2 of mode 1, at the amplitudes that Table 11 implies."""
     ratios = equivalent_damping_ratio(
         cs.DM(paper.ETA1[0]),
         cs.DM(paper.ETA2[0]),

@@ -1,16 +1,16 @@
 """The simulated experiments of Table 11: each mode of the matched beam is driven, stopped, and decays.
 
 The base drives the beam at the natural frequency of a mode until the stop time of the paper, and the beam then decays
-under one of the three damping laws.  The motion excites other modes too.  It is therefore projected on the driven mode,
-phi^T M (e - e_rest), as several markers would allow, and Eq. (9) is fitted to the modal part.
+under one of the three damping laws.  The excitation and its stop move other modes too.  The motion is therefore
+projected on the driven mode, phi^T M (e - e_rest), as several markers would allow, and Eq. (9) is fitted to this part.
 
 Linear theory gives the base amplitude A for a chosen tip amplitude at the stop.  At resonance, a mode of damping ratio
-zeta and participation Gamma = phi_tip phi^T M u grows as
+zeta and participation Gamma = phi_tip phi^T M u, with u the unit horizontal motion of the beam, grows as
 
     Gamma A/(2 zeta) (1 - exp(-zeta omega t)).
 
-The frequency of the higher modes falls with the square of the amplitude.  The tip amplitudes are small enough to keep
-this frequency within the resonance.
+The frequencies of the higher modes fall with the square of the amplitude.  The tip amplitudes are small enough to keep
+the modes at resonance.
 
 References
 ----------
@@ -39,12 +39,12 @@ from problems.study import paper
 
 TIP_AMPLITUDES = (0.076, 0.004, 0.0015, 0.0007, 0.00045)  # m, intended at the stop
 WINDOWS = (6.0, 4.0, 2.0, 1.2, 0.8)  # s, longest decay fitted
-LARGE = 0.005  # of the length: the tip amplitude above which the tolerance grows no further
+LARGE = 0.005  # tip amplitude, relative to the length, above which the tolerance grows no further
 SETTLING = 2  # periods between the stop and the fit
 SAMPLES = 40  # per period
 LAW_NAMES = {"generic": "modal (generic)", "proportional": "Rayleigh (proportional)", "quadratic": "quadratic"}
 UNDAMPED = "undamped"
-UNDAMPED_DRIVING = 0.1  # of the excitation time in the paper
+UNDAMPED_DRIVING = 0.1  # longest excitation without damping, relative to that in the paper
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Effort:
     Parameters
     ----------
     accuracy : float
-        Tolerance of the simulation relative to the tip amplitude, which counts as 0.5 % of the length at most.
+        Tolerance of the simulation over the tip amplitude relative to the length (at most ``LARGE``).
     driving : float
         Excitation time relative to that in the paper.
     window : float
@@ -148,7 +148,7 @@ class TransientResult:
 
 
 def damping_laws(modes: Modes, rayleigh: RayleighFit) -> dict[str, DampingLaw]:
-    """Return the laws of Table 11: from the ratios of all modes, of modes 1 and 2, and from eta1 and eta2 of mode 1."""
+    """Return the laws of Table 11, from the ratios of all modes, of modes 1 and 2, and eta1 and eta2 of mode 1."""
     laws = (
         ModalDamping(modes, paper.DAMPING_RATIOS, frequencies=paper.FREQUENCIES),
         RayleighDamping(alpha=rayleigh.alpha, beta=rayleigh.beta, stiffness="tangent"),

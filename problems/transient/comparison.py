@@ -1,4 +1,4 @@
-"""Comparison of damping laws on measured large motion: each law is fitted to all records by the nonlinear beam."""
+"""Comparison of damping laws on measured large motion: each law, in the nonlinear beam, is fitted to all records."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ def markers_figure(records: Sequence[MarkerRecord], residuals: Array) -> Figure:
     records : sequence of MarkerRecord
         The measurements.
     residuals : ndarray
-        Computed less measured positions, m, one coordinate of one record after the other.
+        Computed less measured positions, m: record by record, coordinate by coordinate.
     """
     figure = Figure(figsize=(2.0 + 5.0 * len(records), 5.4), layout="constrained")
     plots = figure.subplots(2, len(records), height_ratios=(2, 1), sharex="col", squeeze=False)

@@ -6,20 +6,20 @@ The measured positions y_ij of the points s_j at the times t_i of a record are f
 
 over parameters theta of the damping law, factors common to all elements on the properties P, the amplitude b of the
 base motion, and the tip load F from which the beam is released, with its rate of change (``problem``).  The forward
-sensitivities J of ``motion`` give the gradient J' r and the Gauss-Newton Hessian J' J.  Records, each with its own base
-motion and start, share all unknowns except amplitudes and loads.  If a record begins within a swing, the rate of the
-load stands for the velocity at its start.
+sensitivities J of the integrated motion (``problem``) give the gradient J' r and the Gauss-Newton Hessian J' J.
+Several records, each with its own base motion and start, share all unknowns except amplitudes and loads.  If a record
+begins within a swing, the rate of change of the load gives the velocity at the start.
 
-This takes the place of the closed form (27) for large motion: (27) has no inertia along the beam, no higher modes, and
-no effect of the deflected shape on the drag.
+For large motion, this replaces the fit of the closed form (27), which has no inertia along the beam, no higher modes,
+and no effect of the deflected shape on the drag.
 
-Robust fits replace the squares by the pseudo-Huber loss (``ancf_casadi.estimation.loss``).  Its threshold follows
-first the noise of the samples, then, in a second fit from the estimates of the first, the median residual.
+Robust fits replace the squares by the pseudo-Huber loss (``ancf_casadi.estimation.loss``).  In a first fit, the noise
+of the samples sets its threshold; in a second fit, from the estimates of the first, the median residual does.
 
-The integration.  The fit selects its tolerance, checks the effect of the integration error on the estimates, and allows
-for a small systematic error of the record (``tolerance``).  The tolerance of the solver, in units of the scales
-(``unknowns``), stays above that of the integration, whose steps change with the unknowns.  If a trial takes
-``PATIENCE`` times the steps of the guess, the solver abandons it and steps back.
+The fit selects the tolerance of the integration, checks the effect of the integration error on the estimates, and
+allows for a small systematic error of the record (``tolerance``).  The tolerance of IPOPT, in units of the scales
+(``unknowns``), is larger than that of the integration, whose steps change with the unknowns.  A trial that takes
+``PATIENCE`` times the steps of the first run is abandoned, and IPOPT steps back.
 
 References
 ----------
@@ -91,18 +91,18 @@ def fit_transient(
     base_amplitude : bool
         Whether to estimate the amplitude of each record's base motion.
     load : sequence of {"force_x", "force_y", "moment", "force_x_rate", "force_y_rate", "moment_rate"}
-        Components to estimate of the tip load (N, N m) that each record starts from, and of its rate of change (per
-        second).  The others are those of the record's ``start``, an equilibrium, with rates of zero.
+        Components to estimate of the tip load (N, N m) that holds the beam at the start of each record, and of its rate
+        of change (per second).  The other components are those of ``start``, an equilibrium; their rates are zero.
     fixed : sequence of str
-        Parameters of the law to keep.
+        Parameters of the law to keep at their guesses.
     bounds : mapping, optional
-        Bounds (lower, upper) by name of the unknown.  If not given: 0 and none for parameters of the law (1 for
-        ratios), 10 % on either side of the guess for properties and amplitudes, none for loads.
+        Bounds (lower, upper) by name of the unknown.  By default parameters of the law are at least 0 (and ratios at
+        most 1), properties and amplitudes within 10 % of the guess, and loads unbounded.
     robust : bool
         Whether to use the pseudo-Huber loss, which limits the influence of outliers.
     tolerance : float, optional
         Tolerance of the integration.  If not given, the fit selects one whose error shifts no estimate by more than a
-        tenth of its standard error.  The result has the ``shifts``, and ``warnings`` of those that are too large.
+        tenth of its standard error.  The result states the ``shifts``, and has a warning if one is too large.
 
     Raises
     ------
@@ -123,7 +123,7 @@ def fit_transient(
     while True:
         problem = TransientProblem(model, records, damping, load, chosen)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # the solver steps back from a trial without a motion
+            warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be integrated
             fit = _fit(problem, unknowns, robust)
             tight = replace(problem, tolerance=chosen / CHECK)
             found = dict(zip(fit.names, fit.values.tolist(), strict=True))

@@ -28,9 +28,9 @@ class MarkerRecord:
     Parameters
     ----------
     time : array_like (k,)
-        Instants, s, from 0 at equal intervals.
+        Times, s, from 0 at equal intervals.
     positions : array_like (k, m, 2) or (k, 2)
-        Positions of m points, or of one, in the laboratory frame with its origin at the clamp at rest, m.
+        Positions of m points, or of one, in the laboratory frame, m; its origin is the clamp at rest.
     points : sequence of float
         Arc lengths of the points from the clamp, m; the tip if not given.
     base : BaseMotion, optional
@@ -59,7 +59,7 @@ class MarkerRecord:
         check_instance(self.start, "start", str, Equilibrium, State)
         time, positions = (array(getattr(self, name), name) for name in ("time", "positions"))
         if time.ndim != 1 or time.size < 10:
-            raise InputError("needs at least 10 instants", "time")
+            raise InputError("needs at least 10 samples", "time")
         step = (time[-1] - time[0]) / (time.size - 1)
         if not step > 0.0 or time[0] != 0.0 or np.abs(time - step * np.arange(time.size)).max() > EVEN * step:
             raise InputError("must begin with 0 and continue at equal intervals; resample the record", "time")
@@ -91,7 +91,7 @@ class MarkerRecord:
 
     @property
     def own_base(self) -> BaseMotion:
-        """Motion of the clamp."""
+        """Motion of the clamp; fixed if none was given."""
         return FixedBase() if self.base is None else self.base
 
     def points_on(self, beam: Beam) -> Sequence[float]:

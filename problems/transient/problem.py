@@ -1,4 +1,4 @@
-"""The residuals between the motion of the nonlinear beam and measured positions, as expressions of the unknowns.
+"""The residuals between measured positions and the motion of the nonlinear beam, as functions of the unknowns.
 
 The positions y_ij of the points s_j at the times t_i of a record give the residuals r(s_j, t_i; theta, P, b, F) - y_ij:
 computed less measured position for the parameters theta of the damping law, the properties P of the elements, the
@@ -25,14 +25,14 @@ from ancf_casadi.support.interrupts import delayed_interrupts
 from problems.transient.marker_record import MarkerRecord
 from problems.transient.unknowns import amplitude_name, load_name, loads
 
-PATIENCE = 20.0  # longest run, in steps of the first
+PATIENCE = 20.0  # most steps of a run, relative to the first run
 OPTIONS: Mapping[str, Any] = {
     "ipopt.tol": 1e-4,
     "ipopt.compl_inf_tol": 1e-7,
     "ipopt.max_iter": 50,
-    "ipopt.accept_after_max_steps": 3,  # halvings; the integration error hides the decrease of shorter steps
-    "ipopt.watchdog_shortened_iter_trigger": 1,  # the next steps are full ones, judged by the gradient
-    "ipopt.mu_init": 1e-4,  # bounds count only near them: a guess is within a few Gauss-Newton steps
+    "ipopt.accept_after_max_steps": 3,  # halvings; of shorter steps, the integration error hides the decrease
+    "ipopt.watchdog_shortened_iter_trigger": 1,  # then take full steps, judged by the gradient
+    "ipopt.mu_init": 1e-4,  # small, so that bounds do not push a good guess away
     "ipopt.bound_mult_init_method": "mu-based",
 }
 
@@ -62,7 +62,7 @@ class TransientProblem:
     tolerance: float
 
     def runs(self) -> list[Runs]:
-        """Return the motions of the records, differentiable by the unknowns."""
+        """Return the motion of each record, differentiable by the unknowns."""
         equations = Equations(self.model, self.damping)
         return [
             Runs(
@@ -80,7 +80,7 @@ class TransientProblem:
         ]
 
     def residuals(self, motions: Sequence[cs.Function], given: Mapping[str, cs.MX]) -> cs.MX:
-        """Return computed less measured positions, one coordinate after the other.
+        """Return computed less measured positions, record by record and coordinate by coordinate.
 
         Parameters
         ----------

@@ -43,7 +43,7 @@ class TransientFit:
     problem : TransientProblem
         The measurements and the fitted model, with the tolerance of the integration.
     shifts : ndarray
-        Shift of each estimate by the integration error, in standard errors (n,); nan if it is not known.
+        Shift of each estimate by the integration error, in standard errors (n,); nan if unknown.
     """
 
     law: DampingLaw
@@ -59,7 +59,10 @@ class TransientFit:
         notes = [*self.fit.warnings, coloured]
         tolerance, worst = self.problem.tolerance, float(np.abs(self.shifts).max())
         if math.isnan(worst):
-            notes.append(f"the integration error at the tolerance {tolerance:.1e} could not be checked")
+            notes.append(
+                f"the integration error at the tolerance {tolerance:.1e} could not be checked: its effect on the "
+                "estimates is unknown"
+            )
         elif worst > ALLOWED:
             name = self.fit.names[int(np.abs(self.shifts).argmax())]
             advice = "let the fit select the tolerance" if tolerance > TIGHTEST else "shorten the record"
@@ -87,11 +90,11 @@ class TransientFit:
     def refit(self, noise: Array) -> Array:
         """Return the unknowns from a fit to the fitted motion plus noise (m)."""
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # the solver steps back from a trial without a motion
+            warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be integrated
             return refit(self.fit, noise, gauss_newton=True, forward=True, options=OPTIONS)
 
     def start(self, record: int = 0) -> State:
-        """Return the state at the start of a record whose load was estimated.
+        """Return the estimated state at the start of a record.
 
         Raises
         ------
@@ -99,7 +102,7 @@ class TransientFit:
             If no load was estimated.
         """
         if not self.problem.load:
-            raise InputError("was not estimated; name its components in fit_transient(load=...)", "load")
+            raise InputError("was not estimated; name the components to estimate in fit_transient(load=...)", "load")
         found = self.estimates
         load = [found.get(load_name(record, name), value) for name, value in loads(self.problem.records[record])]
         held = held_start(self.model, start_jacobians(self.model), np.array(load))
@@ -109,10 +112,10 @@ class TransientFit:
         """Return the result as text."""
         table = self.fit.table()
         integration = (
-            f"integrated at the tolerance {self.problem.tolerance:.1e}, whose error shifts no estimate by more than "
-            f"{np.abs(self.shifts).max():.2g} standard errors"
+            f"integrated at the tolerance {self.problem.tolerance:.1e}; the integration error shifts no estimate by "
+            f"more than {np.abs(self.shifts).max():.2g} standard errors"
         )
-        systematic = f"the standard errors allow for a systematic error of the record of {self.fit.systematic:.1e} m"
+        systematic = f"the standard errors allow for a systematic error of {self.fit.systematic:.1e} m in the record"
         notes = (*table.notes, integration, systematic)
         return "\n".join([replace(table, notes=notes).text(), *(f"  note: {note}" for note in self.warnings)])
 
@@ -133,7 +136,7 @@ class TransientFit:
         }
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle without the motion, which the other process derives again."""
+        """Pickle without the motion, which the other process builds again."""
         return _restored, (self.law, self.model, replace(self.fit, model=cs.Function()), self.problem, self.shifts)
 
 

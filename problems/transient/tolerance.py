@@ -4,25 +4,28 @@ To first order, an error c of the computed positions, one number for each of the
 
     d = -(J' J)^-1 J' c                                  (``Fit.shifts``),
 
-and none by more than |c|/s of its standard errors, where s^2 is the variance of the residuals.  No shift may exceed
-``ALLOWED``, a tenth.  One integration at the estimate checks this, at a tolerance smaller by the factor ``CHECK``: its
-own error is smaller by as much, so c is the difference of the residuals.  The check costs one run without derivatives;
-a fit takes about ten with derivatives.  If a shift is too large, the fit is repeated from its estimate.  The error is
-about proportional to the tolerance, so the tolerance decreases in proportion to the shift.
+and none by more than |c|/s standard errors, where s^2 is the variance of the residuals.  No shift may exceed
+``ALLOWED``, a tenth.  One integration at the estimates, at a tolerance smaller by the factor ``CHECK``, checks this:
+its error is smaller by about the same factor, so that c is the difference of the residuals.  The check costs one run
+without derivatives; a fit takes about ten with derivatives.  If a shift is too large, the fit is repeated from its
+estimates.  The error is about proportional to the tolerance, so that the tolerance decreases in proportion to the
+shift.
 
-The first tolerance follows from the record: the part of c in the direction of a parameter has a root mean square of
-about ``GAIN`` times tolerance and length of the beam (measured from 1e-6 to 1e-10, on one to ten periods), so that
+The first tolerance follows from the record.  The part of c in the direction of a parameter has a root mean square of
+about ``GAIN`` times the tolerance and the length L of the beam (measured for tolerances from 1e-6 to 1e-10, over one to
+ten periods), so that
 
     tolerance = ALLOWED s / (m^1/2 GAIN L),
 
-where the noise in s comes from third differences of the samples.  Motions other than those measured need another
-``GAIN``; the check covers them.
+where the noise in s comes from third differences of the samples.  Other motions may have another ``GAIN``; the check
+covers them.
 
-Trust.  Without noise, the residuals are the integration errors of the record and of the fit.  These are no white noise:
-they stay in phase with the motion, and a parameter absorbs most of them (if IDAS integrated the record, its numerical
-damping becomes air drag), so that the residuals do not show them.  The standard errors therefore include a systematic
-error (``Fit.systematic``) of ``TRUST`` times the travel of the record, the root mean square of the positions about
-their means.  This is negligible beside the noise of a camera, 1e-4 to 1e-2 of the travel.
+A record may itself be integrated.  Without noise, the residuals are then the integration errors of the record and of
+the fit.  These are not white noise: they stay in phase with the motion, and a parameter absorbs most of them, so that
+the residuals do not show them (if IDAS integrated the record, its numerical damping appears as air drag).  The standard
+errors therefore include a systematic error (``Fit.systematic``) of ``TRUST`` times the travel of the record, the root
+mean square of the positions about their means.  This is negligible beside the noise of a camera, 1e-4 to 1e-2 of the
+travel.
 """
 
 from __future__ import annotations
@@ -41,8 +44,8 @@ CHECK = 30.0
 GAIN = 0.1
 TRUST = 2e-5
 COARSEST, TIGHTEST = 1e-6, 1e-10  # tolerances; the latter is checked at 3e-12, where rounding sets in
-MARGIN = 2.0  # of a tolerance that is tightened
-DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])  # third difference; of white noise it has 20 times the variance
+MARGIN = 2.0  # additional factor by which a tolerance is tightened
+DIFFERENCE = np.array([1.0, -3.0, 3.0, -1.0])  # third difference; it multiplies the variance of white noise by 20
 
 
 def travel(records: Sequence[MarkerRecord]) -> float:
@@ -57,12 +60,12 @@ def noise(records: Sequence[MarkerRecord]) -> float:
 
 
 def spread(records: Sequence[MarkerRecord]) -> float:
-    """Return s, the standard deviation expected of the residuals, m, with its allowance for a systematic error."""
+    """Return s, the expected standard deviation of the residuals, m, with the allowance for a systematic error."""
     return math.hypot(noise(records), math.sqrt(_count(records)) * TRUST * travel(records))
 
 
 def huber_threshold(records: Sequence[MarkerRecord], residuals: Array | None = None) -> float:
-    """Return the residual, m, beyond which the robust loss grows linearly, from residuals or else from the samples."""
+    """Return the residual, m, beyond which the robust loss grows linearly, from residuals or, if none, from samples."""
     scale = noise_of(_differences(records) if residuals is None else residuals)
     return HUBER * max(scale, TRUST * travel(records))
 
@@ -74,7 +77,7 @@ def first_tolerance(records: Sequence[MarkerRecord], length: float) -> float:
 
 
 def tighter(tolerance: float, shift: float) -> float:
-    """Return the tolerance at which a shift, in standard errors, is expected to be allowed."""
+    """Return the tolerance that is expected to reduce a shift, in standard errors, to the allowed one."""
     return max(tolerance * ALLOWED / (MARGIN * shift), TIGHTEST)
 
 

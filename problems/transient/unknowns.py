@@ -1,12 +1,12 @@
 """The unknowns of a fit to the large motion of a beam: names, guesses, scales, bounds and units.
 
-    alpha, beta, eta1, eta2, ratio1, ...        parameters of the law; the second of a name in a sum is ``eta1_2``
+    alpha, beta, eta1, eta2, ratio1, ...        parameters of the law; in a sum, a second eta1 is called ``eta1_2``
     width, thickness, density, elastic_modulus  factors on the properties, common to all elements
-    base_amplitude_1, ...                       of the base motion of each record
-    start_force_x_1, start_force_x_rate_1, ...  tip load that each record starts from, and its rate of change
+    base_amplitude_1, ...                       amplitude of the base motion of each record
+    start_force_x_1, start_force_x_rate_1, ...  tip load that holds the beam at the start of each record, and its rate
 
-The scale of an unknown is its guess; of a load 1/10 of E I/L^2 (a moment: E I/L); of its rate this times the angular
-frequency of the first mode.
+The scale of an unknown is its guess.  The scale of a force is a tenth of E I/L^2, of a moment a tenth of E I/L, and of
+a rate this times the angular frequency of the first mode.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from ancf_casadi.support.inputs import array, choices, shown
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.transient.marker_record import MarkerRecord
 
-NEAR = 0.10  # bounds of a property, on either side
-SLIGHT = 0.1  # scale of a load, of the load that bends a beam by about its length
+NEAR = 0.10  # distance of the bounds of a property from its guess
+SLIGHT = 0.1  # scale of a load, relative to one that bends a beam by about its length
 FIRST_MODE = 3.516  # angular frequency of a cantilever over (E I/(mu L^4))^1/2
 
 Bounds = Mapping[str, tuple[float, float]]
@@ -82,10 +82,12 @@ def transient_unknowns(
                     unit = f"N{' m' * ('moment' in name)}{'/s' * name.endswith('rate')}"
                     add(load_name(k, name), value, (-math.inf, math.inf), unit, scales[name])
     if not unknowns:
-        raise InputError("nothing is to be estimated; give a coefficient a guess above 0, or fix fewer", "damping")
+        raise InputError(
+            "nothing is to be estimated; give a coefficient a guess above 0, or fix fewer of them", "damping"
+        )
     strange = set(bounds) - {unknown.name for unknown in unknowns}
     if strange:
-        raise InputError(f"{', '.join(sorted(strange))}: not to be estimated; remove these bounds", "bounds")
+        raise InputError(f"{', '.join(sorted(strange))}: not among the unknowns; remove these bounds", "bounds")
     return unknowns
 
 
@@ -95,12 +97,12 @@ def amplitude_name(record: int, name: str) -> str:
 
 
 def load_name(record: int, name: str) -> str:
-    """Return the name of a component of the load that a record starts from, or of its rate."""
+    """Return the name of a component of the load at the start of a record, or of its rate."""
     return f"start_{name}_{record + 1}"
 
 
 def loads(record: MarkerRecord) -> list[tuple[str, float]]:
-    """Return the load that a record starts from, zero where it is unknown, and zero for its rate, by name."""
+    """Return the load at the start of a record, zero where it is unknown, and zero for its rate, by name."""
     start = record.start
     known = (*start.tip_force, start.tip_moment) if isinstance(start, Equilibrium) else (0.0,) * len(LOAD)
     return list(zip(START, (*known, *(0.0,) * len(LOAD)), strict=True))

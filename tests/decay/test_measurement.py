@@ -91,8 +91,11 @@ def test_a_column_is_chosen_by_name_and_the_others_need_not_be_numbers(csv):
         ("0,1\n1,inf\n", "record.csv, line 2: 'inf' is not a finite number"),
         ("0,1\n1,2,3\n", "record.csv, line 2: has 3 columns where the first line has 2"),
         ("0,1\n1\n", "record.csv, line 2: has 1 columns where the first line has 2"),
-        ("0,1,2\n1,2,3\n", "record.csv: has 3 columns, not a time and a displacement; name one of them"),
-        ("0\n1\n", "record.csv: has 1 columns, not a time and a displacement"),
+        (
+            "0,1,2\n1,2,3\n",
+            "record.csv: has 3 columns; needs a time and a displacement, or the name of the displacement",
+        ),
+        ("0\n1\n", "record.csv: has 1 columns; needs a time and a displacement"),
         ("Dear reader,\nthis is a letter\n", "record.csv, line 2: has 1 columns where the first line has 2"),
         ("0,1\n", "record.csv: time: needs at least 2 samples"),
         ("0,1\n2,1\n1,1\n", "record.csv: time: must increase, but sample 3"),
@@ -109,9 +112,9 @@ def test_unusable_files_are_refused_with_their_line(csv, text, message):
 
 def test_a_column_that_is_not_there_is_refused_with_those_that_are(csv):
     path = csv("time_s,x_m,y_m\n0,1,2\n1,3,4\n")
-    with pytest.raises(InputError, match="has 0 columns 'z_m'; there are x_m, y_m"):
+    with pytest.raises(InputError, match="has 0 displacement columns named 'z_m'; there are x_m, y_m"):
         Measurement.from_csv(path, "z_m")
-    with pytest.raises(InputError, match="has 0 columns 'time_s'; there are x_m, y_m"):
+    with pytest.raises(InputError, match="has 0 displacement columns named 'time_s'; there are x_m, y_m"):
         Measurement.from_csv(path, "time_s")
 
 

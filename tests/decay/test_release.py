@@ -13,7 +13,7 @@ from problems import fit_decay
 
 FREQUENCY = 1.85  # Hz
 ω = 2 * math.pi * FREQUENCY
-ENDS = "an excitation ends before"
+ENDS = "the end of an excitation"
 
 
 def excited(ζ, ratio, periods, free, *, from_rest, phase=0.0, laboratory=False, rate=60.0):

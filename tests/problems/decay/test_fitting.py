@@ -140,7 +140,7 @@ def test_no_damping_is_found_where_there_is_none(frequency, ratio, r0):
     fit = fit_decay(TIME, swing(frequency, 0.0, r0))
     assert fit.damping_ratio == 0.0
     assert math.isnan(fit.standard_errors["damping_ratio"])
-    assert fit.warnings == ("zeta is at its bound 0",)
+    assert fit.warnings == ("zeta is at its bound 0; the other standard errors take it as known",)
     assert fit.frequency == pytest.approx(frequency, rel=1e-9)
     assert fit.amplitude == pytest.approx(r0, rel=1e-6)
 
@@ -201,9 +201,9 @@ def test_a_noisy_quadratic_decay_says_how_little_it_tells_of_eta2(frequency, η1
     assert -0.999 < fit.correlation < -0.93
     assert abs(fit.eta1 - η1) < 4 * fit.standard_errors["eta1"]
     assert abs(fit.eta2 - η2) < 4 * fit.standard_errors["eta2"]
-    assert any("correlate" in warning for warning in fit.warnings) == (abs(fit.correlation) > 0.95)
+    assert any("eta1 and eta2 correlate at" in warning for warning in fit.warnings) == (abs(fit.correlation) > 0.95)
     uncertain = 1.961 * fit.standard_errors["eta2"] > fit.eta2
-    assert any("eta2 cannot be told from zero" in warning for warning in fit.warnings) == uncertain
+    assert any("eta2 does not differ significantly from zero" in warning for warning in fit.warnings) == uncertain
     assert (fit.intervals["eta2"][0] == 0.0) == uncertain
 
 
@@ -334,10 +334,12 @@ def test_friction_is_told_from_none():
     with_friction = fit_decay(TIME, rub(1.85, 0.05, 0.15, 0.11, 0.076) + 2e-4 * noise(22), law="friction")
     low, high = with_friction.intervals["eta0"]
     assert 0.0 < low < 0.05 < high
-    assert not any("eta0 cannot be told" in warning for warning in with_friction.warnings)
+    assert not any("eta0 does not differ" in warning for warning in with_friction.warnings)
     without = fit_decay(TIME, rub(1.85, 0.0, 0.15, 0.11, 0.076) + 2e-4 * noise(22), law="friction")
     assert without.intervals["eta0"][0] == 0.0
-    assert "eta0" in without.active_bounds or any("eta0 cannot be told from zero" in w for w in without.warnings)
+    assert "eta0" in without.active_bounds or any(
+        "eta0 does not differ significantly from zero" in w for w in without.warnings
+    )
 
 
 def test_the_friction_of_the_exact_motion_is_found_to_first_order():
@@ -454,7 +456,7 @@ def test_an_interval_at_a_bound_is_one_sided_either_way():
     assert low == fit.eta2 == 0.0
     assert 0.0 < high < 0.02
     assert fit.profile_interval("eta2") == pytest.approx((0.0, high), rel=0.02, abs=1e-9)
-    assert "eta2 is at its bound 0" in fit.warnings
+    assert any(warning.startswith("eta2 is at its bound 0;") for warning in fit.warnings)
 
 
 @pytest.mark.slow
@@ -480,9 +482,7 @@ def test_a_fixed_quantity_and_one_at_its_bound_are_said_to_be_so():
 
 def test_a_quantity_the_law_does_not_estimate_has_no_interval():
     fit = fit_decay(TIME, swing(1.85, 0.01, 0.05) + 1e-4 * noise(29))
-    with pytest.raises(
-        InputError, match="eta2: is not estimated by this fit; there are frequency, damping_ratio, eta1"
-    ):
+    with pytest.raises(InputError, match="eta2: is not estimated by this fit; it has frequency, damping_ratio, eta1"):
         fit.profile_interval("eta2")
     with pytest.raises(InputError, match="level: must be between 0 and 1"):
         fit.profile_interval("eta1", 2.0)
@@ -499,7 +499,7 @@ def test_a_short_record_says_so():
     fit = fit_decay(TIME[:1100], swing(1.85, 0.01, 0.05, time=TIME[:1100]) + 1e-3 * noise(30, 1100))
     assert any(w.startswith("the record is short: 4.1 periods of free decay") for w in fit.warnings)
     vague = fit_decay(TIME[:1500], swing(1.85, 0.003, 0.05, time=TIME[:1500]) + 5e-3 * noise(31, 1500))
-    (warning,) = [w for w in vague.warnings if w.startswith("the damping ratio is known to ")]
+    (warning,) = [w for w in vague.warnings if w.startswith("the damping ratio has a standard error of ")]
     needed = float(warning.split("too short; ")[1].split(" s would give 10%")[0])
     time = np.arange(0.0, needed, 0.002)
     longer = fit_decay(time, swing(1.85, 0.003, 0.05, time=time) + 5e-3 * noise(32, len(time)))
@@ -510,9 +510,9 @@ def test_a_noisy_record_says_so():
     """The record is longer than the decay: a longer one would only add noise."""
     fit = fit_decay(TIME, swing(8.0, 0.05, 0.005) + 2e-3 * noise(34))
     assert fit.standard_errors["damping_ratio"] > 0.1 * fit.damping_ratio
-    assert any(w.endswith("% only: less noise, or a larger release, would help") for w in fit.warnings)
+    assert any(w.endswith("%: less noise, or a larger release, would help") for w in fit.warnings)
     lost = fit_decay(TIME, swing(8.0, 1e-4, 0.005) + 2e-3 * noise(35), ratio_bounds=(-0.1, 0.5))
-    assert any(w.startswith("the damping ratio is known no better than to be zero") for w in lost.warnings)
+    assert any(w.startswith("the damping ratio does not differ significantly from zero") for w in lost.warnings)
 
 
 def test_a_fit_survives_the_way_to_another_process():
@@ -545,7 +545,7 @@ def test_a_law_that_does_not_tell_all_is_noticed():
     record = swing(2.0, 0.01, 0.05) + swing(12.5, 0.005, 0.004) + 1e-6 * noise(14)
     fit = fit_decay(TIME, record)
     assert fit.frequency == pytest.approx(2.0, rel=1e-3)
-    assert any("they are not noise" in warning for warning in fit.warnings)
+    assert any("residuals are not noise" in warning for warning in fit.warnings)
 
 
 def test_the_fitted_curve_is_that_of_the_record():
@@ -614,7 +614,7 @@ class TestSiliconeBeam:
         assert fit.frequency == pytest.approx(7.77, abs=0.03)
         assert fit.damping_ratio == pytest.approx(0.055, abs=0.004)
         assert fit.offset == pytest.approx(-0.0062, abs=2e-4)
-        assert any("they are not noise" in warning for warning in fit.warnings)
+        assert any("residuals are not noise" in warning for warning in fit.warnings)
 
     @pytest.mark.parametrize("name", ["gravity", "load52", "load101"])
     def test_every_law_converges_and_none_tells_all(self, name):

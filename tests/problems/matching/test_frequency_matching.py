@@ -226,7 +226,7 @@ class TestUnusableInput:
             ((1.85, float("nan")), "targets: must be a finite number"),
             ((1.85, "10.19"), "targets: must be a finite number"),
             ((), "targets: needs at least one frequency"),
-            (tuple(range(1, 14)), "targets: 13 modes are more than the 12 of 6 elements"),
+            (tuple(range(1, 14)), "targets: 13 modes are more than the 12 that 6 elements have"),
         ],
     )
     def test_targets(self, targets, message):
@@ -250,13 +250,19 @@ class TestUnusableInput:
     @pytest.mark.parametrize(
         ("guess", "message"),
         [
-            ([1.0] * (SMALL_FACTORS - 1), f"guess: needs {SMALL_FACTORS} factors, got {SMALL_FACTORS - 1}"),
-            ([1.0] * SMALL_FACTORS + [1.0], f"guess: needs {SMALL_FACTORS} factors, got {SMALL_FACTORS + 1}"),
+            (
+                [1.0] * (SMALL_FACTORS - 1),
+                f"guess: needs {SMALL_FACTORS} values, one per unknown, got {SMALL_FACTORS - 1}",
+            ),
+            (
+                [1.0] * SMALL_FACTORS + [1.0],
+                f"guess: needs {SMALL_FACTORS} values, one per unknown, got {SMALL_FACTORS + 1}",
+            ),
             (
                 [1.11] + [1.0] * (SMALL_FACTORS - 1),
-                r"guess: the factors must be above 0 and within 0\.9 to 1\.1, got 1\.11 for",
+                r"guess: the factors must be between 0\.9 and 1\.1, got 1\.11 for",
             ),
-            ([0.89] + [1.0] * (SMALL_FACTORS - 1), "guess: the factors must be above 0 and within"),
+            ([0.89] + [1.0] * (SMALL_FACTORS - 1), "guess: the factors must be between 0.9 and 1.1, got 0.89"),
             ([float("nan")] * SMALL_FACTORS, "guess: must be a finite number"),
         ],
     )

@@ -85,7 +85,7 @@ class TestUnusable:
         [
             (
                 {"frequencies": (2.0, 1.0)},
-                "targets: must be ascending, got 2, 1 Hz; any order needs shapes",
+                "targets: must be ascending, got 2, 1 Hz; sort them, or give shapes",
             ),
             ({"frequencies": (1.0, NAN)}, "targets: must be a finite number"),
             ({"frequencies": ()}, "targets: needs at least one frequency"),

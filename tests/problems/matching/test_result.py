@@ -73,7 +73,7 @@ class TestRecovery:
         assert match.identifiability.rank == ELEMENTS
         assert match.identifiability.spread == pytest.approx(np.column_stack([match.unknowns] * 2))
         assert match.warnings == ()
-        assert "The data fix all 5 unknowns." in match.report()
+        assert "The data determine all 5 unknowns." in match.report()
 
     def test_points_that_were_not_measured_are_left_out(self, beam, truth):
         measured = measure(truth, [0, 1, 2, 3])
@@ -193,8 +193,11 @@ class TestOutOfReach:
         match = match_frequencies(beam, targets=targets, unknowns=(THICKNESS,), bounds=0.01)
         assert match.out_of_reach
         (note,) = match.warnings
-        assert f"out of reach of these unknowns, by {100 * match.max_relative_error:.3g} % at worst" in note
-        assert f"the values are at the edge of the bounds, held by {match.holding[0][0]}" in note
+        assert (
+            f"out of reach of these unknowns: a frequency error of {100 * match.max_relative_error:.3g} % remains"
+            in note
+        )
+        assert f"these bounds keep the beam from fitting better: {match.holding[0][0]}" in note
         assert note in match.report()
 
     def test_out_of_reach_no_interval_is_given(self, beam):
@@ -205,7 +208,7 @@ class TestOutOfReach:
         assert "density" not in match.active_bounds
         assert [(p["lowest"], p["highest"]) for p in match.to_dict()["properties"]] == [(None, None)] * 6
         assert match.to_dict()["identified"][0].startswith("The targets are out of reach")
-        assert "The targets are out of reach" in match.report() and "The data fix" not in match.report()
+        assert "The targets are out of reach" in match.report() and "The data determine" not in match.report()
 
 
 class TestIdentifiability:
@@ -217,7 +220,7 @@ class TestIdentifiability:
         names, rows = match.identifiability.exponents
         assert names == ("elastic_modulus", "thickness", "density", "width")
         assert rows == pytest.approx(np.array([[1.0, 2.0, -1.0, 0.0]]), abs=1e-6)
-        assert "elastic_modulus^1 thickness^2 density^-1 only" in match.report()
+        assert "they determine only elastic_modulus^1 thickness^2 density^-1" in match.report()
 
     def test_spread_of_what_is_traded(self, beam):
         """E h^2 is determined: 10 % of modulus make 5 % of thickness; the width is not, and has its full range."""

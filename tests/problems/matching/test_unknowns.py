@@ -142,8 +142,8 @@ class TestUnusable:
     @pytest.mark.parametrize(
         ("guess", "message"),
         [
-            ([1.0] * 3, "guess: needs 10 factors, got 3"),
-            ([1.0] + [1.06] * 6 + [0.0] * 3, r"within 0\.95 to 1\.05, got 1\.06 for thickness\[1\]"),
+            ([1.0] * 3, "guess: needs 10 values, one per unknown, got 3"),
+            ([1.0] + [1.06] * 6 + [0.0] * 3, r"between 0\.95 and 1\.05, got 1\.06 for thickness\[1\]"),
             ([1.0] * 7 + [0.15, 0.15, 0.0], r"changes width\[6\] by 27\.5 %, beyond 20 %"),
             (1.0, "guess: must be a sequence of numbers"),
         ],

@@ -197,7 +197,10 @@ def test_the_first_tolerance_follows_the_noise_and_without_noise_the_travel():
 
 def test_a_motion_that_fails_at_the_guess_is_reported(model, driven):
     still = replace(driven, base=None, start=State(np.zeros(3), np.zeros(3)))
-    with pytest.raises(FitError, match="are not finite; the last motion tried: start: the coordinates must be"):
+    with pytest.raises(
+        FitError,
+        match="are not finite; start from another guess; the last motion tried: start: the coordinates must be",
+    ):
         fit_transient(model, still, TRUTH)
 
 
@@ -207,7 +210,7 @@ def test_residuals_that_are_not_noise_give_a_warning_for_each_law(model):
     exact = replace(exact, positions=exact.positions - NOISE * np.random.default_rng(6).normal(size=(61, 1, 2)))
     laws = [RayleighDamping(alpha=1.0), QuadraticDamping(eta2=4.0)]
     comparison = compare_laws(model, exact, laws, tolerance=1e-6)
-    coloured = "they are not noise, the law does not explain all of the motion, and the standard errors are too small"
+    coloured = "the law does not explain all of the motion, and the standard errors are too small"
     wrong, right = comparison.fits
     assert any(coloured in warning for warning in wrong.warnings) and coloured in wrong.report()
     assert wrong.to_dict()["warnings"] == list(wrong.warnings)
@@ -306,7 +309,7 @@ def test_the_right_law_is_selected(model):
 def test_laws_that_explain_a_record_equally_are_not_distinguished():
     verdict = judge([Candidate("first", 200, 200.0, 1.00e-3, 1, 0.0), Candidate("second", 200, 200.0, 1.01e-3, 1, 0.0)])
     assert verdict.best == 0 and not verdict.settled
-    assert "the second law is not clearly worse" in verdict.warnings
+    assert any(text.startswith("the second law is not clearly worse") for text in verdict.warnings)
     clear = judge([Candidate("first", 200, 200.0, 1.0e-3, 1, 0.0), Candidate("second", 200, 200.0, 1.2e-3, 1, 0.0)])
     assert clear.settled and not clear.warnings
 
@@ -314,7 +317,7 @@ def test_laws_that_explain_a_record_equally_are_not_distinguished():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"time": np.arange(5) / 40.0}, "time: needs at least 10 instants"),
+        ({"time": np.arange(5) / 40.0}, "time: needs at least 10 samples"),
         ({"time": np.arange(61) ** 1.1}, "time: must begin with 0 and continue at equal intervals"),
         ({"positions": np.zeros((60, 2))}, r"positions: must have the shape \(61, 1, 2\), got \(60, 1, 2\)"),
         ({"positions": np.full((61, 2), np.nan)}, "positions: must be finite"),
@@ -338,7 +341,7 @@ def test_a_record_that_makes_no_sense_is_refused(changes, message):
         ({"fixed": ("eta3",)}, "fixed: must be one of eta1, eta2, got 'eta3'"),
         ({"load": ("force",)}, "load: must be one of force_x"),
         ({"fixed": ("eta1", "eta2")}, "damping: nothing is to be estimated"),
-        ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: beta: not to be estimated"),
+        ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: beta: not among the unknowns"),
         ({"bounds": {"eta1": (1.0, 2.0)}}, "eta1: the guess 0.6 is not within"),
         ({"bounds": {"eta1": 0.1}}, r"bounds: eta1: must be a pair \(lower, upper\), got 0\.1"),
         ({"bounds": {"eta1": ("a", 1.0)}}, "bounds: eta1: must be numbers"),

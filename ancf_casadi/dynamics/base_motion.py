@@ -62,9 +62,16 @@ class BaseMotion(ABC):
         """Return the smooth pieces in order, from time 0; the last has no end."""
 
     @final
-    def pieces_after(self, time: float) -> list[Piece]:
-        """Return the smooth pieces that end after a time (s)."""
-        return [piece for piece in self.pieces() if piece.end > time]
+    def pieces_between(self, begin: float, end: float) -> list[tuple[Piece, float, float]]:
+        """Return the smooth pieces between two instants (s), at least one, each with its own first and last instant."""
+        found = []
+        for piece in self.pieces():
+            if piece.end > begin:
+                found.append((piece, begin, min(piece.end, end)))
+                begin = piece.end
+            if begin >= end:
+                break
+        return found
 
 
 @final

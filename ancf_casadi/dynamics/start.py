@@ -161,13 +161,8 @@ def sample_times(duration: float, sample_rate: float, origin: float = 0.0) -> Ar
 
 def timed_pieces(equations: Equations, base: BaseMotion, begin: float, end: float) -> list[TimedPiece]:
     """Return the smooth pieces of a base motion between two instants (s)."""
-    pieces = []
-    for piece in base.pieces_after(begin):
-        pieces.append(TimedPiece(begin, min(piece.end, end), equations.clamp(piece, base)))
-        begin = piece.end
-        if begin >= end:
-            break
-    return pieces
+    pieces = base.pieces_between(begin, end)
+    return [TimedPiece(first, last, equations.clamp(piece, base)) for piece, first, last in pieces]
 
 
 def clamped_nodes(pieces: Sequence[TimedPiece]) -> Array:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as cs
@@ -184,6 +184,11 @@ def least_squares(
         solve_seconds=solution.solve_seconds,
         model=evaluate,
     )
+
+
+def restarted(unknowns: Sequence[Unknown], fit: Fit) -> list[Unknown]:
+    """Return the unknowns with the estimates of a fit as guesses."""
+    return [replace(unknown, guess=value) for unknown, value in zip(unknowns, fit.values.tolist(), strict=True)]
 
 
 def residual_function(residuals: Callable[..., cs.MX], scale: Array) -> cs.Function:

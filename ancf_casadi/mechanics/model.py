@@ -205,14 +205,19 @@ class Model:
             columns.append(np.repeat(group.coordinates, d, axis=1).ravel())
         return np.concatenate(rows), np.concatenate(columns)
 
-    def matrix(self, values: cs.MX, first: int = 0) -> cs.MX:
-        """Return the sparse sum of element matrices, ``values`` as in ``entries``, from coordinate ``first`` on."""
+    def entries_from(self, first: int) -> tuple[Index, Index, Index]:
+        """Return the places in ``entries`` of those from coordinate ``first`` on, and their rows and columns."""
         rows, columns = (index - first for index in self.entries)
         kept = np.flatnonzero((rows >= 0) & (columns >= 0))
-        pairs, target = np.unique(np.column_stack([columns[kept], rows[kept]]), axis=0, return_inverse=True)
+        return kept, rows[kept], columns[kept]
+
+    def matrix(self, values: cs.MX, first: int = 0) -> cs.MX:
+        """Return the sparse sum of element matrices, ``values`` as in ``entries``, from coordinate ``first`` on."""
+        kept, rows, columns = self.entries_from(first)
+        pairs, target = np.unique(np.column_stack([columns, rows]), axis=0, return_inverse=True)
         size = self.size - first
         pattern = cs.Sparsity.triplet(size, size, pairs[:, 1].tolist(), pairs[:, 0].tolist())
-        sums = cs.Sparsity.triplet(len(pairs), rows.size, target.ravel().tolist(), kept.tolist())
+        sums = cs.Sparsity.triplet(len(pairs), values.numel(), target.ravel().tolist(), kept.tolist())
         return cs.MX(pattern, cs.DM(sums, 1.0) @ values)
 
     def interpolation(self, s: float) -> Array:

@@ -158,15 +158,15 @@ def simulate_reduced(
     instants = sample_times(physical(duration, "duration"), physical(sample_rate, "sample_rate"), origin)
     end, base = float(instants[-1]), base_of(reduced.model, base, start)
     longest_step = _longest_step(reduced, end - origin, positive(steps_per_period, "steps_per_period"))
-    pieces = base.pieces_after(origin)
-    state = initial_state(reduced.model, Equations(reduced.model, reduced.law).clamp(pieces[0], base), start)
+    pieces = base.pieces_between(origin, end)
+    state = initial_state(reduced.model, Equations(reduced.model, reduced.law).clamp(pieces[0][0], base), start)
     advance = _stepper(reduced, end - origin)
 
     samples: list[Array] = []  # of (q, v)
     clamps: list[Array] = []  # motion of the clamp at these samples
-    steps, taken, now = 0, 0, origin
-    for piece in pieces:
-        clamp, piece_end = _clamp_motion(piece, base), min(piece.end, end)
+    steps, taken = 0, 0
+    for piece, now, piece_end in pieces:
+        clamp = _clamp_motion(piece, base)
         count = int(np.searchsorted(instants, piece_end, side="right"))
         starts, h, sampled = _steps(now, instants[taken:count], piece_end, longest_step)
         stages = clamp((starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, STAGES)).reshape(1, -1)).full()
@@ -178,9 +178,7 @@ def simulate_reduced(
         clamps.append(clamp(instants[None, taken:count]).full().T[: count - taken])  # CasADi returns 1 for no instant
         q, v = np.split(path[-1], 2)
         state = _full_state(reduced, q, v, clamp(piece_end).full().ravel(), piece_end)
-        steps, taken, now = steps + len(h), count, piece_end
-        if piece_end >= end:
-            break
+        steps, taken = steps + len(h), count
     q, v = np.split(np.vstack(samples), 2, axis=1)
     return ReducedTrajectory(reduced, instants, q, v, np.vstack(clamps), steps, time.perf_counter() - began)
 

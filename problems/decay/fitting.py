@@ -34,7 +34,7 @@ from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.decay.one_mode import longest_step
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.least_squares import least_squares
+from ancf_casadi.estimation.least_squares import least_squares, restarted
 from ancf_casadi.estimation.loss import HUBER, noise_of
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import choice, flag, instances, number, numbers, vector
@@ -224,8 +224,7 @@ def _match(
         noise = noise_of(fit.residuals)
         if noise <= ROUNDING * largest.amplitude:
             break
-        starts = [replace(u, guess=value) for u, value in zip(unknowns, fit.values.tolist(), strict=True)]
-        fit = least_squares(residuals, starts, huber=HUBER * noise, **settings)
+        fit = least_squares(residuals, restarted(unknowns, fit), huber=HUBER * noise, **settings)
     return fit, columns
 
 

@@ -41,7 +41,7 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.derivatives.release_load import START
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.least_squares import Unknown, least_squares
+from ancf_casadi.estimation.least_squares import Unknown, least_squares, restarted
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
@@ -132,7 +132,7 @@ def fit_transient(
         if tolerance is not None or not shift > ALLOWED or chosen <= TIGHTEST:
             break
         chosen = tighter(chosen, shift)
-        unknowns = _restarted(unknowns, fit)
+        unknowns = restarted(unknowns, fit)
     law = damping.with_parameters([found.get(own.name, own.value) for own in damping.parameters])
     factors = {name: found.get(name, 1.0) for name in PROPERTIES}
     rows = zip(PROPERTIES, model.properties, strict=True)
@@ -162,7 +162,7 @@ def _fit(problem: TransientProblem, unknowns: Sequence[Unknown], robust: bool) -
         fit = least_squares(residuals, unknowns, huber=huber_threshold(records) if robust else math.inf, **settings)
         if robust:
             threshold = huber_threshold(records, fit.residuals)
-            fit = least_squares(residuals, _restarted(unknowns, fit), huber=threshold, **settings)
+            fit = least_squares(residuals, restarted(unknowns, fit), huber=threshold, **settings)
         return fit
     except FitError as error:
         reasons = [f"; the last motion tried: {one.failure}" for one in runs if one.failure]
@@ -170,8 +170,3 @@ def _fit(problem: TransientProblem, unknowns: Sequence[Unknown], robust: bool) -
     finally:
         for one in runs:
             one.forget()
-
-
-def _restarted(unknowns: Sequence[Unknown], fit: Fit) -> list[Unknown]:
-    """Return the unknowns with the estimates of a fit as guesses."""
-    return [replace(unknown, guess=value) for unknown, value in zip(unknowns, fit.values.tolist(), strict=True)]

@@ -105,18 +105,13 @@ class Problem:
         model, parameters = self._model(properties), self.equations.parameters.copy()
         parameters[self.equations.layout["law"]] = theta
         parameters[self.equations.layout["properties"]] = properties
-        pieces = self.base.pieces_after(float(self.times[0]))
-        state, jacobian = self._start.state(model, self._clamp(pieces[0], b), load)
-        passages, begin, end = [], float(self.times[0]), float(self.times[-1])
-        left = self.most_steps if most_steps is None else most_steps
-        for piece in pieces:
-            clamp = self._clamp(piece, b)
-            passage, state = self._pass(clamp, begin, min(piece.end, end), state, parameters, max(left, 1))
+        pieces = self.base.pieces_between(float(self.times[0]), float(self.times[-1]))
+        state, jacobian = self._start.state(model, self._clamp(pieces[0][0], b), load)
+        passages, left = [], self.most_steps if most_steps is None else most_steps
+        for piece, begin, end in pieces:
+            passage, state = self._pass(self._clamp(piece, b), begin, end, state, parameters, max(left, 1))
             passages.append(passage)
             left -= len(passage.steps)
-            begin = piece.end
-            if begin >= end:
-                break
         return Run(parameters, self.times, jacobian, passages, self._coordinates(passages))
 
     def forward(self, run: Run, directions: Array) -> Array:

@@ -117,14 +117,15 @@ class Tangent:
 
         Weight (i, j) belongs to the derivative of the residual at stage i with respect to the increments at stage j.
         """
-        rows, columns = (index - NODE for index in self.form.equations.model.entries)
-        kept = np.flatnonzero((rows >= 0) & (columns >= 0))
-        width, shape = self.bandwidth, (STAGES * self._free, rows.size * STAGES)
+        model = self.form.equations.model
+        kept, rows, columns = model.entries_from(NODE)
+        count = model.entries[0].size
+        width, shape = self.bandwidth, (STAGES * self._free, count * STAGES)
         places, entries, values = [], [], []
         for i, j in np.argwhere(weights):
-            row, column = self.order[rows[kept] + i * self._free], self.order[columns[kept] + j * self._free]
+            row, column = self.order[rows + i * self._free], self.order[columns + j * self._free]
             places.append(lapack_place(row, column, width))
-            entries.append(kept + i * rows.size)
+            entries.append(kept + i * count)
             values.append(np.full(kept.size, weights[i, j]))
         whole = scipy.sparse.csc_array(
             (np.concatenate(values), (np.concatenate(places), np.concatenate(entries))),

@@ -222,12 +222,10 @@ class Collocation:
     @cached_property
     def _entries(self) -> tuple[Index, cs.DM]:
         """Places of matrix entries in band storage, and the sums of element matrices that give the entries."""
-        width = self.bandwidth
-        rows, columns = (index - NODE for index in self.equations.model.entries)
-        kept = np.flatnonzero((rows >= 0) & (columns >= 0))
-        all_places = lapack_place(rows[kept], columns[kept], width)
-        places, target = np.unique(all_places, return_inverse=True)
-        pattern = cs.Sparsity.triplet(places.size, rows.size, target.ravel().tolist(), kept.tolist())
+        model = self.equations.model
+        kept, rows, columns = model.entries_from(NODE)
+        places, target = np.unique(lapack_place(rows, columns, self.bandwidth), return_inverse=True)
+        pattern = cs.Sparsity.triplet(places.size, model.entries[0].size, target.ravel().tolist(), kept.tolist())
         return places, cs.DM(pattern, 1.0)
 
     @property

@@ -1,7 +1,6 @@
 """Identification of damping and properties of very flexible beams, and simulation of their large motion."""
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
 from ancf_casadi.dynamics.derivatives.differentiable import motion
 from ancf_casadi.dynamics.simulation import simulate
@@ -17,6 +16,8 @@ from ancf_casadi.exceptions import (
 from ancf_casadi.mechanics.beam import Beam, Section
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.reduction import ReducedModel, ReducedTrajectory, reduce_model, simulate_reduced
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.version import __version__
@@ -45,6 +46,7 @@ __all__ = [
     "ReducedTrajectory",
     "SampledBase",
     "Section",
+    "Sensor",
     "SimulationError",
     "State",
     "StrainMeasures",

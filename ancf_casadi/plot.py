@@ -12,10 +12,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.dynamics.trajectory import Trajectory
 from ancf_casadi.estimation.figures import COMPUTED, MEASURED, draw_autocorrelation
 from ancf_casadi.mechanics.beam import PROPERTIES, Beam
+from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 
 RESOLUTION = 130  # dots per inch
@@ -33,7 +33,7 @@ def decay_figure(record: Measurement, fitted: Callable[[ArrayLike], Array], rele
     """Draw a record, and the fitted displacement from the release time (s) onwards."""
     figure = Figure(figsize=(8, 3.6), layout="constrained")
     axes = figure.subplots()
-    axes.plot(record.time, 1e3 * record.displacement, ".", ms=2.5, color=MEASURED, label="record")
+    axes.plot(record.time, 1e3 * record.values, ".", ms=2.5, color=MEASURED, label="record")
     time = np.linspace(release_time, record.time[-1], FINE)
     axes.plot(time, 1e3 * fitted(time), lw=1, color=COMPUTED, label="fit")
     axes.axvline(release_time, ls=":", lw=0.8, color=MEASURED)

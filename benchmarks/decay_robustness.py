@@ -93,7 +93,7 @@ def main() -> None:
         about = f"seed {seed}, {record.kind}, {record.periods:.0f} periods, noise {record.noise:.1e}"
         began = time.process_time()
         try:
-            fit = fit_decay(record.time, record.displacement, law=arguments.law, release_time=0.0)
+            fit = fit_decay(record.time, record.values, law=arguments.law, release_time=0.0)
         except AncfError as error:
             failed += 1
             print(f"{about}: {error}")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, HarmonicBase, Model, Trajectory, simulate
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.plot import FINE, decay_figure, motion_figure, png, properties_figure
+from ancf_casadi.records.measurement import Measurement
 
 RELEASE = 0.5
 
@@ -32,7 +32,7 @@ def test_a_decay_figure_shows_record_and_fit_from_the_release():
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("time, s", "displacement, mm")
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["record", "fit"]
     measured, fitted, release = axes.lines
-    assert np.asarray(measured.get_ydata()) == pytest.approx(1e3 * record().displacement)
+    assert np.asarray(measured.get_ydata()) == pytest.approx(1e3 * record().values)
     assert len(fitted.get_xdata()) == FINE
     assert (fitted.get_xdata()[0], fitted.get_xdata()[-1]) == (RELEASE, 2.0)
     assert np.abs(fitted.get_ydata()).max() == pytest.approx(4.0, rel=1e-4)

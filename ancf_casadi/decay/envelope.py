@@ -28,8 +28,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ancf_casadi.decay.first_guess import first_guess
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import positive
 from ancf_casadi.support.tables import Table
@@ -115,7 +115,7 @@ def damping_curve(record: Measurement, *, periods: float = 2.0, release_time: fl
     if positive(periods, "periods") < 1.0:
         raise InputError(f"must be 1 or more, got {periods:g}", "periods")
     guess = first_guess(record, release_time=release_time)
-    time, y = record.time[guess.release :], record.displacement[guess.release :]
+    time, y = record.time[guess.release :], record.values[guess.release :]
     width = periods * 2 * math.pi / guess.ω
     edges = np.searchsorted(time, np.arange(time[0], time[-1], width))
     λ, ω = guess.ζ * guess.ω, guess.ω

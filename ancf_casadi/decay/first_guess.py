@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.decay.release import MINIMUM_SAMPLES, Release, find_release, peak_frequency
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 
 MINIMUM_PERIODS = 1.5  # counted from the peak of the spectrum, which may be too low by half a period
@@ -130,7 +130,7 @@ def first_guess(
 
 def _evenly_spaced(record: Measurement) -> tuple[Array, Array]:
     time = np.linspace(record.time[0], record.time[-1], len(record.time))
-    return time, np.interp(time, record.time, record.displacement)
+    return time, np.interp(time, record.time, record.values)
 
 
 def _without_line(time: Array, displacement: Array) -> Array:

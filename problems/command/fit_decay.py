@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 
 from ancf_casadi.decay.envelope import damping_curve
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import located
 from problems.command.output import Output, Subcommands, file_writer, json_text, new_files
 from problems.decay.comparison import compare_decay_laws

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import first_guess
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import flag, is_sequence, number, shown
 from problems.decay.fitting import as_record, check_law, fit_from
 from problems.decay.laws import LAWS, Law

@@ -31,12 +31,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import DecayGuess, first_guess
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.decay.one_mode import longest_step
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.least_squares import least_squares, restarted
 from ancf_casadi.estimation.loss import HUBER, noise_of
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import choice, flag, instances, number, numbers, vector
 from problems.decay.laws import LAWS, DecayModel, Law
 from problems.decay.result import ROUNDING, DecayFit, decay_result
@@ -206,7 +206,7 @@ def _match(
         columns.append((*shared, *range(len(unknowns), len(unknowns) + len(own))))
         unknowns += [replace(u, name=f"{u.name}_{position}") for u in own] if len(records) > 1 else own
         time = record.time[guess.release :]
-        data.append((time - time[0], cs.DM(record.displacement[guess.release :])))
+        data.append((time - time[0], cs.DM(record.values[guess.release :])))
 
     def residuals(*x: cs.MX) -> cs.MX:
         return cs.vertcat(

@@ -23,9 +23,9 @@ import casadi as cs
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import first_guess
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import flag, number, whole
 from problems.decay.fitting import RATIO_BOUNDS, as_record, fit_from
@@ -91,13 +91,13 @@ def fit_modes(
                 "record",
             ) from None
         release, reason = alone.release_time, reason or alone.release_reason
-        left = Measurement(alone.time, left.displacement[-alone.samples :] - alone.displacement(alone.time))
+        left = Measurement(alone.time, left.values[-alone.samples :] - alone.displacement(alone.time))
         own = [*model.shared(guess, RATIO_BOUNDS), *model.own(guess)]
         parts.append((model, tuple(range(len(unknowns), len(unknowns) + len(own)))))
         values = alone.fit.values.tolist()
         unknowns += [replace(u, name=f"{u.name}_{mode}", guess=x) for u, x in zip(own, values, strict=True)]
 
-    y, t = cs.DM(record.displacement[-len(left.time) :]), left.time - left.time[0]
+    y, t = cs.DM(record.values[-len(left.time) :]), left.time - left.time[0]
     fit = least_squares(_sum(parts, t, y), unknowns, advice=ADVICE)
     fits = [
         decay_result(model, fit, left.time, indices=indices, rows=slice(None), ratio_bounds=RATIO_BOUNDS, reason=reason)

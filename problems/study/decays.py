@@ -17,7 +17,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
-from ancf_casadi.decay.measurement import Measurement
+from ancf_casadi.records.measurement import Measurement
 from problems.study import paper
 
 SEED = 20

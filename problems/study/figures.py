@@ -15,9 +15,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.estimation.figures import MEASURED
 from ancf_casadi.plot import png
+from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from problems.decay.result import DecayFit
 from problems.study import paper
@@ -91,7 +91,7 @@ def _decays(
     panels = zip(figure.subplots(len(records), 1), records, fits, parameters, strict=True)
     for mode, (axes, record, fit, found) in enumerate(panels, start=1):
         shown = record.time <= min(record.time[-1], 25 / fit.frequency)
-        time, displacement = record.time[shown], record.displacement[shown]
+        time, displacement = record.time[shown], record.values[shown]
         fine = np.linspace(0.0, time[-1], 2000)
         axes.plot(time, 1e3 * displacement, ".", ms=2.5, color=MEASURED, label="synthetic record")
         axes.plot(fine, 1e3 * fit.displacement(fine), "-", lw=0.9, color=COLOURS["generic"], label="fit")
@@ -171,10 +171,10 @@ def transients(study: Study, mode: int) -> Figure:
     for column, (law, name) in enumerate(LAW_NAMES.items()):
         result = study.under(law)[mode]
         whole, decay = panels[:, column]
-        whole.plot(result.motion.time, 1e3 * result.motion.displacement, lw=0.3, color=COLOURS[law])
+        whole.plot(result.motion.time, 1e3 * result.motion.values, lw=0.3, color=COLOURS[law])
         whole.set_title(f"{name},\nbase amplitude {1e3 * result.base_amplitude:.3g} mm", loc="left")
         time = result.decay.time
-        decay.plot(time, 1e3 * result.decay.displacement, lw=0.4, color=COLOURS[law])
+        decay.plot(time, 1e3 * result.decay.values, lw=0.4, color=COLOURS[law])
         decay_rate = 2 * math.pi * result.frequency * result.damping_ratio
         envelope = 1e3 * result.amplitude * np.exp(-decay_rate * (time - (time[0] + time[-1]) / 2))
         for side in (-envelope, envelope):

@@ -23,8 +23,8 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
 
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.vibration.modes import natural_modes
 from problems.decay.fitting import fit_decay
 from problems.decay.proportional import RayleighFit, fit_rayleigh

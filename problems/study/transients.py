@@ -28,9 +28,9 @@ from functools import partial
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.simulation import simulate
+from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.vibration.modes import Modes
 from problems.decay.fitting import fit_decay

@@ -9,9 +9,9 @@ from scipy.integrate import solve_ivp
 
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, linear_decay, quadratic_decay, quadratic_envelope
 from ancf_casadi.decay.first_guess import first_guess
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.decay.release import Release, find_release
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
 
 TIME = np.arange(0.0, 5.0, 1 / 500)
 TABLE_4 = [  # Hz, 1/s, 1/m (the paper's are per mm), and the amplitude in m that its equivalent ratio implies

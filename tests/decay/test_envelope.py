@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio
 from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.decay.friction import friction_decay, friction_envelope
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
 
 TIME = np.arange(0.0, 15.0, 1 / 500)
 ω, E0 = 2 * math.pi * 1.85, 0.076

@@ -171,7 +171,7 @@ class TestFitDecay:
 
     def test_column_by_name(self, files, capsys):
         record = Measurement.from_csv(files / "decay.csv")
-        table = np.column_stack([record.time, 0 * record.time, record.displacement])
+        table = np.column_stack([record.time, 0 * record.time, record.values])
         np.savetxt(files / "two.csv", table, delimiter=",", header="t,rest,tip", comments="")
         assert main(["fit-decay", "two.csv", "--column", "tip", "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["frequency_hz"] == pytest.approx(3.0, rel=1e-3)

@@ -14,9 +14,9 @@ from scipy.integrate import solve_ivp
 
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, linear_decay, quadratic_decay
 from ancf_casadi.decay.friction import friction_decay
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.estimation.least_squares import TIGHT, Unknown, least_squares
 from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.records.measurement import Measurement
 from problems.decay.comparison import compare_decay_laws
 from problems.decay.fitting import fit_decay, fit_decays
 
@@ -369,7 +369,7 @@ def test_several_records_share_what_belongs_to_the_mode():
     assert (first.amplitude, second.amplitude) == pytest.approx((0.076, 0.015), abs=1e-4)
     assert (first.offset, second.offset) == pytest.approx((0.01, -0.02), abs=1e-4)
     assert first.residual_rms == pytest.approx(2e-4, rel=0.05)
-    np.testing.assert_allclose(second.displacement(TIME) - second.residuals, small.displacement, atol=1e-12)
+    np.testing.assert_allclose(second.displacement(TIME) - second.residuals, small.values, atol=1e-12)
     assert second.fit.names[3:] == ("e0_1", "phase_1", "offset_1", "e0_2", "phase_2", "offset_2")
     alone = fit_decays([small], law="quadratic")[0]
     np.testing.assert_allclose(alone.fit.values, fit_decay(small, law="quadratic").fit.values)
@@ -577,11 +577,11 @@ def test_nothing_is_printed(capfd):
 @pytest.mark.parametrize(
     ("arguments", "options", "message"),
     [
-        ((TIME, TIME[:-1]), {}, "displacement: has 2499 values for 2500 times"),
+        ((TIME, TIME[:-1]), {}, "values: has 2499 values for 2500 times"),
         ((TIME, None), {}, "displacement: is missing"),
         ((Measurement(TIME, TIME), TIME), {}, "displacement: is part of the record already"),
         ((TIME[::-1], TIME), {}, "time: must increase"),
-        ((TIME, TIME * math.nan), {}, "displacement: must be finite; sample 1 is nan"),
+        ((TIME, TIME + math.inf), {}, "values: must be finite; sample 1 is inf"),
         ((TIME, np.ones(2500)), {}, "record: is constant"),
         ((TIME, noise(16)), {}, "record: is noise"),
         ((TIME, np.exp(-TIME)), {}, "nothing oscillates"),

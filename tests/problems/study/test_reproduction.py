@@ -103,7 +103,7 @@ class TestDecays:
     def test_are_the_same_each_time(self, make):
         for first, second in zip(make(), make(), strict=True):
             assert first.time.tobytes() == second.time.tobytes()
-            assert first.displacement.tobytes() == second.displacement.tobytes()
+            assert first.values.tobytes() == second.values.tobytes()
 
     @pytest.mark.parametrize(
         ("make", "curve", "parameters"),
@@ -136,7 +136,7 @@ class TestDecays:
         noises = []
         for record, values in zip(make(), parameters, strict=True):
             exact = curve(*map(cs.DM, (record.time, *values))).full().ravel()
-            noises.append(record.displacement - exact)
+            noises.append(record.values - exact)
             assert len(record.time) == 2500
         for k, noise in enumerate(noises):
             assert np.std(noise) == pytest.approx(NOISE, rel=0.06)
@@ -235,8 +235,8 @@ class TestTransients:
         for other in (processes, given):
             for ours, theirs in zip(serial, other, strict=True):
                 assert (ours.mode, ours.name) == (theirs.mode, theirs.name)
-                assert ours.motion.displacement.tobytes() == theirs.motion.displacement.tobytes()
-                assert ours.decay.displacement.tobytes() == theirs.decay.displacement.tobytes()
+                assert ours.motion.values.tobytes() == theirs.motion.values.tobytes()
+                assert ours.decay.values.tobytes() == theirs.decay.values.tobytes()
                 assert (ours.damping_ratio, ours.frequency) == (theirs.damping_ratio, theirs.frequency)
 
     @pytest.mark.parametrize("jobs", [1, 2])

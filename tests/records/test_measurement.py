@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from ancf_casadi.decay import measurement
-from ancf_casadi.decay.measurement import Measurement
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records import measurement
+from ancf_casadi.records.measurement import Measurement
 
 
 @pytest.fixture
@@ -25,29 +25,35 @@ def test_arrays_are_copied_and_kept_from_change():
     record = Measurement(time, [1, 2, 3], "three")
     time[0] = -1.0
     assert record.time.tolist() == [0.0, 0.1, 0.2]
-    assert record.displacement.dtype == float
+    assert record.values.dtype == float
     assert record.name == "three"
-    for array in (record.time, record.displacement):
+    for array in (record.time, record.values):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 5.0
+
+
+def test_nan_marks_a_gap_and_its_sample_is_left_out():
+    record = Measurement([0.0, 1.0, 2.0, 3.0], [0.5, float("nan"), 2.5, 3.5])
+    assert record.time.tolist() == [0.0, 2.0, 3.0]
+    assert record.values.tolist() == [0.5, 2.5, 3.5]
 
 
 @pytest.mark.parametrize(
     ("time", "displacement", "message"),
     [
-        ([0, 1, 2], [0, 1], "displacement: has 2 values for 3 times"),
+        ([0, 1, 2], [0, 1], "values: has 2 values for 3 times"),
         ([0.0], [0.0], "time: needs at least 2 samples, got 1"),
         ([], [], "time: needs at least 2 samples, got 0"),
         ([0, 1, 1], [0, 1, 2], r"time: must increase, but sample 3 \(1 s\) follows 1 s"),
         ([0, 2, 1], [0, 1, 2], r"time: must increase, but sample 3 \(1 s\) follows 2 s"),
-        ([0, 1, 2], [0, float("nan"), 2], "displacement: must be finite; sample 2 is nan"),
+        ([0, 1, 2], [0, float("inf"), 2], "values: must be finite; sample 2 is inf"),
         ([0, 1, float("inf")], [0, 1, 2], "time: must be finite; sample 3 is inf"),
         ([[0, 1], [2, 3]], [0, 1], r"time: must be a vector, got an array of shape \(2, 2\)"),
         (3.0, [0, 1], r"time: must be a vector, got an array of shape \(\)"),
-        ([0, 1], ["a", "b"], "displacement: must be a vector of numbers"),
-        ([0, 1], [0, 1j], "displacement: must be a vector of numbers"),
+        ([0, 1], ["a", "b"], "values: must be a vector of numbers"),
+        ([0, 1], [0, 1j], "values: must be a vector of numbers"),
         ([0, [1, 2]], [0, 1], "time: must be a vector of numbers"),
-        ([0, 1], None, "displacement: must be a vector"),
+        ([0, 1], None, "values: must be a vector"),
     ],
 )
 def test_unusable_arrays_are_refused(time, displacement, message):
@@ -68,14 +74,14 @@ def test_unusable_arrays_are_refused(time, displacement, message):
 def test_two_columns_are_read_with_or_without_names_and_units(csv, text):
     record = Measurement.from_csv(csv(text))
     np.testing.assert_allclose(record.time, [0.0, 0.1])
-    np.testing.assert_allclose(record.displacement, [1.5, -2.0])
+    np.testing.assert_allclose(record.values, [1.5, -2.0])
     assert record.name == "record.csv"
 
 
 def test_a_column_is_chosen_by_name_and_the_others_need_not_be_numbers(csv):
     path = csv("time_s,marker,x_m,y_mm\n0,a,1,2\n1,b,3,4\n")
-    np.testing.assert_allclose(Measurement.from_csv(path, "x_m").displacement, [1.0, 3.0])
-    np.testing.assert_allclose(Measurement.from_csv(path, "y_mm").displacement, [2e-3, 4e-3])
+    np.testing.assert_allclose(Measurement.from_csv(path, "x_m").values, [1.0, 3.0])
+    np.testing.assert_allclose(Measurement.from_csv(path, "y_mm").values, [2e-3, 4e-3])
 
 
 @pytest.mark.parametrize(
@@ -160,7 +166,7 @@ def test_blocks_and_rows_give_the_same_record_or_message(csv, monkeypatch, text,
             record = Measurement.from_csv(path)
         except InputError as error:
             return str(error)
-        return record.time.tolist(), record.displacement.tolist()
+        return record.time.tolist(), record.values.tolist()
 
     path = csv(text.replace("\n", end))
     found = read()
@@ -173,5 +179,5 @@ def test_plain_numbers_are_read_in_blocks(csv, monkeypatch, capsys):
     monkeypatch.setattr(measurement, "_pair", None)
     monkeypatch.setattr(measurement, "BLOCK", 10)
     record = Measurement.from_csv(csv("t,x,y\n" + "".join(f"{k},{k / 7!r},1\n" for k in range(95))), "x", progress=True)
-    assert record.displacement.tolist() == [k / 7 for k in range(95)]
+    assert record.values.tolist() == [k / 7 for k in range(95)]
     assert capsys.readouterr().err == ""

@@ -1,4 +1,4 @@
-"""Measured records: the displacement of one point over time, from arrays or a CSV file.
+"""The record of one sensor over time, from arrays or a CSV file.
 
 The first column of a CSV file has the times, the others have displacements.  The first line may name the columns.  A
 column whose name ends in ``_ms`` or ``_mm`` is in ms or mm, any other in s or m.
@@ -16,15 +16,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from types import NoneType
 
 import numpy as np
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_path
-from ancf_casadi.support.inputs import located, physical
+from ancf_casadi.support.inputs import check_instance, located, physical
 
 MAXIMUM_BYTES = 2**30
 BLOCK = 100_000  # lines per block
@@ -34,16 +36,19 @@ PER_UNIT = {"ms": 1e-3, "mm": 1e-3}
 
 @dataclass(frozen=True, eq=False, init=False)
 class Measurement:
-    """The displacement of one point over time.
+    """What one sensor measured over time.
 
     Parameters
     ----------
     time : array_like
         Times, s, increasing; they need not be equally spaced.  Stored as a read-only array.
-    displacement : array_like
-        Displacement at each time, m.  Stored as a read-only array.
+    values : array_like
+        Value at each time, in the SI unit of the sensor; nan marks a gap, and its sample is left out.  Stored as a
+        read-only array.
     name : str
         Source of the record, for reports.
+    sensor : Sensor
+        What the sensor measures, and where; a displacement of the tip if not given.
 
     Raises
     ------
@@ -52,16 +57,21 @@ class Measurement:
     """
 
     time: Array
-    displacement: Array
+    values: Array
     name: str
+    sensor: Sensor
 
-    def __init__(self, time: ArrayLike, displacement: ArrayLike, name: str = "") -> None:
+    def __init__(self, time: ArrayLike, values: ArrayLike, name: str = "", sensor: Sensor | None = None) -> None:
         """Validate, and store read-only copies."""
-        object.__setattr__(self, "time", _series(time, "time"))
-        object.__setattr__(self, "displacement", _series(displacement, "displacement"))
+        check_instance(sensor, "sensor", Sensor, NoneType)
+        times, measured = _series(time, "time"), _series(values, "values", gaps=True)
+        if len(times) != len(measured):
+            raise InputError(f"has {len(measured)} values for {len(times)} times", "values")
+        present = ~np.isnan(measured)
+        object.__setattr__(self, "time", _read_only(times[present]))
+        object.__setattr__(self, "values", _read_only(measured[present]))
         object.__setattr__(self, "name", name)
-        if len(self.time) != len(self.displacement):
-            raise InputError(f"has {len(self.displacement)} values for {len(self.time)} times", "displacement")
+        object.__setattr__(self, "sensor", sensor or Sensor())
         if len(self.time) < 2:
             raise InputError(f"needs at least 2 samples, got {len(self.time)}", "time")
         steps = np.diff(self.time)
@@ -109,16 +119,21 @@ class Measurement:
             return cls(time * _unit(names[0]), displacement * _unit(names[chosen]), Path(path).name)
 
 
-def _series(values: ArrayLike, where: str) -> Array:
+def _series(values: ArrayLike, where: str, *, gaps: bool = False) -> Array:
     try:
         series = np.array(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise InputError("must be a vector of numbers", where) from None
     if series.ndim != 1:
         raise InputError(f"must be a vector, got an array of shape {series.shape}", where)
-    if not np.isfinite(series).all():
-        first = int(np.argmin(np.isfinite(series)))
+    usable = np.isfinite(series) | (np.isnan(series) & gaps)
+    if not usable.all():
+        first = int(np.argmin(usable))
         raise InputError(f"must be finite; sample {first + 1} is {series[first]}", where)
+    return series
+
+
+def _read_only(series: Array) -> Array:
     series.flags.writeable = False
     return series
 

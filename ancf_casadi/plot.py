@@ -1,6 +1,6 @@
 """Figures of records, fits, motions and properties, drawn without a display.
 
-Each function returns a matplotlib ``Figure``; ``png`` converts a figure to the content of a PNG file.
+Each function returns a matplotlib ``Figure``; ``rendered`` converts a figure to the content of a PNG, SVG or PDF file.
 """
 
 from __future__ import annotations
@@ -9,24 +9,50 @@ import io
 from collections.abc import Callable, Mapping
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from ancf_casadi.dynamics.trajectory import Trajectory
-from ancf_casadi.estimation.figures import COMPUTED, MEASURED, draw_autocorrelation
+from ancf_casadi.estimation.figures import draw_autocorrelation
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.colours import COMPUTED, MEASURED
 
+DATED = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}  # metadata that would change from run to run
 RESOLUTION = 130  # dots per inch
 FINE = 4000  # points of a drawn curve
 
 
+def rendered(figure: Figure, suffix: str = ".png") -> bytes:
+    """Return the content of a file with a figure, identical for identical figures.
+
+    Parameters
+    ----------
+    figure : Figure
+        The figure.
+    suffix : {".png", ".svg", ".pdf"}
+        Suffix of the file, which names its format; capitals do not matter.
+
+    Raises
+    ------
+    InputError
+        If there is no such format.
+    """
+    kind = suffix.lower()
+    if kind not in DATED:
+        raise InputError(f"must end in {', '.join(DATED)}, got {suffix or 'no suffix'!r}", "figure")
+    out = io.BytesIO()
+    with rc_context({"svg.hashsalt": "ancf-casadi"}):  # a random one would change the bytes
+        figure.savefig(out, format=kind[1:], dpi=RESOLUTION, bbox_inches="tight", metadata={DATED[kind]: None})
+    return out.getvalue()
+
+
 def png(figure: Figure) -> bytes:
     """Return the content of a PNG file, identical for identical figures."""
-    out = io.BytesIO()
-    figure.savefig(out, format="png", dpi=RESOLUTION, bbox_inches="tight", metadata={"Software": None})
-    return out.getvalue()
+    return rendered(figure, ".png")
 
 
 def decay_figure(record: Measurement, fitted: Callable[[ArrayLike], Array], release_time: float) -> Figure:

@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, simulate
-from ancf_casadi.estimation.figures import MEASURED
 from ancf_casadi.plot import png
+from ancf_casadi.support.colours import MEASURED
 from problems.study import paper
 from problems.study.figures import COLOURS
 from problems.study.transients import LAW_NAMES

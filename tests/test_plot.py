@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, HarmonicBase, Model, Trajectory, simulate
-from ancf_casadi.plot import FINE, decay_figure, motion_figure, png, properties_figure
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.plot import FINE, decay_figure, motion_figure, png, properties_figure, rendered
 from ancf_casadi.records.measurement import Measurement
 
 RELEASE = 0.5
@@ -62,6 +63,21 @@ def test_png_is_complete_and_the_same_each_time(motion):
     assert 900 < width < 1300
     assert 400 < height < 600
     assert b"Software" not in first
+
+
+@pytest.mark.parametrize(
+    ("suffix", "begins"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF-"), (".PDF", b"%PDF-")]
+)
+def test_the_suffix_names_the_format_and_the_bytes_are_the_same_each_time(motion, suffix, begins):
+    first, second = (rendered(motion_figure(motion), suffix) for _ in range(2))
+    assert first.startswith(begins)
+    assert first == second
+
+
+@pytest.mark.parametrize("suffix", ["", ".jpg", "png"])
+def test_another_format_is_refused(motion, suffix):
+    with pytest.raises(InputError, match=r"figure: must end in \.png, \.svg, \.pdf"):
+        rendered(motion_figure(motion), suffix)
 
 
 def test_drawing_needs_no_display_and_no_global_state():

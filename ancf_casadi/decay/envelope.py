@@ -31,6 +31,7 @@ from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.colours import COMPUTED
 from ancf_casadi.support.inputs import positive
 from ancf_casadi.support.tables import Table
 
@@ -90,7 +91,7 @@ class DampingCurve:
         figure = Figure(figsize=(6, 3.6), layout="constrained")
         axes = figure.subplots()
         ratio, error = 100 * self.damping_ratio, 196 * self.damping_ratio_errors
-        axes.errorbar(1e3 * self.amplitude, ratio, yerr=error, fmt="o", ms=3, lw=0.8, color="#1b7f5c")
+        axes.errorbar(1e3 * self.amplitude, ratio, yerr=error, fmt="o", ms=3, lw=0.8, color=COMPUTED)
         axes.set(xlabel="amplitude, mm", ylabel="damping ratio, %")
         return figure
 

@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 
 from ancf_casadi.estimation.autocorrelation import autocorrelation
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.colours import COMPUTED, MEASURED
 
-MEASURED = "#222222"
-COMPUTED = "#1b7f5c"
 LAGS = 200  # of a drawn autocorrelation
 
 
@@ -81,5 +80,6 @@ def scatter_figure(labels: Sequence[str], samples: Array, estimates: Array, erro
             normal = np.exp(-(((x - estimate) / error) ** 2) / 2) / (error * np.sqrt(2 * np.pi))
             axes.plot(x, normal, lw=1, color=MEASURED)
         axes.locator_params(axis="x", nbins=4)
-        axes.set(xlabel=label, yticks=[])
+        axes.ticklabel_format(axis="x", useOffset=False)
+        axes.set(xlabel=label.replace("_", " "), yticks=[])
     return figure

@@ -112,7 +112,7 @@ class RayleighFit:
         """Draw the measured damping ratios with their errors, and the fitted law, Eq. (16), against frequency."""
         from matplotlib.figure import Figure  # matplotlib is slow to import
 
-        from ancf_casadi.estimation.figures import COMPUTED, MEASURED
+        from ancf_casadi.support.colours import COMPUTED, MEASURED
 
         figure = Figure(figsize=(6, 3.6), layout="constrained")
         axes = figure.subplots()

@@ -15,16 +15,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ancf_casadi.estimation.figures import MEASURED
 from ancf_casadi.plot import png
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.colours import COMPUTED, MEASURED
 from problems.decay.result import DecayFit
 from problems.study import paper
 from problems.study.reproduction import Study
 from problems.study.transients import LAW_NAMES
 
-COLOURS = {"generic": "#1b7f5c", "proportional": "#c23b22", "quadratic": "#2a5ca8", "undamped": "#888888"}
+COLOURS = {"generic": COMPUTED, "proportional": "#c23b22", "quadratic": "#2a5ca8", "undamped": "#888888"}
 MODES = np.arange(1, 6)
 STYLE: dict[Any, Any] = {
     "font.size": 9,

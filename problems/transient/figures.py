@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ancf_casadi.estimation.figures import MEASURED
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.colours import MEASURED
 from problems.transient.marker_record import MarkerRecord
 
 

@@ -1,37 +1,21 @@
-"""The record of one sensor over time, from arrays or a CSV file.
-
-The first column of a CSV file has the times, the others have displacements.  The first line may name the columns.  A
-column whose name ends in ``_ms`` or ``_mm`` is in ms or mm, any other in s or m.
-
-NumPy reads a file of plain numbers in blocks of lines.  Any other file, with quoted cells, a column of text or a fault,
-is read row by row, so that an error message can name the line.
-"""
+"""The record of one sensor over time, from arrays or a file."""
 
 from __future__ import annotations
 
-import csv
-import io
-import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from types import NoneType
 
 import numpy as np
 from numpy.typing import ArrayLike
-from tqdm import tqdm
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.recording import read_recording
 from ancf_casadi.records.sensor import Sensor
+from ancf_casadi.records.sensor_units import sensor_of
+from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.files import check_path
 from ancf_casadi.support.inputs import check_instance, located, physical
-
-MAXIMUM_BYTES = 2**30
-BLOCK = 100_000  # lines per block
-PLAIN = b"0123456789+-.eE, \t\r\n"
-PER_UNIT = {"ms": 1e-3, "mm": 1e-3}
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -82,41 +66,54 @@ class Measurement:
         physical(self.time[-1] - self.time[0], "time")
 
     @classmethod
-    def from_csv(cls, path: str | Path, column: str | None = None, *, progress: bool = False) -> Measurement:
-        """Read a CSV file.
+    def from_file(
+        cls,
+        path: str | Path,
+        column: str | int | None = None,
+        *,
+        time: str | int | None = None,
+        unit: str | None = None,
+        time_unit: str | None = None,
+        rate: float | None = None,
+        sensor: Sensor | None = None,
+        progress: bool = False,
+    ) -> Measurement:
+        """Read one channel of a file.
 
         Parameters
         ----------
         path : str or Path
-            CSV file.
-        column : str, optional
-            Name of the displacement column; if not given, the file must have two columns.
+            File in any format that ``read_recording`` reads.
+        column : str or int, optional
+            Name or number (from 1) of the column with the values; not needed if there is only one.
+        time : str or int, optional
+            Name or number of the column with the times; not needed if it is clear.
+        unit, time_unit : str, optional
+            Units of the values and the times, such as ``mm`` and ``ms``, in place of those in the file.  Without any
+            unit, values are in the SI unit of the sensor, and times in s.
+        rate : float, optional
+            Samples per second, for a file without times; ``time`` may then name a column of frame numbers.
+        sensor : Sensor, optional
+            What the sensor measures; if not given, the unit tells the quantity, which is a displacement without a unit.
         progress : bool
             Whether to show a progress bar on a terminal if reading takes more than a second.
 
         Raises
         ------
         InputError
-            If the file cannot be read or is not a table of numbers (the message names the line), if there is no such
-            column, or as in ``Measurement``.
+            As ``read_recording``, if the column is not clear, if its unit is not understood or does not fit the sensor,
+            or as ``Measurement``.
         """
-        check_path(path, "path")
-        rows = _rows(Path(path))
-        line, header = next(rows, (0, []))
-        if not header:
-            raise InputError("has no rows", str(path))
-        named = not any(_is_number(cell) for cell in header)
-        names = [cell.strip() for cell in header] if named else [f"column {i + 1}" for i in range(len(header))]
-        chosen = _choose(names, column, str(path))
-        above = [] if named else [_pair(header, chosen, len(names), f"{path}, line {line}")]
-        below = _plain_numbers(Path(path), chosen, len(names), progress)
-        if below is None:
-            below = np.array([_pair(row, chosen, len(names), f"{path}, line {line}") for line, row in rows])
-        time, displacement = np.concatenate([np.reshape(part, (-1, 2)) for part in (above, below)]).T
-        if not len(time):
-            raise InputError("has no rows below its header", str(path))
-        with located(str(path)):
-            return cls(time * _unit(names[0]), displacement * _unit(names[chosen]), Path(path).name)
+        check_instance(sensor, "sensor", Sensor, NoneType)
+        given = None if unit is None else known_unit(unit, "unit")
+        recording = read_recording(path, time=time, time_unit=time_unit, rate=rate, progress=progress)
+        channel = recording.channel(column)
+        with located(f"{path}: column {channel.label}"):
+            if channel.time is None:
+                raise InputError("has no times; give the sampling rate with --rate")
+            scale, measured = sensor_of(channel, given, sensor)
+            values = channel.values if scale == 1.0 else scale * channel.values
+            return cls(channel.time, values, recording.name, measured)
 
 
 def _series(values: ArrayLike, where: str, *, gaps: bool = False) -> Array:
@@ -136,90 +133,3 @@ def _series(values: ArrayLike, where: str, *, gaps: bool = False) -> Array:
 def _read_only(series: Array) -> Array:
     series.flags.writeable = False
     return series
-
-
-def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Yield the line number and the cells of each row of a CSV file that is not blank."""
-    try:
-        if not path.is_file():
-            raise InputError("is not a file", str(path))
-        if path.stat().st_size > MAXIMUM_BYTES:
-            raise InputError(
-                f"is larger than {MAXIMUM_BYTES >> 20} MB; shorten the record, or leave out samples", str(path)
-            )
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
-            for row in reader:
-                if any(cell.strip() for cell in row):
-                    yield reader.line_num, row
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror or error})", str(path)) from None
-    except (UnicodeDecodeError, csv.Error):
-        raise InputError("is not a CSV file (text, with commas between the columns)", str(path)) from None
-
-
-def _plain_numbers(path: Path, chosen: int, width: int, progress: bool) -> Array | None:
-    """Return times and displacements (n, 2) below the first row; None unless all cells are finite numbers."""
-    blocks = [np.empty((0, 2))]
-    try:
-        with (
-            open(path, "rb") as file,
-            io.TextIOWrapper(file, encoding="utf-8-sig", newline="") as text,
-            tqdm(
-                total=path.stat().st_size, disable=None if progress else True, delay=1.0, leave=False,
-                unit="B", unit_scale=True, desc=path.name,
-            ) as bar,
-        ):  # fmt: skip
-            next(row for row in csv.reader(text) if any(cell.strip() for cell in row))
-            while lines := list(islice(text, BLOCK)):
-                filled = [line for line in lines if line.strip()]
-                if "".join(filled).encode().translate(None, PLAIN):
-                    return None
-                block = np.loadtxt(filled, delimiter=",", ndmin=2) if filled else np.empty((0, width))
-                if block.shape[1] != width:
-                    return None
-                blocks.append(block[:, [0, chosen]])
-                bar.update(file.tell() - bar.n)
-    except (ValueError, OSError):
-        return None
-    table = np.concatenate(blocks)
-    return table if np.isfinite(table).all() else None
-
-
-def _choose(names: list[str], column: str | None, where: str) -> int:
-    """Return the position of the displacement column."""
-    if column is None:
-        if len(names) != 2:
-            raise InputError(
-                f"has {len(names)} columns; needs a time and a displacement, or the name of the displacement", where
-            )
-        return 1
-    if names[1:].count(column) != 1:
-        raise InputError(
-            f"has {names[1:].count(column)} displacement columns named '{column}'; there are {', '.join(names[1:])}",
-            where,
-        )
-    return names.index(column, 1)
-
-
-def _pair(row: list[str], chosen: int, width: int, where: str) -> tuple[float, float]:
-    """Return the time and the displacement in a row."""
-    if len(row) != width:
-        raise InputError(f"has {len(row)} columns where the first line has {width}", where)
-    for cell in (row[0], row[chosen]):
-        if not (_is_number(cell) and math.isfinite(float(cell))):
-            raise InputError(f"{cell.strip()[:40]!r} is not a finite number", where)
-    return float(row[0]), float(row[chosen])
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def _unit(name: str) -> float:
-    """Return the factor to SI units from the name of a column."""
-    return PER_UNIT.get(name.rpartition("_")[2], 1.0)

@@ -34,7 +34,7 @@ def add_fit_decay(commands: Subcommands) -> None:
 
 def _run(options: argparse.Namespace) -> Output:
     plot, curve = new_files([options.file], options.plot, options.curve)
-    record = Measurement.from_csv(options.file, column=options.column, progress=True)
+    record = Measurement.from_file(options.file, column=options.column, progress=True)
     comparison = None
     with located(options.file):
         if options.law == "auto":

@@ -95,7 +95,7 @@ run = partial(simulate, MODEL, duration=0.1)
         (lambda: mac("x", MODES.shapes), "first: must be numbers"),
         (lambda: mac(np.ones((3, 1)), MODES.shapes), "second: must be columns as long as the first"),
         (lambda: run_all([int], executor=2), "executor: must be an Executor, got 2"),
-        (lambda: Measurement.from_csv(3), "path: must be a text or a path, got 3"),
+        (lambda: Measurement.from_file(3), "path: must be a text or a path, got 3"),
         (lambda: Beam.from_toml(0), "path: must be a text or a path, got 0"),
         (lambda: Beam.uniform(length=1, width=np.array(1.0), thickness=1, density=1, elastic_modulus="x", elements=2),
          "elastic_modulus: must be a finite number, got 'x'"),

@@ -170,7 +170,7 @@ class TestFitDecay:
             assert float(value) == pytest.approx(truth, abs=4 * float(error))
 
     def test_column_by_name(self, files, capsys):
-        record = Measurement.from_csv(files / "decay.csv")
+        record = Measurement.from_file(files / "decay.csv")
         table = np.column_stack([record.time, 0 * record.time, record.values])
         np.savetxt(files / "two.csv", table, delimiter=",", header="t,rest,tip", comments="")
         assert main(["fit-decay", "two.csv", "--column", "tip", "--json"]) == 0
@@ -591,18 +591,18 @@ class TestUnusableInput:
     @pytest.mark.parametrize(
         ("content", "what"),
         [
-            ("t,x\n0,1\n0.1,abc\n", "a.csv, line 3: 'abc' is not a finite number"),
-            ("t,x\n0,1\n0.1,nan\n", "a.csv, line 3: 'nan' is not a finite number"),
-            ("t,x\n0,1\n0.1\n", "a.csv, line 3: has 1 columns where the first line has 2"),
-            ("t,x\n0,1\n0,2\n", "a.csv: time: must increase, but sample 2 (0 s) follows 0 s"),
+            ("t,x\n0,1\n0.1,abc\n", "a.csv: column 2 'x': line 3: 'abc' is not a finite number"),
+            ("t,x\n0,1\n0.1,nan\n", "a.csv: column 2 'x': time: needs at least 2 samples, got 1"),
+            ("t,x\n0,1\n0.1\n", "a.csv, line 3: has 1 column where the table has 2"),
+            ("t,x\n0,1\n0,2\n", "a.csv, line 3: the time 0 s repeats that of line 2"),
             (
                 "t,x,y\n0,1,2\n1,2,3\n",
-                "a.csv: has 3 columns; needs a time and a displacement, or the name of the displacement",
+                "a.csv: has 2 columns of values, 2 'x', 3 'y'; choose with --column",
             ),
             ("", "a.csv: has no rows"),
-            (b"\x00\xff\xfe", "a.csv: is not a CSV file (text, with commas between the columns)"),
+            (b"\x00\xff\xfe", "a.csv: is not text, and no other format that is known"),
             ("".join(f"{0.01 * k},1\n" for k in range(300)), "a.csv: record: is constant, nothing oscillates"),
-            ("".join(f"{0.01 * k},{k}\n" for k in range(300)), "a.csv: record: has fewer than two periods"),
+            ("t,x\n" + "".join(f"{0.01 * k},{k}\n" for k in range(300)), "a.csv: record: has fewer than two periods"),
         ],
     )
     def test_record(self, files, capsys, content, what):
@@ -629,7 +629,7 @@ class TestUnusableInput:
             (["fit-decay", "decay.csv", "--law", "cubic"], "argument --law: invalid choice: 'cubic'"),
             (
                 ["fit-decay", "decay.csv", "--column", "x"],
-                "decay.csv: has 0 displacement columns named 'x'; there are tip_mm",
+                "decay.csv: --column 'x': there is no such column; there are 2 'tip_mm'",
             ),
             (["fit-decay", "decay.csv", "--plot", "."], ".: is a folder"),
             (["fit-decay", "decay.csv", "--plot", "beam.toml/fit.png"], "beam.toml: is not a folder"),

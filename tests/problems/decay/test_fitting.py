@@ -609,7 +609,7 @@ class TestSiliconeBeam:
 
     def test_the_beam_alone(self):
         """Least squares with scipy from the last sample at rest gives 7.7743 Hz and 5.526 %."""
-        fit = fit_decay(Measurement.from_csv(SILICONE / "beam_gravity_tip.csv"))
+        fit = fit_decay(Measurement.from_file(SILICONE / "beam_gravity_tip.csv"))
         assert fit.release_time == pytest.approx(0.71, abs=0.011)
         assert fit.frequency == pytest.approx(7.77, abs=0.03)
         assert fit.damping_ratio == pytest.approx(0.055, abs=0.004)
@@ -618,13 +618,13 @@ class TestSiliconeBeam:
 
     @pytest.mark.parametrize("name", ["gravity", "load52", "load101"])
     def test_every_law_converges_and_none_tells_all(self, name):
-        comparison = compare_decay_laws(Measurement.from_csv(SILICONE / f"beam_{name}_tip.csv"))
+        comparison = compare_decay_laws(Measurement.from_file(SILICONE / f"beam_{name}_tip.csv"))
         linear, quadratic, friction = comparison.fits
         assert friction.residual_rms <= quadratic.residual_rms * (1 + 1e-6) <= linear.residual_rms * 1.01
         assert any("no law explains all of the motion" in warning for warning in comparison.warnings)
 
     @pytest.mark.parametrize(("name", "frequency"), [("load52", 4.4), ("load101", 3.4)])
     def test_the_beam_with_a_weight_at_its_tip(self, name, frequency):
-        fit = fit_decay(Measurement.from_csv(SILICONE / f"beam_{name}_tip.csv"))
+        fit = fit_decay(Measurement.from_file(SILICONE / f"beam_{name}_tip.csv"))
         assert fit.frequency == pytest.approx(frequency, abs=0.06)
         assert 0.05 < fit.damping_ratio < 0.08

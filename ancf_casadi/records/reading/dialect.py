@@ -1,0 +1,164 @@
+"""Recognition of a table in text: the delimiter, the decimal sign, and the first row of numbers.
+
+Each combination of delimiter and decimal sign splits the first lines of the file into cells.  The table is the longest
+run of lines with the same number of cells, at least one of which is a number or a time.  The combination wins that
+leaves the smallest share of words in the table.  Two combinations that leave none are ambiguous, and refused; a comma
+between two whole numbers may separate columns or decimals, so that other signs must decide:
+
+- ``0,05`` has a zero that no separate whole number would have, and is a decimal comma;
+- a header with fewer names than cells contradicts the comma as delimiter;
+- ``1,234`` in every cell with a comma may be thousands as well as decimals.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.reading.cells import Dialect, Kind, is_comment
+
+DIALECTS = tuple(
+    Dialect(delimiter, decimal)
+    for delimiter, decimal in (
+        ("\t", "."), ("\t", ","), (";", "."), (";", ","), (",", "."), (",", ","), (" ", "."), (" ", ","), ("|", "."),
+    )
+)  # fmt: skip
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:[.,]\d{3})+")
+MANY_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:,\d{3})+\.\d*|[+-]?\d{1,3}(?:\.\d{3})+,\d*|[+-]?\d{1,3}(?:[ ']\d{3})+")
+NUMERIC = re.compile(r"[+-]?[\d,]+(?:[eE][+-]?\d+)?")
+LEADING_ZERO = re.compile(r"0\d+")
+SEPARATORS = "write the columns with semicolons or tabs between them, or the decimals with points"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table in the first lines of a file.
+
+    Parameters
+    ----------
+    dialect : Dialect
+        How it is written.
+    first : int
+        Index of its first row among the lines.
+    kinds : tuple of str
+        What most cells of each column hold.
+    """
+
+    dialect: Dialect
+    first: int
+    kinds: tuple[Kind, ...]
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return len(self.kinds)
+
+
+@dataclass(frozen=True)
+class _Run:
+    dialect: Dialect
+    first: int
+    rows: list[list[str]]
+    kinds: tuple[Kind, ...]
+
+    @property
+    def words(self) -> float:
+        """Share of columns of words."""
+        return self.kinds.count("word") / len(self.kinds)
+
+
+def find_table(lines: Sequence[str], numbers: Sequence[int], path: str) -> Table:
+    """Return the table in the first lines of a file, whose line numbers are ``numbers``.
+
+    Raises
+    ------
+    InputError
+        If there is no table of numbers, or its delimiter or decimal sign is ambiguous.
+    """
+    text = "".join(lines)
+    possible = [dialect for dialect in DIALECTS if dialect.delimiter in {*text, " "} and dialect.decimal in text + "."]
+    runs = [run for dialect in possible if (run := _longest_run(dialect, lines))]
+    if not runs:
+        raise InputError("has no rows of numbers; needs a table with a row per sample", path)
+    best = min(runs, key=lambda run: (run.words, len(run.kinds) == 1, -len(run.rows)))
+    _check_commas(best, numbers, path)
+    rival = next((run for run in runs if _rivals(run, best)), None)
+    if rival:
+        line = lines[best.first].strip()[:40]
+        raise InputError(f"line {numbers[best.first]}: the commas in {line!r} are ambiguous; {SEPARATORS}", path)
+    return Table(best.dialect, best.first, best.kinds)
+
+
+def _longest_run(dialect: Dialect, lines: Sequence[str]) -> _Run | None:
+    """Return the rows of the table that a dialect finds."""
+    split = [[] if is_comment(line) or not line.strip() else dialect.split(line) for line in lines]
+    kinds = [[dialect.kind(cell) for cell in cells] for cells in split]
+    runs: list[tuple[int, int]] = []  # first line, number of rows
+    width, first, count = 0, 0, 0
+    for index, found in enumerate(kinds):
+        if not found:
+            continue
+        if len(found) == width and _is_data(found):
+            count += 1
+        else:
+            runs.append((first, count))
+            count = int(_is_data(found))
+            width, first = len(found) * count, index
+    runs.append((first, count))
+    start, count = max(runs, key=lambda run: run[1])
+    if not count:
+        return None
+    width = len(kinds[start])
+    inside = [k for k in range(start, len(lines)) if len(kinds[k]) == width][:count]
+    usual = tuple(_usual([kinds[k][column] for k in inside]) for column in range(width))
+    first = next((k for k in range(start) if len(kinds[k]) == width and _fits(kinds[k], usual)), start)
+    rows = [split[k] for k in range(first, len(lines)) if len(split[k]) == width]
+    return _Run(dialect, first, rows, usual)
+
+
+def _is_data(kinds: Sequence[Kind]) -> bool:
+    return "number" in kinds or "stamp" in kinds
+
+
+def _usual(kinds: Sequence[Kind]) -> Kind:
+    """Return what most cells of a column hold; gaps count only if there is nothing else."""
+    counts = {kind: kinds.count(kind) for kind in ("number", "stamp", "word")}
+    most = max(counts.values())
+    if not most:
+        return "gap"
+    return next(kind for kind in ("number", "stamp", "word") if counts[kind] == most)
+
+
+def _fits(kinds: Sequence[Kind], usual: Sequence[Kind]) -> bool:
+    """Return whether a row has numbers where the table has them."""
+    pairs = [(kind, expected) for kind, expected in zip(kinds, usual, strict=True) if expected in ("number", "stamp")]
+    return any(kind == expected for kind, expected in pairs) and all(
+        kind in (expected, "gap") for kind, expected in pairs
+    )
+
+
+def _rivals(run: _Run, best: _Run) -> bool:
+    """Return whether another reading of the commas explains the table as well."""
+    if (run.dialect.delimiter == ",") == (best.dialect.delimiter == ","):
+        return False
+    return len(run.kinds) > 1 and run.words <= best.words and len(run.rows) >= len(best.rows)
+
+
+def _check_commas(run: _Run, numbers: Sequence[int], path: str) -> None:
+    """Check that commas and points can be read in one way only."""
+    cells = [cell for row in run.rows for cell in row]
+    where = f"{path}, line {numbers[run.first]}"
+    if run.dialect.decimal == ",":
+        decimals = [cell for cell in cells if "," in cell and NUMERIC.fullmatch(cell)]
+        if decimals and all(THOUSANDS.fullmatch(cell) for cell in decimals):
+            raise InputError(
+                f"the comma in {decimals[0]!r} may separate thousands or decimals; write decimal points", where
+            )
+    if any(kind == "word" for kind in run.kinds):
+        grouped = next((cell for cell in cells if MANY_THOUSANDS.fullmatch(cell)), None)
+        if grouped:
+            raise InputError(f"{grouped!r} has a separator of thousands; write numbers without it", where)
+    if run.dialect == Dialect(",", ".") and any(LEADING_ZERO.fullmatch(cell) for row in run.rows for cell in row[1:]):
+        raise InputError(f"its commas may separate columns or decimals; {SEPARATORS}", where)

@@ -1,0 +1,221 @@
+"""Reading of tables in plain text: comma, semicolon, tab or spaces, with or without names, units and metadata.
+
+The first lines tell how the table is written (``dialect``, ``header``).  NumPy then reads blocks of plain numbers.  A
+block with quoted cells, words, times, comments or a fault is split in Python, so that a fault is named by its line.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.reading.blocks import decoded, text_blocks
+from ancf_casadi.records.reading.cells import Dialect, is_comment
+from ancf_casadi.records.reading.dialect import Table, find_table
+from ancf_casadi.records.reading.header import Heading, read_heading
+from ancf_casadi.records.reading.stamps import clock_seconds, iso_nanoseconds, over_midnight
+from ancf_casadi.records.units import parse_unit
+from ancf_casadi.support.arrays import Array, Index
+
+HEAD_LINES, HEAD_CHARACTERS = 1000, 200_000  # looked at to recognise the table
+LEAST_LINES = 4
+MOST_JOINED = 3  # lines of one row with quoted line breaks
+DIGITS = b"0123456789+-eE \t\n"
+NUMBERS = {".": DIGITS + b".", ",": DIGITS + b","}
+
+
+def read_text(path: Path, *, progress: bool = False) -> Contents:
+    """Read a table in plain text.
+
+    Raises
+    ------
+    InputError
+        If there is no table of numbers, or a row has too few or too many cells; the message names the line.
+    """
+    blocks = text_blocks(path, progress=progress)
+    first = next(blocks, b"")
+    lines, numbers = _head(first)
+    table = find_table(lines, numbers, str(path))
+    heading = read_heading(list(zip(numbers[: table.first], lines[: table.first], strict=True)), table, str(path))
+    skipped = numbers[table.first] - 1
+    body = first.split(b"\n", skipped)[skipped]
+    reader = _Reader(table, str(path))
+    line = skipped + 1
+    for block in chain([body], blocks):
+        reader.read(block, line)
+        line += block.count(b"\n")
+    return reader.contents(heading)
+
+
+def _head(block: bytes) -> tuple[list[str], list[int]]:
+    """Return the first lines as text, with their numbers; a line break within quotes does not end a line."""
+    start = block[:HEAD_CHARACTERS]
+    if len(start) < len(block):
+        end = max(start.rfind(b"\n"), _end_of_line(block, LEAST_LINES))
+        start = block[:end]
+    physical = decoded(start).split("\n")[:HEAD_LINES]
+    lines: list[str] = []
+    numbers: list[int] = []
+    k = 0
+    while k < len(physical):
+        count = next((n for n in range(1, MOST_JOINED + 1) if "\n".join(physical[k : k + n]).count('"') % 2 == 0), 1)
+        lines.append(" ".join(physical[k : k + count]))
+        numbers.append(k + 1)
+        k += count
+    return lines, numbers
+
+
+def _end_of_line(block: bytes, count: int) -> int:
+    end = -1
+    for _ in range(count):
+        end = block.find(b"\n", end + 1)
+        if end < 0:
+            return len(block)
+    return end
+
+
+@dataclass(eq=False)
+class _Reader:
+    """The rows read so far."""
+
+    table: Table
+    path: str
+    blocks: list[Array] = field(default_factory=list)
+    lines: list[Index] = field(default_factory=list)
+    faults: dict[int, str] = field(default_factory=dict)
+    first_stamps: dict[int, int] = field(default_factory=dict)
+
+    def read(self, block: bytes, line: int) -> None:
+        """Read a block of complete lines, the first of which has the number ``line``."""
+        values = self._plain(block)
+        if values is None:
+            self._cells(block, line)
+        elif len(values):
+            self.blocks.append(values)
+            self.lines.append(np.arange(line, line + len(values), dtype=np.int32))
+
+    def _plain(self, block: bytes) -> Array | None:
+        """Return the numbers (rows, width) of a block; None unless all cells are numbers or empty."""
+        delimiter, decimal = self.table.dialect.delimiter, self.table.dialect.decimal
+        if delimiter == decimal or "stamp" in self.table.kinds:
+            return None
+        if block.translate(None, NUMBERS[decimal] + delimiter.encode()):
+            return None
+        if decimal == ",":
+            block = block.replace(b",", b".")
+        if delimiter != " ":
+            block = _filled(block, delimiter.encode())
+        text = block.decode("ascii").rstrip("\n")
+        if not text or "\n\n" in text or text[0] == "\n":
+            return None
+        try:
+            values = np.loadtxt(
+                text.split("\n"), delimiter=None if delimiter == " " else delimiter, ndmin=2, comments=None
+            )
+        except ValueError:
+            return None
+        usable = values.shape[1] == self.table.width and not np.isinf(values).any()
+        return values if usable and len(values) == text.count("\n") + 1 else None
+
+    def _cells(self, block: bytes, line: int) -> None:
+        rows: list[list[str]] = []
+        lines: list[int] = []
+        width = self.table.width
+        for number, cells in _rows(decoded(block), self.table.dialect, line):
+            while len(cells) > width and not cells[-1]:
+                cells.pop()
+            if len(cells) != width:
+                found = f"{len(cells)} column{'' if len(cells) == 1 else 's'}"
+                raise InputError(
+                    f"has {found} where the table has {width}; complete or remove the line",
+                    f"{self.path}, line {number}",
+                )
+            rows.append(cells)
+            lines.append(number)
+        if rows:
+            columns = [self._column(k, cells, lines) for k, cells in enumerate(zip(*rows, strict=True))]
+            self.blocks.append(np.column_stack(columns))
+            self.lines.append(np.array(lines, dtype=np.int32))
+
+    def _column(self, k: int, cells: Sequence[str], lines: Sequence[int]) -> Array:
+        if self.table.kinds[k] == "word":
+            self.faults.setdefault(k, f"has words, such as {cells[0][:40]!r} in line {lines[0]}, not numbers")
+            return np.full(len(cells), np.nan)
+        if self.table.kinds[k] == "stamp":
+            stamps = self._stamps(k, cells)
+            if stamps is not None:
+                return stamps
+            values, fault = np.full(len(cells), np.nan), 0
+            fault = next((i for i, cell in enumerate(cells) if self.table.dialect.kind(cell) != "stamp"), 0)
+        else:
+            values, found = self.table.dialect.numbers(cells)
+            if found is None:
+                return values
+            fault = found
+        what = "a time" if self.table.kinds[k] == "stamp" else "a finite number"
+        self.faults.setdefault(k, f"line {lines[fault]}: {cells[fault].strip()[:40]!r} is not {what}")
+        return values
+
+    def _stamps(self, k: int, cells: Sequence[str]) -> Array | None:
+        clock = clock_seconds(cells)
+        if clock is not None:
+            return clock
+        stamps = iso_nanoseconds(cells)
+        if stamps is None:
+            return None
+        return np.asarray(1e-9 * (stamps - self.first_stamps.setdefault(k, int(stamps[0]))))
+
+    def contents(self, heading: Heading) -> Contents:
+        """Return the columns."""
+        if not self.blocks:
+            raise InputError("has no rows of numbers; needs a table with a row per sample", self.path)
+        channels = []
+        for k, (name, symbol, unit) in enumerate(zip(heading.names, heading.symbols, heading.units, strict=True)):
+            values = np.concatenate([block[:, k] for block in self.blocks])
+            if self.table.kinds[k] == "gap" and np.isnan(values).all():
+                continue
+            if self.table.kinds[k] == "stamp":
+                values = values if k in self.first_stamps else over_midnight(values)
+                symbol, unit = "s", parse_unit("s")
+            channels.append(Channel(k + 1, name, values, symbol, unit, fault=self.faults.get(k, "")))
+        return Contents(tuple(channels), lines=np.concatenate(self.lines))
+
+
+def _filled(block: bytes, delimiter: bytes) -> bytes:
+    """Return a block with nan in each empty cell."""
+    if delimiter + delimiter in block:
+        block = block.replace(delimiter + delimiter, delimiter + b"nan" + delimiter)
+        block = block.replace(delimiter + delimiter, delimiter + b"nan" + delimiter)
+    if delimiter + b"\n" in block:
+        block = block.replace(delimiter + b"\n", delimiter + b"nan\n")
+    if b"\n" + delimiter in block:
+        block = block.replace(b"\n" + delimiter, b"\nnan" + delimiter)
+    if block.startswith(delimiter):
+        block = b"nan" + block
+    return block + b"nan" if block.endswith(delimiter) else block
+
+
+def _rows(text: str, dialect: Dialect, line: int) -> Iterator[tuple[int, list[str]]]:
+    """Yield the line number and the cells of each row that is neither blank nor a comment."""
+    if '"' in text and dialect.delimiter != " ":
+        reader = csv.reader(io.StringIO(text), delimiter=dialect.delimiter, skipinitialspace=True)
+        try:
+            for row in reader:
+                if any(cell.strip() for cell in row) and not is_comment(row[0]):
+                    yield line + reader.line_num - 1, [cell.strip() for cell in row]
+        except csv.Error:
+            raise InputError(f"line {line + reader.line_num}: has quotes that do not close") from None
+        return
+    for number, written in enumerate(text.split("\n"), line):
+        if written.strip() and not is_comment(written):
+            cells = dialect.split(written)
+            if any(cells):
+                yield number, cells

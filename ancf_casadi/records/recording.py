@@ -1,0 +1,108 @@
+"""Recordings: all channels of a file with their times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.channel import Channel
+from ancf_casadi.records.reading.formats import read_contents
+from ancf_casadi.records.time_axis import find_channel, is_counter, is_time, listed, time_axis, with_times
+from ancf_casadi.support.arrays import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """The channels of a file.
+
+    Parameters
+    ----------
+    path : str
+        Path of the file.
+    channels : tuple of Channel
+        The channels without the time, each with its values as written, its unit and its times.
+    notes : tuple of str
+        Decisions of the reader that the user should know.
+    """
+
+    path: str
+    channels: tuple[Channel, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the file."""
+        return Path(self.path).name
+
+    @property
+    def time(self) -> Array:
+        """Times of the samples, s, if all channels share them.
+
+        Raises
+        ------
+        InputError
+            If they do not.
+        """
+        times = [channel.time for channel in self.channels if channel.time is not None]
+        if not times or any(time is not times[0] and not np.array_equal(time, times[0]) for time in times[1:]):
+            raise InputError("its channels have times of their own; use the time of a channel", self.path)
+        return times[0]
+
+    def channel(self, column: str | int | None = None) -> Channel:
+        """Return the channel with a name or number, or the only one with measured values.
+
+        Raises
+        ------
+        InputError
+            If there is no such channel, or it cannot be used.
+        """
+        if column is not None:
+            found = find_channel(self.channels, column, "--column", self.path)
+        else:
+            values = [c for c in self.channels if not is_time(c) and not is_counter(c)]
+            usable = [channel for channel in values if not channel.fault] or values or list(self.channels)
+            if len(usable) != 1:
+                what = f"has {len(usable)} columns of values, {listed(usable)}" if usable else "has no column of values"
+                raise InputError(f"{what}; choose with --column" if usable else what, self.path)
+            (found,) = usable
+        if found.fault:
+            raise InputError(found.fault, f"{self.path}: column {found.label}")
+        return found
+
+
+def read_recording(
+    path: str | Path,
+    *,
+    time: str | int | None = None,
+    time_unit: str | None = None,
+    rate: float | None = None,
+    progress: bool = False,
+) -> Recording:
+    """Read a file of measurements.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    time : str or int, optional
+        Name or number (from 1) of the column with the times; needed only if it is not clear.
+    time_unit : str, optional
+        Unit of the times, such as ``ms``, in place of that in the file.
+    rate : float, optional
+        Samples per second, for a file without times; ``time`` may then name a column of frame numbers.
+    progress : bool
+        Whether to show a progress bar on a terminal if reading takes more than a second.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or its times are not clear or do not increase; the message names the remedy.
+    """
+    contents = read_contents(path, progress=progress)
+    if all(channel.time is not None for channel in contents.channels) and time is None and rate is None:
+        return Recording(str(path), contents.channels, contents.notes)
+    axis = time_axis(contents, str(path), time=time, time_unit=time_unit, rate=rate)
+    return Recording(str(path), with_times(contents, axis), contents.notes + axis.notes)

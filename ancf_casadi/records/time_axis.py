@@ -1,0 +1,245 @@
+"""The time of each sample of a file: a column of times or of frame numbers, or the sampling rate.
+
+Without a choice by the caller, the time is the column that is named so or has a unit of time; without names, it is the
+only column that increases in equal steps, or the only one that increases at all.  Any doubt is refused.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.time_names import names_time
+from ancf_casadi.records.units import Unit, known_unit
+from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.inputs import physical, shown
+
+COUNTERS = re.compile(
+    r"(?:frames?|samples?|scans?|index|row|record|point|count(?:er)?|bildnummer)?[ _.#-]*"
+    r"(?:frames?|samples?|scans?|index|number|num|no|nr|n|#|id|count(?:er)?|idx)\.?",
+    re.IGNORECASE,
+)
+MOSTLY = 0.9  # share of steps upwards, or of equal steps, that tells a column of times
+EQUAL = 0.05  # difference of equal steps, relative to the median
+EPOCH = 1e9  # s; times beyond it count from 1970
+LATEST = 1e11  # s; times beyond it must be in another unit
+RATE = "or give the sampling rate with --rate"
+
+
+@dataclass(frozen=True, eq=False)
+class TimeAxis:
+    """Times of the samples.
+
+    Parameters
+    ----------
+    time : ndarray
+        Time of each row that has one, s, increasing.
+    rows : ndarray or None
+        Indices of these rows; None if all have one.
+    channel : Channel or None
+        Column that holds the time.
+    notes : tuple of str
+        Decisions that the user should know.
+    """
+
+    time: Array
+    rows: Index | None
+    channel: Channel | None
+    notes: tuple[str, ...] = ()
+
+
+def find_channel(channels: Sequence[Channel], wanted: object, option: str, path: str) -> Channel:
+    """Return the channel with a name or number.
+
+    Raises
+    ------
+    InputError
+        If there is none, or several.
+    """
+    named = [channel for channel in channels if channel.name == wanted]
+    if not named and isinstance(wanted, str):
+        named = [channel for channel in channels if channel.name.casefold() == wanted.strip().casefold()]
+    if not named and (isinstance(wanted, int) or (isinstance(wanted, str) and wanted.strip().isdecimal())):
+        named = [channel for channel in channels if channel.number == int(wanted)]
+    if len(named) == 1:
+        return named[0]
+    fault = f"{len(named)} columns are named {shown(wanted)}; give the number" if named else "there is no such column"
+    raise InputError(f"{option} {shown(wanted)}: {fault}; there are {listed(channels)}", path)
+
+
+def listed(channels: Sequence[Channel]) -> str:
+    """Return numbers and names of channels, for messages."""
+    shortened = ", ".join(channel.label for channel in channels[:8])
+    return f"{shortened}, ... ({len(channels)} in all)" if len(channels) > 8 else shortened
+
+
+def is_time(channel: Channel) -> bool:
+    """Return whether the name or the unit of a channel tells that it holds times."""
+    return bool(channel.unit and channel.unit.quantity == "time") or names_time(channel.name)
+
+
+def is_counter(channel: Channel) -> bool:
+    """Return whether a channel counts the samples or the frames."""
+    whole = COUNTERS.fullmatch(channel.name.strip()) is not None and not channel.symbol
+    return whole and bool(np.all(channel.values == np.floor(channel.values)))
+
+
+def time_axis(
+    contents: Contents, path: str, *, time: str | int | None, time_unit: str | None, rate: float | None
+) -> TimeAxis:
+    """Return the times of the rows of a file.
+
+    Parameters
+    ----------
+    contents : Contents
+        The columns.
+    path : str
+        Name of the file, for messages.
+    time : str or int, optional
+        Name or number of the column with the times, or with frame numbers if ``rate`` is given.
+    time_unit : str, optional
+        Unit of the times, such as ``ms``.
+    rate : float, optional
+        Samples per second.
+
+    Raises
+    ------
+    InputError
+        If the choice is not clear, the unit is not understood, or the times do not increase.
+    """
+    unit = None if time_unit is None else known_unit(time_unit, "time_unit")
+    if unit and unit.quantity != "time":
+        raise InputError(f"{unit.symbol!r} is a unit of {unit.quantity}, not of time", "time_unit")
+    if rate is not None:
+        return _from_rate(contents, path, physical(rate, "rate"), time)
+    channel = _chosen(contents, path) if time is None else find_channel(contents.channels, time, "--time", path)
+    if channel.fault:
+        raise InputError(channel.fault, f"{path}: column {channel.label}")
+    seconds, notes = _seconds(channel, unit, path)
+    return _checked(contents, channel, seconds, notes, path)
+
+
+def _from_rate(contents: Contents, path: str, rate: float, time: str | int | None) -> TimeAxis:
+    """Return times from the sampling rate, and from frame numbers if there are any."""
+    counters = [channel for channel in contents.channels if is_counter(channel) and _increases(channel.values)]
+    if time is not None:
+        counters = [find_channel(contents.channels, time, "--time", path)]
+    if len(counters) == 1:
+        counter = counters[0]
+        if counter.unit:
+            raise InputError(f"column {counter.label} has times in {counter.symbol}; leave out --rate, or --time", path)
+        seconds = (counter.values - counter.values[0]) / rate
+        return _checked(contents, counter, seconds, (f"times from column {counter.label} at {rate:g} 1/s",), path)
+    count = max((len(channel.values) for channel in contents.channels), default=0)
+    return TimeAxis(np.arange(count) / rate, None, None, (f"times from the sampling rate, {rate:g} 1/s",))
+
+
+def _chosen(contents: Contents, path: str) -> Channel:
+    """Return the column that must be the time."""
+    channels = contents.channels
+    named = [channel for channel in channels if is_time(channel)]
+    if len(named) > 1:
+        named = [channel for channel in named if not _constant(channel.values)]  # such as the date
+        exact = [channel for channel in named if channel.unit and channel.unit.quantity == "time"]
+        named = exact if len(exact) == 1 else named
+    if len(named) == 1:
+        return named[0]
+    candidates = named
+    if not named and len(channels) > 1:
+        possible = [c for c in channels if not c.fault and not c.unit and not is_counter(c)]
+        rising = [channel for channel in possible if _increases(channel.values)]
+        even = [channel for channel in rising if _is_even(channel.values)]
+        candidates = even or rising
+        if len(candidates) == 1:
+            return candidates[0]
+    if candidates:
+        raise InputError(
+            f"the time may be column {' or '.join(c.label for c in candidates[:4])}; choose with --time", path
+        )
+    raise InputError(
+        f"no column is clearly the time (there are {listed(channels)}); name one with --time, {RATE}", path
+    )
+
+
+def _constant(values: Array) -> bool:
+    return len(values) > 1 and (bool(np.isnan(values).all()) or bool(np.nanmin(values) == np.nanmax(values)))
+
+
+def _increases(values: Array) -> bool:
+    steps = np.diff(values)
+    return len(steps) > 0 and bool(np.mean(steps > 0.0) >= MOSTLY)
+
+
+def _is_even(values: Array) -> bool:
+    steps = np.diff(values)
+    usual = np.nanmedian(steps)
+    return bool(np.mean(np.abs(steps - usual) <= EQUAL * usual) >= MOSTLY)
+
+
+def _seconds(channel: Channel, unit: Unit | None, path: str) -> tuple[Array, tuple[str, ...]]:
+    """Return the numbers of a time column in s, and notes."""
+    where = f"{path}: column {channel.label}"
+    given = unit or channel.unit
+    if given is None and channel.symbol:
+        raise InputError(
+            f"the unit {shown(channel.symbol)} is not understood; give the unit of the time with --time-unit", where
+        )
+    if given and given.quantity != "time":
+        raise InputError(
+            f"is in {given.symbol}, a unit of {given.quantity}, and is no time; choose another with --time", where
+        )
+    largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
+    if given is None and largest > LATEST:
+        raise InputError("has no unit, and its numbers are too large for s; give the unit with --time-unit", where)
+    factor = given.factor if given else 1.0
+    notes: tuple[str, ...] = () if given else (f"column {channel.label} has no unit; its times are taken in s",)
+    values = channel.values
+    if largest * factor > EPOCH:
+        values = values - values[np.argmax(~np.isnan(values))]
+        notes += ("times count from the first sample",)
+    return np.asarray(factor * values), notes
+
+
+def _checked(contents: Contents, channel: Channel, seconds: Array, notes: tuple[str, ...], path: str) -> TimeAxis:
+    """Return the times of all rows that have one, if these increase."""
+    present = np.isfinite(seconds)
+    rows = None
+    if not present.all():
+        rows = np.flatnonzero(present)
+        seconds = seconds[rows]
+        notes += (f"{len(present) - len(rows)} rows without a time are left out",)
+    steps = np.diff(seconds)
+    if len(steps) and not steps.min() > 0.0:
+        first = int(np.argmax(~(steps > 0.0)))
+        row, before = (first + 1, first) if rows is None else (int(rows[first + 1]), int(rows[first]))
+        repeated = "repeats" if steps[first] == 0.0 else "is earlier than"
+        advice = (
+            "remove the row, or sort the rows"
+            if np.mean(steps == 0.0) < 1 - MOSTLY
+            else f"name another column with --time, {RATE}"
+        )
+        raise InputError(
+            f"the time {seconds[first + 1]:.9g} s {repeated} that of {contents.place(before)}; {advice}",
+            f"{path}, {contents.place(row)}",
+        )
+    return TimeAxis(seconds, rows, channel, notes)
+
+
+def with_times(contents: Contents, axis: TimeAxis) -> tuple[Channel, ...]:
+    """Return all channels but the time itself, each with the times of its samples."""
+    count = len(axis.time) if axis.rows is None else len(axis.rows)
+    channels = []
+    for channel in contents.channels:
+        if axis.channel and channel.number == axis.channel.number:
+            continue
+        values = channel.values if axis.rows is None or channel.fault else channel.values[axis.rows]
+        fault = channel.fault
+        if not fault and len(values) != count:
+            fault = f"has {len(values)} values for {count} times"
+        channels.append(replace(channel, values=values, time=axis.time, fault=fault))
+    return tuple(channels)

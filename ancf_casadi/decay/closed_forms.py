@@ -28,10 +28,10 @@ from typing import TypeVar
 
 import casadi as cs
 
-Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
+from ancf_casadi.decay.slow_flow import Flow, riccati_flow
+from ancf_casadi.decay.smooth import mean_decay
 
-SERIES_BELOW = 0.01  # |x| below which the series of (1 - exp(-x))/x replaces the closed form
-SERIES_TERMS = 7  # 0.01^7/8! is below 1e-18
+Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 
 
 def linear_decay(time: Value, ω: Value, ζ: Value, r0: Value, v0: Value) -> Value:
@@ -67,7 +67,14 @@ def quadratic_envelope(time: Value, ω: Value, η1: Value, η2: Value, e0: Value
         Amplitude at the release, m.
     """
     x = η1 * time / 2
-    return e0 * cs.exp(-x) / (1 + 4 * ω * η2 * e0 * time / (3 * math.pi) * _mean_decay(x))
+    return e0 * cs.exp(-x) / (1 + 4 * ω * η2 * e0 * time / (3 * math.pi) * mean_decay(x))
+
+
+def quadratic_flow(time: Value, ω: Value, η1: Value, η2: Value, e0: Value) -> Flow[Value]:
+    """Return the amplitude under linear and quadratic damping, and its integrals; see ``quadratic_envelope``."""
+    a, b = η1 / 2, 4 * ω * η2 / (3 * math.pi)
+    Z = e0 * time * mean_decay(a * time)
+    return riccati_flow(quadratic_envelope(time, ω, η1, η2, e0), Z, 0 * Z, a, b, e0)
 
 
 def quadratic_decay(time: Value, ω: Value, η1: Value, η2: Value, e0: Value, φ: Value) -> Value:
@@ -82,13 +89,3 @@ def equivalent_damping_ratio(η1: Value, η2: Value, ω: Value, amplitude: Value
     """
     viscous = η1 / (2 * ω) + 4 * η2 * amplitude / (3 * math.pi)
     return viscous if η0 is None else viscous + 2 * η0 / (math.pi * ω**2 * amplitude)
-
-
-def _mean_decay(x: Value) -> Value:
-    """Return (1 - exp(-x))/x, the mean of exp(-s) over s from 0 to x; smooth, and 1 at x = 0."""
-    near = cs.fabs(x) < SERIES_BELOW
-    series = 0 * x + 1
-    for k in range(SERIES_TERMS, 1, -1):
-        series = 1 - x / k * series
-    away = cs.if_else(near, 1, x)  # avoids 0/0 in the derivatives
-    return cs.if_else(near, series, -cs.expm1(-away) / away)

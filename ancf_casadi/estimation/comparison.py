@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
@@ -39,11 +39,14 @@ class LawComparison(Generic[F]):
         Fit of each law.
     terms : tuple of tuple of str
         Names of the unknowns that are the damping parameters of each law.
+    failed : mapping of str to str
+        Reason why a law could not be fitted, by its name; such laws are not among ``names``.
     """
 
     names: tuple[str, ...]
     fits: tuple[F, ...]
     terms: tuple[tuple[str, ...], ...]
+    failed: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -63,9 +66,13 @@ class LawComparison(Generic[F]):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings of the criteria, then those of the fits, each with the name of its law."""
-        own = [f"{name}: {text}" for name, one in zip(self.names, self.fits, strict=True) for text in one.warnings]
-        return (*self.verdict.warnings, *own)
+        """Warnings of the criteria, laws that could not be fitted, and warnings of the best fit."""
+        return (*self._choice_warnings, *self.best.warnings)
+
+    @property
+    def _choice_warnings(self) -> tuple[str, ...]:
+        left_out = (f"the {name} law is left out: {reason}" for name, reason in self.failed.items())
+        return (*self.verdict.warnings, *left_out)
 
     def table(self) -> Table:
         """Return residuals, differences of the criteria from the lowest, and damping parameters, one row per law."""
@@ -87,7 +94,9 @@ class LawComparison(Generic[F]):
         best = f"best by BIC: {self.names[verdict.best]}"
         if not verdict.settled:
             best = f"the record does not settle the choice; {best}"
-        return Table("laws", "Damping laws", columns, rows, (best, *(f"note: {text}" for text in self.warnings)))
+        return Table(
+            "laws", "Damping laws", columns, rows, (best, *(f"note: {text}" for text in self._choice_warnings))
+        )
 
     def report(self) -> str:
         """Return the table and the best fit as text."""
@@ -113,6 +122,7 @@ class LawComparison(Generic[F]):
                 }
                 for name, one, aicc, bic in zip(self.names, self.fits, verdict.aicc, verdict.bic, strict=True)
             ],
+            "failed": dict(self.failed),
             "warnings": list(self.warnings),
         }
 

@@ -1,31 +1,42 @@
-"""Comparison of damping laws on one free decay: all laws are fitted to the same samples from one release."""
+"""Comparison of decay laws on one free decay: all combinations are fitted to the same samples from one release."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
+from typing import Any, get_args
 
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.estimation.comparison import LawComparison
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import flag, is_sequence, number, shown
-from problems.decay.fitting import as_record, check_law, fit_from
-from problems.decay.laws import LAWS, Law
+from problems.decay.arguments import as_record, check_laws, checked_ratios, combines
+from problems.decay.laws import LAWS, FrequencyLaw, Law
 from problems.decay.result import DecayFit
+from problems.decay.solution import RATIO_BOUNDS, fit_from
+
+LAWS_COMPARED: tuple[Law, ...] = ("linear", "quadratic", "friction", "power")
+FREQUENCY_LAWS_COMPARED: tuple[FrequencyLaw, ...] = get_args(FrequencyLaw)
 
 
 def compare_decay_laws(
     time: Measurement | ArrayLike,
     displacement: ArrayLike | None = None,
     *,
-    laws: Sequence[Law] = ("linear", "quadratic", "friction"),
+    laws: Sequence[Law] = LAWS_COMPARED,
+    frequency_laws: Sequence[FrequencyLaw] = FREQUENCY_LAWS_COMPARED,
     offset: bool = True,
     drift: bool = False,
     release_time: float | None = None,
+    ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
 ) -> LawComparison[DecayFit]:
-    """Fit several damping laws to a free decay, and select one by information criteria.
+    """Fit all combinations of damping laws and frequency laws to a free decay, and select one by information criteria.
+
+    A combination that cannot be fitted is listed with the reason.  ``one-mode`` is combined with a constant frequency
+    only.
 
     Parameters
     ----------
@@ -33,9 +44,11 @@ def compare_decay_laws(
         Times, s, increasing; or the whole record.
     displacement : array_like
         Displacement at each time, m.
-    laws : sequence of {"linear", "quadratic", "friction", "one-mode"}
-        Laws to compare, the simplest first.
-    offset, drift, release_time
+    laws : sequence of {"linear", "quadratic", "friction", "power", "one-mode"}
+        Damping laws to compare, the simplest first.
+    frequency_laws : sequence of {"constant", "linear", "quadratic"}
+        Frequency laws to compare, the simplest first.
+    offset, drift, release_time, ratio_bounds
         As in ``fit_decay``.
 
     Raises
@@ -43,16 +56,46 @@ def compare_decay_laws(
     InputError
         If the record is not usable, nothing in it oscillates, a law is unknown, or no law is given.
     FitError
-        If a fit does not converge.
+        If no fit converges.
     """
-    if not is_sequence(laws) or not len(laws):
-        raise InputError(f"must be a sequence of laws, got {shown(laws)}", "laws")
-    for law in laws:
-        check_law(law)
-    offset, drift = flag(offset, "offset"), flag(drift, "drift")
+    pairs = _combinations(laws, frequency_laws)
+    offset, drift, bounds = flag(offset, "offset"), flag(drift, "drift"), checked_ratios(ratio_bounds)
     record = as_record(time, displacement)
     release = None if release_time is None else number(release_time, "release_time")
     guess = first_guess(record, release_time=release, offset=offset, drift=drift)
-    fits = [fit_from([guess], [record], law=law, offset=offset, drift=drift)[0] for law in laws]
-    terms = tuple(LAWS[law].terms or ("zeta",) for law in laws)
-    return LawComparison(tuple(laws), tuple(fits), terms)
+    fits: dict[str, DecayFit] = {}
+    failed: dict[str, str] = {}
+    for law, frequency_law in pairs:
+        name = law if frequency_law == "constant" else f"{law} + {frequency_law} frequency"
+        try:
+            (fits[name],) = fit_from(
+                [guess],
+                [record],
+                law=law,
+                frequency_law=frequency_law,
+                offset=offset,
+                drift=drift,
+                ratio_bounds=bounds,
+            )
+        except FitError as error:
+            failed[name] = str(error)
+    if not fits:
+        raise FitError("no law can be fitted; " + "; ".join(f"{name}: {reason}" for name, reason in failed.items()))
+    terms = tuple(LAWS[fit.law].vague for fit in fits.values())
+    return LawComparison(tuple(fits), tuple(fits.values()), terms, failed)
+
+
+def _combinations(laws: Any, frequency_laws: Any) -> list[tuple[Law, FrequencyLaw]]:
+    """Return the damping laws with each frequency law that they can be combined with."""
+    for names, where in ((laws, "laws"), (frequency_laws, "frequency_laws")):
+        if not is_sequence(names) or not len(names):
+            raise InputError(f"must be a sequence of laws, got {shown(names)}", where)
+    for law in laws:
+        check_laws(law)
+    for frequency_law in frequency_laws:
+        check_laws("linear", frequency_law)
+    pairs = [(law, frequency_law) for frequency_law, law in product(frequency_laws, laws)]
+    found = [pair for pair in pairs if combines(*pair)]
+    if not found:
+        check_laws(*pairs[0])
+    return found

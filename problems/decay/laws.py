@@ -1,14 +1,26 @@
 """Laws of a free decay as estimation problems: unknowns, starting values, scales, and reported quantities.
 
-    linear      Eq. (9)     omega, zeta; r0, v0                       zeta within its bounds
-    quadratic   Eq. (27)    omega, eta1, eta2; e0, phi                eta1, eta2, e0 >= 0
-    friction    with eta0   omega, eta1, eta2, eta0; e0, phi          also eta0 >= 0 (``friction``)
-    one-mode    Eq. (26)    omega, eta1, eta2; r0, v0                 integrated; eta1, eta2 >= 0
+A damping law and a frequency law are combined.  Damping laws, with the unknowns of the mode and their bounds:
 
-The unknowns before the semicolon belong to the mode, those after it to each release.  The scale of an unknown is the
-change that moves the curve by about as much as its amplitude within the decay: 1/T for omega, 1/(omega T) for zeta and
-so on, with T the length of the record or of the decay, whichever is less.  All damping terms start with equal parts of
-the guessed damping.  The one-mode law starts from the fit of the quadratic law, its closed form.
+    linear      Eq. (9)     omega, zeta                     zeta within its bounds
+    quadratic   Eq. (27)    omega, eta1, eta2               eta1, eta2 >= 0
+    friction    with eta0   omega, eta1, eta2, eta0         also eta0 >= 0 (``friction``)
+    power       |r'|^p      omega, zeta, exponent           zeta >= 0, 0 <= p <= 4 (``power``)
+    one-mode    Eq. (26)    omega, eta1, eta2               integrated; eta1, eta2 >= 0
+
+Frequency laws, with omega the frequency at zero amplitude (``slow_flow``):
+
+    constant    omega
+    linear      omega (1 + k1 A)                            frequency_slope k1
+    quadratic   omega (1 + k2 A^2)                          frequency_curvature k2
+
+Each release has its own amplitude e0 and phase; with Eq. (9) at constant frequency, and with Eq. (26), displacement r0
+and velocity v0.  The ratio zeta of the power law refers to an amplitude of reference, so that it hardly correlates with
+the exponent.
+
+The scale of an unknown is the change that moves the curve by about as much as its amplitude within the decay: 1/T for
+omega, 1/(omega T) for zeta and so on, with T the length of the record or of the decay, whichever is less.  ``start``
+gives better starting values where the record permits.
 
 References
 ----------
@@ -24,16 +36,21 @@ from typing import Literal
 
 import casadi as cs
 
-from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, linear_decay, quadratic_decay
+from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, linear_decay, quadratic_flow
 from ancf_casadi.decay.first_guess import DecayGuess
-from ancf_casadi.decay.friction import friction_decay
+from ancf_casadi.decay.friction import friction_flow
 from ancf_casadi.decay.one_mode import one_mode_decay
+from ancf_casadi.decay.power import power_coefficient, power_flow, power_ratio
+from ancf_casadi.decay.slow_flow import Flow
 from ancf_casadi.estimation.least_squares import Unknown
 from ancf_casadi.support.arrays import Array
 
-Law = Literal["linear", "quadratic", "friction", "one-mode"]
+Law = Literal["linear", "quadratic", "friction", "power", "one-mode"]
+FrequencyLaw = Literal["constant", "linear", "quadratic"]
 Symbols = Sequence[cs.MX]
 Interval = tuple[float, float]
+
+EXPONENTS = (0.0, 4.0)  # bounds of the exponent
 
 
 @dataclass(frozen=True)
@@ -46,21 +63,26 @@ class Quantity:
         SI unit.
     suffix : str
         Suffix of the keys in JSON.
-    lower : float
-        Lower bound, unless the law has another one.
+    lower, upper : float
+        Bounds, unless the law has others.
     """
 
     unit: str = ""
     suffix: str = ""
     lower: float = 0.0
+    upper: float = math.inf
 
 
 QUANTITIES: Mapping[str, Quantity] = {
     "frequency": Quantity("Hz", "_hz"),
+    "frequency_slope": Quantity("1/m", "_per_m", -math.inf),
+    "frequency_curvature": Quantity("1/m^2", "_per_m2", -math.inf),
     "damping_ratio": Quantity(),
     "eta1": Quantity("1/s"),
     "eta2": Quantity("1/m", "_per_m"),
     "eta0": Quantity("m/s^2", "_m_per_s2"),
+    "eta_p": Quantity("m^(1-p) s^(p-2)"),
+    "exponent": Quantity(lower=EXPONENTS[0], upper=EXPONENTS[1]),
     "amplitude": Quantity("m", "_m"),
     "offset": Quantity("m", "_m", -math.inf),
     "drift": Quantity("m/s", "_m_per_s", -math.inf),
@@ -69,118 +91,140 @@ QUANTITIES: Mapping[str, Quantity] = {
 
 @dataclass(frozen=True)
 class DecayLaw:
-    """A law of free decay.
+    """A damping law of a free decay.
+
+    Its functions take the amplitude of reference (m), which only the power law needs, omega (rad/s), and the unknowns
+    of the damping.
 
     Parameters
     ----------
     terms : tuple of str
-        Names of the damping coefficients; empty for the linear law, whose damping is the ratio zeta.
-    shared : callable
-        First guess and bounds of the damping ratio -> unknowns of the mode.
-    own : callable
-        First guess -> unknowns of the release.
-    curve : callable
-        Time after the release (s), unknowns -> displacement from the equilibrium (m); None if it is integrated.
-    quantities : callable
-        Unknowns -> frequency (Hz), damping ratio at the release, eta1, eta2, eta0, amplitude at the release.
+        Reported damping coefficients; empty for the linear law, whose damping is the ratio zeta.
+    damping : callable
+        First guess and bounds of the damping ratio -> unknowns of the damping.
+    flow : callable
+        Time after the release (s), amplitude at the release (m), reference, omega, damping -> amplitude and its
+        integrals; None if the law is integrated.
+    ratio : callable
+        Amplitude (m), reference, omega, damping -> equivalent damping ratio.
+    coefficients : callable
+        Reference, omega, damping -> eta1, eta2, eta0, eta_p, exponent.
     """
 
     terms: tuple[str, ...]
-    shared: Callable[[DecayGuess, tuple[float, float]], list[Unknown]]
-    own: Callable[[DecayGuess], list[Unknown]]
-    curve: Callable[..., cs.MX] | None
-    quantities: Callable[..., cs.MX]
+    damping: Callable[[DecayGuess, Interval], list[Unknown]]
+    flow: Callable[..., Flow[cs.MX]] | None
+    ratio: Callable[..., cs.MX]
+    coefficients: Callable[..., Symbols]
+
+    @property
+    def vague(self) -> tuple[str, ...]:
+        """Unknowns that are additive terms of the damping, whose uncertainty may leave the choice of a law open."""
+        return tuple(name for name in self.terms if name.startswith("eta") and name != "eta_p") or ("zeta",)
 
     @property
     def integrated(self) -> bool:
         """True if the curve is integrated; exact second derivatives would then cost more than they save."""
-        return self.curve is None
+        return self.flow is None
 
 
-def _linear_shared(guess: DecayGuess, ratio_bounds: tuple[float, float]) -> list[Unknown]:
-    lower, upper = ratio_bounds
-    ω, T = guess.ω, guess.duration
-    return [
-        Unknown("omega", ω, 1 / T, lower=0.0, unit="rad/s"),
-        Unknown("zeta", min(max(guess.ζ, lower), upper), 1 / (ω * T), lower=lower, upper=upper),
-    ]
+def _ratio_unknown(guess: DecayGuess, bounds: Interval) -> Unknown:
+    lower, upper = bounds
+    return Unknown("zeta", min(max(guess.ζ, lower), upper), 1 / (guess.ω * guess.duration), lower, upper)
 
 
-def _linear_own(guess: DecayGuess) -> list[Unknown]:
-    A = guess.amplitude
-    return [Unknown("r0", guess.r0, A, unit="m"), Unknown("v0", guess.v0, A * guess.ω, unit="m/s")]
+def _linear_flow(time: Array, e0: cs.MX, _: float, ω: cs.MX, ζ: cs.MX) -> Flow[cs.MX]:
+    return quadratic_flow(_column(time), ω, 2 * ζ * ω, cs.MX(0), e0)
 
 
-def _linear_quantities(ω: cs.MX, ζ: cs.MX, r0: cs.MX, v0: cs.MX) -> cs.MX:
-    amplitude = cs.sqrt(r0**2 + ((v0 + ζ * ω * r0) / (ω * cs.sqrt(1 - ζ**2))) ** 2)
-    return cs.vertcat(ω / (2 * math.pi), ζ, 2 * ζ * ω, 0, 0, amplitude)
+_LINEAR = DecayLaw(
+    terms=(),
+    damping=lambda guess, bounds: [_ratio_unknown(guess, bounds)],
+    flow=_linear_flow,
+    ratio=lambda amplitude, _, ω, ζ: ζ + 0 * amplitude,
+    coefficients=lambda _, ω, ζ: (2 * ζ * ω, cs.MX(0), cs.MX(0), cs.MX(0), cs.MX(math.nan)),
+)
 
 
-def _quadratic_shared(guess: DecayGuess, _: tuple[float, float]) -> list[Unknown]:
-    return _terms(guess)[:3]
-
-
-def _friction_shared(guess: DecayGuess, _: tuple[float, float]) -> list[Unknown]:
-    return _terms(guess, 3)
-
-
-def _terms(guess: DecayGuess, parts: int = 2) -> list[Unknown]:
-    """Return omega and the coefficients of all three terms, each with one of ``parts`` of the guessed damping."""
+def _terms(guess: DecayGuess, parts: int) -> list[Unknown]:
+    """Return the first ``parts`` of eta1, eta2, eta0, each with an equal part of the guessed damping."""
     ω, A, T = guess.ω, guess.amplitude, guess.duration
     ζ = guess.ζ / parts
     drag = 3 * math.pi / (4 * A)  # eta2 with an equivalent damping ratio of 1
     friction = math.pi * ω**2 * A / 2  # eta0 with the same
     return [
-        Unknown("omega", ω, 1 / T, lower=0.0, unit="rad/s"),
         Unknown("eta1", 2 * ζ * ω, 1 / T, lower=0.0, unit="1/s"),
         Unknown("eta2", ζ * drag, drag / (ω * T), lower=0.0, unit="1/m"),
         Unknown("eta0", ζ * friction, friction / (ω * T), lower=0.0, unit="m/s^2"),
-    ]
+    ][:parts]
 
 
-def _envelope_own(guess: DecayGuess) -> list[Unknown]:
-    A = guess.amplitude
-    return [Unknown("e0", A, A, lower=0.0, unit="m"), Unknown("phase", guess.phase, unit="rad")]
+def _three_terms(_: float, ω: cs.MX, η1: cs.MX, η2: cs.MX, *η0: cs.MX) -> Symbols:
+    return η1, η2, (*η0, cs.MX(0))[0], cs.MX(0), cs.MX(math.nan)
 
 
-def _quadratic_quantities(ω: cs.MX, η1: cs.MX, η2: cs.MX, e0: cs.MX, φ: cs.MX) -> cs.MX:
-    return cs.vertcat(ω / (2 * math.pi), equivalent_damping_ratio(η1, η2, ω, e0), η1, η2, 0, e0)
+def _three_terms_ratio(amplitude: cs.MX, _: float, ω: cs.MX, η1: cs.MX, η2: cs.MX, *η0: cs.MX) -> cs.MX:
+    return equivalent_damping_ratio(η1, η2, ω, amplitude, *η0)
 
 
-def _one_mode_quantities(ω: cs.MX, η1: cs.MX, η2: cs.MX, r0: cs.MX, v0: cs.MX) -> cs.MX:
-    return _quadratic_quantities(ω, η1, η2, cs.sqrt(r0**2 + (v0 / ω) ** 2), cs.MX(0))
+def _quadratic_flow(time: Array, e0: cs.MX, _: float, ω: cs.MX, η1: cs.MX, η2: cs.MX) -> Flow[cs.MX]:
+    return quadratic_flow(_column(time), ω, η1, η2, e0)
 
 
-def _friction_curve(t: cs.MX, ω: cs.MX, η1: cs.MX, η2: cs.MX, η0: cs.MX, e0: cs.MX, φ: cs.MX) -> cs.MX:
-    return friction_decay(t, ω, η0, η1, η2, e0, φ)
+def _friction_flow(time: Array, e0: cs.MX, _: float, ω: cs.MX, η1: cs.MX, η2: cs.MX, η0: cs.MX) -> Flow[cs.MX]:
+    return friction_flow(time, ω, η0, η1, η2, e0)
 
 
-def _friction_quantities(ω: cs.MX, η1: cs.MX, η2: cs.MX, η0: cs.MX, e0: cs.MX, φ: cs.MX) -> cs.MX:
-    return cs.vertcat(ω / (2 * math.pi), equivalent_damping_ratio(η1, η2, ω, e0, η0), η1, η2, η0, e0)
+def _power_damping(guess: DecayGuess, _: Interval) -> list[Unknown]:
+    lower, upper = EXPONENTS
+    return [_ratio_unknown(guess, (0.0, math.inf)), Unknown("exponent", 1.0, lower=lower, upper=upper)]
+
+
+def _power_flow(time: Array, e0: cs.MX, reference: float, ω: cs.MX, ζ: cs.MX, p: cs.MX) -> Flow[cs.MX]:
+    return power_flow(_column(time), ω * power_ratio(e0, ζ, p, reference), p, e0)
+
+
+def _power_coefficients(reference: float, ω: cs.MX, ζ: cs.MX, p: cs.MX) -> Symbols:
+    return cs.MX(0), cs.MX(0), cs.MX(0), power_coefficient(ζ, p, ω, reference), p
 
 
 LAWS: Mapping[Law, DecayLaw] = {
-    "linear": DecayLaw((), _linear_shared, _linear_own, linear_decay, _linear_quantities),
-    "quadratic": DecayLaw(("eta1", "eta2"), _quadratic_shared, _envelope_own, quadratic_decay, _quadratic_quantities),
-    "friction": DecayLaw(
-        ("eta1", "eta2", "eta0"), _friction_shared, _envelope_own, _friction_curve, _friction_quantities
+    "linear": _LINEAR,
+    "quadratic": DecayLaw(
+        ("eta1", "eta2"), lambda guess, _: _terms(guess, 2), _quadratic_flow, _three_terms_ratio, _three_terms
     ),
-    "one-mode": DecayLaw(("eta1", "eta2"), _quadratic_shared, _linear_own, None, _one_mode_quantities),
+    "friction": DecayLaw(
+        ("eta1", "eta2", "eta0"), lambda guess, _: _terms(guess, 3), _friction_flow, _three_terms_ratio, _three_terms
+    ),
+    "power": DecayLaw(
+        ("eta_p", "exponent"),
+        _power_damping,
+        _power_flow,
+        lambda amplitude, reference, ω, ζ, p: power_ratio(amplitude, ζ, p, reference),
+        _power_coefficients,
+    ),
+    "one-mode": DecayLaw(("eta1", "eta2"), lambda guess, _: _terms(guess, 2), None, _three_terms_ratio, _three_terms),
 }
+
+POWERS: Mapping[FrequencyLaw, int] = {"constant": 0, "linear": 1, "quadratic": 2}  # of the amplitude
 
 
 @dataclass(frozen=True)
 class DecayModel:
-    """A law about an equilibrium.
+    """A damping law and a frequency law about an equilibrium.
 
     Parameters
     ----------
-    law : {"linear", "quadratic", "friction", "one-mode"}
-        The law.
+    law : {"linear", "quadratic", "friction", "power", "one-mode"}
+        Damping law.
     offset : bool
         Whether the equilibrium may differ from 0.
     drift : bool
         Whether the equilibrium may move at a constant velocity.
+    frequency_law : {"constant", "linear", "quadratic"}
+        Frequency law.
+    reference : float
+        Amplitude to which the damping ratio of the power law refers, m.
     longest_step : float
         Longest integration step of an integrated law, s.
     """
@@ -188,39 +232,100 @@ class DecayModel:
     law: Law
     offset: bool
     drift: bool
+    frequency_law: FrequencyLaw = "constant"
+    reference: float = 1.0
     longest_step: float = math.inf
 
-    def shared(self, guess: DecayGuess, ratio_bounds: tuple[float, float]) -> list[Unknown]:
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of the reported coefficients of both laws."""
+        return (*((), ("frequency_slope",), ("frequency_curvature",))[self.power], *LAWS[self.law].terms)
+
+    @property
+    def power(self) -> int:
+        """Power of the amplitude with which the frequency changes; 0 if it is constant."""
+        return POWERS[self.frequency_law]
+
+    @property
+    def from_motion(self) -> bool:
+        """Whether displacement and velocity at the release are unknown, in place of amplitude and phase."""
+        return self.law == "one-mode" or (self.law == "linear" and self.frequency_law == "constant")
+
+    def shared(self, guess: DecayGuess, ratio_bounds: Interval) -> list[Unknown]:
         """Return the unknowns of the mode."""
-        return LAWS[self.law].shared(guess, ratio_bounds)
+        ω, T = guess.ω, guess.duration
+        frequency = [
+            Unknown(name, 0.0, 1 / (ω * guess.amplitude**self.power * T), unit=QUANTITIES[name].unit)
+            for name in self.terms
+            if name.startswith("frequency")
+        ]
+        damping = LAWS[self.law].damping(guess, ratio_bounds)
+        return [Unknown("omega", ω, 1 / T, lower=0.0, unit="rad/s"), *damping, *frequency]
 
     def own(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of a release and its record."""
         A = guess.amplitude
+        if self.from_motion:
+            release = [Unknown("r0", guess.r0, A, unit="m"), Unknown("v0", guess.v0, A * guess.ω, unit="m/s")]
+        else:
+            release = [Unknown("e0", A, A, lower=0.0, unit="m"), Unknown("phase", guess.phase, unit="rad")]
         baseline = [
             Unknown("offset", guess.offset, A, unit="m"),
             Unknown("drift", guess.drift, A / guess.length, unit="m/s"),
         ]
-        return LAWS[self.law].own(guess) + baseline[:1] * self.offset + baseline[1:] * self.drift
+        return release + baseline[:1] * self.offset + baseline[1:] * self.drift
 
     def curve(self, time: Array, *x: cs.MX) -> cs.MX:
         """Return the displacement (m) at times (s) after the release."""
-        law, offset, drift = self._split(x)
-        t, curve = cs.MX(cs.DM(time)), LAWS[self.law].curve
-        motion = curve(t, *law) if curve else one_mode_decay(time, *law, longest_step=self.longest_step)
+        ω, damping, k, release, offset, drift = self._split(x)
+        t, law = _column(time), LAWS[self.law]
+        if law.flow is None:
+            motion = one_mode_decay(time, ω, *damping, *release, longest_step=self.longest_step)
+        elif self.from_motion:
+            motion = linear_decay(t, ω, *damping, *release)
+        else:
+            flow = law.flow(time, release[0], self.reference, ω, *damping)
+            turned = t + k * (0, flow.first, flow.second)[self.power]
+            motion = flow.amplitude * cs.cos(self._damped(ω, damping) * turned + release[1])
         return motion + offset + drift * t
 
     def quantities(self, *x: cs.MX) -> cs.MX:
         """Return the quantities of the decay, in the order of ``QUANTITIES``."""
-        law, offset, drift = self._split(x)
-        return cs.vertcat(LAWS[self.law].quantities(*law), offset, drift)
+        ω, damping, k, release, offset, drift = self._split(x)
+        law, zero = LAWS[self.law], cs.MX(0)
+        amplitude = release[0]
+        if self.from_motion:
+            r0, v0 = release
+            rate = damping[0] * ω if self.law == "linear" else zero  # Eq. (26) takes the amplitude of r0 and v0 itself
+            amplitude = cs.sqrt(r0**2 + ((v0 + rate * r0) / self._damped(ω, damping)) ** 2)
+        slope, curvature = ((zero, zero), (k, zero), (zero, k))[self.power]
+        ratio = law.ratio(amplitude, self.reference, ω, *damping)
+        coefficients = law.coefficients(self.reference, ω, *damping)
+        return cs.vertcat(ω / (2 * math.pi), slope, curvature, ratio, *coefficients, amplitude, offset, drift)
+
+    def against_amplitude(self, amplitude: Array, *x: cs.MX) -> tuple[cs.MX, cs.MX]:
+        """Return equivalent damping ratio and frequency (Hz) at amplitudes (m), which are positive."""
+        ω, damping, k, *_ = self._split(x)
+        A = _column(amplitude)
+        return LAWS[self.law].ratio(A, self.reference, ω, *damping), ω / (2 * math.pi) * (1 + k * A**self.power)
 
     def values(self, x: Array) -> dict[str, float]:
         """Return the quantities by name, for values of the unknowns."""
         found = cs.evalf(self.quantities(*cs.vertsplit(cs.MX(cs.DM(x)))))
         return dict(zip(QUANTITIES, found.full().ravel().tolist(), strict=True))
 
-    def _split(self, x: Symbols) -> tuple[Symbols, cs.MX, cs.MX]:
-        count = len(x) - self.offset - self.drift
-        zero = cs.MX(0)
-        return x[:count], x[count] if self.offset else zero, x[-1] if self.drift else zero
+    def _damped(self, ω: cs.MX, damping: Symbols) -> cs.MX:
+        """Return the frequency of the oscillation, rad/s: with linear damping the damped one, as in Eq. (9)."""
+        return ω * cs.sqrt(1 - damping[0] ** 2) if self.law == "linear" else ω
+
+    def _split(self, x: Symbols) -> tuple[cs.MX, Symbols, cs.MX, Symbols, cs.MX, cs.MX]:
+        """Return omega, damping, k1 or k2, release, offset and drift; 0 for those that are not unknown."""
+        zero, bends = cs.MX(0), self.power > 0
+        end = len(x) - self.offset - self.drift
+        damping = x[1 : end - 2 - bends]
+        k = x[end - 3] if bends else zero
+        return x[0], damping, k, x[end - 2 : end], x[end] if self.offset else zero, x[-1] if self.drift else zero
+
+
+def _column(values: Array) -> cs.MX:
+    return cs.MX(cs.DM(values))

@@ -28,9 +28,10 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import flag, number, whole
-from problems.decay.fitting import RATIO_BOUNDS, as_record, fit_from
+from problems.decay.arguments import as_record
 from problems.decay.laws import DecayModel
 from problems.decay.result import DecayFit, decay_result
+from problems.decay.solution import RATIO_BOUNDS, fit_from
 
 SAMPLES = 5  # per mode at least: four unknowns and one degree of freedom
 ADVICE = "fit fewer modes, or check the release (release_time)"

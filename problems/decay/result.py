@@ -26,7 +26,7 @@ from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array
-from problems.decay.laws import LAWS, QUANTITIES, DecayModel, Interval, Law
+from problems.decay.laws import LAWS, QUANTITIES, DecayModel, FrequencyLaw, Interval, Law
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,18 +40,26 @@ IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which the
 class DecayFit:
     """A mode identified from a free decay.
 
-    The linear law has eta1 = 2 zeta omega and eta2 = 0; only the friction law has an eta0 other than 0.
+    The linear law has eta1 = 2 zeta omega and eta2 = 0; only the friction law has an eta0 other than 0, only the power
+    law an eta_p.
 
     Parameters
     ----------
-    law : {"linear", "quadratic", "friction", "one-mode"}
-        Fitted law.
+    law : {"linear", "quadratic", "friction", "power", "one-mode"}
+        Fitted damping law.
+    frequency_law : {"constant", "linear", "quadratic"}
+        Fitted frequency law.
     frequency : float
-        Natural frequency, Hz; the undamped one under the linear law.
+        Natural frequency f, Hz, at zero amplitude if it depends on the amplitude A; the undamped one under the linear
+        law.
+    frequency_slope, frequency_curvature : float
+        k1 (1/m) and k2 (1/m^2) in f (1 + k1 A) and f (1 + k2 A^2); 0 under the other frequency laws.
     damping_ratio : float
         Damping ratio; under the other laws the equivalent one at ``amplitude``.
     eta1, eta2, eta0 : float
         Linear (1/s) and quadratic (1/m) damping coefficient; friction force per mass (m/s^2).
+    eta_p, exponent : float
+        Coefficient (m^(1-p) s^(p-2)) and exponent p of the force per mass eta_p |v|^p; 0 and nan under the other laws.
     amplitude : float
         Amplitude about the offset at the release, m: of the envelope of Eq. (9), e0 of Eq. (27), or of r0 and v0.
     offset : float
@@ -84,11 +92,16 @@ class DecayFit:
     """
 
     law: Law
+    frequency_law: FrequencyLaw
     frequency: float
+    frequency_slope: float
+    frequency_curvature: float
     damping_ratio: float
     eta1: float
     eta2: float
     eta0: float
+    eta_p: float
+    exponent: float
     amplitude: float
     offset: float
     drift: float
@@ -147,7 +160,7 @@ class DecayFit:
         Parameters
         ----------
         name : str
-            ``frequency``, ``damping_ratio``, ``eta1``, ``eta2``, ``eta0``, ``amplitude``, ``offset`` or ``drift``.
+            One of ``estimates``: ``frequency``, ``damping_ratio``, ``eta1``, ``amplitude``, ``offset`` and so on.
         level : float
             Confidence level.
 
@@ -172,7 +185,7 @@ class DecayFit:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
-        table: dict[str, Any] = {"law": self.law}
+        table: dict[str, Any] = {"law": self.law, "frequency_law": self.frequency_law}
         for name, quantity in QUANTITIES.items():
             low, high = self.intervals[name]
             table[f"{name}{quantity.suffix}"] = known(getattr(self, name))
@@ -193,13 +206,14 @@ class DecayFit:
     def report(self) -> str:
         """Return the result as text, one line per quantity."""
         drift = ["drift"] * self.model.drift
-        shown = ["frequency", "damping_ratio", *LAWS[self.law].terms, "amplitude", "offset", *drift]
-        lines = [f"{self.law} decay, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
-        lines += [f"  {name:<14}{getattr(self, name):>13.6g} {self._uncertainty(name)}" for name in shown]
-        lines.append(f"  {'release':<14}{self.release_time:>13.6g} s  ({self.release_reason})")
-        lines.append(f"  {'residual_rms':<14}{self.residual_rms:>13.3g} m")
+        shown = ["frequency", "damping_ratio", *self.model.terms, "amplitude", "offset", *drift]
+        bent = "" if self.frequency_law == "constant" else f", frequency {self.frequency_law} in the amplitude"
+        lines = [f"{self.law} decay{bent}, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
+        lines += [f"  {name:<20}{getattr(self, name):>13.6g} {self._uncertainty(name)}" for name in shown]
+        lines.append(f"  {'release':<20}{self.release_time:>13.6g} s  ({self.release_reason})")
+        lines.append(f"  {'residual_rms':<20}{self.residual_rms:>13.3g} m")
         lines.append(
-            f"  {'solution':<14}{self.fit.rank} of {len(self.fit.names)} unknowns free of bounds, condition number "
+            f"  {'solution':<20}{self.fit.rank} of {len(self.fit.names)} unknowns free of bounds, condition number "
             f"{self.fit.condition:.3g}; {self.fit.status} after {self.fit.iterations} iterations"
         )
         return "\n".join([*lines, *(f"  note: {warning}" for warning in self.warnings)])
@@ -248,7 +262,7 @@ def decay_result(
     def quantities(*x: cs.MX) -> cs.MX:
         return model.quantities(*(x[i] for i in indices))
 
-    bounds = {name: (quantity.lower, math.inf) for name, quantity in QUANTITIES.items()}
+    bounds = {name: (quantity.lower, quantity.upper) for name, quantity in QUANTITIES.items()}
     if model.law == "linear":
         bounds["damping_ratio"] = ratio_bounds
         bounds["eta1"] = (0.0 if ratio_bounds[0] >= 0.0 else -math.inf, math.inf)
@@ -257,6 +271,7 @@ def decay_result(
     residuals = fit.residuals[rows]
     return DecayFit(
         law=model.law,
+        frequency_law=model.frequency_law,
         **values,
         release_time=float(time[0]),
         release_reason=reason,

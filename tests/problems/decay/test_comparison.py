@@ -15,6 +15,7 @@ from problems.decay import comparison as comparison_module
 from problems.decay import fitting
 
 TIME = np.arange(0.0, 5.0, 1 / 500)
+CONSTANT = ("constant",)
 TRUTHS = {"linear": (0.0, 0.25, 0.0), "quadratic": (0.0, 0.15, 0.5), "friction": (0.1, 0.15, 0.5)}
 
 
@@ -28,12 +29,13 @@ def record(law, seed=0, noise=2e-4, time=TIME):
 def test_the_true_law_is_found(law):
     for seed in range(5):
         comparison = compare_decay_laws(TIME, record(law, seed))
-        assert comparison.best.law == law
-        assert [fit.law for fit in comparison.fits] == ["linear", "quadratic", "friction"]
+        assert (comparison.best.law, comparison.best.frequency_law) == (law, "constant")
+    assert comparison.names[:5] == ("linear", "quadratic", "friction", "power", "linear + linear frequency")
+    assert len(comparison.names) == 12
 
 
 def test_the_criteria_are_those_of_the_residuals():
-    comparison = compare_decay_laws(TIME, record("quadratic"), laws=("linear", "quadratic"))
+    comparison = compare_decay_laws(TIME, record("quadratic"), laws=("linear", "quadratic"), frequency_laws=CONSTANT)
     for fit, aicc, bic, K in zip(comparison.fits, comparison.verdict.aicc, comparison.verdict.bic, (6, 7), strict=True):
         misfit = 2500 * math.log(np.mean(fit.residuals**2))
         assert aicc == pytest.approx(misfit + 2 * K + 2 * K * (K + 1) / (2500 - K - 1), rel=1e-12)
@@ -44,7 +46,9 @@ def test_the_criteria_are_those_of_the_residuals():
 def test_a_law_with_a_term_at_its_bound_is_the_smaller_law():
     """For these seeds noise would make eta2 negative; Eq. (9) and (27) differ in the second order of the damping."""
     for seed in range(20):
-        comparison = compare_decay_laws(TIME, record("linear", seed), laws=("quadratic", "friction"))
+        comparison = compare_decay_laws(
+            TIME, record("linear", seed), laws=("quadratic", "friction"), frequency_laws=CONSTANT
+        )
         smaller, larger = comparison.fits
         if larger.active_bounds == ("eta0",):
             assert comparison.verdict.bic[1] == pytest.approx(comparison.verdict.bic[0], abs=1e-6)
@@ -68,7 +72,7 @@ def test_coloured_residuals_are_named():
 def test_a_misfit_that_none_of_the_laws_explains_settles_nothing():
     """A second mode of 3 % is not noise: it correlates the residuals.  Counting all samples would select a law."""
     second = 2e-3 * np.cos(2 * math.pi * 3.1 * TIME) * np.exp(-TIME)
-    comparison = compare_decay_laws(TIME, record("linear", noise=5e-5) + second)
+    comparison = compare_decay_laws(TIME, record("linear", noise=5e-5) + second, frequency_laws=CONSTANT)
     white = [
         2500 * math.log(np.mean(fit.residuals**2)) + (fit.fit.rank + 1) * math.log(2500) for fit in comparison.fits
     ]
@@ -167,7 +171,7 @@ def test_the_result_reads_as_text_and_as_json():
     [
         ((), "laws: must be a sequence of laws"),
         ("linear", "laws: must be a sequence of laws, got 'linear'"),
-        (("cubic",), "law: must be one of linear, quadratic, friction, one-mode, got 'cubic'"),
+        (("cubic",), "law: must be one of linear, quadratic, friction, power, one-mode, got 'cubic'"),
     ],
 )
 def test_unusable_laws_are_refused(laws, message):

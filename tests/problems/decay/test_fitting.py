@@ -473,7 +473,7 @@ def test_intervals_next_to_a_bound_cover_the_truth():
 
 def test_a_fixed_quantity_and_one_at_its_bound_are_said_to_be_so():
     fit = fit_decay(TIME, swing(1.85, 0.01, 0.05) + 1e-4 * noise(29), offset=False)
-    assert "offset                    0 m  (fixed)" in fit.report()
+    assert "offset                          0 m  (fixed)" in fit.report()
     records = (drag(1.85, 0.15, 0.0, 0.076) + 2e-4 * noise(seed) for seed in range(30))
     fit = next(fit for fit in (fit_decay(TIME, y, law="quadratic") for y in records) if "eta2" in fit.active_bounds)
     assert re.search(r"eta2 +0 1/m  \[0, [0-9.]+\]  \(at its bound\)\n", fit.report())
@@ -589,7 +589,7 @@ def test_nothing_is_printed(capfd):
         (
             (TIME, swing(1.85, 0.01, 0.05)),
             {"law": "cubic"},
-            "law: must be one of linear, quadratic, friction, one-mode, got 'cubic'",
+            "law: must be one of linear, quadratic, friction, power, one-mode, got 'cubic'",
         ),
         ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": (0.0, 1.0)}, "ratio_bounds: must be in order and between"),
         ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": (0.5, 0.1)}, "ratio_bounds: must be in order and between"),

@@ -1,0 +1,178 @@
+"""Solution of decay fits: starting values, one least-squares problem for all records, robust rounds, integration.
+
+The fit starts from the first guess or from the track of amplitude and phase (``start``), whichever leaves the smaller
+residuals.  With several records, the one with the largest amplitude gives the starting values of the mode.
+
+A robust fit replaces the squares by the pseudo-Huber loss (``ancf_casadi.estimation.loss``).  The residuals of the
+previous fit give the noise that sets its threshold.
+
+References
+----------
+P. J. Huber, Robust Statistics, Wiley (1981), Section 7.8.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.decay.first_guess import DecayGuess
+from ancf_casadi.decay.one_mode import longest_step
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.least_squares import Unknown, least_squares, restarted
+from ancf_casadi.estimation.loss import HUBER, noise_of
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import Array
+from problems.decay.laws import LAWS, DecayModel, FrequencyLaw, Law
+from problems.decay.result import ROUNDING, DecayFit, decay_result
+from problems.decay.start import starting_values
+
+RATIO_BOUNDS = (0.0, 0.999)
+INTEGRATION_ERROR = 0.5  # standard errors, if all samples had the same error; estimates shift by a tenth of this
+INTEGRATIONS = 3  # most fits of an integrated law, until its step settles
+REFINED = 0.7  # ratio of the required step to the last one, below which the fit is repeated
+ROBUST_ROUNDS = 3  # robust fits, in which the estimate of the noise settles
+ADVICE = "check the release (release_time), or fit a law with fewer terms"
+
+
+def fit_from(
+    guesses: Sequence[DecayGuess],
+    records: Sequence[Measurement],
+    *,
+    law: Law,
+    frequency_law: FrequencyLaw = "constant",
+    offset: bool,
+    drift: bool,
+    ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
+    robust: bool = False,
+) -> tuple[DecayFit, ...]:
+    """Fit several free decays of one mode at once, each from its guess; see ``fit_decays``.
+
+    Raises
+    ------
+    FitError
+        If the fit does not converge.
+    """
+    largest = max(guess.amplitude for guess in guesses)
+    model = DecayModel(law, offset, drift, frequency_law, reference=largest)
+    if LAWS[law].integrated:
+        model, fit, columns = _integrate(model, records, guesses, ratio_bounds, robust)
+    else:
+        fit, columns = _match(model, records, guesses, ratio_bounds, robust)
+    times = [record.time[guess.release :] for record, guess in zip(records, guesses, strict=True)]
+    ends = np.cumsum([0, *map(len, times)]).tolist()
+    return tuple(
+        decay_result(
+            model,
+            fit,
+            time,
+            indices=indices,
+            rows=slice(*rows),
+            ratio_bounds=ratio_bounds,
+            reason=guess.reason,
+        )
+        for time, indices, rows, guess in zip(times, columns, pairwise(ends), guesses, strict=True)
+    )
+
+
+def _match(
+    model: DecayModel,
+    records: Sequence[Measurement],
+    guesses: Sequence[DecayGuess],
+    ratio_bounds: tuple[float, float],
+    robust: bool,
+    start: Mapping[str, float] | None = None,
+) -> tuple[Fit, list[tuple[int, ...]]]:
+    """Return the fit, and the positions of the unknowns of each record.
+
+    Unknowns named in ``start`` begin at the values given there, the others at the guesses.  If it is not given, the
+    starting values are the better of the guesses and those from the track of amplitude and phase.
+    """
+    largest = max(guesses, key=lambda guess: guess.amplitude)
+    unknowns = model.shared(largest, ratio_bounds)
+    shared, columns = tuple(range(len(unknowns))), []
+    data: list[tuple[Array, cs.DM]] = []
+    tracked: dict[str, float] = {}
+    for position, (record, guess) in enumerate(zip(records, guesses, strict=True), start=1):
+        own, suffix = model.own(guess), f"_{position}" if len(records) > 1 else ""
+        columns.append((*shared, *range(len(unknowns), len(unknowns) + len(own))))
+        t, y = record.time[guess.release :], record.values[guess.release :]
+        data.append((t - t[0], cs.DM(y)))
+        found = starting_values(model, t - t[0], y, guess) if start is None else {}
+        tracked |= {u.name + suffix: found[u.name] for u in own if u.name in found}
+        if guess is largest:
+            tracked |= {u.name: found[u.name] for u in unknowns[: len(shared)] if u.name in found}
+        unknowns += [replace(u, name=u.name + suffix) for u in own]
+
+    def residuals(*x: cs.MX) -> cs.MX:
+        return cs.vertcat(
+            *(model.curve(t, *(x[i] for i in indices)) - y for (t, y), indices in zip(data, columns, strict=True))
+        )
+
+    unknowns = _better(residuals, unknowns, _started(unknowns, tracked)) if start is None else _started(unknowns, start)
+    settings: dict[str, Any] = {
+        "gauss_newton": LAWS[model.law].integrated,
+        "series": [len(t) for t, _ in data],
+        "advice": ADVICE,
+    }
+    fit = least_squares(residuals, unknowns, **settings)
+    for _ in range(ROBUST_ROUNDS * robust):
+        noise = noise_of(fit.residuals)
+        if noise <= ROUNDING * largest.amplitude:
+            break
+        fit = least_squares(residuals, restarted(unknowns, fit), huber=HUBER * noise, **settings)
+    return fit, columns
+
+
+def _started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[Unknown]:
+    """Return the unknowns with other starting values, each moved to its nearest bound if it is not within them."""
+    return [replace(u, guess=min(max(values.get(u.name, u.guess), u.lower), u.upper)) for u in unknowns]
+
+
+def _better(residuals: Callable[..., cs.MX], first: list[Unknown], second: list[Unknown]) -> list[Unknown]:
+    """Return the starting values that leave the smaller residuals."""
+    left = [float(cs.evalf(cs.sumsqr(residuals(*(cs.MX(u.guess) for u in start))))) for start in (first, second)]
+    return second if left[1] < left[0] else first
+
+
+def _integrate(
+    model: DecayModel,
+    records: Sequence[Measurement],
+    guesses: Sequence[DecayGuess],
+    ratio_bounds: tuple[float, float],
+    robust: bool,
+) -> tuple[DecayModel, Fit, list[tuple[int, ...]]]:
+    """Return the model with its step, the fit, and the positions of the unknowns of each record.
+
+    The fit of the closed form, Eq. (27), gives the starting values and the accuracy that the integration needs.  If the
+    residuals of the integrated law are smaller, they may need a shorter step; the fit is then repeated from its result.
+    """
+    closed = replace(model, law="quadratic")
+    fit, columns = _match(closed, records, guesses, ratio_bounds, robust)
+    found = [closed.values(fit.values[list(own)]) for own in columns]
+    guesses = [
+        replace(
+            guess,
+            ω=2 * math.pi * values["frequency"],
+            amplitude=values["amplitude"],
+            phase=next(fit.values[k] for k in own if fit.names[k].startswith("phase")),
+        )
+        for guess, own, values in zip(guesses, columns, found, strict=True)
+    ]
+    frequency, ζ, amplitude = (
+        max(values[name] for values in found) for name in ("frequency", "damping_ratio", "amplitude")
+    )
+    for _ in range(INTEGRATIONS):
+        allowed = INTEGRATION_ERROR * fit.residual_rms / (amplitude * math.sqrt(len(fit.residuals)))
+        step = longest_step(2 * math.pi * frequency, ζ, allowed)
+        if step > REFINED * model.longest_step:
+            break
+        model, start = replace(model, longest_step=step), dict(zip(fit.names, fit.values.tolist(), strict=True))
+        fit, columns = _match(model, records, guesses, ratio_bounds, robust, start)
+    return model, fit, columns

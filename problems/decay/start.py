@@ -1,0 +1,119 @@
+"""Starting values of a decay fit, from amplitude and phase over time.
+
+With the track A_k, theta_k (``ancf_casadi.decay.track``), the integrals of the slow flow are linear in its unknowns,
+
+    ln A = ln e0 - c int 1/A dt - a t - b int A dt,    theta = phi + omega t + omega k int A^n dt,
+
+and linear regressions with the weights A_k^2 give all of them; a term of the damping that would be negative is left
+out.  The exponent of the power law is the best of a list, with ln A = ln e0 - D int A^(p-1) dt.  A peak of the spectrum
+gives one frequency only: if the frequency depends on the amplitude, it is off by many cycles at one end of a long
+record, and a fit from there ends in another minimum.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from ancf_casadi.decay.first_guess import DecayGuess
+from ancf_casadi.decay.track import Track, track
+from ancf_casadi.support.arrays import Array
+from problems.decay.laws import EXPONENTS, LAWS, DecayModel
+
+SPARE = 3  # windows beyond the number of unknowns
+EXPONENT_STEP = 0.25
+LEAST_SHARE = 0.02  # of the damping, with which a term starts that the regression finds negative
+MOST_CHANGE = 0.3  # of the frequency with amplitude; a larger one is taken for noise
+
+
+def starting_values(model: DecayModel, time: Array, displacement: Array, guess: DecayGuess) -> dict[str, float]:
+    """Return values of unknowns by name; none if noise hides the decay too early.
+
+    Parameters
+    ----------
+    model : DecayModel
+        Laws to be fitted.
+    time, displacement : ndarray
+        Times after the release (m,), s, and displacements, m.
+    guess : DecayGuess
+        First guess.
+    """
+    about = displacement - guess.offset - guess.drift * time
+    found = track(time, about, guess.ω * math.sqrt(1 - guess.ζ**2))
+    if len(found.time) < SPARE + 3:
+        return {}
+    ω, slope, φ = _phase(found, model)
+    e0, damping = _damping(found, model, ω)
+    if not ω > 0.0:
+        return {}
+    values = {"omega": ω, **damping, "e0": e0, "phase": math.remainder(φ, 2 * math.pi)}
+    values |= {"frequency_slope": slope, "frequency_curvature": slope}
+    ζ = damping.get("zeta", 0.0)
+    values["r0"] = e0 * math.cos(φ)
+    values["v0"] = -e0 * ω * (ζ * math.cos(φ) + math.sqrt(max(0.0, 1 - ζ**2)) * math.sin(φ))
+    return values
+
+
+def _phase(found: Track, model: DecayModel) -> tuple[float, float, float]:
+    """Return omega (rad/s), k1 or k2, and the phase at the release."""
+    A, n = found.amplitude, model.power
+    line = [np.ones(len(A)), found.time]
+    if n:
+        φ, ω, bent = _regression([*line, found.since_start(A**n)], found.phase, A).tolist()
+        if abs(bent) * A.max() ** n < MOST_CHANGE * abs(ω):
+            return ω, bent / ω, φ
+    φ, ω = _regression(line, found.phase, A).tolist()
+    return ω, 0.0, φ
+
+
+def _damping(found: Track, model: DecayModel, ω: float) -> tuple[float, dict[str, float]]:
+    """Return the amplitude at the release, and the unknowns of the damping."""
+    A = found.amplitude
+    if model.law == "power":
+        return _power(found, model.reference, ω)
+    if model.law == "linear":
+        return _terms(found, {"zeta": ω * found.time})
+    losses = {
+        "eta1": found.time / 2,
+        "eta2": 4 * ω / (3 * math.pi) * found.since_start(A),
+        "eta0": 2 / (math.pi * ω) * found.since_start(1 / A),
+    }
+    return _terms(found, {name: losses[name] for name in LAWS[model.law].terms})
+
+
+def _terms(found: Track, losses: Mapping[str, Array]) -> tuple[float, dict[str, float]]:
+    """Return the amplitude at the release, and the coefficients of losses of ln A; none of these is negative."""
+    A, chosen = found.amplitude, dict(losses)
+    level, values = float(np.log(A[0])), dict.fromkeys(losses, 0.0)
+    while chosen:
+        level, *terms = _regression([np.ones(len(A)), *(-loss for loss in chosen.values())], np.log(A), A).tolist()
+        values |= dict(zip(chosen, terms, strict=True))
+        parts = {name: values[name] * loss[-1] for name, loss in chosen.items()}
+        lowest = min(parts, key=lambda name: parts[name])
+        if parts[lowest] >= 0.0:
+            break
+        values[lowest] = 0.0
+        del chosen[lowest]
+    total = sum(values[name] * loss[-1] for name, loss in losses.items())
+    return math.exp(level), {name: max(values[name], LEAST_SHARE * total / loss[-1]) for name, loss in losses.items()}
+
+
+def _power(found: Track, reference: float, ω: float) -> tuple[float, dict[str, float]]:
+    """Return the amplitude at the release, and damping ratio and exponent of the power law."""
+    A, best = found.amplitude, (math.inf, 0.0, 0.0, 1.0)
+    for p in np.arange(EXPONENTS[0], EXPONENTS[1] + EXPONENT_STEP, EXPONENT_STEP).tolist():
+        basis = [np.ones(len(A)), -found.since_start((A / reference) ** (p - 1))]
+        level, rate = _regression(basis, np.log(A), A).tolist()
+        left = float(np.sum((A * (np.log(A) - level * basis[0] - rate * basis[1])) ** 2))
+        best = min(best, (left, level, rate, p))
+    _, level, rate, p = best
+    return math.exp(level), {"zeta": rate / ω, "exponent": p}
+
+
+def _regression(columns: list[Array], y: Array, weight: Array) -> Array:
+    """Return the coefficients of columns that fit y best, with residuals multiplied by a weight."""
+    basis = np.column_stack(columns) * weight[:, None]
+    length = np.linalg.norm(basis, axis=0)
+    return np.asarray(np.linalg.lstsq(basis / length, y * weight)[0] / length)

@@ -1,0 +1,182 @@
+"""Amplitude, its integrals and the phase, against numerical integration of the averaged equations and of Duffing's."""
+
+import math
+from itertools import product
+
+import casadi as cs
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import gammaln
+
+from ancf_casadi.decay.closed_forms import quadratic_flow
+from ancf_casadi.decay.friction import friction_flow
+from ancf_casadi.decay.power import mean_power, power_coefficient, power_flow, power_ratio
+from ancf_casadi.decay.slow_flow import Flow
+
+ω, E0 = 11.6, 0.076
+TIME = np.linspace(0.0, 5.0, 101)
+TERMS = [  # eta0 in m/s^2, eta1 in 1/s, eta2 in 1/m: each alone, all pairs, limits, and all signs of a^2/4 - b c
+    (0.0, 0.0, 0.0),
+    (0.0, 0.15, 0.0),
+    (0.0, 0.0, 0.33),
+    (0.0, 0.15, 0.11),
+    (0.0, 1e-9, 0.33),
+    (0.0, 3.0, 1e-7),
+    (0.0, 1e-3, 50.0),
+    (0.05, 0.0, 0.0),
+    (0.02, 0.15, 0.0),
+    (0.02, 0.0, 0.33),
+    (0.02, 0.15, 0.11),
+    (1e-9, 0.15, 0.11),
+    (0.03, 1e-8, 1e-8),
+    (0.01, 0.5, 0.2),
+]
+EXPONENTS = [0.0, 0.3, 0.5, 0.9, 0.9999, 1.0, 1.0001, 1.5, 2.0, 3.0, 4.0]
+
+
+def numbers(flow: Flow):
+    return [cs.evalf(cs.MX(part)).full().ravel() for part in (flow.amplitude, flow.first, flow.second)]
+
+
+def integrated(rate, time=TIME):
+    """Amplitude and its integrals by an integrator of order 8."""
+    return solve_ivp(
+        lambda t, y: [rate(y[0]), y[0], y[0] ** 2],
+        (0.0, time[-1]),
+        [E0, 0.0, 0.0],
+        t_eval=time,
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-17,
+    ).y
+
+
+@pytest.mark.parametrize(("η0", "η1", "η2"), TERMS)
+def test_amplitude_and_integrals_solve_the_averaged_equation(η0, η1, η2):
+    a, b, c = η1 / 2, 4 * ω * η2 / (3 * math.pi), 2 * η0 / (math.pi * ω)
+    expected = integrated(lambda A: -(c + a * A + b * A**2))
+    flows = [friction_flow(TIME, *map(cs.MX, (ω, η0, η1, η2, E0)))]
+    if η0 == 0.0:
+        flows.append(quadratic_flow(cs.DM(TIME), ω, η1, η2, E0))
+    for flow in flows:
+        for found, right in zip(numbers(flow), expected, strict=True):
+            np.testing.assert_allclose(found, right, rtol=1e-10)
+
+
+@pytest.mark.parametrize("p", EXPONENTS)
+def test_the_flow_of_the_power_law_solves_its_averaged_equation(p):
+    expected = integrated(lambda A: -0.15 * E0 * (A / E0) ** p)
+    for found, right in zip(numbers(power_flow(cs.DM(TIME), 0.15, p, E0)), expected, strict=True):
+        np.testing.assert_allclose(found, right, rtol=1e-10)
+
+
+def test_the_motion_rests_after_the_stop():
+    """Friction stops the mode near e0 pi omega/(2 eta0) = 1.4 s, a force with p = 1/2 at 1/(rate (1 - p)) = 2 s."""
+    late = np.linspace(2.1, 40.0, 50)
+    slowing = numbers(power_flow(cs.DM(late), 1.0, 0.5, E0))
+    rubbing = numbers(friction_flow(late, *map(cs.MX, (ω, 1.0, 0.1, 0.5, E0))))
+    assert np.abs(rubbing[0]).max() == 0.0
+    assert np.abs(slowing[0]).max() < 1e-20
+    assert np.isfinite([*rubbing, *slowing]).all()
+
+
+@pytest.mark.parametrize(("rate", "last"), [(0.0, 1.0), (1e-3, 1.0), (3.0, 1.0), (600.0, 1.0), (0.3, 2e4)])
+def test_the_integrals_hold_at_any_rate_and_in_any_order_of_times(rate, last):
+    """With linear damping, int A dt = e0 (1 - exp(-a t))/a and int A^2 dt = e0^2 (1 - exp(-2 a t))/(2 a)."""
+    time = np.random.default_rng(0).permutation(np.concatenate([np.geomspace(1e-6, 1.0, 200), [0.0, 0.5]])) * last
+    _, first, second = numbers(friction_flow(time, *map(cs.MX, (ω, 0.0, 2 * rate, 0.0, E0))))
+    scale = rate or 1e-30
+    np.testing.assert_allclose(first, -E0 * np.expm1(-scale * time) / scale, rtol=1e-10, atol=1e-25)
+    np.testing.assert_allclose(second, -(E0**2) * np.expm1(-2 * scale * time) / (2 * scale), rtol=1e-10, atol=1e-25)
+
+
+@pytest.mark.parametrize("law", ["quadratic", "friction", "power"])
+def test_derivatives_of_the_integrals_agree_with_differences(law):
+    """At the series of the closed forms too: eta1, eta2 and 1 - p are zero or nearly so."""
+    points = {
+        "quadratic": [(0.3, 0.2, E0), (0.0, 0.2, E0), (0.3, 0.0, E0), (1e-3, 1e-3, E0)],
+        "friction": [(0.02, 0.3, 0.2, E0), (0.0, 0.3, 0.2, E0), (0.02, 0.0, 0.0, E0), (0.0612, 0.3, 0.33, E0)],
+        "power": [(0.3, 1.5, E0), (0.3, 1.0, E0), (0.3, 0.2, E0), (0.0, 2.0, E0)],
+    }[law]
+    x, time = cs.MX.sym("x", len(points[0])), np.array([2.0])
+    u = cs.vertsplit(x)
+    flow = {
+        "quadratic": lambda: quadratic_flow(cs.MX(2.0), cs.MX(ω), *u),
+        "friction": lambda: friction_flow(time, cs.MX(ω), *u),
+        "power": lambda: power_flow(cs.MX(2.0), *u),
+    }[law]()
+    for part, point in product((flow.first, flow.second), points):
+        hessian, gradient = cs.hessian(part, x)
+        evaluate = cs.Function("evaluate", [x], [part, gradient, hessian])
+        steps = 1e-5 * np.diag(np.maximum(np.abs(point), 0.01))
+        _, slope, bend = (np.asarray(item) for item in evaluate(point))
+        for k, step in enumerate(steps):
+            above, below = evaluate(np.add(point, step)), evaluate(np.subtract(point, step))
+            width = 2 * step[k]
+            size = np.abs(slope).max()
+            assert slope[k, 0] == pytest.approx(float(above[0] - below[0]) / width, rel=1e-6, abs=1e-7 * size)
+            difference = np.asarray(above[1] - below[1]).ravel() / width
+            np.testing.assert_allclose(bend[k], difference, rtol=1e-5, atol=1e-5 * np.abs(bend).max())
+
+
+@pytest.mark.parametrize("p", [0.0, 0.5, 1.0, 2.0, 3.3, 4.0])
+def test_the_mean_power_of_a_force_is_that_of_its_integral(p):
+    phase = (np.arange(200_000) + 0.5) / 200_000 * math.pi / 2
+    assert float(mean_power(cs.DM(p))) == pytest.approx(np.mean(np.sin(phase) ** (p + 1)), rel=1e-9)
+    exact = math.exp(gammaln(p / 2 + 1) - gammaln(p / 2 + 1.5)) / math.sqrt(math.pi)
+    assert float(mean_power(cs.DM(p))) == pytest.approx(exact, rel=1e-14)
+
+
+def test_friction_linear_and_quadratic_damping_are_powers():
+    """Equivalent ratios 2 eta0/(pi omega^2 A), eta1/(2 omega) and 4 eta2 A/(3 pi) with p = 0, 1, 2."""
+    A, R = 0.03, 0.05
+    for p, η in ((0.0, 0.2), (1.0, 0.3), (2.0, 0.7)):
+        ratio = {0.0: 2 * η / (math.pi * ω**2 * A), 1.0: η / (2 * ω), 2.0: 4 * η * A / (3 * math.pi)}[p]
+        at_reference = ratio * (A / R) ** (1 - p)
+        assert power_ratio(A, at_reference, p, R) == pytest.approx(ratio)
+        assert float(power_coefficient(cs.DM(at_reference), cs.DM(p), ω, R)) == pytest.approx(η, rel=1e-12)
+
+
+@pytest.mark.parametrize("p", [0.5, 1.5, 3.0])
+def test_the_power_law_is_the_decay_of_the_oscillator(p):
+    """The closed form has an error of first order in the damping ratio, here 0.5 %."""
+    ratio = 0.005
+    η = float(power_coefficient(cs.DM(ratio), cs.DM(p), ω, E0))
+    time = np.linspace(0.0, 12.0, 2001)
+    motion = solve_ivp(
+        lambda t, y: [y[1], -η * abs(y[1]) ** p * np.sign(y[1]) - ω**2 * y[0]],
+        (0.0, time[-1]),
+        [E0, 0.0],
+        t_eval=time,
+        rtol=1e-9,
+        atol=1e-12,
+    ).y
+    amplitude = numbers(power_flow(cs.DM(time), ratio * ω, p, E0))[0]
+    measured = np.hypot(motion[0], motion[1] / ω)
+    assert amplitude[-1] < 0.75 * E0
+    assert np.abs(measured - amplitude).max() < 2 * ratio * E0
+    other = numbers(power_flow(cs.DM(time), ratio * ω, p + 0.5, E0))[0]
+    assert np.abs(measured - other).max() > 3 * ratio * E0
+
+
+@pytest.mark.parametrize("hardening", [1, -1])
+def test_the_phase_of_a_decaying_duffing_oscillator_follows_its_amplitude(hardening):
+    """k2 = 3 alpha/(8 omega^2): correct to first order over 30 periods; a constant frequency is off by 1 rad."""
+    k2 = hardening * 0.01 / E0**2
+    α, η1, η2 = 8 * k2 * ω**2 / 3, 0.05, 0.1
+    time = np.linspace(0.0, 60 * math.pi / ω, 6001)
+    motion = solve_ivp(
+        lambda t, y: [y[1], -η1 * y[1] - η2 * y[1] * abs(y[1]) - ω**2 * y[0] - α * y[0] ** 3],
+        (0.0, time[-1]),
+        [E0, 0.0],
+        t_eval=time,
+        rtol=1e-10,
+        atol=1e-13,
+    ).y[0]
+    amplitude, _, second = numbers(quadratic_flow(cs.DM(time), ω, η1, η2, E0))
+    late = time > 50 * math.pi / ω
+    error = np.abs(amplitude * np.cos(ω * (time + k2 * second)) - motion)[late].max() / amplitude[late].max()
+    constant = np.abs(amplitude * np.cos(ω * time) - motion)[late].max() / amplitude[late].max()
+    assert error < 0.04
+    assert constant > 0.5

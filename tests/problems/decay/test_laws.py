@@ -1,0 +1,181 @@
+"""Damping laws combined with frequency laws: recovery of known truth, bias without the right law, and starts."""
+
+import math
+from itertools import product
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from ancf_casadi.exceptions import FitError, InputError
+from problems import compare_decay_laws, fit_decay
+from problems.decay import comparison as comparison_module
+from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED
+from problems.decay.fitting import fit_decays
+from problems.decay.laws import DecayModel
+
+TIME = np.arange(0.0, 12.0, 1 / 200)
+E0, F = 0.02, 6.92
+ω = 2 * math.pi * F
+DAMPING = {  # unknowns between omega and k; the ratio of the power law refers to 1 m
+    "linear": (0.004,),
+    "quadratic": (0.06, 0.78),
+    "friction": (0.06, 0.4, 0.05),
+    "power": (0.9, 2.4),
+}
+SLOPE = {"constant": (), "linear": (-0.01 / E0,), "quadratic": (-0.01 / E0**2,)}
+
+
+def record(law, frequency_law, noise=0.0, seed=0, time=TIME, k=None):
+    model = DecayModel(law, True, False, frequency_law)
+    release = (E0, 0.3)
+    if model.from_motion:
+        ζ = DAMPING["linear"][0]
+        rate = ζ * math.cos(0.3) + math.sqrt(1 - ζ**2) * math.sin(0.3)
+        release = E0 * math.cos(0.3), -E0 * ω * rate
+    values = (ω, *DAMPING[law], *(SLOPE[frequency_law] if k is None else k), *release, 0.001)
+    y = cs.evalf(model.curve(time, *map(cs.MX, values))).full().ravel()
+    return y + noise * np.random.default_rng(seed).standard_normal(len(time))
+
+
+@pytest.mark.parametrize(("law", "frequency_law"), list(product(DAMPING, SLOPE)))
+def test_every_combination_gives_back_the_truth(law, frequency_law):
+    fit = fit_decay(TIME, record(law, frequency_law), law=law, frequency_law=frequency_law)
+    assert fit.frequency == pytest.approx(F, rel=1e-7)
+    assert fit.amplitude == pytest.approx(E0, rel=1e-6)
+    slope, curvature = {"constant": (0, 0), "linear": (-0.01 / E0, 0), "quadratic": (0, -0.01 / E0**2)}[frequency_law]
+    assert fit.frequency_slope == pytest.approx(slope, rel=1e-5)
+    assert fit.frequency_curvature == pytest.approx(curvature, rel=1e-5)
+    assert fit.residual_rms < 1e-5 * E0
+    if law == "power":
+        assert fit.exponent == pytest.approx(2.4, rel=1e-5)
+        assert fit.damping_ratio == pytest.approx(0.9 * E0**1.4, rel=1e-5)
+    elif law != "linear":
+        expected = dict(zip(("eta1", "eta2", "eta0"), DAMPING[law], strict=False))
+        for name, value in expected.items():
+            assert getattr(fit, name) == pytest.approx(value, rel=1e-3)
+    else:
+        assert fit.damping_ratio == pytest.approx(0.004, rel=1e-6)
+
+
+def test_a_linear_law_whose_frequency_turns_out_constant_is_eq_9():
+    """The frequency is the undamped one in both; with 20 % damping the damped one is lower by 2 %."""
+    time = np.arange(0.0, 1.5, 1 / 500)
+    model = DecayModel("linear", False, False)
+    y = cs.evalf(model.curve(time, *map(cs.MX, (ω, 0.2, E0, 0.0)))).full().ravel()
+    fit = fit_decay(time, y, law="linear", frequency_law="linear")
+    assert fit.frequency == pytest.approx(F, rel=1e-6)
+    assert fit.damping_ratio == pytest.approx(0.2, rel=1e-6)
+    assert fit.frequency_slope == pytest.approx(0.0, abs=1e-4)
+
+
+@pytest.mark.parametrize("frequency_law", ["linear", "quadratic"])
+@pytest.mark.parametrize("law", DAMPING)
+def test_estimates_are_within_their_errors(law, frequency_law):
+    fit = fit_decay(TIME, record(law, frequency_law, 1e-4, 3), law=law, frequency_law=frequency_law)
+    truth = {"frequency": F, "amplitude": E0, "offset": 0.001}
+    truth[{"linear": "frequency_slope", "quadratic": "frequency_curvature"}[frequency_law]] = SLOPE[frequency_law][0]
+    for name, value in truth.items():
+        assert abs(getattr(fit, name) - value) < 4 * fit.standard_errors[name]
+    assert fit.residual_rms == pytest.approx(1e-4, rel=0.05)
+    table = fit.to_dict()
+    assert table["frequency_law"] == frequency_law
+    assert f"frequency {frequency_law} in the amplitude" in fit.report()
+    assert table["frequency_slope_per_m"] == fit.frequency_slope
+
+
+def test_a_strip_whose_frequency_rises_misleads_a_fit_at_constant_frequency():
+    """6.86 to 6.92 Hz as the motion decays, and drag of 0.78 1/m: the case of a measured aluminium strip."""
+    k1 = (6.86 / 6.92 - 1) / E0
+    time = np.arange(0.0, 40.0, 1 / 100)
+    model = DecayModel("quadratic", False, False, "linear")
+    y = cs.evalf(model.curve(time, *map(cs.MX, (ω, 0.03, 0.78, k1, E0, 0.0)))).full().ravel()
+    y += 1e-4 * np.random.default_rng(7).standard_normal(len(time))
+    constant = fit_decay(time, y, law="quadratic")
+    assert abs(constant.eta2 - 0.78) > 4 * constant.standard_errors["eta2"]
+    assert constant.residual_rms > 5e-4
+    fit = fit_decay(time, y, law="quadratic", frequency_law="linear")
+    for name, value in {"eta2": 0.78, "eta1": 0.03, "frequency": 6.92, "frequency_slope": k1}.items():
+        assert abs(getattr(fit, name) - value) < 4 * fit.standard_errors[name]
+    assert fit.frequency * (1 + fit.frequency_slope * fit.amplitude) == pytest.approx(6.86, abs=1e-3)
+    best = fit_decay(time, y, law="auto")
+    assert (best.law, best.frequency_law) == ("quadratic", "linear")
+    assert fit_decay(time, y, law="power", frequency_law="auto").frequency_law == "linear"
+
+
+@pytest.mark.parametrize("law", DAMPING)
+def test_a_long_record_is_fitted_though_its_frequency_changes_by_many_cycles(law):
+    """The peak of the spectrum is off by 10 cycles at the end of 1000 periods."""
+    time = np.arange(0.0, 145.0, 1 / 50)
+    y = record(law, "linear", 2e-4, 5, time=time, k=(-0.05 / E0,))
+    fit = fit_decay(time, y, law=law, frequency_law="linear")
+    assert fit.residual_rms == pytest.approx(2e-4, rel=0.05)
+    assert abs(fit.frequency - F) < 4 * fit.standard_errors["frequency"]
+
+
+def test_curves_against_amplitude_are_those_of_the_law():
+    """-A'/(omega A) and phase'/omega, from differences of the fitted flow."""
+    fit = fit_decay(TIME, record("friction", "linear"), law="friction", frequency_law="linear")
+    x = tuple(cs.MX(value) for value in fit.fit.values)
+    amplitudes = np.array([0.003, 0.01, 0.02])
+    ratio, frequency = (cs.evalf(part).full().ravel() for part in fit.model.against_amplitude(amplitudes, *x))
+    η1, η2, η0 = DAMPING["friction"]
+    expected = η1 / (2 * ω) + 4 * η2 * amplitudes / (3 * math.pi) + 2 * η0 / (math.pi * ω**2 * amplitudes)
+    np.testing.assert_allclose(ratio, expected, rtol=1e-3)
+    np.testing.assert_allclose(frequency, F * (1 - 0.01 * amplitudes / E0), rtol=1e-6)
+
+
+def test_several_records_share_the_frequency_law():
+    late = record("quadratic", "linear", 1e-4, 8)[1200:]
+    full = record("quadratic", "linear", 1e-4, 9)
+    records = [comparison_module.Measurement(TIME, full), comparison_module.Measurement(TIME[1200:], late)]
+    first, second = fit_decays(records, law="quadratic", frequency_law="linear")
+    assert first.frequency_slope == second.frequency_slope
+    assert first.frequency_slope == pytest.approx(-0.01 / E0, abs=4 * first.standard_errors["frequency_slope"])
+    assert second.amplitude < first.amplitude
+
+
+def test_a_comparison_survives_a_law_that_cannot_be_fitted(monkeypatch):
+    fit_from = comparison_module.fit_from
+
+    def failing(*arguments, law, **options):
+        if law == "friction":
+            raise FitError("no minimum was found")
+        return fit_from(*arguments, law=law, **options)
+
+    monkeypatch.setattr(comparison_module, "fit_from", failing)
+    comparison = compare_decay_laws(TIME, record("linear", "constant", 1e-4), frequency_laws=("constant",))
+    assert comparison.names == ("linear", "quadratic", "power")
+    assert comparison.failed == {"friction": "no minimum was found"}
+    assert "the friction law is left out: no minimum was found" in comparison.report()
+    assert comparison.to_dict()["failed"] == {"friction": "no minimum was found"}
+    with pytest.raises(FitError, match="no law can be fitted; friction: no minimum was found; friction \\+ linear"):
+        compare_decay_laws(TIME, record("linear", "constant", 1e-4), laws=("friction",))
+
+
+def test_all_laws_are_combined():
+    assert LAWS_COMPARED == ("linear", "quadratic", "friction", "power")
+    assert FREQUENCY_LAWS_COMPARED == ("constant", "linear", "quadratic")
+    names = compare_decay_laws(TIME, record("linear", "linear", 1e-4), laws=("linear", "one-mode")).names
+    assert names == ("linear", "one-mode", "linear + linear frequency", "linear + quadratic frequency")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"law": "one-mode", "frequency_law": "linear"}, "frequency_law: must be constant with law='one-mode'"),
+        ({"frequency_law": "cubic"}, "frequency_law: must be one of constant, linear, quadratic, got 'cubic'"),
+        ({"law": "auto", "robust": True}, "auto: compares sums of squares; name a law"),
+        ({"law": "one-mode", "frequency_law": "cubic"}, "frequency_law: must be one of"),
+        ({"law": "auto", "frequency_law": "cubic"}, "frequency_law: must be one of"),
+    ],
+)
+def test_combinations_that_do_not_exist_are_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        fit_decay(TIME, record("linear", "constant"), **options)
+
+
+def test_the_exponent_stays_within_its_bounds():
+    """Friction is the exponent 0, the lowest."""
+    fit = fit_decay(TIME, record("friction", "constant", 1e-4), law="power")
+    assert 0.0 <= fit.intervals["exponent"][0] <= fit.exponent <= fit.intervals["exponent"][1] <= 4.0

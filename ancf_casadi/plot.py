@@ -20,10 +20,13 @@ from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.colours import COMPUTED, MEASURED
+from ancf_casadi.vibration.modes import Modes
 
 DATED = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}  # metadata that would change from run to run
 RESOLUTION = 130  # dots per inch
 FINE = 4000  # points of a drawn curve
+DRAWN_MODES = 10
+DRAWN_SWING = 0.15  # displacement of the tip in a drawn mode, relative to the length of the beam
 
 
 def rendered(figure: Figure, suffix: str = ".png") -> bytes:
@@ -99,6 +102,34 @@ def motion_figure(run: Trajectory) -> Figure:
         x, y = 1e3 * np.array([run.model.interpolation(float(s)) @ run.coordinates[row] for s in arc]).T
         in_plane.plot(x, y, lw=0.8, color=COMPUTED, alpha=0.3 + 0.7 * row / max(1, len(run.time) - 1))
     in_plane.set(xlabel="x, mm", ylabel="y, mm", aspect="equal")
+    return figure
+
+
+def modes_figure(modes: Modes) -> Figure:
+    """Draw the lowest ten mode shapes on both sides of the equilibrium."""
+    points = [modes.model.interpolation(s) for s in np.linspace(0.0, modes.model.beam.length, 101).tolist()]
+    rest = 1e3 * np.array([row @ modes.equilibrium.coordinates for row in points])
+    swing = 1e3 * DRAWN_SWING * modes.model.beam.length / modes.tip_amplitudes()
+    shown, lies = min(modes.count, DRAWN_MODES), np.ptp(rest[:, 0]) > np.ptp(rest[:, 1])
+    columns, width, height = (2, 4.2, 1.7) if lies else (5, 1.8, 3.2)
+    columns = min(shown, columns)
+    rows = -(-shown // columns)
+    figure = Figure(figsize=(1.0 + width * columns, 0.4 + height * rows), layout="constrained")
+    plots = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
+    for k, axes in enumerate(plots):
+        axes.set_visible(k < shown)
+        if k < shown:
+            shape = swing[k] * np.array([row @ modes.shapes[:, k] for row in points])
+            axes.plot(*rest.T, ls=":", lw=0.8, color=MEASURED)
+            for side, line in ((1.0, 1.5), (-1.0, 0.5)):
+                axes.plot(*(rest + side * shape).T, lw=line, color=COMPUTED)
+            axes.set_title(f"mode {k + 1}: {modes.frequencies[k]:.4g} Hz", fontsize=9)
+            axes.set(aspect="equal")
+            if k + columns >= shown:  # nothing below
+                axes.tick_params(labelbottom=True)
+                axes.set(xlabel="x, mm")
+    for axes in plots[::columns]:
+        axes.set(ylabel="y, mm")
     return figure
 
 

@@ -21,6 +21,7 @@ from ancf_casadi.support.interrupts import raised_endings
 from ancf_casadi.version import __version__
 from problems.command.export import add_export
 from problems.command.fit_decay import add_fit_decay
+from problems.command.fit_modes import add_fit_modes
 from problems.command.match import add_match
 from problems.command.modes import add_modes
 from problems.command.output import Subcommands
@@ -61,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = Subcommands(parser)
-    for add in (add_reproduce, add_fit_decay, add_modes, add_match, add_simulate, add_export):
+    for add in (add_reproduce, add_fit_decay, add_fit_modes, add_modes, add_match, add_simulate, add_export):
         add(commands)
     return parser
 
@@ -74,23 +75,24 @@ def _run(options: argparse.Namespace) -> int:
             output = options.run(options)
             if output.files:
                 written = "not all files were written"
-            failure = _write(output.files)
+            failures = _write(output.files)
         except KeyboardInterrupt:
             return _stopped(noted, written)
         except Exception as error:
             return _stopped(noted, written) if noted else _reported(error)
-    print(output.text if failure else output.text + output.closing, flush=True)
-    return _reported(failure) if failure else 0
+    print(output.text if failures else output.text + output.closing, flush=True)
+    return max([_reported(failure) for failure in failures], default=0)
 
 
-def _write(files: Sequence[Callable[[], object]]) -> Exception | None:
-    """Write the files up to the first that cannot be written, and return the reason."""
-    try:
-        for write in files:
+def _write(files: Sequence[Callable[[], object]]) -> list[Exception]:
+    """Write all files, and return the reasons why some of them cannot be made or written."""
+    failures: list[Exception] = []
+    for write in files:
+        try:
             write()
-    except (AncfError, OSError, MemoryError) as error:
-        return error
-    return None
+        except (AncfError, OSError, MemoryError) as error:
+            failures.append(error)
+    return failures
 
 
 def _show_warning(message: Warning | str, *where: Any, **more: Any) -> None:

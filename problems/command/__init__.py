@@ -1,5 +1,5 @@
-"""The subcommands of ``ancf-casadi``, one file each, and the files that they read.
+"""The subcommands of ``ancf-casadi``, one file each, and what they share.
 
-Each subcommand adds its options to the parser and returns an ``Output``; ``output`` holds what they share.
-``study_file`` reads TOML files and documents, and ``exporting`` calls the exports.
+Each subcommand adds its options to the parser and returns an ``Output``; ``output`` holds what they share.  ``tables``
+reads TOML files, ``record_options`` the files of records, and ``exporting`` calls the exports.
 """

@@ -9,19 +9,19 @@ from pathlib import Path
 from ancf_casadi.support.files import check_folder
 from ancf_casadi.support.inputs import located
 from problems.command.exporting import FORMATS, export, read_identifications
-from problems.command.output import Output, Subcommands, json_text, new_files, positive_count
-from problems.command.study_file import TABLE_KEYS, read_source
+from problems.command.output import Output, Subcommands, comma_numbers, json_text, new_files, positive_count
+from problems.command.tables.study_file import SOURCE_KEYS, read_source
 
 
 def add_export(commands: Subcommands) -> None:
     """Add the subcommand."""
-    parser = commands.add("export", _run, "write a beam and its damping for other programs", epilog=TABLE_KEYS)
+    parser = commands.add("export", _run, "write a beam and its damping for other programs", epilog=SOURCE_KEYS)
     parser.add_argument("file", metavar="BEAM.toml", help="tables [beam] and [damping], or a JSON document")
     parser.add_argument("--format", choices=tuple(FORMATS), required=True, help="; ".join(FORMATS.values()))
     parser.add_argument("--out", type=Path, required=True, metavar="PATH", help="file to write; for c, a folder")
     parser.add_argument(
         "--markers",
-        type=_lengths,
+        type=comma_numbers,
         default=(),
         metavar="S,S,...",
         help="arc lengths (m) of points whose positions are outputs",
@@ -62,10 +62,3 @@ def _run(options: argparse.Namespace) -> Output:
     if options.json:
         return Output(json_text({"format": options.format, "files": files, "seconds": time.perf_counter() - began}))
     return Output("\n".join(f"{file['path']}  {file['bytes']} bytes" for file in files))
-
-
-def _lengths(text: str) -> tuple[float, ...]:
-    try:
-        return tuple(float(part) for part in text.split(","))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"must be numbers separated by commas, got {text!r}") from None

@@ -1,57 +1,189 @@
-"""``ancf-casadi fit-decay``: frequency and damping from one measured decay."""
+"""``ancf-casadi fit-decay``: frequency and damping of one mode from measured decays.
+
+With ``--band`` the other modes are subtracted first (``problems.decay.band``).  Several files are fitted at once and
+each alone.  The curve of damping against amplitude is computed last: if it fails, the fit has been printed.
+"""
 
 from __future__ import annotations
 
 import argparse
+import statistics
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import located
-from problems.command.output import Output, Subcommands, file_writer, json_text, new_files
+from ancf_casadi.support.tables import Table
+from problems.command.fit_modes import modes_output
+from problems.command.output import (
+    Output,
+    Subcommands,
+    add_plot,
+    comma_numbers,
+    figure_writer,
+    file_writer,
+    json_text,
+    new_files,
+    positive_count,
+)
+from problems.command.record_options import add_part_options, add_record_options, read_record, releases
+from problems.decay.band import IsolatedMode, isolate_mode
 from problems.decay.comparison import compare_decay_laws
-from problems.decay.fitting import fit_decay
-
-LAWS = ("linear", "quadratic", "friction", "one-mode", "auto")
+from problems.decay.fitting import fit_decay, fit_decays
+from problems.decay.laws import LAWS
+from problems.decay.result import DecayFit
 
 
 def add_fit_decay(commands: Subcommands) -> None:
     """Add the subcommand."""
-    parser = commands.add("fit-decay", _run, "estimate frequency and damping from one measured decay")
-    parser.add_argument("file", metavar="FILE.csv", help="columns with time (s) and displacement (m)")
+    parser = commands.add("fit-decay", _run, "estimate frequency and damping of one mode from measured decays")
     parser.add_argument(
-        "--law", choices=LAWS, default="linear", help="damping law, or auto to compare all (default: linear)"
+        "files", nargs="+", metavar="FILE", help="record of a free decay; several files are takes of the same mode"
+    )
+    parser.add_argument(
+        "--law", choices=(*LAWS, "auto"), default="linear", help="damping law, or auto to compare all (default: linear)"
     )
     parser.add_argument("--drift", action="store_true", help="let the rest position drift at constant velocity")
     parser.add_argument("--robust", action="store_true", help="limit the influence of outliers")
-    parser.add_argument("--column", help="name of the displacement column (default: the second column)")
-    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the record and the fit")
+    parser.add_argument(
+        "--modes", type=positive_count, metavar="N", help="fit the strongest N modes at once, as fit-modes does"
+    )
+    parser.add_argument(
+        "--band",
+        type=comma_numbers,
+        metavar="LOW,HIGH",
+        help="fit the strongest mode between these frequencies (Hz); stronger modes outside are fitted and subtracted, "
+        "without a filter, which would colour the noise",
+    )
+    add_plot(parser, "draw the record and the fit")
     parser.add_argument(
         "--curve", type=Path, metavar="FILE.csv", help="write damping ratio against amplitude, without assuming a law"
     )
+    add_record_options(parser)
+    add_part_options(parser)
 
 
 def _run(options: argparse.Namespace) -> Output:
-    plot, curve = new_files([options.file], options.plot, options.curve)
-    record = Measurement.from_file(options.file, column=options.column, progress=True)
-    comparison = None
-    with located(options.file):
-        if options.law == "auto":
-            if options.robust:
-                raise InputError("compares sums of squares; leave out --robust", "--law auto")
-            comparison = compare_decay_laws(record, drift=options.drift)
-            fit = comparison.best
-        else:
-            fit = fit_decay(record, law=options.law, drift=options.drift, robust=options.robust)
-        damping = None if curve is None else damping_curve(record).table()
-    files = []
-    if curve is not None and damping is not None:
-        files.append(file_writer(curve, damping.csv))
-    if plot is not None:
-        from ancf_casadi.plot import decay_figure, png  # matplotlib is slow to import
+    _check(options)
+    count = len(options.files)
+    plots, curves = _numbered(options.plot, count), _numbered(options.curve, count)
+    new_files(options.files, *plots, *curves)
+    times = releases(options, count)
+    records = [read_record(path, options) for path in options.files]
+    if options.modes is not None:
+        return modes_output(options.files[0], records[0], options.modes, times[0], options.plot, options.json)
+    isolated: list[IsolatedMode] = []
+    if options.band is not None:
+        for path, record, time in zip(options.files, records, times, strict=True):
+            with located(path):
+                isolated.append(isolate_mode(record, options.band, release_time=time))
+        records, times = [one.record for one in isolated], [one.mode.release_time for one in isolated]
+    return _fitted(options, records, times, isolated)
 
-        files.append(file_writer(plot, lambda: png(decay_figure(record, fit.displacement, fit.release_time))))
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse options that do not go together."""
+    several = len(options.files) > 1
+    if options.law == "auto" and options.robust:
+        raise InputError("compares sums of squares; leave out --robust", "--law auto")
+    if options.law == "auto" and several:
+        raise InputError("compares the laws on one record; give one file, or choose a law", "--law auto")
+    if options.band is not None and len(options.band) != 2:
+        raise InputError("must be two frequencies LOW,HIGH", "--band")
+    if options.modes is not None:
+        others = {
+            "several files": several,
+            f"--law {options.law}": options.law != "linear",
+            "--drift": options.drift,
+            "--robust": options.robust,
+            "--band": options.band is not None,
+            "--curve": options.curve is not None,
+        }
+        for name, given in others.items():
+            if given:
+                raise InputError(f"fits modes with linear damping to one record; it does not go with {name}", "--modes")
+
+
+def _fitted(
+    options: argparse.Namespace,
+    records: Sequence[Measurement],
+    times: Sequence[float | None],
+    isolated: Sequence[IsolatedMode],
+) -> Output:
+    settings: dict[str, Any] = {"law": options.law, "drift": options.drift, "robust": options.robust}
+    extra: dict[str, Any] = {}
+    if options.law == "auto":
+        with located(options.files[0]):
+            comparison = compare_decay_laws(records[0], drift=options.drift, release_time=times[0])
+        fits, text = [comparison.best], comparison.report()
+        extra["comparison"] = comparison.to_dict()
+    else:
+        alone = []
+        for path, record, time in zip(options.files, records, times, strict=True):
+            with located(path):
+                alone.append(fit_decay(record, release_time=time, **settings))
+        if len(alone) == 1:
+            fits, text = alone, alone[0].report()
+        else:
+            known = [fit.release_time for fit in alone]
+            fits = list(fit_decays(records, release_times=known, **settings))
+            text = f"{_takes(options.files, alone, fits[0]).text()}\n\n{fits[0].report()}"
+            extra["alone"] = [fit.to_dict() for fit in alone]
+            extra["records"] = [fit.to_dict() for fit in fits]
+    lines = [
+        f"  subtracted from {path}: {', '.join(f'{other.frequency:.4g}' for other in one.others)} Hz"
+        for path, one in zip(options.files, isolated, strict=bool(isolated))
+        if one.others
+    ]
+    lines += [f"  note: {text}" for one in isolated for text in one.warnings]
+    if isolated:
+        extra["subtracted_hz"] = [[other.frequency for other in one.others] for one in isolated]
+    files = _writers(options, records, fits)
     if options.json:
-        return Output(json_text(fit.to_dict() | ({"comparison": comparison.to_dict()} if comparison else {})), files)
-    return Output(comparison.report() if comparison else fit.report(), files)
+        return Output(json_text(fits[0].to_dict() | extra), files)
+    return Output("\n".join([text, *lines]), files)
+
+
+def _writers(
+    options: argparse.Namespace, records: Sequence[Measurement], fits: Sequence[DecayFit]
+) -> list[Callable[[], None]]:
+    """Return functions that write the figure and the curve of each record."""
+    files: list[Callable[[], None]] = []
+    count = len(records)
+    for path, fit in zip(_numbered(options.plot, count), fits, strict=True):
+        if path is not None:
+            files.append(figure_writer(path, fit.figure))
+    for path, file, record, fit in zip(_numbered(options.curve, count), options.files, records, fits, strict=True):
+        if path is not None:
+            files.append(file_writer(path, partial(_curve, file, record, fit.release_time)))
+    return files
+
+
+def _curve(file: str, record: Measurement, release_time: float) -> str:
+    with located(f"{file}: --curve"):
+        return damping_curve(record, release_time=release_time).table().csv()
+
+
+def _numbered(path: Path | None, count: int) -> list[Path | None]:
+    """Return one name per record; with several records, the names are numbered."""
+    if path is None or count == 1:
+        return [path] * count
+    return [path.with_stem(f"{path.stem}-{k}") for k in range(1, count + 1)]
+
+
+def _takes(files: Sequence[str], alone: Sequence[DecayFit], joint: DecayFit) -> Table:
+    """Return the mode from each file alone and from all at once, and the scatter between the files."""
+    names = ("frequency", "damping_ratio")
+    columns = ("record", "frequency_Hz", "stderr", "damping_ratio", "stderr", "residual_rms")
+    shown = [*zip((Path(file).name[-40:] for file in files), alone, strict=True), ("all at once", joint)]
+    rows = [
+        (name, *(value for key in names for value in (getattr(fit, key), fit.standard_errors[key])), fit.residual_rms)
+        for name, fit in shown
+    ]
+    scatter = {name: statistics.stdev(getattr(fit, name) for fit in alone) for name in names}
+    note = f"between the records: {scatter['frequency']:.2g} Hz and {scatter['damping_ratio']:.2g} standard deviation"
+    return Table("takes", "The mode from each record alone and from all at once", columns, rows, (note,))

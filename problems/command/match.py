@@ -10,17 +10,17 @@ from pathlib import Path
 from ancf_casadi.export import Document, Identification, write_document
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import located
-from problems.command.output import Output, Subcommands, file_writer, json_text, new_files
-from problems.command.study_file import TABLE_KEYS, read_match
+from problems.command.output import Output, Subcommands, add_plot, figure_writer, json_text, new_files
+from problems.command.tables.study_file import MATCH_KEYS, read_match
 from problems.matching.frequency_matching import match_frequencies
 
 
 def add_match(commands: Subcommands) -> None:
     """Add the subcommand."""
-    parser = commands.add("match", _run, "find the nearest beam with the measured frequencies", epilog=TABLE_KEYS)
+    parser = commands.add("match", _run, "find the nearest beam with the measured frequencies", epilog=MATCH_KEYS)
     parser.add_argument("file", metavar="BEAM.toml", help="a file with the tables [beam] and [match]")
     parser.add_argument("--out", type=Path, metavar="FILE.json", help="write the matched beam as a JSON document")
-    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the properties along the beam")
+    add_plot(parser, "draw the properties along the beam")
 
 
 def _run(options: argparse.Namespace) -> Output:
@@ -33,7 +33,5 @@ def _run(options: argparse.Namespace) -> Output:
         document = Document(Model(match.beam), identifications=[Identification.of(match)])
         files.append(partial(write_document, out, document))
     if plot is not None:
-        from ancf_casadi.plot import png  # matplotlib is slow to import
-
-        files.append(file_writer(plot, lambda: png(match.figure())))
+        files.append(figure_writer(plot, match.figure))
     return Output(json_text(match.to_dict()) if options.json else match.report(), files)

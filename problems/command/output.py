@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.tables import to_json
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+PICTURES = (".png", ".svg", ".pdf")
 
 
 @dataclass(frozen=True)
@@ -68,6 +74,37 @@ def positive_count(text: str) -> int:
     return int(text)
 
 
+def finite(text: str) -> float:
+    """Return a finite number from an argument."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"must be a number, got {text!r}")
+    return value
+
+
+def comma_numbers(text: str) -> tuple[float, ...]:
+    """Return numbers separated by commas from an argument."""
+    try:
+        return tuple(finite(part) for part in text.split(","))
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f"must be numbers separated by commas, got {text!r}") from None
+
+
+def add_plot(parser: argparse.ArgumentParser, about: str) -> None:
+    """Add the option ``--plot`` with the name of a picture."""
+    parser.add_argument("--plot", type=_picture, metavar="FILE", help=f"{about}, as .png, .svg or .pdf")
+
+
+def _picture(text: str) -> Path:
+    path = Path(text)
+    if path.suffix.lower() not in PICTURES:
+        raise argparse.ArgumentTypeError(f"must end in {', '.join(PICTURES[:-1])} or {PICTURES[-1]}, got {text!r}")
+    return path
+
+
 def json_text(value: Any) -> str:
     """Return plain data as JSON without the last line break."""
     return to_json(value).rstrip()
@@ -76,6 +113,17 @@ def json_text(value: Any) -> str:
 def file_writer(path: Path, content: Callable[[], str | bytes]) -> Callable[[], None]:
     """Return a function that makes the content of a file and writes it."""
     return lambda: write_file(path, content())
+
+
+def figure_writer(path: Path, draw: Callable[[], Figure]) -> Callable[[], None]:
+    """Return a function that draws a figure and writes it in the format that the suffix of its name says."""
+
+    def write() -> None:
+        from ancf_casadi.plot import rendered  # matplotlib is slow to import
+
+        write_file(path, rendered(draw(), path.suffix))
+
+    return write
 
 
 def new_files(inputs: Sequence[str], *outputs: Path | None) -> tuple[Path | None, ...]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,20 +13,23 @@ from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import Table
-from problems.command.output import Output, Subcommands, file_writer, json_text, new_files
-from problems.command.study_file import TABLE_KEYS, read_simulation
+from problems.command.output import Output, Subcommands, add_plot, figure_writer, file_writer, json_text, new_files
+from problems.command.tables.study_file import SIMULATION_KEYS, read_simulation
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def add_simulate(commands: Subcommands) -> None:
     """Add the subcommand."""
-    parser = commands.add("simulate", _run, "simulate the large motion of a beam", epilog=TABLE_KEYS)
+    parser = commands.add("simulate", _run, "simulate the large motion of a beam", epilog=SIMULATION_KEYS)
     parser.add_argument(
         "file",
         metavar="STUDY.toml",
-        help="a file with the tables [beam] and [simulation], and if wanted [[damping]] and [base]",
+        help="a file with the tables [beam] and [simulation], and if wanted the others below; init writes one",
     )
-    parser.add_argument("--out", type=Path, metavar="FILE.csv", help="write positions of tip and base")
-    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the tip over time, and shapes of the beam")
+    parser.add_argument("--out", type=Path, metavar="FILE.csv", help="write positions of tip, base and markers")
+    add_plot(parser, "draw the tip over time, and shapes of the beam")
 
 
 def _run(options: argparse.Namespace) -> Output:
@@ -37,11 +41,9 @@ def _run(options: argparse.Namespace) -> Output:
         raise KeyboardInterrupt
     files = []
     if out is not None:
-        files.append(file_writer(out, lambda: _motion(run).csv()))
+        files.append(file_writer(out, lambda: _motion(run, study.markers).csv()))
     if plot is not None:
-        from ancf_casadi.plot import motion_figure, png  # matplotlib is slow to import
-
-        files.append(file_writer(plot, lambda: png(motion_figure(run))))
+        files.append(figure_writer(plot, lambda: _figure(run)))
     summary = {
         "samples": len(run.time),
         "duration_s": float(run.time[-1]),
@@ -61,10 +63,16 @@ def _use(use: IntegratorUse) -> dict[str, Any]:
     return {"start_s": use.start, "method": use.method, "tolerance": use.tolerance, "reason": use.reason}
 
 
-def _motion(run: Trajectory) -> Table:
-    columns = ("time_s", "tip_x_m", "tip_y_m", "base_x_m", "base_y_m")
-    rows = np.column_stack([run.time, run.tip, run.base]).tolist()
-    return Table("motion", "Motion of the tip", columns, rows)
+def _motion(run: Trajectory, markers: Mapping[str, float]) -> Table:
+    places = {"tip": run.tip, "base": run.base} | {name: run.position(s) for name, s in markers.items()}
+    columns = ("time_s", *(f"{name}_{axis}_m" for name in places for axis in "xy"))
+    return Table("motion", "Motion of the beam", columns, np.column_stack([run.time, *places.values()]).tolist())
+
+
+def _figure(run: Trajectory) -> Figure:
+    from ancf_casadi.plot import motion_figure  # matplotlib is slow to import
+
+    return motion_figure(run)
 
 
 def _plain(value: Any) -> str:

@@ -1,0 +1,52 @@
+"""``ancf-casadi compare-laws``: the damping law that explains a record best."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from ancf_casadi.estimation.comparison import LawComparison
+from ancf_casadi.support.inputs import located
+from problems.command.output import Output, Subcommands, add_plot, figure_writer, json_text, new_files, positive_count
+from problems.command.record_options import add_part_options, add_record_options, read_record, releases
+from problems.command.tables.study_file import MOTION_KEYS, read_motions
+from problems.decay.comparison import compare_decay_laws
+from problems.transient.comparison import compare_laws
+
+
+def add_compare_laws(commands: Subcommands) -> None:
+    """Add the subcommand."""
+    parser = commands.add(
+        "compare-laws",
+        _run,
+        "fit several damping laws to a decay, or to the motion of a beam, and select one",
+        epilog=MOTION_KEYS,
+    )
+    parser.add_argument(
+        "file",
+        metavar="FILE|STUDY.toml",
+        help="record of a free decay, to which the closed forms are fitted; or a study, to whose records the nonlinear "
+        "beam is fitted with each table [[damping]] alone, and with their sum",
+    )
+    parser.add_argument("--jobs", type=positive_count, default=1, metavar="N", help="processes for a study (default: 1)")
+    add_plot(parser, "draw the criteria")
+    add_record_options(parser)
+    add_part_options(parser)
+
+
+def _run(options: argparse.Namespace) -> Output:
+    (plot,) = new_files([options.file], options.plot)
+    found: LawComparison[Any]
+    if options.file.lower().endswith(".toml"):
+        motions = read_motions(options.file)
+        with located(f"{options.file}: [fit]"):
+            found = compare_laws(
+                motions.model, motions.records, motions.laws, jobs=options.jobs, progress=True, **motions.settings
+            )
+    else:
+        (release,) = releases(options, 1)
+        record = read_record(options.file, options)
+        with located(options.file):
+            found = compare_decay_laws(record, release_time=release)
+    files = [] if plot is None else [figure_writer(plot, found.figure)]
+    return Output(json_text(found.to_dict()) if options.json else found.report(), files)

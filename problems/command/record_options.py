@@ -1,0 +1,91 @@
+"""Options of the commands that read records: the columns and units of a file, and the part of it to use."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import get_args
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.sensor import Quantity, Sensor
+from ancf_casadi.support.inputs import located
+from problems.command.output import comma_numbers, finite
+
+
+def add_record_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that say how to read a file."""
+    group = parser.add_argument_group("reading the file")
+    group.add_argument(
+        "--column", type=column, metavar="NAME|N", help="column of the values, by its name or its number from 1"
+    )
+    group.add_argument("--time", type=column, metavar="NAME|N", help="column of the times, likewise")
+    group.add_argument("--unit", help="unit of the values, such as mm, g or m/s^2, if the file does not say it")
+    group.add_argument("--time-unit", metavar="UNIT", help="unit of the times, such as ms, if the file does not say it")
+    group.add_argument("--rate", type=finite, metavar="HZ", help="samples per second of a file without times")
+    group.add_argument(
+        "--sensor",
+        choices=get_args(Quantity),
+        metavar="QUANTITY",
+        help=f"what was measured: {', '.join(get_args(Quantity))} (default: displacement)",
+    )
+
+
+def add_part_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options that choose a part of the record."""
+    group = parser.add_argument_group("choosing the part to fit")
+    group.add_argument("--from", dest="first", type=finite, metavar="S", help="leave out what is before this time (s)")
+    group.add_argument("--to", dest="last", type=finite, metavar="S", help="leave out what is after this time (s)")
+    group.add_argument(
+        "--release",
+        type=comma_numbers,
+        metavar="S",
+        help="time at which the free decay starts (s; default: detected); with several files S,S,... gives one each",
+    )
+
+
+def read_record(path: str, options: argparse.Namespace) -> Measurement:
+    """Read a file with the options of the command, and cut out the part to use.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read with these options, or too little of it is left.
+    """
+    record = Measurement.from_file(
+        path,
+        options.column,
+        time=options.time,
+        unit=options.unit,
+        time_unit=options.time_unit,
+        rate=options.rate,
+        sensor=None if options.sensor is None else Sensor(options.sensor),
+        progress=True,
+    )
+    first, last = -math.inf if options.first is None else options.first, math.inf if options.last is None else options.last
+    kept = (record.time >= first) & (record.time <= last)
+    if kept.all():
+        return record
+    with located(f"{path}: --from, --to"):
+        return Measurement(record.time[kept], record.values[kept], record.name, record.sensor)
+
+
+def column(text: str) -> str | int:
+    """Return the name of a column, or its number from 1."""
+    return int(text) if text.isdecimal() else text
+
+
+def releases(options: argparse.Namespace, count: int) -> list[float | None]:
+    """Return the release time of each of ``count`` files, None where it is to be detected.
+
+    Raises
+    ------
+    InputError
+        If the number of times is neither one nor that of the files.
+    """
+    given: tuple[float, ...] | None = options.release
+    if given is None:
+        return [None] * count
+    if len(given) not in (1, count):
+        raise InputError(f"has {len(given)} times for {count} files; give one, or one for each", "--release")
+    return list(given * (count if len(given) == 1 else 1))

@@ -1,0 +1,62 @@
+"""The table [match]: targets and unknowns of a frequency matching."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.inputs import located, numbers, shown
+from problems.command.tables.study import Study
+from problems.matching.measured_modes import MeasuredModes
+from problems.matching.unknowns import Global, PerElement, PropertyUnknown, Smooth
+
+KEYS = """\
+  [match]       targets (Hz), frequency_std (Hz), bounds, starts, seed,
+                objective ("least-squares" or "worst-error");
+                for measured shapes: points (m), shapes, shape_std;
+                unknowns = {width = "element", density = "global",
+                thickness = {smooth = 3, bounds = 0.05}}
+"""
+MODES = ("frequency_std", "points", "shapes", "shape_std")  # keys that belong to MeasuredModes
+MATCH = ("bounds", "objective", "starts", "seed", "unknowns")
+
+
+def read_request(study: Study) -> dict[str, Any]:
+    """Return the arguments of ``match_frequencies`` after the beam.
+
+    Raises
+    ------
+    InputError
+        If the table is missing, or a key or value cannot be used.
+    """
+    where = study.where("match")
+    request = dict(study.table("match", {"targets"}, {*MODES, *MATCH}))
+    measured = {key: request.pop(key) for key in MODES if key in request}
+    with located(where):
+        targets = list(numbers(request["targets"], "targets"))
+        request["targets"] = MeasuredModes(frequencies=tuple(targets), **measured) if measured else targets
+        if "unknowns" in request:
+            request["unknowns"] = _unknowns(request["unknowns"])
+    return request
+
+
+def _unknowns(table: Any) -> tuple[PropertyUnknown, ...]:
+    if not isinstance(table, dict):
+        raise InputError(f"must be a table of properties, got {shown(table)}", "unknowns")
+    return tuple(_unknown(name, given) for name, given in table.items())
+
+
+def _unknown(name: str, given: Any) -> PropertyUnknown:
+    """Make an unknown from "global", "element", {smooth = 3}, or {element = true, bounds = 0.05}."""
+    table = {given: True} if given in ("global", "element") else given
+    kinds = sorted({"global", "element", "smooth"} & set(table)) if isinstance(table, dict) else []
+    usable = len(kinds) == 1 and set(table) <= {kinds[0], "bounds"}
+    if not usable or (kinds[0] != "smooth" and table[kinds[0]] is not True):
+        raise InputError(
+            f'must be "global", "element", {{smooth = 3}} or {{element = true, bounds = 0.05}}, got {shown(given)}',
+            f"unknowns: {name}",
+        )
+    bounds = table.get("bounds")
+    if kinds[0] == "smooth":
+        return Smooth(name, terms=table["smooth"], bounds=bounds)
+    return Global(name, bounds) if kinds[0] == "global" else PerElement(name, bounds)

@@ -1,0 +1,86 @@
+"""The tables of a simulation: [simulation] with its settings, and [markers] with points to output."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ancf_casadi.damping import DampingLaw
+from ancf_casadi.dynamics.base_motion import BaseMotion
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.export.document.model_document import Document
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.inputs import located, shown
+from problems.command.tables.base import read_base
+from problems.command.tables.release import read_release
+from problems.command.tables.study import Study
+
+KEYS = """\
+  [simulation]  duration (s), sample_rate (1/s), tolerance,
+                method ("auto", "idas" or "radau"),
+                start ("equilibrium", "straight" or "impact")
+  [markers]     NAME = arc length from the clamp (m): points in the output
+"""
+SETTINGS = {"sample_rate", "start", "method", "tolerance"}
+TAKEN = ("time", "tip", "base")  # names of columns that are always there
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """The arguments of ``simulate`` from a file.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    damping : DampingLaw or None
+        The law, or the sum of several.
+    base : BaseMotion or None
+        Motion of the clamp.
+    settings : mapping
+        Other arguments of ``simulate``.
+    markers : mapping of str to float
+        Arc lengths of the points to output by name, m.
+    """
+
+    model: Model
+    damping: DampingLaw | None
+    base: BaseMotion | None
+    settings: Mapping[str, Any]
+    markers: Mapping[str, float]
+
+
+def simulation(study: Study, source: Document) -> Simulation:
+    """Return the simulation of a beam with its damping.
+
+    Raises
+    ------
+    InputError
+        If a table is missing, a key or value cannot be used, or a marker is not on the beam.
+    EquilibriumError
+        If there is no equilibrium under the load of [release].
+    """
+    settings = dict(study.table("simulation", {"duration"}, SETTINGS))
+    base = read_base(study, study.tables["base"], study.where("base")) if "base" in study.tables else None
+    markers = _markers(study, source.model)
+    if "release" in study.tables:
+        if "start" in settings:
+            raise InputError("is given by the table [release]; leave it out", f"{study.where('simulation')}: start")
+        settings["start"] = read_release(study.tables["release"], source.model, study.where("release"))
+    return Simulation(source.model, source.damping, base, settings, markers)
+
+
+def _markers(study: Study, model: Model) -> dict[str, float]:
+    table, where = study.tables.get("markers", {}), study.where("markers")
+    if not isinstance(table, dict):
+        raise InputError(f"must be a table, got {shown(table)}", where)
+    for name, point in table.items():
+        if name in TAKEN or not re.fullmatch(r"\w[\w.-]*", name):
+            raise InputError(
+                f"a name must be made of letters and digits and differ from {', '.join(TAKEN)}", f"{where}: {shown(name)}"
+            )
+        with located(f"{where}: {name}"):
+            model.element_at(point)
+    return {name: float(point) for name, point in table.items()}

@@ -18,16 +18,25 @@ from typing import Any, NoReturn
 
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.support.interrupts import raised_endings
+from ancf_casadi.support.progress import counter
+from ancf_casadi.support.tables import wrapped
 from ancf_casadi.version import __version__
+from problems.command.compare_laws import add_compare_laws
 from problems.command.export import add_export
 from problems.command.fit_decay import add_fit_decay
 from problems.command.fit_modes import add_fit_modes
+from problems.command.fit_motion import add_fit_motion
+from problems.command.init import add_init
 from problems.command.match import add_match
 from problems.command.modes import add_modes
 from problems.command.output import Subcommands
 from problems.command.reproduce import add_reproduce
 from problems.command.simulate import add_simulate
 
+COMMANDS = (
+    add_init, add_fit_decay, add_fit_modes, add_fit_motion, add_compare_laws, add_modes, add_match, add_simulate,
+    add_export, add_reproduce,
+)  # fmt: skip
 SIGNALLED = 128  # plus the number of the signal: the exit code that shells give
 
 
@@ -62,7 +71,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = Subcommands(parser)
-    for add in (add_reproduce, add_fit_decay, add_fit_modes, add_modes, add_match, add_simulate, add_export):
+    for add in COMMANDS:
         add(commands)
     return parser
 
@@ -72,7 +81,8 @@ def _run(options: argparse.Namespace) -> int:
     with raised_endings() as noted, warnings.catch_warnings():
         warnings.showwarning = _show_warning
         try:
-            output = options.run(options)
+            with counter(options.title):
+                output = options.run(options)
             if output.files:
                 written = "not all files were written"
             failures = _write(output.files)
@@ -80,7 +90,9 @@ def _run(options: argparse.Namespace) -> int:
             return _stopped(noted, written)
         except Exception as error:
             return _stopped(noted, written) if noted else _reported(error)
-    print(output.text if failures else output.text + output.closing, flush=True)
+    text = output.text if failures else output.text + output.closing
+    if text:
+        print(text if options.json else wrapped(text), flush=True)
     return max([_reported(failure) for failure in failures], default=0)
 
 

@@ -24,6 +24,8 @@ class LawFit(Result, Protocol):
         """Estimated unknowns."""
 
 
+LONGEST_NAME = 32  # characters of a law in a table of 100 columns
+
 F = TypeVar("F", bound=LawFit)
 
 
@@ -75,28 +77,36 @@ class LawComparison(Generic[F]):
         return (*self.verdict.warnings, *left_out)
 
     def table(self) -> Table:
-        """Return residuals, differences of the criteria from the lowest, and damping parameters, one row per law."""
+        """Return residuals and differences of the criteria from the lowest, one row per law; notes list parameters.
+
+        Laws with long names are numbered in the rows.
+        """
         verdict = self.verdict
-        laws = zip(self.names, self.fits, self.terms, verdict.aicc, verdict.bic, strict=True)
+        numbered = max(map(len, self.names)) > LONGEST_NAME
+        labels = [str(k) if numbered else name for k, name in enumerate(self.names, start=1)]
+        laws = zip(labels, self.fits, verdict.aicc, verdict.bic, strict=True)
         rows = [
             (
-                name,
+                label,
                 one.fit.rank + 1,
                 one.fit.residual_rms,
                 known(aicc - min(verdict.aicc)),
                 bic - min(verdict.bic),
                 one.fit.autocorrelation,
-                _parameters(one.fit, terms),
             )
-            for name, one, terms, aicc, bic in laws
+            for label, one, aicc, bic in laws
         ]
-        columns = ("law", "estimated", "residual_rms_m", "delta_AICc", "delta_BIC", "autocorrelation", "parameters")
+        columns = ("law", "estimated", "residual_rms_m", "delta_AICc", "delta_BIC", "autocorrelation")
+        heads = [f"{label}: {name}" if numbered else name for label, name in zip(labels, self.names, strict=True)]
+        listed = [
+            f"{head}: {_parameters(one.fit, terms)}"
+            for head, one, terms in zip(heads, self.fits, self.terms, strict=True)
+        ]
         best = f"best by BIC: {self.names[verdict.best]}"
         if not verdict.settled:
             best = f"the record does not settle the choice; {best}"
-        return Table(
-            "laws", "Damping laws", columns, rows, (best, *(f"note: {text}" for text in self._choice_warnings))
-        )
+        notes = (*listed, best, *(f"note: {text}" for text in self._choice_warnings))
+        return Table("laws", "Damping laws", columns, rows, notes)
 
     def report(self) -> str:
         """Return the table and the best fit as text."""

@@ -20,6 +20,7 @@ import casadi as cs
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import delayed_interrupts
+from ancf_casadi.support.progress import step
 
 SILENT: Mapping[str, Any] = {
     "print_time": False,
@@ -113,6 +114,7 @@ def solve_nlp(
         began = time.perf_counter()
         with delayed_interrupts():
             result = solver(x0=start, **bounds)
+        step()
         seconds = time.perf_counter() - began
     except RuntimeError as error:
         raise FitError(f"the problem cannot be solved as stated: {_reason(error)}") from None

@@ -6,9 +6,12 @@ import csv
 import io
 import json
 import math
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+
+WIDTH = 100  # columns of a report on a terminal
 
 Cell = str | float | int | None
 
@@ -63,6 +66,18 @@ def to_json(value: Any) -> str:
         The data, lists and dicts nested.
     """
     return json.dumps(_finite(value), indent=2, allow_nan=False) + "\n"
+
+
+def wrapped(text: str) -> str:
+    """Return a report with its long lines folded at spaces; the rest of a line is indented by two more columns."""
+    return "\n".join(part for line in text.split("\n") for part in _wrapped(line))
+
+
+def _wrapped(line: str) -> list[str]:
+    if len(line) <= WIDTH:
+        return [line]
+    indent = " " * (len(line) - len(line.lstrip()) + 2)
+    return textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
 
 def _shown(cell: Cell) -> str:

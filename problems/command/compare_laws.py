@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from ancf_casadi.estimation.comparison import LawComparison
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
 from problems.command.output import Output, Subcommands, add_plot, figure_writer, json_text, new_files, positive_count
 from problems.command.record_options import add_part_options, add_record_options, read_record, releases
@@ -28,7 +29,9 @@ def add_compare_laws(commands: Subcommands) -> None:
         help="record of a free decay, to which the closed forms are fitted; or a study, to whose records the nonlinear "
         "beam is fitted with each table [[damping]] alone, and with their sum",
     )
-    parser.add_argument("--jobs", type=positive_count, default=1, metavar="N", help="processes for a study (default: 1)")
+    parser.add_argument(
+        "--jobs", type=positive_count, default=1, metavar="N", help="processes for a study (default: 1)"
+    )
     add_plot(parser, "draw the criteria")
     add_record_options(parser)
     add_part_options(parser)
@@ -40,6 +43,8 @@ def _run(options: argparse.Namespace) -> Output:
     if options.file.lower().endswith(".toml"):
         motions = read_motions(options.file)
         with located(f"{options.file}: [fit]"):
+            if "fixed" in motions.settings:
+                raise InputError("all parameters of the laws are compared; leave it out", "fixed")
             found = compare_laws(
                 motions.model, motions.records, motions.laws, jobs=options.jobs, progress=True, **motions.settings
             )

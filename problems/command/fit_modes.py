@@ -63,13 +63,14 @@ def modes_output(
 def _table(fits: Sequence[DecayFit]) -> Table:
     """Return one row per mode with 95 % intervals, and the remarks that concern all."""
     columns = ("mode", "f_Hz", "f_low", "f_high", "damping_ratio", "low", "high", "amplitude_m")
-    rows = [
-        (k, fit.frequency, *fit.intervals["frequency"], fit.damping_ratio, *fit.intervals["damping_ratio"], fit.amplitude)
-        for k, fit in enumerate(fits, start=1)
-    ]  # fmt: skip
+    rows = []
+    for k, fit in enumerate(fits, start=1):
+        frequency, ratio = fit.intervals["frequency"], fit.intervals["damping_ratio"]
+        rows.append((k, fit.frequency, *frequency, fit.damping_ratio, *ratio, fit.amplitude))
     first = fits[0]
     notes = [
-        f"{first.samples} samples from {first.release_time:g} s on ({first.release_reason}); low and high: 95 % intervals",
+        "low and high are the ends of 95 % intervals",
+        f"{first.samples} samples from {first.release_time:g} s on ({first.release_reason})",
         f"the residuals have an rms of {first.residual_rms:.3g} {first.units['amplitude']}",
     ]
     notes += [f"note: {text}" for text in dict.fromkeys(text for fit in fits for text in fit.warnings)]

@@ -54,7 +54,10 @@ class Subcommands:
     def add(
         self, name: str, run: Callable[[argparse.Namespace], Output], about: str, *, epilog: str | None = None
     ) -> argparse.ArgumentParser:
-        """Return the parser of a new subcommand, which has ``--json`` and calls ``run``; ``refuse`` is its error."""
+        """Return the parser of a new subcommand, which has ``--json`` and calls ``run``.
+
+        The options also hold ``refuse``, the error of the parser, and ``title``, the name of the command.
+        """
         added = self._parsers.add_parser(
             name,
             help=about,
@@ -63,7 +66,7 @@ class Subcommands:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         added.add_argument("--json", action="store_true", help="print the result as JSON")
-        added.set_defaults(run=run, refuse=added.error)
+        added.set_defaults(run=run, refuse=added.error, title=name)
         return added
 
 

@@ -62,12 +62,22 @@ def read_record(path: str, options: argparse.Namespace) -> Measurement:
         sensor=None if options.sensor is None else Sensor(options.sensor),
         progress=True,
     )
-    first, last = -math.inf if options.first is None else options.first, math.inf if options.last is None else options.last
-    kept = (record.time >= first) & (record.time <= last)
-    if kept.all():
-        return record
     with located(f"{path}: --from, --to"):
-        return Measurement(record.time[kept], record.values[kept], record.name, record.sensor)
+        return part(record, options.first, options.last)
+
+
+def part(record: Measurement, first: float | None, last: float | None) -> Measurement:
+    """Return the samples of a record between two times (s), of which each may be missing.
+
+    Raises
+    ------
+    InputError
+        If fewer than two samples are left.
+    """
+    kept = (record.time >= (-math.inf if first is None else first)) & (
+        record.time <= (math.inf if last is None else last)
+    )
+    return Measurement(record.time[kept], record.values[kept], record.name, record.sensor)
 
 
 def column(text: str) -> str | int:

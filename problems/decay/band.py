@@ -1,10 +1,10 @@
 """The mode of a record within a band of frequencies.
 
 A band-pass filter would colour the noise, ring at the release and shift it, and would make the standard errors too
-small.  Instead, modes are fitted at once, the strongest first, until the residuals show no other oscillation outside the
-band.  The modes outside are subtracted from the record, and the rest can be fitted with any
-law.  The subtracted modes are then taken as known.  With decay rates sigma = zeta omega, this neglects correlations of
-about (sigma_1 + sigma_2)/|omega_1 - omega_2|, so that close modes give a warning.
+small.  Instead, modes are fitted at once, the strongest first, until the residuals show no other oscillation outside
+the band.  The modes other than the wanted one are subtracted from the record, and the rest can be fitted with any law.
+The subtracted modes are then taken as known.  With decay rates sigma = zeta omega, this neglects correlations of about
+(sigma_1 + sigma_2)/|omega_1 - omega_2|, so that close modes give a warning.
 """
 
 from __future__ import annotations

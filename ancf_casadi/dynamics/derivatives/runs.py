@@ -23,6 +23,7 @@ from ancf_casadi.dynamics.derivatives.sensitivity import Problem
 from ancf_casadi.exceptions import AncfError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import interrupted
+from ancf_casadi.support.progress import step
 
 FEW_STEPS = 2000  # a motion of at most so many steps is never given up, however few the first run took
 SAME_INPUTS = 1e-14  # relative difference that a solver may cause by rounding; such inputs are the same
@@ -97,6 +98,8 @@ class Runs:
             run = self.problem.solve(values, self._most_steps)
         except AncfError as error:
             return error.with_traceback(None)
+        finally:
+            step()
         if math.isfinite(self._patience):
             self._most_steps = min(self._most_steps, max(FEW_STEPS, round(self._patience * run.steps)))
             self._patience = math.inf

@@ -79,7 +79,8 @@ def _markers(study: Study, model: Model) -> dict[str, float]:
     for name, point in table.items():
         if name in TAKEN or not re.fullmatch(r"\w[\w.-]*", name):
             raise InputError(
-                f"a name must be made of letters and digits and differ from {', '.join(TAKEN)}", f"{where}: {shown(name)}"
+                f"a name must be made of letters and digits and differ from {', '.join(TAKEN)}",
+                f"{where}: {shown(name)}",
             )
         with located(f"{where}: {name}"):
             model.element_at(point)

@@ -50,8 +50,7 @@ class Study:
         """
         if is_document(path):
             raise InputError(
-                "a document holds only beam and damping; write a TOML file with [beam] document = "
-                f'"{Path(path).name}"',
+                f'a document holds only beam and damping; write a TOML file with [beam] document = "{Path(path).name}"',
                 path,
             )
         tables = read_toml(path)

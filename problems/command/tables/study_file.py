@@ -10,7 +10,7 @@ from ancf_casadi.export.document.model_document import Document, read_document
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
-from problems.command.tables import base, beam, damping, match, release, simulation
+from problems.command.tables import base, beam, damping, match, records, release, simulation
 from problems.command.tables.study import Study, is_document
 
 HEAD = "tables of a TOML file:\n"
@@ -18,6 +18,7 @@ BEAM_KEYS = HEAD + beam.KEYS
 SOURCE_KEYS = HEAD + beam.KEYS + damping.KEYS
 MATCH_KEYS = HEAD + beam.KEYS + match.KEYS
 SIMULATION_KEYS = HEAD + beam.KEYS + damping.KEYS + base.KEYS + release.KEYS + simulation.KEYS
+MOTION_KEYS = HEAD + beam.KEYS + damping.KEYS + base.KEYS + release.KEYS + records.KEYS
 
 
 def read_source(path: str) -> Document:
@@ -71,6 +72,20 @@ def read_simulation(path: str) -> simulation.Simulation:
     """
     study = Study.read(path)
     return simulation.simulation(study, _source(study))
+
+
+def read_motions(path: str) -> records.Motions:
+    """Read a beam, its damping, measured motions, and the unknowns of a fit to them.
+
+    Raises
+    ------
+    InputError
+        As ``read_simulation``, or if there are no records.
+    EquilibriumError
+        If there is no equilibrium under the load of a release.
+    """
+    study = Study.read(path)
+    return records.motions(study, _source(study))
 
 
 def _source(study: Study) -> Document:

@@ -40,7 +40,9 @@ from problems.command import fit_decay as fit_decay_command
 from problems.command import match as match_command
 from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
-from problems.command.study_file import MATCH, MODES, SIMULATION, read_simulation
+from problems.command.tables.match import MATCH, MODES
+from problems.command.tables.simulation import SETTINGS
+from problems.command.tables.study_file import read_simulation
 from problems.study import report, reproduction, tables, transients
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -118,7 +120,7 @@ class TestMatch:
         rows = [[float(cell) for cell in line.split()] for line in frequencies.splitlines()[4:7]]
         for row, target in zip(rows, (1.85, 10.19, 26.84), strict=True):
             assert (row[1], row[3]) == (pytest.approx(target), pytest.approx(target, rel=1e-5))
-        assert len(properties.splitlines()) == 4 + 8 + 8 + 2 + 3  # rows, and three lines of notes
+        assert len(properties.splitlines()) == 4 + 8 + 8 + 2 + 4  # rows, and three notes, one of them folded
         assert (
             "The data determine 3 independent combinations of the 18 unknowns; the preference selects the rest."
             in properties
@@ -286,7 +288,7 @@ def test_help_names_every_key_that_a_file_may_have(capsys):
     keys = {field.name for field in fields(Beam)} | {"elements", "document", "targets", *MODES, *MATCH}
     for kind in (HarmonicBase, RayleighDamping, QuadraticDamping):
         keys |= {field.name for field in fields(kind)}
-    assert {*keys, "ratios", "frequencies", *SIMULATION} <= told
+    assert {*keys, "ratios", "frequencies", *SETTINGS} <= told
 
 
 def one_line(capsys) -> str:

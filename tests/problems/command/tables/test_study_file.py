@@ -15,8 +15,9 @@ from ancf_casadi import (
     RayleighDamping,
     natural_modes,
 )
+from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
-from problems.command.study_file import numbers, read_match, read_model, read_simulation
+from problems.command.tables.study_file import read_match, read_model, read_simulation
 
 BEAM = """
 [beam]
@@ -229,7 +230,7 @@ def test_numbers_refuse_what_is_no_number(value):
 
 @pytest.mark.parametrize("name", ["beam.toml", "study.toml"])
 def test_examples_can_be_read(name):
-    path = str(Path(__file__).parents[3] / "examples" / name)
+    path = str(Path(__file__).parents[4] / "examples" / name)
     assert read_model(path).beam.elements == 20
     if name == "beam.toml":
         assert read_match(path)[1]["targets"] == [1.85, 10.19, 26.84, 53.20, 88.60]

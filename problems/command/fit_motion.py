@@ -1,0 +1,44 @@
+"""``ancf-casadi fit-motion``: a damping law, and properties of the beam, from measured large motion."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from ancf_casadi.export import Document, write_document
+from ancf_casadi.support.inputs import located
+from problems.command.output import Output, Subcommands, add_plot, figure_writer, json_text, new_files
+from problems.command.tables.study_file import MOTION_KEYS, read_motions
+from problems.transient.fitting import fit_transient
+
+
+def add_fit_motion(commands: Subcommands) -> None:
+    """Add the subcommand."""
+    parser = commands.add(
+        "fit-motion",
+        _run,
+        "estimate a damping law, and properties of the beam, from measured large motion",
+        epilog=MOTION_KEYS,
+    )
+    parser.add_argument(
+        "file", metavar="STUDY.toml", help="a file with the tables [beam], [[damping]] and [[records]]; init writes one"
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.json", help="write the beam and the law that were found as a JSON document"
+    )
+    add_plot(parser, "draw the measured and the fitted motion")
+
+
+def _run(options: argparse.Namespace) -> Output:
+    out, plot = new_files([options.file], options.out, options.plot)
+    motions = read_motions(options.file)
+    with located(f"{options.file}: [fit]"):
+        fit = fit_transient(motions.model, motions.records, motions.damping, **motions.settings)
+    files: list[Callable[[], object]] = []
+    if out is not None:
+        files.append(partial(write_document, out, Document(fit.model, fit.law)))
+    if plot is not None:
+        files.append(figure_writer(plot, fit.figure))
+    return Output(json_text(fit.to_dict()) if options.json else fit.report(), files)

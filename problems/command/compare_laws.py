@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from typing import Any
 
 from ancf_casadi.estimation.comparison import LawComparison
@@ -46,7 +47,12 @@ def _run(options: argparse.Namespace) -> Output:
             if "fixed" in motions.settings:
                 raise InputError("all parameters of the laws are compared; leave it out", "fixed")
             found = compare_laws(
-                motions.model, motions.records, motions.laws, jobs=options.jobs, progress=True, **motions.settings
+                motions.model,
+                motions.records,
+                motions.laws,
+                jobs=options.jobs,
+                progress=sys.stderr.isatty(),
+                **motions.settings,
             )
     else:
         (release,) = releases(options, 1)

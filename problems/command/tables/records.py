@@ -162,6 +162,6 @@ def _motion(channels: Sequence[Measurement], base: BaseMotion | None, start: Sta
     time = channels[0].time
     points, pairs = [], []
     for x, y in zip(channels[::2], channels[1::2], strict=True):
-        points.append(x.sensor.point)
+        points += [] if x.sensor.point is None else [x.sensor.point]
         pairs.append(np.column_stack([x.values, y.values]))
-    return MarkerRecord(time - time[0], np.stack(pairs, axis=1), None if None in points else points, base, start)
+    return MarkerRecord(time - time[0], np.stack(pairs, axis=1), points or None, base, start)

@@ -21,6 +21,7 @@ import pytest
 from ancf_casadi import (
     Beam,
     FitError,
+    FixedBase,
     HarmonicBase,
     InputError,
     Measurement,
@@ -29,6 +30,7 @@ from ancf_casadi import (
     RayleighDamping,
     SimulationError,
     StrainMeasures,
+    SweepBase,
 )
 from ancf_casadi.export import Document, load_functions, read_document, write_document
 from ancf_casadi.export.targets import fmu
@@ -40,6 +42,8 @@ from problems.command import fit_decay as fit_decay_command
 from problems.command import match as match_command
 from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
+from problems.command.tables import records
+from problems.command.tables.base import AXES, FILE
 from problems.command.tables.match import MATCH, MODES
 from problems.command.tables.simulation import SETTINGS
 from problems.command.tables.study_file import read_simulation
@@ -273,7 +277,10 @@ def test_version_and_entry_point(capsys):
     assert script.load() is main
 
 
-@pytest.mark.parametrize("command", ["reproduce", "fit-decay", "modes", "match", "simulate", "export"])
+COMMANDS = "init fit-decay fit-modes fit-motion compare-laws modes match simulate export reproduce".split()
+
+
+@pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_help_and_json(command, capsys):
     with pytest.raises(SystemExit) as stopped:
         main([command, "--help"])
@@ -282,13 +289,22 @@ def test_every_command_has_help_and_json(command, capsys):
 
 
 def test_help_names_every_key_that_a_file_may_have(capsys):
-    with pytest.raises(SystemExit):
-        main(["match", "--help"])
-    told = set(re.findall(r"\w+", capsys.readouterr().out))
-    keys = {field.name for field in fields(Beam)} | {"elements", "document", "targets", *MODES, *MATCH}
-    for kind in (HarmonicBase, RayleighDamping, QuadraticDamping):
-        keys |= {field.name for field in fields(kind)}
-    assert {*keys, "ratios", "frequencies", *SETTINGS} <= told
+    beam = {field.name for field in fields(Beam)} | {"elements", "document"}
+    laws = {field.name for kind in (RayleighDamping, QuadraticDamping) for field in fields(kind)} | {"ratios"}
+    bases = {field.name for kind in (HarmonicBase, SweepBase, FixedBase) for field in fields(kind)} | {*AXES, *FILE}
+    motion = beam | laws | bases | {"tip_force", "tip_moment"}
+    expected = {
+        "modes": beam,
+        "match": {*beam, "targets", *MODES, *MATCH},
+        "export": beam | laws,
+        "simulate": {*motion, "duration", *SETTINGS, "markers"},
+        "fit-motion": {*motion, "file", *records.RECORD, *records.FIT},
+    }
+    for command, keys in expected.items():
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        told = set(re.findall(r"\w+", capsys.readouterr().out))
+        assert keys <= told, command
 
 
 def one_line(capsys) -> str:
@@ -411,7 +427,7 @@ class TestExport:
                 "must be numbers separated by commas",
             ),
             (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.6"], "--markers: s: the point must be on"),
-            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "nan"], "must be a finite number"),
+            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "nan"], "must be numbers separated by commas"),
             (
                 ["beam.toml", "--format", "json", "--out", "x", "--identification", "bad.json"],
                 "bad.json: result: is not",
@@ -475,11 +491,14 @@ def refused(arguments: list[str], files: Path, capsys) -> str:
 @pytest.mark.parametrize(
     ("arguments", "what"),
     [
-        (["match", "beam.toml", "--plot", "beam.toml"], "beam.toml: is an input, which would be lost"),
+        (["match", "beam.toml", "--out", "beam.toml"], "beam.toml: is an input, which would be lost"),
         (["fit-decay", "decay.csv", "--curve", "./decay.csv"], "decay.csv: is an input, which would be lost"),
         (["simulate", "study.toml", "--out", "link.toml"], "link.toml: is an input, which would be lost"),
         (["export", "beam.toml", "--format", "json", "--out", "beam.toml"], "beam.toml: is an input"),
-        (["simulate", "study.toml", "--out", "x", "--plot", "./x"], "x: is named for two outputs; choose two names"),
+        (
+            ["simulate", "study.toml", "--out", "x.png", "--plot", "./x.png"],
+            "x.png: is named for two outputs; choose two names",
+        ),
         (["simulate", "study.toml", "--out", "pipe"], "pipe: is a device or a pipe; name a file"),
         (["match", "beam.json"], "beam.json: a document holds only beam and damping; write a TOML file"),
         (["simulate", "beam.json"], "beam.json: a document holds only beam and damping; write a TOML file"),
@@ -508,7 +527,7 @@ class TestUnusableInput:
                 "elements = 20\ncolour = 1",
                 "[beam]: unknown key 'colour'; known are axis, clamp_stiffness",
             ),
-            ("[match]", "[mach]", "unknown key 'mach'; known are base, beam, damping, match"),
+            ("[match]", "[mach]", "unknown key 'mach'; known are base, beam, damping, fit, markers, match"),
             ("[beam]", "[bean]", "the key 'beam' is missing; unknown keys: 'bean'"),
             ("thickness = 0.5e-3", "thickness = -0.5e-3", "[beam]: thickness: must be positive, got -0.0005"),
             ("density = 8000.0", "density = nan", "[beam]: density: must be a finite number, got nan"),
@@ -620,9 +639,9 @@ class TestUnusableInput:
     @pytest.mark.parametrize(
         ("arguments", "what"),
         [
-            (["modes", "beam.toml", "--count", "0"], "count: must be a whole number, 1 to 80, got 0"),
+            (["modes", "beam.toml", "--count", "0"], "argument --count: must be a whole number above 0, got '0'"),
             (["modes", "beam.toml", "--count", "81"], "count: must be a whole number, 1 to 80, got 81"),
-            (["modes", "beam.toml", "--count", "many"], "argument --count: invalid int value: 'many'"),
+            (["modes", "beam.toml", "--count", "many"], "argument --count: must be a whole number above 0, got 'many'"),
             (["modes", "absent.toml"], "absent.toml: cannot be read (No such file or directory)"),
             (["modes", "."], ".: cannot be read (Is a directory)"),
             (["modes", "beam.toml/below"], "beam.toml/below: cannot be read (Not a directory)"),
@@ -633,7 +652,7 @@ class TestUnusableInput:
                 ["fit-decay", "decay.csv", "--column", "x"],
                 "decay.csv: --column 'x': there is no such column; there are 2 'tip_mm'",
             ),
-            (["fit-decay", "decay.csv", "--plot", "."], ".: is a folder"),
+            (["fit-decay", "decay.csv", "--curve", "."], ".: is a folder"),
             (["fit-decay", "decay.csv", "--plot", "beam.toml/fit.png"], "beam.toml: is not a folder"),
             (["simulate", "beam.toml"], "beam.toml: [simulation]: the table is missing"),
             (["simulate", "study.toml", "--out", "."], ".: is a folder"),

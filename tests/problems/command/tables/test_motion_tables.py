@@ -1,0 +1,105 @@
+"""The tables of base motions, releases and records give the same objects as Python, or name the key."""
+
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    FixedBase,
+    InputError,
+    SampledBase,
+    SweepBase,
+    static_equilibrium,
+)
+from problems.command.tables.study_file import read_simulation
+
+BEAM = """
+[beam]
+length = 0.5
+width = 5e-3
+thickness = 0.5e-3
+density = 8000.0
+elastic_modulus = 210e9
+elements = 4
+"""
+SIMULATION = "[simulation]\nduration = 2.0\n"
+LAWS = '[[damping]]\nlaw = "rayleigh"\nalpha = 0.2\n[[damping]]\nlaw = "quadratic"\neta2 = 0.1\n'
+TIME = np.arange(0.0, 1.0, 0.01)
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Write a file beside a measured motion, and return its path as text."""
+    motion = np.column_stack([TIME, 1e3 * np.sin(TIME), 1e3 * np.cos(TIME), 0.1 * TIME])
+    np.savetxt(tmp_path / "clamp.csv", motion, delimiter=",", header="t,x_mm,y_mm,turn", comments="")
+
+    def write(*parts: str) -> str:
+        path = tmp_path / "study.toml"
+        path.write_text("".join(parts))
+        return str(path)
+
+    return write
+
+
+class TestBase:
+    def test_sweep(self, file):
+        text = "[base]\namplitude = 1e-3\nfrequencies = [1.0, 3.0]\nstop = 5\n"
+        assert read_simulation(file(BEAM, SIMULATION, text)).base == SweepBase(1e-3, (1.0, 3.0), stop=5.0)
+
+    def test_fixed(self, file):
+        base = read_simulation(file(BEAM, SIMULATION, "[base]\nrotation = 0.1\n")).base
+        assert base == FixedBase(rotation=0.1)
+
+    @pytest.mark.parametrize("columns", ['x = "x_mm"\ny = "y_mm"\nrotation = "turn"', "x = 2\ny = 3\nrotation = 4"])
+    def test_sampled_from_a_file_beside_the_study(self, file, columns):
+        base = read_simulation(file(BEAM, SIMULATION, f'[base]\nfile = "clamp.csv"\n{columns}\n')).base
+        assert isinstance(base, SampledBase)
+        assert base.time == pytest.approx(TIME)
+        assert base.displacement == pytest.approx(np.column_stack([np.sin(TIME), np.cos(TIME) - 1]), abs=1e-12)
+        assert base.rotation == pytest.approx(0.1 * TIME)
+
+    def test_a_direction_without_a_column_rests(self, file):
+        base = read_simulation(file(BEAM, SIMULATION, '[base]\nfile = "clamp.csv"\ny = 3\n')).base
+        assert not base.displacement[:, 0].any() and not base.rotation.any()
+        assert base.displacement[-1, 1] == pytest.approx(np.cos(TIME[-1]) - 1)
+
+    @pytest.mark.parametrize(
+        ("text", "what"),
+        [
+            ("amplitude = 1e-3\nfrequencies = [1, 3]\n", r"the key 'stop' is missing"),
+            ("amplitude = 1e-3\nfrequencies = [1, -3]\nstop = 5\n", r"frequencies: must be positive"),
+            ("amplitude = 1e-3\nfrequencies = 1\nstop = 5\n", r"frequencies: must be a pair"),
+            ('file = "clamp.csv"\n', r"name at least one of the columns x, y and rotation"),
+            ('file = "none.csv"\nx = 2\n', r"x: .*none\.csv"),
+            ('file = "clamp.csv"\nx = "z"\n', r"x: .*clamp\.csv"),
+            ("file = 3\nx = 2\n", r"file: must be the name of a file, got 3"),
+            ('file = "clamp.csv"\nx = 2\nspeed = 1\n', r"unknown key 'speed'"),
+            ("rotation = 'left'\n", r"rotation: must be a finite number"),
+        ],
+    )
+    def test_unusable(self, file, text, what):
+        with pytest.raises(InputError, match=rf"study\.toml: \[base\]: {what}"):
+            read_simulation(file(BEAM, SIMULATION, "[base]\n", text))
+
+
+class TestRelease:
+    def test_the_beam_is_held_by_the_load(self, file):
+        study = read_simulation(file(BEAM, SIMULATION, "[release]\ntip_force = [1e-2, 0]\ntip_moment = 1e-4\n"))
+        start = study.settings["start"]
+        held = static_equilibrium(study.model, tip_force=(1e-2, 0.0), tip_moment=1e-4)
+        assert np.array_equal(start.coordinates, held.coordinates)
+
+    @pytest.mark.parametrize(
+        ("text", "what"),
+        [
+            ("[release]\ntip_force = 1\n", r"\[release\]: tip_force: must be a pair"),
+            ("[release]\nforce = [1, 0]\n", r"\[release\]: unknown key 'force'"),
+            ("release = 3\n", r"\[release\]: must be a table, got 3"),
+        ],
+    )
+    def test_unusable(self, file, text, what):
+        with pytest.raises(InputError, match=what):
+            read_simulation(file(text, BEAM, SIMULATION) if "=" in text[:10] else file(BEAM, SIMULATION, text))
+
+    def test_a_start_beside_it_is_refused(self, file):
+        with pytest.raises(InputError, match=r"\[simulation\]: start: is given by the table \[release\]"):
+            read_simulation(file(BEAM, SIMULATION, 'start = "straight"\n[release]\ntip_force = [1, 0]\n'))

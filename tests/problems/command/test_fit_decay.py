@@ -1,0 +1,152 @@
+"""``fit-decay`` and ``fit-modes``: modes, bands, several records, parts of a record, and what is refused."""
+
+import json
+
+import numpy as np
+import pytest
+
+SLOW, FAST = (3.0, 0.02, 5e-3), (19.0, 0.01, 8e-3)
+
+
+def near(data, name, truth):
+    """Return whether an estimate is within four of its standard errors."""
+    key = {"frequency": "_hz", "damping_ratio": ""}[name]
+    return data[f"{name}{key}"] == pytest.approx(truth, abs=4 * data[f"{name}_stderr{key}"])
+
+
+class TestModes:
+    def test_both_modes_of_a_record_are_found(self, run, decay):
+        decay("two.csv", SLOW, FAST)
+        slow, fast = json.loads(run("fit-modes", "two.csv", "--count", "2", "--json").out)["modes"]
+        for found, (frequency, ratio, _) in ((slow, SLOW), (fast, FAST)):
+            assert near(found, "frequency", frequency) and near(found, "damping_ratio", ratio)
+
+    def test_fit_decay_with_modes_is_the_same(self, run, decay):
+        decay("two.csv", SLOW, FAST)
+        assert run("fit-modes", "two.csv", "--count", "2").out == run("fit-decay", "two.csv", "--modes", "2").out
+
+    def test_the_table_fits_a_terminal_and_the_figure_is_drawn(self, run, decay, tmp_path):
+        decay("two.csv", SLOW, FAST)
+        done = run("fit-modes", "two.csv", "--count", "2", "--plot", "new/two.svg")
+        assert done.code == 0 and max(map(len, done.out.splitlines())) <= 100
+        assert (tmp_path / "new/two.svg").read_bytes().startswith(b"<?xml")
+
+
+class TestBand:
+    @pytest.mark.parametrize(("band", "mode", "other"), [("2,4", SLOW, FAST), ("10,30", FAST, SLOW)])
+    @pytest.mark.parametrize("law", ["linear", "quadratic"])
+    def test_the_other_mode_is_subtracted(self, run, decay, band, mode, other, law):
+        decay("two.csv", SLOW, FAST)
+        data = json.loads(run("fit-decay", "two.csv", "--band", band, "--law", law, "--json").out)
+        damped = np.sqrt(1 - mode[1] ** 2)  # the closed form of the quadratic law has the frequency of the motion
+        assert near(data, "frequency", mode[0] * (damped if law == "quadratic" else 1.0))
+        assert data["damping_ratio"] == pytest.approx(mode[1], rel=0.01)
+        assert data["residual_rms_m"] == pytest.approx(2e-5, rel=0.1)
+        assert data["subtracted_hz"] == [[pytest.approx(other[0], rel=1e-3)]]
+
+    def test_the_errors_are_those_of_a_fit_of_both_modes(self, run, decay):
+        decay("two.csv", SLOW, FAST)
+        both = json.loads(run("fit-modes", "two.csv", "--count", "2", "--json").out)["modes"][0]
+        band = json.loads(run("fit-decay", "two.csv", "--band", "2,4", "--json").out)
+        for name in ("frequency_hz", "frequency_stderr_hz", "damping_ratio", "damping_ratio_stderr"):
+            assert band[name] == pytest.approx(both[name], rel=0.02)
+
+    def test_close_modes_give_a_warning(self, run, decay):
+        decay("close.csv", (3.0, 0.03, 5e-3), (3.5, 0.03, 4e-3))
+        done = run("fit-decay", "close.csv", "--band", "2,3.2")
+        assert done.code == 0
+        assert "are close, and the latter is subtracted as if it were known" in " ".join(done.out.split())
+
+    def test_an_empty_band_is_refused_with_the_modes_that_are_there(self, run, decay):
+        decay("two.csv", SLOW, FAST)
+        done = run("fit-decay", "two.csv", "--band", "5,9")
+        assert (done.code, done.out) == (2, "")
+        assert "no mode is within 5 to 9 Hz; those found are at 3" in done.err
+
+
+class TestSeveralFiles:
+    def test_each_alone_and_all_at_once(self, run, decay):
+        decay("a.csv", SLOW, seed=1)
+        decay("b.csv", SLOW, seed=2)
+        data = json.loads(run("fit-decay", "a.csv", "b.csv", "--json").out)
+        alone = [one["damping_ratio"] for one in data["alone"]]
+        assert min(alone) < data["damping_ratio"] < max(alone)
+        assert data["damping_ratio_stderr"] == pytest.approx(data["alone"][0]["damping_ratio_stderr"] / 2**0.5, rel=0.1)
+        text = run("fit-decay", "a.csv", "b.csv").out
+        assert "all at once" in text and "between the records" in text
+
+    def test_figures_and_curves_are_numbered(self, run, decay, tmp_path):
+        decay("a.csv", SLOW, seed=1)
+        decay("b.csv", SLOW, seed=2)
+        assert run("fit-decay", "a.csv", "b.csv", "--plot", "fit.png", "--curve", "curve.csv").code == 0
+        names = {path.name for path in tmp_path.iterdir()}
+        assert {"fit-1.png", "fit-2.png", "curve-1.csv", "curve-2.csv"} <= names
+
+
+def test_a_part_of_the_record(run, decay):
+    decay("a.csv", SLOW)
+    data = json.loads(run("fit-decay", "a.csv", "--from", "1", "--to", "3", "--json").out)
+    assert (data["samples"], data["release_time_s"]) == (1001, 1.0)
+    data = json.loads(run("fit-decay", "a.csv", "--release", "2", "--json").out)
+    assert (data["release_time_s"], data["release_reason"]) == (2.0, "given")
+    assert near(data, "frequency", 3.0)
+
+
+def test_units_and_columns_are_given_by_options(run, tmp_path):
+    time = np.arange(0.0, 3000.0, 2.0)
+    tip = np.exp(-0.3 * time / 1e3) * np.cos(2 * np.pi * 3e-3 * time)
+    np.savetxt(tmp_path / "a.txt", np.column_stack([0 * time, tip, time]), header="rest tip t", comments="")
+    options = ["--column", "2", "--time", "t", "--unit", "mm", "--time-unit", "ms"]
+    data = json.loads(run("fit-decay", "a.txt", *options, "--json").out)
+    assert data["frequency_hz"] == pytest.approx(3.0, rel=2e-3)
+    assert data["amplitude_m"] == pytest.approx(1e-3, rel=0.01)
+
+
+def test_a_curve_that_fails_leaves_the_fit_and_the_figure(run, decay, tmp_path, monkeypatch):
+    from ancf_casadi import InputError
+    from problems.command import fit_decay
+
+    def fails(*_, **__):
+        raise InputError("shows no oscillation above the noise", "record")
+
+    monkeypatch.setattr(fit_decay, "damping_curve", fails)
+    decay("a.csv", SLOW)
+    done = run("fit-decay", "a.csv", "--curve", "curve.csv", "--plot", "fit.pdf")
+    assert done.code == 2
+    assert done.out.startswith("linear decay")
+    assert done.err == "ancf-casadi: a.csv: --curve: record: shows no oscillation above the noise\n"
+    assert (tmp_path / "fit.pdf").read_bytes().startswith(b"%PDF")
+    assert not (tmp_path / "curve.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "what"),
+    [
+        ([*"a.csv a.csv".split(), "--law", "auto"], "--law auto: compares the laws on one record"),
+        (["a.csv", "--law", "auto", "--robust"], "--law auto: compares sums of squares; leave out --robust"),
+        (["a.csv", "--band", "1"], "--band: must be two frequencies LOW,HIGH"),
+        (["a.csv", "--band", "4,2"], "a.csv: band: must be in order, got 4, 2 Hz"),
+        (["a.csv", "--band", "a,b"], "argument --band: must be numbers separated by commas, got 'a,b'"),
+        (
+            ["a.csv", "--modes", "2", "--robust"],
+            "--modes: fits modes with linear damping to one record; it does not go",
+        ),
+        (["a.csv", "--modes", "0"], "argument --modes: must be a whole number above 0"),
+        (["a.csv", "--release", "1,2"], "--release: has 2 times for 1 files"),
+        (["a.csv", "--from", "9"], "a.csv: --from, --to: time: needs at least 2 samples, got 0"),
+        (["a.csv", "--from", "nan"], "argument --from: must be a number, got 'nan'"),
+        (["a.csv", "--rate", "fast"], "argument --rate: must be a number, got 'fast'"),
+        (["a.csv", "--plot", "a.jpg"], "argument --plot: must end in .png, .svg or .pdf, got 'a.jpg'"),
+        (["a.csv", "--plot", "plot"], "argument --plot: must end in .png, .svg or .pdf, got 'plot'"),
+        (["a.csv", "--sensor", "smell"], "argument --sensor: invalid choice: 'smell'"),
+        (["a.csv", "--column", "7"], "a.csv: "),
+        ([], "the following arguments are required: FILE"),
+    ],
+)
+def test_misuse_is_one_line(run, decay, tmp_path, options, what):
+    decay("a.csv", SLOW)
+    done = run("fit-decay", *options)
+    assert (done.code, done.out) == (2, "")
+    (line,) = done.err.splitlines()
+    assert what in line
+    assert [path.name for path in tmp_path.iterdir()] == ["a.csv"]

@@ -1,0 +1,170 @@
+"""Commands on TOML files: what ``init`` writes runs, shapes and markers are written, and laws are recovered."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from ancf_casadi import Beam, Model, natural_modes
+from ancf_casadi.export import read_document
+
+SHORT = {"duration = 2.0 ": "duration = 0.5 ", "stop = 1.0 ": "stop = 0.2 ", "elements = 8": "elements = 4"}
+
+
+@pytest.fixture
+def study(run, tmp_path):
+    """What ``init`` writes, with a shorter motion."""
+    assert run("init", "study.toml").code == 0
+    path = tmp_path / "study.toml"
+    text = path.read_text()
+    for long, short in SHORT.items():
+        assert long in text
+        text = text.replace(long, short)
+    path.write_text(text)
+    return path
+
+
+class TestInit:
+    def test_every_quick_command_runs_on_what_it_writes(self, run, study):
+        assert run("modes", "study.toml").code == 0
+        assert run("match", "study.toml").code == 0
+        assert run("export", "study.toml", "--format", "json", "--out", "beam.json").code == 0
+        assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
+
+    @pytest.mark.slow
+    def test_the_fit_recovers_the_law_from_the_file_that_the_simulation_wrote(self, run, study, tmp_path):
+        assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
+        done = run("fit-motion", "study.toml", "--json", "--out", "found.json", "--plot", "fit.png")
+        assert done.code == 0
+        found = {one["name"]: one for one in json.loads(done.out)["unknowns"]}
+        assert found.keys() == {"ratio1", "ratio2", "eta2"}
+        for name, truth in (("ratio1", 0.005), ("ratio2", 0.003), ("eta2", 0.11)):
+            assert found[name]["value"] == pytest.approx(truth, rel=0.01)
+            low, high = found[name]["interval_95"]
+            assert low < truth < high
+        document = read_document("found.json")
+        assert document.damping.parameters[0].value == pytest.approx(found["ratio1"]["value"])
+        assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG")
+
+    def test_it_never_overwrites(self, run, tmp_path):
+        assert run("init").code == 0
+        before = (tmp_path / "study.toml").read_bytes()
+        done = run("init")
+        assert (done.code, done.out) == (2, "")
+        assert done.err == "ancf-casadi: study.toml: exists already; choose another name\n"
+        assert (tmp_path / "study.toml").read_bytes() == before
+
+    @pytest.mark.parametrize(
+        ("name", "what"), [("study.txt", "must end in .toml"), ("a/b.toml/c.toml", "not a folder")]
+    )
+    def test_other_names_are_refused(self, run, tmp_path, name, what):
+        (tmp_path / "a").mkdir()
+        (tmp_path / "a/b.toml").write_text("")
+        done = run("init", name)
+        assert done.code == 2 and what in done.err
+
+    def test_a_name_with_a_line_break_makes_no_broken_file(self, run):
+        assert run("init", "a\nb = 1.toml").code == 0
+        assert run("modes", "a\nb = 1.toml").code == 0
+
+
+class TestModes:
+    def test_shapes_are_written_and_drawn(self, run, study, tmp_path):
+        assert run("modes", "study.toml", "--count", "2", "--out", "m.csv", "--plot", "m.PDF").code == 0
+        header, *_ = (tmp_path / "m.csv").read_text().splitlines()
+        assert header == "arc_length_m,mode1_x,mode1_y,mode2_x,mode2_y"
+        table = np.loadtxt(tmp_path / "m.csv", delimiter=",", skiprows=1)
+        modes = natural_modes(Model(Beam.from_toml(study)), count=2)
+        for s, *row in table[::25].tolist():
+            exact = modes.model.interpolation(s) @ modes.shapes / modes.tip_amplitudes()
+            assert row == pytest.approx(exact.T.ravel(), abs=1e-12)
+        assert np.hypot(*table[-1, 1:3]) == pytest.approx(1.0)
+        assert (tmp_path / "m.PDF").read_bytes().startswith(b"%PDF")
+
+    def test_json_has_the_shapes(self, run, study):
+        data = json.loads(run("modes", "study.toml", "--count", "3", "--json").out)
+        assert np.shape(data["shapes"]) == (3, len(data["arc_length_m"]), 2)
+
+
+class TestSimulate:
+    def test_markers_are_in_the_output(self, run, study, tmp_path):
+        text = study.read_text().replace("middle = 0.25", "middle = 0.25\nend = 0.5\nroot = 0")
+        study.write_text(text)
+        assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
+        names = (tmp_path / "motion.csv").read_text().splitlines()[0].split(",")
+        table = dict(zip(names, np.loadtxt(tmp_path / "motion.csv", delimiter=",", skiprows=1).T, strict=True))
+        assert names[5:] == ["middle_x_m", "middle_y_m", "end_x_m", "end_y_m", "root_x_m", "root_y_m"]
+        for axis in "xy":
+            assert table[f"end_{axis}_m"] == pytest.approx(table[f"tip_{axis}_m"], abs=1e-15)
+            assert table[f"root_{axis}_m"] == pytest.approx(table[f"base_{axis}_m"], abs=1e-15)
+        assert table["middle_y_m"] == pytest.approx(-0.25, abs=1e-3)
+
+    @pytest.mark.parametrize(
+        ("marker", "what"),
+        [
+            ("middle = 0.6", "[markers]: middle: s: the point must be on the beam, 0 to 0.5 m, got 0.6"),
+            ('middle = "x"', "[markers]: middle: s: must be a finite number"),
+            (
+                "tip = 0.2",
+                "[markers]: 'tip': a name must be made of letters and digits and differ from time, tip, base",
+            ),
+            ('"a,b" = 0.2', "[markers]: 'a,b': a name must be made of"),
+        ],
+    )
+    def test_markers_that_are_refused(self, run, study, marker, what):
+        study.write_text(study.read_text().replace("middle = 0.25", marker))
+        done = run("simulate", "study.toml")
+        assert done.code == 2 and what in done.err
+
+
+class TestCompareLaws:
+    def test_on_a_decay(self, run, decay):
+        decay("a.csv", (3.0, 0.02, 5e-3))
+        done = run("compare-laws", "a.csv", "--plot", "laws.png")
+        assert done.code == 0 and "best by BIC: linear" in done.out
+        assert max(map(len, done.out.splitlines())) <= 100
+        assert json.loads(run("compare-laws", "a.csv", "--json").out)["best"] == "linear"
+
+    @pytest.mark.slow
+    def test_on_a_motion(self, run, study):
+        assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
+        done = run("compare-laws", "study.toml")
+        assert done.code == 0 and max(map(len, done.out.splitlines())) <= 100
+        assert "best by BIC: ModalDamping(ratio1, ratio2) + QuadraticDamping(eta2)" in done.out
+
+    def test_parameters_that_are_kept_are_refused(self, run, study):
+        assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
+        study.write_text(study.read_text().replace("# fixed", "fixed"))
+        done = run("compare-laws", "study.toml")
+        assert done.code == 2 and "[fit]: fixed: all parameters of the laws are compared" in done.err
+
+
+def test_progress_is_silent_unless_on_a_terminal(run, decay):
+    decay("a.csv", (3.0, 0.02, 5e-3))
+    for command in (["fit-decay", "a.csv"], ["compare-laws", "a.csv"]):
+        done = run(*command)
+        assert done.code == 0 and done.err == ""
+
+
+def test_a_fit_shows_progress_on_a_terminal(run, study, tmp_path):
+    """The number of computed motions, on a line that is gone in the end."""
+    pty, termios = pytest.importorskip("pty"), pytest.importorskip("termios")
+    assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
+    ours, theirs = pty.openpty()
+    termios.tcsetwinsize(theirs, (24, 80))
+    command = [sys.executable, "-m", "problems.cli", "fit-motion", "study.toml"]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=theirs, cwd=tmp_path) as process:
+        os.close(theirs)
+        shown = b""
+        try:
+            while block := os.read(ours, 4096):
+                shown += block
+        except OSError:  # the other end is closed
+            pass
+        assert process.wait(timeout=60) == 0
+    os.close(ours)
+    assert b"fit-motion: " in shown and b" steps" in shown
+    assert b"Traceback" not in shown

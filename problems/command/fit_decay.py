@@ -11,7 +11,7 @@ import statistics
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.exceptions import InputError
@@ -34,7 +34,7 @@ from problems.command.record_options import add_part_options, add_record_options
 from problems.decay.band import IsolatedMode, isolate_mode
 from problems.decay.comparison import compare_decay_laws
 from problems.decay.fitting import fit_decay, fit_decays
-from problems.decay.laws import LAWS
+from problems.decay.laws import LAWS, FrequencyLaw
 from problems.decay.result import DecayFit
 
 
@@ -46,6 +46,12 @@ def add_fit_decay(commands: Subcommands) -> None:
     )
     parser.add_argument(
         "--law", choices=(*LAWS, "auto"), default="linear", help="damping law, or auto to compare all (default: linear)"
+    )
+    parser.add_argument(
+        "--frequency-law",
+        choices=(*get_args(FrequencyLaw), "auto"),
+        help="change of the frequency with the amplitude, or auto to compare all (default: constant; with --law auto: "
+        "auto)",
     )
     parser.add_argument("--drift", action="store_true", help="let the rest position drift at constant velocity")
     parser.add_argument("--robust", action="store_true", help="limit the influence of outliers")
@@ -88,16 +94,19 @@ def _run(options: argparse.Namespace) -> Output:
 def _check(options: argparse.Namespace) -> None:
     """Refuse options that do not go together."""
     several = len(options.files) > 1
-    if options.law == "auto" and options.robust:
-        raise InputError("compares sums of squares; leave out --robust", "--law auto")
-    if options.law == "auto" and several:
-        raise InputError("compares the laws on one record; give one file, or choose a law", "--law auto")
+    if _compares(options):
+        where = "--law auto" if options.law == "auto" else "--frequency-law auto"
+        if options.robust:
+            raise InputError("compares sums of squares; leave out --robust", where)
+        if several:
+            raise InputError("compares the laws on one record; give one file, or choose a law", where)
     if options.band is not None and len(options.band) != 2:
         raise InputError("must be two frequencies LOW,HIGH", "--band")
     if options.modes is not None:
         others = {
             "several files": several,
             f"--law {options.law}": options.law != "linear",
+            "--frequency-law": options.frequency_law is not None,
             "--drift": options.drift,
             "--robust": options.robust,
             "--band": options.band is not None,
@@ -108,20 +117,32 @@ def _check(options: argparse.Namespace) -> None:
                 raise InputError(f"fits modes with linear damping to one record; it does not go with {name}", "--modes")
 
 
+def _compares(options: argparse.Namespace) -> bool:
+    """Return whether several laws are to be compared."""
+    return "auto" in (options.law, options.frequency_law)
+
+
 def _fitted(
     options: argparse.Namespace,
     records: Sequence[Measurement],
     times: Sequence[float | None],
     isolated: Sequence[IsolatedMode],
 ) -> Output:
-    settings: dict[str, Any] = {"law": options.law, "drift": options.drift, "robust": options.robust}
     extra: dict[str, Any] = {}
-    if options.law == "auto":
+    if _compares(options):
+        given = {"laws": options.law, "frequency_laws": options.frequency_law}
+        chosen: dict[str, Any] = {name: [law] for name, law in given.items() if law not in (None, "auto")}
         with located(options.files[0]):
-            comparison = compare_decay_laws(records[0], drift=options.drift, release_time=times[0])
+            comparison = compare_decay_laws(records[0], drift=options.drift, release_time=times[0], **chosen)
         fits, text = [comparison.best], comparison.report()
         extra["comparison"] = comparison.to_dict()
     else:
+        settings: dict[str, Any] = {
+            "law": options.law,
+            "frequency_law": options.frequency_law or "constant",
+            "drift": options.drift,
+            "robust": options.robust,
+        }
         alone = []
         for path, record, time in zip(options.files, records, times, strict=True):
             with located(path):

@@ -10,7 +10,7 @@ from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Quantity, Sensor
-from ancf_casadi.support.inputs import located, shown
+from ancf_casadi.support.inputs import located, shown, vector
 from problems.command.tables.study import Study, checked
 
 KEYS = """\
@@ -40,7 +40,7 @@ def read_base(study: Study, table: Any, where: str) -> BaseMotion:
     if "frequencies" in keys:
         given = checked(table, {"amplitude", "frequencies", "stop"}, OSCILLATION - {"frequency"}, where)
         with located(where):
-            return SweepBase(**given)
+            return SweepBase(**(given | {"frequencies": vector(given["frequencies"], "frequencies")}))
     if keys and keys <= {"displacement", "rotation"}:
         with located(where):
             return FixedBase(**table)

@@ -186,7 +186,7 @@ class TestFitDecay:
         assert main(["fit-decay", "decay.csv", "--law", "auto", "--json"]) == 0
         data = json.loads(capsys.readouterr().out)
         assert data["law"] == data["comparison"]["best"] == "linear"
-        assert [law["law"] for law in data["comparison"]["laws"]] == ["linear", "quadratic", "friction"]
+        assert {"linear", "quadratic", "friction"} <= {law["law"] for law in data["comparison"]["laws"]}
         assert main(["fit-decay", "decay.csv", "--law", "auto"]) == 0
         assert "best by BIC: linear" in capsys.readouterr().out
         assert "leave out --robust" in refused(["fit-decay", "decay.csv", "--law", "auto", "--robust"], files, capsys)

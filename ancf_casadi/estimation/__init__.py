@@ -2,7 +2,8 @@
 
 ``least_squares`` states a problem, with the ``loss`` of the residuals, ``nlp`` solves it with IPOPT, and ``polish``
 refines the solution by Gauss-Newton steps.  ``estimates`` has standard errors and intervals to first order, ``profile``
-intervals by profile likelihood, ``resampling`` repeated fits, and ``fit`` the report.  ``autocorrelation`` counts
-independent residuals, and ``criteria`` and ``comparison`` select a law.  ``result`` is the interface of all results,
+intervals by profile likelihood, ``resampling`` repeated fits, and ``fit`` the report.  ``noise`` estimates the spectrum
+of the residuals, which the standard errors allow for; ``agreement`` compares parts of the data; ``criteria`` and
+``comparison`` select a law.  ``result`` is the interface of all results,
 and ``figures`` draws them.
 """

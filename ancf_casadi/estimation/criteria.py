@@ -11,24 +11,21 @@ accuracy and sometimes selects one term too many; BIC finds the true model, if i
 is long.  A superfluous term raises BIC by ln n at most, which is rarely clear, so that only a model with no more free
 unknowns than the best counts as a rival.
 
-Correlated residuals repeat each other, and criteria that count all m of them overstate the differences.  With their
-autocorrelation rho_k, and the last lag M at which it is significant,
-
-    n = m/(1 + 2 sum_(k <= M) |rho_k|)                                        (``autocorrelation``),
-
-which is m for white residuals.  The model with the lowest S gives the best estimate of the noise.  The n of its
-residuals is therefore used for all models, as QAIC uses the overdispersion of the most general model.
+Coloured residuals carry less information on the laws, and criteria that count all m of them overstate the differences.
+n is the number of residuals with white noise that would determine the unknowns as well
+(``Estimates.effective_samples``), which is m for white residuals.  The model with the lowest S gives the best estimate
+of the noise.  The n of its residuals is therefore used for all models, as QAIC uses the overdispersion of the most
+general model.  Residuals that are not noise, but motion that no model explains, may lead the models astray in ways that
+n does not show: if their power is concentrated in the spectrum by a factor c above 3 (``concentration``), n is at most
+m/c.
 
 If a smaller model has the lowest criterion, the terms that it lacks need not be absent: in a short or noisy record, a
 term as large as the others may cost more than it explains.  The choice is therefore settled only if every other model
-either is clearly worse, or has no term that is uncertain by more than a third of the total damping (``vagueness``,
-which assumes white residuals, times (m/n)^1/2).
+either is clearly worse, or has no term that is uncertain by more than a third of the total damping (``vagueness``).
 
 References
 ----------
 K. P. Burnham, D. R. Anderson, Model Selection and Multimodel Inference, Springer (2002), Sections 2.4, 2.5, 6.4.
-G. V. Bayley, J. M. Hammersley, The "effective" number of independent observations in an autocorrelated time series,
-Supplement to the Journal of the Royal Statistical Society 8 (1946).
 G. Schwarz, Estimating the dimension of a model, Annals of Statistics 6 (1978).
 """
 
@@ -40,9 +37,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ancf_casadi.estimation.autocorrelation import COLOURED
 from ancf_casadi.estimation.estimates import Estimates
+from ancf_casadi.estimation.noise import NOT_NOISE, concentration
 
+COLOURED = 1 / 3  # ratio n/m below which no law is said to explain all of the motion
 DEPENDENT = 2 / 3  # ratio n/m below which a warning states n
 VAGUE = 1 / 3  # vagueness of a term beyond which the record does not settle the choice
 CLEAR = 10.0  # difference of a criterion that leaves no doubt
@@ -68,7 +66,7 @@ class Candidate:
     autocorrelation : float
         Correlation of successive residuals.
     vagueness : float
-        Largest uncertainty of a damping term relative to the total damping, for white residuals (``vagueness``).
+        Largest uncertainty of a damping term relative to the total damping (``vagueness``).
     """
 
     name: str
@@ -82,10 +80,11 @@ class Candidate:
     @classmethod
     def of(cls, name: str, fit: Estimates, terms: Sequence[str]) -> Candidate:
         """Return a fit as a candidate; ``terms`` are the names of its damping parameters."""
+        m, narrow = len(fit.residuals), concentration(fit.residuals, fit.series, fit.times)
         return cls(
             name,
-            len(fit.residuals),
-            fit.effective_samples,
+            m,
+            min(fit.effective_samples, m / narrow if narrow > NOT_NOISE else m),
             fit.residual_rms,
             fit.rank,
             fit.autocorrelation,
@@ -158,18 +157,18 @@ def judge(candidates: Sequence[Candidate]) -> Verdict:
         for name, excess in rivals
     ]
     for candidate, value in zip(candidates, bic, strict=True):
-        vague = candidate.vagueness * math.sqrt(m / n)
-        if candidate is not chosen and value - bic[best] < CLEAR and vague > VAGUE:
+        if candidate is not chosen and value - bic[best] < CLEAR and candidate.vagueness > VAGUE:
             warnings.append(
-                f"the record cannot rule out the {candidate.name} law: one of its terms is uncertain by {vague:.0%} of "
-                "the total damping; a longer record, less noise or a larger release would help"
+                f"the record cannot rule out the {candidate.name} law: one of its terms is uncertain by "
+                f"{candidate.vagueness:.0%} of the total damping; a longer record, less noise or a larger release "
+                "would help"
             )
     settled = not warnings
     if n < DEPENDENT * m:
         unexplained = ": no law explains all of the motion" if n < COLOURED * m else ""
         warnings.append(
-            f"successive residuals of the {noise.name} law correlate at {noise.autocorrelation:.2f}, so the criteria "
-            f"count {m} samples as {n:.0f} independent ones{unexplained}"
+            f"the residuals of the {noise.name} law are coloured (successive ones correlate at "
+            f"{noise.autocorrelation:.2f}), so the criteria count {m} samples as {n:.0f} independent ones{unexplained}"
         )
     return Verdict(aicc, bic, best, settled, n, tuple(warnings))
 

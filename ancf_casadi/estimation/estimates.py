@@ -1,16 +1,18 @@
 """Estimates of a least-squares fit and their uncertainty, to first order.
 
 A fit minimises L(x) = sum rho(r_i) over m residuals r(x).  With J their Jacobian by the n free unknowns (those not at a
-bound), and psi, w and phi as in ``loss``, white residuals give to first order the covariance
+bound), psi, w and e as in ``loss``, and the covariance R of the psi (``noise``), the estimates have to first order the
+covariance
 
-    C = (phi/w) (J' J)^-1
+    C = (J' J)^-1 (J' R J/w^2 + m e^2 J' J) (J' J)^-1
 
-and an interval x_k +- t (C_kk)^1/2 with the quantile t of Student's distribution with m - n degrees of freedom.  An
-interval ends at a bound.  Standard errors take an unknown at its bound as known, intervals do not.  The interval of
-such an unknown x_k begins at the bound and ends at a distance h from it.  With J_k = dr/dx_k, and p = J_k - J c the
-part of it that the free unknowns cannot compensate,
+and an interval x_k +- t (C_kk)^1/2 with the quantile t of Student's distribution with the degrees of freedom of R.  For
+white noise these are m - n, and C = (phi/w) (J' J)^-1 with phi of ``loss``.  An interval ends at a bound.  Standard
+errors take an unknown at its bound as known, intervals do not.  The interval of such an unknown x_k begins at the bound
+and ends at a distance h from it.  With J_k = dr/dx_k, and p = J_k - J c the part of it that the free unknowns cannot
+compensate,
 
-    2 (psi' p) h + w p' p h^2 = phi t^2.
+    2 (psi' p) h + w p' p h^2 = phi t^2,    phi = p' R p/(w p' p) + m w e^2.
 
 Meanwhile the free unknowns move by -c h.  A quantity q then changes by s = h (dq/dx_k - dq/dx c), and on the side of s
 the interval of q reaches to (t^2 C_qq + s^2)^1/2 from its estimate, the extent of an ellipse that contains the region
@@ -34,8 +36,8 @@ import casadi as cs
 import numpy as np
 from scipy.special import stdtrit
 
-from ancf_casadi.estimation.autocorrelation import autocorrelation, effective_samples
 from ancf_casadi.estimation.loss import dispersion, influence, row_weights
+from ancf_casadi.estimation.noise import Noise, autocorrelation
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import number
@@ -66,7 +68,12 @@ class Estimates:
     residuals : ndarray
         Residuals (m,).
     series : tuple of int
-        Lengths of the series of residuals, which follow one another; each series is in the order of time.
+        Lengths of the series of residuals, which follow one another; each series is in the order of time.  Empty if the
+        residuals have no order.
+    times : ndarray or None
+        Times of the residuals (m,), s; None if those of a series are equally spaced.
+    noise : Noise
+        Covariance of the noise in the residuals.
     jacobian : ndarray
         Jacobian of the residuals (m, n).
     condition : float
@@ -95,6 +102,8 @@ class Estimates:
     active_bounds: Mask
     residuals: Array
     series: tuple[int, ...]
+    times: Array | None
+    noise: Noise
     jacobian: Array
     condition: float
     huber: float
@@ -131,17 +140,32 @@ class Estimates:
     @property
     def autocorrelation(self) -> float:
         """Correlation of successive residuals of a series; nan if there are none."""
-        return float(autocorrelation(self.residuals, self.series)[1]) if max(self.series) > 1 else math.nan
+        if max(self.series, default=len(self.residuals)) < 2:
+            return math.nan
+        return float(autocorrelation(self.residuals, self.series, self.times)[1])
 
     @property
     def effective_samples(self) -> float:
-        """Effective number of independent residuals (``autocorrelation``)."""
-        return effective_samples(self.residuals, self.series)
+        """Number of residuals with white noise of equal variance that would determine the unknowns as well, at most m.
+
+        It is m over ``noise.growth``, the mean increase of the variances by the colour of the noise.
+        """
+        return len(self.residuals) / max(self.noise.growth, 1.0)
 
     @property
-    def dispersion(self) -> float:
-        """Variance phi of the residuals (``loss``); nan for zero degrees of freedom."""
-        return dispersion(self.residuals, self.degrees_of_freedom, self.huber, self.systematic)
+    def white_errors(self) -> Array:
+        """Standard errors (n,) if the noise were white; nan for unknowns at a bound."""
+        errors, free = np.full(len(self.names), math.nan), ~self.active_bounds
+        triangle = np.linalg.qr(self.jacobian[:, free] * self.scale[free], mode="r")
+        phi = dispersion(self.residuals, self.degrees_of_freedom, self.huber, self.systematic)
+        w = influence(self.residuals, self.huber)[1]
+        errors[free] = self.scale[free] * np.linalg.norm(np.linalg.inv(triangle), axis=1) * math.sqrt(phi / w)
+        return errors
+
+    def dispersion(self, column: Array) -> float:
+        """Return the variance phi of the residuals in the direction of a column (m,); nan for no degrees of freedom."""
+        w = influence(self.residuals, self.huber)[1]
+        return self.noise.along(column) / w + len(self.residuals) * w * self.systematic**2
 
     @property
     def errors(self) -> Array:
@@ -195,15 +219,18 @@ class Estimates:
             shifts[k] = -(column @ change) / (column @ column)
         errors = self.errors
         reach = np.abs(np.diag(self.moves(LEVEL)[self.active_bounds]))
-        errors[self.active_bounds] = reach / quantile(LEVEL, self.degrees_of_freedom)
+        errors[self.active_bounds] = reach / self.quantile(LEVEL)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(shifts * self.scale / errors)
+
+    def quantile(self, level: float) -> float:
+        """Return the quantile t of a two-sided interval (``quantile``)."""
+        return quantile(level, self.noise.freedom)
 
     def moves(self, level: float) -> Array:
         """Return the changes (n, b) of all unknowns when each of the b unknowns at a bound moves inwards by its h."""
         moves = np.zeros((len(self.names), int(np.count_nonzero(self.active_bounds))))
         psi, curvature = influence(self.residuals, self.huber)
-        room = self.dispersion * quantile(level, self.degrees_of_freedom) ** 2
         free, scale = ~self.active_bounds, self.scale[~self.active_bounds]
         scaled = self.jacobian[:, free] * scale
         for move, k in zip(moves.T, np.flatnonzero(self.active_bounds).tolist(), strict=True):
@@ -212,6 +239,7 @@ class Estimates:
             compensation = np.linalg.lstsq(scaled, column)[0]
             column = column - scaled @ compensation
             g, a = max(float(psi @ column), 0.0), curvature * float(column @ column)
+            room = self.dispersion(column) * self.quantile(level) ** 2
             denominator = g + math.sqrt(g**2 + a * room)
             reach = room / denominator if denominator > 0.0 else math.inf
             move[k] = inwards * reach
@@ -234,7 +262,7 @@ class Estimates:
 
     def _ends(self, values: Array, jacobian: Array, level: float) -> Array:
         """Return the intervals (q, 2) of quantities from their values (q,) and Jacobian (q, n)."""
-        half = np.nan_to_num(quantile(level, self.degrees_of_freedom) * self._errors(jacobian))
+        half = np.nan_to_num(self.quantile(level) * self._errors(jacobian))
         with np.errstate(invalid="ignore"):  # 0 times an infinite move is nan; np.fmax ignores it
             steps = jacobian @ self.moves(level)
         below, above = (np.hypot(half, np.linalg.norm(np.fmax(side * steps, 0.0), axis=1)) for side in (-1.0, 1.0))
@@ -243,7 +271,7 @@ class Estimates:
         return ends
 
 
-def quantile(level: float, freedom: int) -> float:
+def quantile(level: float, freedom: float) -> float:
     """Return the quantile of Student's distribution for a two-sided interval; nan for zero degrees of freedom."""
     if not 0.0 < number(level, "level") < 1.0:
         raise InputError(f"must be between 0 and 1, got {level:g}", "level")

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ancf_casadi.estimation.autocorrelation import autocorrelation
+from ancf_casadi.estimation.noise import autocorrelation
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.colours import COMPUTED, MEASURED
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ancf_casadi.estimation.estimates import Estimates
+from ancf_casadi.estimation.noise import NOT_NOISE, concentration
 from ancf_casadi.estimation.result import known
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Table
@@ -57,7 +58,7 @@ class Fit(Estimates):
         notes = [
             f"{len(self.residuals)} residuals, root mean square {self.residual_rms:.3g}; successive residuals "
             f"correlate at {self.autocorrelation:.2f}, effective number of independent "
-            f"residuals {self.effective_samples:.0f}",
+            f"residuals {self.effective_samples:.0f}; {self._colour()}",
             f"{self.rank} of {len(self.names)} unknowns free of bounds, condition number {self.condition:.3g}",
             f"{self.status} after {self.iterations} iterations",
         ]
@@ -69,6 +70,7 @@ class Fit(Estimates):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
+        white = self.white_errors.tolist()
         return {
             "unknowns": [
                 {
@@ -76,6 +78,7 @@ class Fit(Estimates):
                     "unit": unit,
                     "value": value,
                     "standard_error": known(error),
+                    "standard_error_white": known(white[k]),
                     "interval_95": [known(low), known(high)],
                     "bounds": [known(self.lower[k]), known(self.upper[k])],
                     "at_bound": active,
@@ -90,6 +93,7 @@ class Fit(Estimates):
             "residual_rms": self.residual_rms,
             "autocorrelation": known(self.autocorrelation),
             "effective_samples": self.effective_samples,
+            "white_noise": self.noise.white,
             "status": self.status,
             "iterations": self.iterations,
             "solve_seconds": self.solve_seconds,
@@ -102,10 +106,31 @@ class Fit(Estimates):
 
         return residual_figure(self.residuals, self.series)
 
+    def _colour(self) -> str:
+        """Return the relation of the standard errors to those for white noise as text."""
+        if self.noise.white or not self.rank:
+            return "white noise"
+        ratio = self.errors / self.white_errors
+        return f"coloured noise: standard errors {np.nanmin(ratio):.2g} to {np.nanmax(ratio):.2g} times those for white"
+
     def _rows(self) -> list[tuple[str, str, float, float, list[float], bool]]:
         """Return name, unit, value, standard error, interval and active bound of each unknown."""
         columns = (self.values, self.errors, self.intervals(), self.active_bounds)
         return list(zip(self.names, self.units, *(column.tolist() for column in columns), strict=True))
+
+
+def colour_warning(fit: Estimates, *, noise_free: float = 0.0) -> str | None:
+    """Return a warning if residuals are not noise and their root mean square is above ``noise_free``; None if not."""
+    if not fit.residual_rms > noise_free:
+        return None
+    if not concentration(fit.residuals, fit.series, fit.times) > NOT_NOISE:
+        return None
+    m, n = len(fit.residuals), fit.effective_samples
+    worth = f" and determine the unknowns as well as {n:.0f} independent ones would" if n < m else ""
+    return (
+        f"the {m} residuals are not noise{worth}: the standard errors allow for their colour, but the law "
+        "does not explain all of the motion; another law, or more modes, may explain the rest"
+    )
 
 
 def _matrix(values: Array) -> list[list[float | None]]:

@@ -21,8 +21,9 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.loss import dispersion, influence, loss
+from ancf_casadi.estimation.loss import influence, loss
 from ancf_casadi.estimation.nlp import solve_nlp
+from ancf_casadi.estimation.noise import estimated_noise
 from ancf_casadi.estimation.polish import NEAR, gauss_newton_functions, polish, residuals_and_jacobian
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
@@ -87,6 +88,7 @@ def least_squares(
     gauss_newton: bool = False,
     forward: bool = False,
     series: Sequence[int] = (),
+    times: Array | None = None,
     noise: float = 0.0,
     systematic: float = 0.0,
     options: Mapping[str, Any] | None = None,
@@ -107,7 +109,10 @@ def least_squares(
     forward : bool
         Whether to compute the gradient from J too, if ``residuals`` keeps J, as the motion of the nonlinear beam does.
     series : sequence of int
-        Lengths of the series of residuals, each in the order of time; one series if not given.
+        Lengths of the series of residuals, each in the order of time.  If not given, the residuals have no order and
+        count as white noise.
+    times : ndarray, optional
+        Times of the residuals, s; if not given, those of a series are equally spaced.
     noise : float
         Expected standard deviation of the residuals.  With ``gauss_newton``, IPOPT stops when it expects the residuals
         to change by less than a tenth of this, and Gauss-Newton steps do the rest.
@@ -160,10 +165,12 @@ def least_squares(
     values = np.select([at_lower, at_upper], [lower, upper], found * scale)
     r, jacobian = residuals_and_jacobian(evaluate, values / scale)
     jacobian, active = jacobian / scale, at_lower | at_upper
-    inverse, condition, weak = _inverse(jacobian[:, ~active])
+    root, condition, weak = _inverse_root(jacobian[:, ~active])
     if weak.any():
         which = ", ".join(np.array(names)[~active][weak])
         raise FitError(f"the data do not determine {which}; {advice or 'fix one, or add data'}")
+    free = ~active
+    scatter = estimated_noise(influence(r, huber)[0], jacobian[:, free] @ root, series, times)
     return Fit(
         names=names,
         units=tuple(unknown.unit for unknown in unknowns),
@@ -171,10 +178,12 @@ def least_squares(
         lower=lower,
         upper=upper,
         scale=scale,
-        covariance=_covariance(inverse, ~active, r, huber, systematic),
+        covariance=_covariance(root, free, scatter.form(jacobian[:, free] @ root), r, huber, systematic),
         active_bounds=active,
         residuals=r,
-        series=tuple(series) or (len(r),),
+        series=tuple(series),
+        times=times,
+        noise=scatter,
         jacobian=jacobian,
         condition=condition,
         huber=huber,
@@ -215,11 +224,12 @@ def _barrier(residuals: Array, weight: float) -> float:
     return float(np.clip(np.mean(residuals**2) / (2 * weight), LEAST_BARRIER, MOST_BARRIER))
 
 
-def _inverse(jacobian: Array) -> tuple[Array, float, Mask]:
-    """Return (J' J)^-1 by a singular value decomposition of J (m, n) with its columns scaled to unit length.
+def _inverse_root(jacobian: Array) -> tuple[Array, float, Mask]:
+    """Return a square root H of (J' J)^-1 = H H' by a singular value decomposition of J with columns of unit length.
 
-    Also return the condition number of these columns, and a mask (n,) of the unknowns that the data do not determine:
-    those in the direction of the smallest singular value, if this is zero to rounding.
+    The columns of J H are orthonormal.  Also return the condition number of the columns of unit length, and a mask (n,)
+    of the unknowns that the data do not determine: those in the direction of the smallest singular value, if this is
+    zero to rounding.
     """
     m, n = jacobian.shape
     if not n:
@@ -230,13 +240,16 @@ def _inverse(jacobian: Array) -> tuple[Array, float, Mask]:
     if singular[-1] < m * np.finfo(float).eps:
         return np.empty((0, 0)), math.inf, np.abs(directions[-1]) > WEAK
     root = (directions.T / singular) / length[:, None]
-    return root @ root.T, float(singular[0] / singular[-1]), np.zeros(n, dtype=bool)
+    return root, float(singular[0] / singular[-1]), np.zeros(n, dtype=bool)
 
 
-def _covariance(inverse: Array, free: Mask, residuals: Array, huber: float, systematic: float) -> Array:
-    """Return phi/w (J' J)^-1 (n, n) of the free unknowns; nan for the others."""
+def _covariance(root: Array, free: Mask, scatter: Array, residuals: Array, huber: float, systematic: float) -> Array:
+    """Return the covariance C (n, n) of the free unknowns (``estimates``); nan for the others.
+
+    ``scatter`` is the covariance H' J' R J H of the influences psi in the directions of the columns of J H.
+    """
     _, w = influence(residuals, huber)
+    allowance = len(residuals) * systematic**2 * np.eye(len(root))
     covariance = np.full((len(free), len(free)), math.nan)
-    phi = dispersion(residuals, len(residuals) - len(inverse), huber, systematic)
-    covariance[np.ix_(free, free)] = phi / w * inverse
+    covariance[np.ix_(free, free)] = root @ (scatter / w**2 + allowance) @ root.T
     return covariance

@@ -4,10 +4,11 @@ The quantity q of the unknowns x has the interval from min q to max q over the r
 
     { x : 2 (L(x) - L_min) <= phi t^2,  lower <= x <= upper },
 
-with L, phi and t as in ``estimates``.  Its ends are two nonlinear programs, each started at the end that the covariance
-predicts.  The interval does not depend on the parametrisation, need not be symmetric, and does not cross a bound.  An
-interval that ends at a bound uses the same level, although one of its ends is certain, and so covers the truth at least
-as often as stated.
+with L and t as in ``estimates``, and phi the variance of the residuals in the direction J (J' J)^-1 dq/dx, along which
+q depends on the data.  Its ends are two nonlinear programs, each started at the end that the covariance predicts.  The
+interval does not depend on the parametrisation, need not be symmetric, and does not cross a bound.  An interval that
+ends at a bound uses the same level, although one of its ends is certain, and so covers the truth at least as often as
+stated.
 
 References
 ----------
@@ -24,7 +25,7 @@ import math
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.estimates import LEVEL, Estimates, Quantities, quantile
+from ancf_casadi.estimation.estimates import LEVEL, Estimates, Quantities
 from ancf_casadi.estimation.loss import loss
 from ancf_casadi.estimation.nlp import solve_nlp
 from ancf_casadi.exceptions import InputError
@@ -51,11 +52,11 @@ def profile_interval(fit: Estimates, quantity: str | Quantities, level: float = 
     """
     if isinstance(quantity, str) and quantity not in fit.names:
         raise InputError(f"is not an unknown of the fit; the unknowns are {', '.join(fit.names)}", quantity)
-    room = fit.dispersion * quantile(level, fit.degrees_of_freedom) ** 2
-    if not room > 0.0:
+    t = fit.quantile(level)
+    if not fit.noise.variance + fit.systematic > 0.0:
         raise InputError("has no scatter: the residuals are zero, or no more than the unknowns; use more data", "fit")
     free = ~fit.active_bounds
-    step = np.where(free, quantile(level, fit.degrees_of_freedom) * fit.errors, np.abs(fit.moves(level)).sum(axis=1))
+    step = np.where(free, t * fit.errors, np.abs(fit.moves(level)).sum(axis=1))
     step = np.where(np.isfinite(step), step, fit.scale)
     u = cs.MX.sym("u", len(fit.names))  # distance from the estimate, in steps
     x = cs.DM(fit.values) + cs.DM(step) * u
@@ -66,6 +67,8 @@ def profile_interval(fit: Estimates, quantity: str | Quantities, level: float = 
     least, estimate, gradient = (item.full().ravel() for item in at_estimate(0))
     towards = np.zeros(len(gradient))
     towards[free] = fit.correlations[np.ix_(free, free)] @ gradient[free]
+    column = np.linalg.lstsq((fit.jacobian * step)[:, free].T, gradient[free])[0]
+    room = fit.dispersion(column) * t**2
     width = math.sqrt(towards @ gradient) or float(np.abs(gradient).max()) or 1.0
     lower, upper = (fit.lower - fit.values) / step, (fit.upper - fit.values) / step
     ends = []

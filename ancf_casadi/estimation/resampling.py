@@ -5,11 +5,14 @@ With the fitted curve r(x), n free unknowns and the residuals e of a record of m
     parametric    y* = r(x) + s g,      g normal and white, s^2 = e'e/(m - n)
     bootstrap     y* = r(x) + e*,       e* drawn from the residuals, centred and scaled by (m/(m - n))^1/2
 
-are fitted as the measured record was, starting from its estimates.  If successive residuals correlate at rho, drawing
-them one by one would make the estimates scatter too little.  Blocks of successive residuals are drawn instead, of the
-length that is best for an autoregressive process of order 1,
+are fitted as the measured record was, starting from its estimates.  If residuals correlate, drawing them one by one
+would make the estimates scatter too little.  Blocks of successive residuals are drawn instead.  With the
+autocorrelation rho_k, the length that is best for the variance of a mean of m values is
 
-    l = (2 |rho|/(1 - rho^2))^(2/3) m^(1/3).
+    l = (3 m/2)^(1/3) (G/g)^(2/3),    G = 2 sum_k c_k k |rho_k|,    g = 1 + 2 sum_k c_k |rho_k|,
+
+with c_k = 1 up to the lag M, and c_k = 2 - k/M from there to 2 M.  M is the last lag before five successive ones within
+2 (log10 m/m)^1/2, about 3.7 standard deviations of white noise for m = 2500.
 
 A series is one coordinate of one record.  The residuals of each series are drawn from this series alone; a block that
 reaches the end of the series continues at its beginning.
@@ -21,6 +24,7 @@ References
 B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap, Chapman & Hall (1993), Sections 6.5, 9.4, 13.3.
 E. Carlstein, The use of subseries values for estimating the variance of a general statistic from a stationary sequence,
 Annals of Statistics 14 (1986).
+D. N. Politis, H. White, Automatic block-length selection for the dependent bootstrap, Econometric Reviews 23 (2004).
 D. N. Politis, J. P. Romano, A circular block-resampling procedure for stationary data, in Exploring the Limits of
 Bootstrap, Wiley (1992).
 """
@@ -41,6 +45,7 @@ import numpy as np
 from ancf_casadi.estimation.estimates import LEVEL
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.least_squares import Unknown, least_squares
+from ancf_casadi.estimation.noise import autocorrelation
 from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.support.arrays import Array, Index
@@ -53,7 +58,8 @@ if TYPE_CHECKING:
 
 Method = Literal["parametric", "bootstrap"]
 
-WHITE = 3.0  # times 1/m^1/2: least correlation of successive residuals that is significant
+SIGNIFICANT = 2.0  # times (log10 m/m)^1/2: least correlation that is significant
+QUIET_LAGS = 5  # successive insignificant lags that end the sums
 MINIMUM_RUNS = 2
 MOST_RUNS = 1_000_000
 
@@ -265,11 +271,15 @@ def monte_carlo(
 
 def block_length(fit: Fit) -> int:
     """Return the number of successive residuals to draw together; 1 if they do not correlate."""
-    m, rho = len(fit.residuals), fit.autocorrelation
-    if not abs(rho) > WHITE / math.sqrt(m):
-        return 1
-    best: float = (2 * abs(rho) / (1 - rho**2)) ** (2 / 3) * m ** (1 / 3)
-    return max(1, min(min(fit.series) // 2, round(best)))
+    m, shortest = len(fit.residuals), min(fit.series, default=1)
+    size = np.nan_to_num(np.abs(autocorrelation(fit.residuals, fit.series, fit.times)[1:]))
+    quiet = np.append(size < SIGNIFICANT * math.sqrt(math.log10(m) / m), np.ones(QUIET_LAGS, dtype=bool))
+    last = int(np.argmax(np.lib.stride_tricks.sliding_window_view(quiet, QUIET_LAGS).all(axis=1)))
+    lags = np.arange(1, min(2 * last, len(size)) + 1)
+    size = np.clip(2 - lags / max(last, 1), 0.0, 1.0) * size[: len(lags)]
+    slope, total = 2 * float(lags @ size), 1 + 2 * float(size.sum())
+    best: float = (1.5 * m) ** (1 / 3) * (slope / total) ** (2 / 3)
+    return max(1, min(shortest // 2, round(best)))
 
 
 def drawn(size: int, block: int, rng: np.random.Generator) -> Index:

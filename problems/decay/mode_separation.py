@@ -99,7 +99,7 @@ def fit_modes(
         unknowns += [replace(u, name=f"{u.name}_{mode}", guess=x) for u, x in zip(own, values, strict=True)]
 
     y, t = cs.DM(record.values[-len(left.time) :]), left.time - left.time[0]
-    fit = least_squares(_sum(parts, t, y), unknowns, advice=ADVICE)
+    fit = least_squares(_sum(parts, t, y), unknowns, series=[len(t)], times=t, advice=ADVICE)
     fits = [
         decay_result(model, fit, left.time, indices=indices, rows=slice(None), ratio_bounds=RATIO_BOUNDS, reason=reason)
         for model, indices in parts

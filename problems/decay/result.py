@@ -1,9 +1,9 @@
 """The result of a decay fit: values with units, standard errors, 95 % intervals and warnings.
 
-Standard errors and intervals are those of ``ancf_casadi.estimation``; they assume white residuals.  Warnings name terms
-that are strongly correlated or not significant, say if the residuals are not white, so that the standard errors are too
-small, and if the record is too short.  If the record is shorter than the decay, the standard error of the damping is
-proportional to length^(-3/2), which gives the length that would be enough.
+Standard errors and intervals are those of ``ancf_casadi.estimation``, which allow for coloured residuals.  Warnings
+name terms that are strongly correlated or not significant, say if the residuals are not noise, so that the law does not
+explain all of the motion, and if the record is too short.  If the record is shorter than the decay, the standard error
+of the damping is proportional to length^(-3/2), which gives the length that would be enough.
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.estimation.autocorrelation import colour_warning
 from ancf_casadi.estimation.estimates import LEVEL
-from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.fit import Fit, colour_warning
 from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.estimation.resampling import refit
 from ancf_casadi.estimation.result import known
@@ -278,7 +277,7 @@ def decay_result(
         correlation=_correlation(fit, "eta1", "eta2"),
         standard_errors=errors,
         intervals={name: (low, high) for name, (low, high) in zip(QUANTITIES, ends.tolist(), strict=True)},
-        warnings=(*fit.warnings, *_warnings(values, errors, time[-1] - time[0], residuals)),
+        warnings=(*fit.warnings, *_warnings(fit, values, errors, time[-1] - time[0], residuals)),
         time=time,
         residuals=residuals,
         model=model,
@@ -294,7 +293,7 @@ def _correlation(fit: Fit, first: str, second: str) -> float:
     return float(fit.correlations[fit.names.index(first), fit.names.index(second)])
 
 
-def _warnings(values: Mapping[str, float], errors: Mapping[str, float], length: float, r: Array) -> list[str]:
+def _warnings(fit: Fit, values: Mapping[str, float], errors: Mapping[str, float], length: float, r: Array) -> list[str]:
     """Return warnings of a short record, an uncertain damping ratio, and residuals that are not noise."""
     warnings = []
     periods = length * values["frequency"]
@@ -314,7 +313,7 @@ def _warnings(values: Mapping[str, float], errors: Mapping[str, float], length: 
             needed = length * (min(error / abs(ζ), 1.0) / IMPRECISE) ** (2 / 3) if ζ else math.inf
             advice = f"the record is too short; {needed:.2g} s would give {IMPRECISE:.0%}"
         warnings.append(f"the damping ratio {uncertainty}: {advice}")
-    coloured = colour_warning(r, noise_free=noise_free)
+    coloured = colour_warning(fit, noise_free=noise_free)
     return [*warnings, coloured] if coloured else warnings
 
 

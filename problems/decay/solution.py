@@ -119,6 +119,7 @@ def _match(
     settings: dict[str, Any] = {
         "gauss_newton": LAWS[model.law].integrated,
         "series": [len(t) for t, _ in data],
+        "times": np.concatenate([t for t, _ in data]),
         "advice": ADVICE,
     }
     fit = least_squares(residuals, unknowns, **settings)

@@ -13,8 +13,7 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.derivatives.release_load import held_start, start_jacobians
 from ancf_casadi.dynamics.trajectory import State
-from ancf_casadi.estimation.autocorrelation import colour_warning
-from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.fit import Fit, colour_warning
 from ancf_casadi.estimation.least_squares import residual_function
 from ancf_casadi.estimation.resampling import refit
 from ancf_casadi.exceptions import InputError
@@ -55,7 +54,7 @@ class TransientFit:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
-        coloured = colour_warning(self.fit.residuals, self.fit.series, noise_free=self.fit.systematic)
+        coloured = colour_warning(self.fit, noise_free=self.fit.systematic)
         notes = [*self.fit.warnings, coloured]
         tolerance, worst = self.problem.tolerance, float(np.abs(self.shifts).max())
         if math.isnan(worst):

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ancf_casadi.estimation.autocorrelation import autocorrelation, colour_warning, effective_samples
 from ancf_casadi.estimation.estimates import quantile
+from ancf_casadi.estimation.fit import colour_warning
 from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.exceptions import InputError
@@ -256,15 +256,34 @@ def test_a_systematic_error_within_what_is_allowed_for_shifts_no_unknown_beyond_
     np.testing.assert_allclose([low, high], noisy.intervals()[1], rtol=1e-7)
 
 
-def test_coloured_residuals_are_told_of_unless_they_are_within_the_noise_free():
-    white, coloured = NOISE, np.convolve(NOISE, np.ones(8), "valid")
-    assert colour_warning(white) is None
-    message = colour_warning(coloured)
-    worth = effective_samples(coloured)
-    assert autocorrelation(coloured)[1] == pytest.approx(0.79, abs=0.005) and worth < len(coloured) / 3
+def test_residuals_that_are_not_noise_are_told_of_unless_they_are_within_the_noise_free():
+    x = np.linspace(0.0, 3.0, 400)
+    white = np.random.default_rng(1).standard_normal(400)
+    coloured = np.convolve(np.random.default_rng(1).standard_normal(407), np.ones(8), "valid")
+
+    def fit(noise):
+        unknowns = [Unknown("a", -0.5), Unknown("b", 0.0)]
+        return least_squares(lambda a, b: a + b * cs.DM(x) - cs.DM(noise), unknowns, series=[400])
+
+    assert colour_warning(fit(white)) is None
+    found = fit(coloured)
+    message = colour_warning(found)
+    assert found.effective_samples < 100
     assert message.startswith(
-        f"the {len(coloured)} residuals are not noise and carry the information of {worth:.0f} independent ones"
+        f"the 400 residuals are not noise and determine the unknowns as well as {found.effective_samples:.0f} "
     )
-    assert "standard errors are too small" in message
-    assert colour_warning(coloured, noise_free=2 * math.sqrt(np.mean(coloured**2))) is None
-    assert colour_warning(np.zeros(10)) is None
+    assert (found.errors > 2 * found.white_errors).all()
+    assert "the standard errors allow for their colour" in message
+    assert "times those for white" in found.report()
+    assert found.to_dict()["unknowns"][0]["standard_error_white"] == pytest.approx(found.white_errors[0])
+    assert colour_warning(found, noise_free=2 * math.sqrt(np.mean(coloured**2))) is None
+
+
+def test_profile_intervals_allow_for_coloured_residuals():
+    """For a line, both intervals are the same."""
+    x = np.linspace(0.0, 3.0, 400)
+    coloured = np.convolve(np.random.default_rng(1).standard_normal(407), np.ones(8), "valid")
+    unknowns = [Unknown("a", -0.5), Unknown("b", 0.0)]
+    fit = least_squares(lambda a, b: a + b * cs.DM(x) - cs.DM(coloured), unknowns, series=[400])
+    for k, name in enumerate(fit.names):
+        np.testing.assert_allclose(profile_interval(fit, name), fit.intervals()[k], rtol=1e-6)

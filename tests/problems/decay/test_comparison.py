@@ -59,12 +59,14 @@ def test_a_law_with_a_term_at_its_bound_is_the_smaller_law():
 
 
 def test_coloured_residuals_are_named():
-    coloured = np.convolve(np.random.default_rng(1).standard_normal(2501), [1.0, 0.6], "valid") * 2e-4
+    """For an autoregressive process and low frequencies, the effective number is m (1 - rho)/(1 + rho)."""
+    rho, coloured = 0.45, 2e-4 * np.random.default_rng(1).standard_normal(2500)
+    for k in range(1, 2500):
+        coloured[k] += rho * coloured[k - 1]
     comparison = compare_decay_laws(TIME, record("quadratic", noise=0.0) + coloured)
     (warning,) = [w for w in comparison.verdict.warnings if "correlate" in w]
-    rho = 0.6 / 1.36
     assert comparison.best.fit.autocorrelation == pytest.approx(rho, abs=0.06)
-    assert comparison.verdict.effective_samples == pytest.approx(2500 / (1 + 2 * rho), rel=0.1)
+    assert comparison.verdict.effective_samples == pytest.approx(2500 * (1 - rho) / (1 + rho), rel=0.1)
     assert f"count 2500 samples as {comparison.verdict.effective_samples:.0f} independent ones" in warning
     assert not any("correlate" in w for w in compare_decay_laws(TIME, record("quadratic")).verdict.warnings)
 

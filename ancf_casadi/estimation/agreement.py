@@ -1,0 +1,185 @@
+"""Agreement of several estimates of one quantity: of repeated takes, of several records, or of the parts of a record.
+
+The estimates x_k with standard errors s_k agree if they scatter as these errors say.  With the weights w_k = 1/s_k^2
+and their weighted mean x,
+
+    Q = sum w_k (x_k - x)^2
+
+then follows the chi-squared distribution with K - 1 degrees of freedom.  If they do not agree, the quantity itself
+differs from record to record, with a standard deviation tau for which Q with w_k = 1/(s_k^2 + tau^2) has its
+expectation K - 1.  The interval of the mean includes this scatter,
+
+    x +- t s,    s^2 = max(1, Q/(K - 1))/sum w_k,
+
+with t of Student's distribution with K - 1 degrees of freedom, or if tau = 0 of the normal distribution.  Two records
+hardly determine tau, and their interval is wide.
+
+``parts`` has the estimates from parts of the residuals of a fit, to first order: one Gauss-Newton step from the
+estimates x of the whole fit, with the rows J_k, r_k of a part,
+
+    x_k = x - (J_k' J_k)^-1 J_k' r_k,
+
+for the unknowns that the part determines.
+
+References
+----------
+R. C. Paule, J. Mandel, Consensus values and weighting factors, Journal of Research of the National Bureau of Standards
+87 (1982).
+G. Knapp, J. Hartung, Improved tests for a random effects meta-regression with a single covariate, Statistics in
+Medicine 22 (2003).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import chdtrc, stdtrit
+
+from ancf_casadi.estimation.estimates import LEVEL, Estimates
+from ancf_casadi.estimation.loss import row_weights
+from ancf_casadi.estimation.noise import estimated_noise
+from ancf_casadi.estimation.result import known
+from ancf_casadi.support.arrays import Array, Mask
+
+DISAGREE = 0.01  # probability of Q below which estimates do not agree
+DETERMINED = 1e-10  # part of a column that the other columns do not explain, relative, below which it is undetermined
+
+
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """Several estimates of one quantity.
+
+    Parameters
+    ----------
+    name, unit : str
+        The quantity.
+    values, errors : ndarray
+        Estimates (K,) and their standard errors (K,), K of 2 or more.
+    scatter : float
+        Standard deviation tau between the records, beyond the standard errors.
+    probability : float
+        Probability of a Q as large or larger if the estimates agree.
+    mean, error : float
+        Mean of the estimates and its standard error, which includes the scatter.
+    interval : (float, float)
+        95 % interval of the mean.
+    """
+
+    name: str
+    unit: str
+    values: Array
+    errors: Array
+    scatter: float
+    probability: float
+    mean: float
+    error: float
+    interval: tuple[float, float]
+
+    @property
+    def agrees(self) -> bool:
+        """True if the estimates scatter as their standard errors say."""
+        return self.probability >= DISAGREE
+
+    def text(self) -> str:
+        """Return the agreement as one line."""
+        low, high = self.interval
+        unit = f" {self.unit}" if self.unit else ""
+        return (
+            f"{self.name}: {self.mean:.5g} +- {self.error:.2g}{unit}, 95 % interval [{low:.5g}, {high:.5g}]; the "
+            f"{len(self.values)} records {'agree' if self.agrees else 'do not agree'} (p = {self.probability:.2g}), "
+            f"scatter between them {self.scatter:.2g}{unit}"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the agreement for JSON."""
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "values": [known(value) for value in self.values.tolist()],
+            "standard_errors": [known(error) for error in self.errors.tolist()],
+            "scatter": self.scatter,
+            "probability": self.probability,
+            "mean": self.mean,
+            "standard_error": self.error,
+            "interval_95": list(self.interval),
+            "agrees": self.agrees,
+        }
+
+
+def agreement(name: str, unit: str, values: Array, errors: Array) -> Agreement:
+    """Return the agreement of estimates (K,) with standard errors (K,), all positive; K is 2 or more."""
+    freedom = len(values) - 1
+
+    def mean_and_excess(variance: float) -> tuple[float, float, float]:
+        weights = 1 / (errors**2 + variance)
+        mean = float(weights @ values / weights.sum())
+        return mean, float(weights @ (values - mean) ** 2), float(weights.sum())
+
+    Q = mean_and_excess(0.0)[1]
+    τ2 = 0.0
+    if freedom < Q:
+        widest = float(np.ptp(values)) ** 2
+        τ2 = float(brentq(lambda variance: mean_and_excess(variance)[1] - freedom, 0.0, widest))
+    mean, excess, total = mean_and_excess(τ2)
+    error = math.sqrt(max(1.0, excess / freedom) / total)
+    t = float(stdtrit(freedom if τ2 else np.inf, 0.5 + LEVEL / 2))
+    return Agreement(
+        name=name,
+        unit=unit,
+        values=values,
+        errors=errors,
+        scatter=math.sqrt(τ2),
+        probability=float(chdtrc(freedom, Q)),
+        mean=mean,
+        error=error,
+        interval=(mean - t * error, mean + t * error),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Estimates from a part of the residuals of a fit, to first order.
+
+    Parameters
+    ----------
+    values : ndarray
+        Estimates (n,); nan for unknowns that the part does not determine, or that are at a bound.
+    covariance : ndarray
+        Covariance (n, n), nan for the same unknowns.
+    """
+
+    values: Array
+    covariance: Array
+
+
+def parts(fit: Estimates, masks: Sequence[Mask]) -> list[Part]:
+    """Return the estimates from each part of the residuals of a fit, a mask (m,) of its rows."""
+    return [_part(fit, mask) for mask in masks]
+
+
+def _part(fit: Estimates, mask: Mask) -> Part:
+    n = len(fit.names)
+    weights = row_weights(fit.residuals[mask], fit.huber)
+    rows = fit.jacobian[mask] * fit.scale * weights[:, None]
+    free = np.flatnonzero(~fit.active_bounds & (np.linalg.norm(rows, axis=0) > 0.0))
+    values, covariance = np.full(n, math.nan), np.full((n, n), math.nan)
+    if not 0 < len(free) < len(rows):
+        return Part(values, covariance)
+    length = np.linalg.norm(rows[:, free], axis=0)
+    basis, triangle = np.linalg.qr(rows[:, free] / length)
+    size = np.abs(np.diag(triangle))
+    if size.min() < DETERMINED * size.max():
+        return Part(values, covariance)
+    inverse = (fit.scale[free] / length)[:, None] * np.linalg.inv(triangle)
+    r = weights * fit.residuals[mask]
+    values[free] = fit.values[free] - inverse @ (basis.T @ r)
+    series = [int(np.count_nonzero(part)) for part in np.split(mask, np.cumsum(fit.series))[: len(fit.series)]]
+    times = None if fit.times is None else fit.times[mask]
+    noise = estimated_noise(r - basis @ (basis.T @ r), basis, series, times)
+    covariance[np.ix_(free, free)] = inverse @ noise.form(basis) @ inverse.T
+    return Part(values, covariance)

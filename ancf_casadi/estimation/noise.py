@@ -1,0 +1,298 @@
+"""The noise of a fit: its spectrum near the frequencies of the fitted curve, from the residuals.
+
+White noise has the same power at all frequencies, and the m residuals r of a fit with n unknowns give its variance
+s^2 = r'r/(m - n).  The residuals of measured records are coloured: cameras and filters smooth them, other modes and
+quantisation stand out as lines.  What counts for the estimates is the power S(f) at the frequencies f that the columns
+of the Jacobian J contain, because with the covariance R of the noise
+
+    cov(J'r) = J' R J = sum_f S(f) |J(f)|^2.
+
+S is estimated in two steps.  First, an autoregressive process of order 1 is fitted, R_ij = rho^|i - j|, if this lowers
+the criterion BIC.  Second, the power P(f) of the residuals over that of this process, E(f), is averaged over a band
+about each frequency,
+
+    C(f) = sum P/E over the band / sum (1 - h),        S(f) = C(f) E(f).
+
+The leverage h is the part of the noise that the fitted curve absorbs at a frequency, so that C is free of bias for
+every band.  The band is the widest whose mean agrees with that of each narrower band, as far as the random errors of
+these means tell (Lepski's method).  Lines then end the band, and white or autoregressive noise extends it to the whole
+spectrum of all series, which leaves no more than the errors of s^2 and rho.  If no variance changes by more than a
+tenth, or than its random error, the noise counts as white, and the errors are those of an ordinary fit.
+
+Samples that are missing leave zeros in an even grid of times.  E then is the expected power of the process with these
+zeros.  Samples between the times of the grid are assigned to the nearest one.
+
+References
+----------
+O. V. Lepskii, On a problem of adaptive estimation in Gaussian white noise, Theory of Probability and Its Applications
+35 (1991).
+E. Parzen, On spectral analysis with missing observations and amplitude modulation, Sankhya A 25 (1963).
+H. White, A heteroskedasticity-consistent covariance matrix estimator, Econometrica 48 (1980), for the covariance of
+estimates whose residuals are not white.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from ancf_casadi.support.arrays import Array, ComplexArray, Index
+
+NARROW = 12  # half-width of the narrowest band, in cycles per length of the series
+AGREE = 2.0  # difference of two means, in standard errors, up to which they agree
+SAME = 0.1  # change of a variance, relative to white noise, up to which the noise counts as white
+SPARSE = 16  # length of the grid over the number of samples, beyond which the samples are counted instead
+NOT_NOISE = 3.0  # concentration beyond which residuals are not noise; 1 for white noise
+FEWEST = 8  # residuals, below which the noise counts as white
+
+
+@dataclass(frozen=True, eq=False)
+class SeriesSpectrum:
+    """Spectrum of the noise in one series of residuals.
+
+    Parameters
+    ----------
+    rows : slice
+        Its residuals among all.
+    slots : ndarray of int
+        Positions of its samples in an even grid of times.
+    power : ndarray
+        Power S at the frequencies of a Fourier transform (k,), times the weight of the frequency: 1 at both ends of the
+        spectrum, 2 between them.
+    """
+
+    rows: slice
+    slots: Index
+    power: Array
+
+    @property
+    def length(self) -> int:
+        """Length of the Fourier transform."""
+        return 2 * (len(self.power) - 1)
+
+    def form(self, columns: Array) -> Array:
+        """Return X' R X (n, n) of columns X (m, n)."""
+        spectra = transform(columns[self.rows], self.slots, self.length)
+        product = spectra.conj().T @ (spectra * self.power[:, None])
+        return np.asarray(product.real / self.length)
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Covariance R of the noise in residuals.
+
+    Parameters
+    ----------
+    variance : float
+        Variance s^2, as of white noise; nan for zero degrees of freedom.
+    freedom : float
+        Degrees of freedom of the estimated power, for Student's distribution.
+    spectra : tuple of SeriesSpectrum
+        Spectrum of each series; none if the noise is white.
+    growth : float
+        Mean variance in the directions of the fitted curve, relative to s^2.
+    """
+
+    variance: float
+    freedom: float
+    spectra: tuple[SeriesSpectrum, ...] = ()
+    growth: float = 1.0
+
+    @property
+    def white(self) -> bool:
+        """True if the noise is white as far as the residuals tell."""
+        return not self.spectra
+
+    def form(self, columns: Array) -> Array:
+        """Return X' R X (n, n) of columns X (m, n)."""
+        if self.white:
+            return np.asarray(self.variance * (columns.T @ columns))
+        return np.asarray(sum(spectrum.form(columns) for spectrum in self.spectra))
+
+    def along(self, column: Array) -> float:
+        """Return the variance of the noise in the direction of a column (m,); s^2 if the column is zero."""
+        size = float(column @ column)
+        return float(self.form(column[:, None])[0, 0]) / size if size else self.variance
+
+
+def estimated_noise(residuals: Array, basis: Array, series: Sequence[int], times: Array | None) -> Noise:
+    """Return the noise of a fit.
+
+    Parameters
+    ----------
+    residuals : ndarray
+        Residuals (m,); for a robust fit, the derivatives psi of their losses.
+    basis : ndarray
+        Orthonormal basis (m, n) of the columns of the Jacobian of the residuals by the n free unknowns.
+    series : sequence of int
+        Lengths of the series, which follow one another; each in the order of time.  Without series, the residuals have
+        no order, and count as white noise.
+    times : ndarray or None
+        Times of the residuals (m,); equally spaced if not given.
+    """
+    m, n = basis.shape
+    if m == n:
+        return Noise(math.nan, 0.0)
+    white = Noise(float(residuals @ residuals) / (m - n), m - n)
+    if not series or m < FEWEST or n == 0 or not white.variance > 0.0:
+        return white
+    grids = _grids(series, times)
+    ρ = _first_correlation(residuals, grids)
+    if m * math.log(1 - ρ**2) + math.log(m) >= 0.0:
+        ρ = 0.0
+    parts = [_relative_power(residuals[rows], basis[rows], places, ρ) for rows, places in grids]
+    total, room = sum(part.power[-1] for part in parts), sum(part.room[-1] for part in parts)
+    means = [
+        _local_means(part, len(places), float(total), float(room))
+        for part, (_, places) in zip(parts, grids, strict=True)
+    ]
+    spectra = tuple(
+        SeriesSpectrum(rows, places, part.process * mean)
+        for (rows, places), part, (mean, _) in zip(grids, parts, means, strict=True)
+    )
+    share = np.concatenate([part.leverage for part in parts])
+    uncertainty = float(share @ (1 / np.concatenate([freedom for _, freedom in means])))
+    coloured = Noise(white.variance, float(share.sum()) / uncertainty, spectra)
+    growth = np.linalg.eigvalsh(coloured.form(basis)) / white.variance
+    likely = max(SAME, AGREE * math.sqrt(2 / coloured.freedom))
+    return white if abs(growth - 1).max() < likely else replace(coloured, growth=float(growth.mean()))
+
+
+def autocorrelation(residuals: Array, series: Sequence[int] = (), times: Array | None = None) -> Array:
+    """Return the autocorrelation rho_0 = 1, rho_1, ... of residuals; nan if all of them are zero.
+
+    With the residuals r of several series, rho_k = sum r_i r_(i+k) / sum r_i^2, both sums over all series, and products
+    within a series only.
+
+    Parameters
+    ----------
+    residuals, series, times
+        As in ``estimated_noise``; one series if none is given.
+    """
+    grids = _grids(tuple(series) or (len(residuals),), times)
+    products = np.zeros(1 + max(int(places[-1]) for _, places in grids))
+    for rows, places in grids:
+        size = int(places[-1]) + 1
+        power = np.abs(transform(residuals[rows, None], places, 2 * size)[:, 0]) ** 2
+        products[:size] += np.fft.irfft(power, 2 * size)[:size]
+    return products / products[0] if products[0] > 0.0 else np.full(len(products), math.nan)
+
+
+def concentration(residuals: Array, series: Sequence[int] = (), times: Array | None = None) -> float:
+    """Return (1 + 2 sum_k rho_k^2)/2, the mean square of the power spectrum over that of white noise; nan for zeros.
+
+    It is about 1 for white noise, (1 + rho^2)/(1 - rho^2) for an autoregressive process of order 1, and of the order of
+    the number of samples for a sine.
+    """
+    return float(np.sum(autocorrelation(residuals, series, times) ** 2)) - 0.5
+
+
+def _grids(series: Sequence[int], times: Array | None) -> list[tuple[slice, Index]]:
+    """Return the rows of each series that is not empty, and the positions of its samples in an even grid."""
+    bounds = [slice(*ends) for ends in pairwise(np.cumsum([0, *series]).tolist()) if ends[0] < ends[1]]
+    return [(rows, slots(rows.stop - rows.start, None if times is None else times[rows])) for rows in bounds]
+
+
+def slots(count: int, times: Array | None) -> Index:
+    """Return the positions of samples in an even grid of times, the spacing of which is the median one."""
+    if times is None or count < 2:
+        return np.arange(count)
+    step = float(np.median(np.diff(times)))
+    length = (times[-1] - times[0]) / step if step > 0.0 else math.inf
+    return np.rint((times - times[0]) / step).astype(int) if length < SPARSE * count else np.arange(count)
+
+
+def transform(columns: Array, places: Index, length: int) -> ComplexArray:
+    """Return the Fourier transform of columns (m, n) whose rows have places in a grid; the other rows are zero."""
+    grid = np.zeros((int(places[-1]) + 1, columns.shape[1]))
+    np.add.at(grid, places, columns)
+    return np.asarray(np.fft.rfft(grid, length, axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class _RelativePower:
+    """Power of a series of residuals relative to the autoregressive process, as sums from the lowest frequency on.
+
+    ``power`` and ``room`` (k + 1,) are the sums of P/E and of 1 - h, ``leverage`` (k,) is h, and ``process`` (k,) the
+    power of the process without gaps; all include the weights of the frequencies.
+    """
+
+    power: Array
+    room: Array
+    leverage: Array
+    process: Array
+
+
+def _relative_power(residuals: Array, basis: Array, places: Index, ρ: float) -> _RelativePower:
+    """Return the power of a series relative to that of an autoregressive process with the coefficient ρ."""
+    N = int(places[-1]) + 1
+    length = 2 ** math.ceil(math.log2(2 * N))
+    present = transform(np.ones((len(places), 1)), places, length)[:, 0]
+    pairs = np.fft.irfft(np.abs(present) ** 2, length)[:N]
+    correlation = ρ ** np.arange(N, dtype=float)
+    expected = np.fft.rfft(_even(correlation * pairs, length)).real / len(places)
+    weights = np.full(len(expected), 2.0)
+    weights[[0, -1]] = 1.0
+    own = np.abs(transform(np.column_stack([residuals, basis]), places, length)) ** 2 * (weights / length)[:, None]
+    leverage = own[:, 1:].sum(axis=1)
+    room = np.maximum(weights * len(places) / length - leverage, 0.0)
+    floor = np.finfo(float).eps * expected.max()
+    process = np.maximum(np.fft.rfft(_even(correlation, length)).real, 0.0)
+    return _RelativePower(
+        power=np.concatenate([[0.0], np.cumsum(own[:, 0] / np.maximum(expected, floor))]),
+        room=np.concatenate([[0.0], np.cumsum(room)]),
+        leverage=leverage,
+        process=weights * process,
+    )
+
+
+def _local_means(part: _RelativePower, samples: int, total: float, room: float) -> tuple[Array, Array]:
+    """Return the mean C (k,) over the band of each frequency, and its degrees of freedom (k,).
+
+    The widest band is the whole spectrum of all series, with the sums ``total`` and ``room``.
+    """
+    k = np.arange(len(part.leverage))
+    bands = []
+    half = NARROW * 2 * len(k) / max(2 * samples, 1)
+    while half < len(k):
+        low, high = np.maximum(k - int(half), 0), np.minimum(k + int(half) + 1, len(k))
+        bands.append((part.power[high] - part.power[low], part.room[high] - part.room[low]))
+        half *= 2
+    one = np.ones(len(k))
+    bands += [(part.power[-1] * one, part.room[-1] * one), (total * one, room * one)]
+    mean, freedom = bands[-1][0] / bands[-1][1], bands[-1][1]
+    lowest, highest, agrees = -np.inf * one, np.inf * one, np.ones(len(k), dtype=bool)
+    for power, space in bands:
+        usable = space > 1.0
+        logarithm = np.log(np.maximum(power, np.finfo(float).tiny) / np.maximum(space, 1.0))
+        error = AGREE * np.sqrt(2 / np.maximum(space, 1.0))
+        agrees &= ~usable | ((logarithm + error >= lowest) & (logarithm - error <= highest))
+        chosen = agrees & usable
+        mean, freedom = np.where(chosen, np.exp(logarithm), mean), np.where(chosen, space, freedom)
+        lowest = np.where(chosen, np.maximum(lowest, logarithm - error), lowest)
+        highest = np.where(chosen, np.minimum(highest, logarithm + error), highest)
+    return mean, freedom
+
+
+def _first_correlation(residuals: Array, grids: Sequence[tuple[slice, Index]]) -> float:
+    """Return the correlation of residuals one step of the grid apart; 0 if there are no such pairs."""
+    products, pairs = 0.0, 0
+    for rows, places in grids:
+        own = residuals[rows]
+        next_to = np.diff(places) == 1
+        products += float(own[:-1][next_to] @ own[1:][next_to])
+        pairs += int(np.count_nonzero(next_to))
+    limit = 1 - 1 / len(residuals)
+    return float(np.clip(products / pairs / np.mean(residuals**2), -limit, limit)) if pairs else 0.0
+
+
+def _even(half: Array, length: int) -> Array:
+    """Return an even function over a period of ``length`` from its values at 0, 1, 2, ..."""
+    whole = np.zeros(length)
+    whole[: len(half)] = half
+    whole[length - len(half) + 1 :] = half[:0:-1]
+    return whole

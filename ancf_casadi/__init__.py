@@ -4,6 +4,7 @@ from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, Rayl
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
 from ancf_casadi.dynamics.derivatives.differentiable import motion
 from ancf_casadi.dynamics.simulation import simulate
+from ancf_casadi.dynamics.tip_load import HarmonicLoad, SampledLoad, TipLoad
 from ancf_casadi.dynamics.trajectory import State, Trajectory
 from ancf_casadi.exceptions import (
     AncfError,
@@ -34,6 +35,7 @@ __all__ = [
     "FitError",
     "FixedBase",
     "HarmonicBase",
+    "HarmonicLoad",
     "InputError",
     "Measurement",
     "ModalDamping",
@@ -45,12 +47,14 @@ __all__ = [
     "ReducedModel",
     "ReducedTrajectory",
     "SampledBase",
+    "SampledLoad",
     "Section",
     "Sensor",
     "SimulationError",
     "State",
     "StrainMeasures",
     "SweepBase",
+    "TipLoad",
     "Trajectory",
     "__version__",
     "mac",

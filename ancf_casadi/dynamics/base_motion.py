@@ -34,28 +34,26 @@ AT_REST = 1e-9  # half periods; if ``stop`` is that close behind an instant of r
 
 @dataclass(frozen=True)
 class Piece:
-    """A smooth piece of a base motion.
+    """A smooth piece of a base motion or of a load.
 
     Parameters
     ----------
     end : float
         End time, s; infinite for the last piece.
-    motion : callable
+    at : callable
         Function of the time (s) and the parameters of the motion that returns displacement (m, two components) and
-        rotation (rad).
+        rotation (rad), or force (N, two components) and moment (N m).
+    largest_step : float
+        Largest step of an integrator that misses no event in the piece, s.
     """
 
     end: float
-    motion: Callable[[cs.MX, cs.MX], cs.MX]
+    at: Callable[[cs.MX, cs.MX], cs.MX]
+    largest_step: float = math.inf
 
 
-class BaseMotion(ABC):
-    """Base class of the base motions."""
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The parameters of the motion."""
-        return ()
+class Piecewise(ABC):
+    """Base class of functions of time with smooth pieces."""
 
     @abstractmethod
     def pieces(self) -> tuple[Piece, ...]:
@@ -72,6 +70,15 @@ class BaseMotion(ABC):
             if begin >= end:
                 break
         return found
+
+
+class BaseMotion(Piecewise):
+    """Base class of the base motions."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The parameters of the motion."""
+        return ()
 
 
 @final

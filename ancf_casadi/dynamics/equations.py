@@ -2,10 +2,11 @@
 
 The free coordinates q, their velocities v and accelerations a obey
 
-    q_t = v,    v_t = a,    0 = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g   (rows of the free coordinates).
+    q_t = v,    v_t = a,    0 = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g - Q_tip(e, t)   (rows of the free coordinates).
 
-The clamped node carries the base motion: its position, velocity and acceleration are part of e, e_t and e_tt.  The rows
-of the clamped node give the generalized force of the base on it.
+The excitation has 15 components.  Position, velocity and acceleration of the clamped node, which carries the base
+motion, are part of e, e_t and e_tt; the rows of this node give the generalized force of the base on it.  The last three
+are the load at the tip, force and moment, with the generalized force Q_tip (``tip_load``).
 
 The damping force has a local part, as sparse as the mesh, and a low-rank part R B diag(d) B^T R^T e_t, which turns with
 the clamp (``damping.turning``).  Each integrator keeps its matrices sparse in its own way.
@@ -17,6 +18,7 @@ values of the parameters of a law.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,9 +30,13 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.turning import turned
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
 from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
+from ancf_casadi.dynamics.tip_load import LOAD, NO_LOAD, TipLoad, tip_force, tip_stiffness
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.layout import Layout
+
+EXCITATION = 3 * NODE + LOAD  # components of the excitation
+SAME_INSTANT = 1e-9  # of the time considered; pieces of base and load that end so close together end together
 
 
 def as_it_is(function: cs.Function) -> cs.Function:
@@ -126,16 +132,18 @@ class Equations:
         return [list(outputs) for outputs in zip(*results, strict=True)]
 
     @cached_property
-    def turned_projection(self) -> cs.Function:
-        """(clamped node (12,)) -> rows of R B of the free coordinates, (N, m)."""
-        node = cs.MX.sym("node", 3 * NODE)
-        B = turned(cs.MX(cs.DM(self.projection)), self.model.beam.axis, node[2:NODE])
-        return cs.Function("turned_projection", [node], [B[self.model.free, :]])
+    def tip_entries(self) -> list[int]:
+        """Places in ``Model.entries``, in one element at the tip, of the slope rows and slope columns of the tip."""
+        rows, columns = self.model.entries
+        slope = (self.model.size - 2, self.model.size - 1)
+        return [int(np.flatnonzero((rows == i) & (columns == j))[0]) for j in slope for i in slope]
 
-    def clamp(self, piece: Piece, base: BaseMotion) -> cs.Function:
-        """(t) -> position, velocity and acceleration of the clamped node, (12,)."""
-        t, values = cs.MX.sym("t"), [parameter.value for parameter in base.parameters]
-        return cs.Function("clamp", [t], [clamped_node(self.model, piece, t, cs.MX(cs.DM(values)))])
+    @cached_property
+    def turned_projection(self) -> cs.Function:
+        """(excitation) -> rows of R B of the free coordinates, (N, m)."""
+        excitation = cs.MX.sym("excitation", EXCITATION)
+        B = turned(cs.MX(cs.DM(self.projection)), self.model.beam.axis, excitation[2:NODE])
+        return cs.Function("turned_projection", [excitation], [B[self.model.free, :]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,28 +199,31 @@ class Balance:
         model = self.equations.model
         return model.elastic_force(e, self.properties) - model.gravity_force(self.properties, self.gravity)
 
-    def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX) -> tuple[cs.MX, cs.MX]:
-        """Return all forces but the low-rank damping, (4 n + 4, s), and the power lost to the local damping, (1, s).
+    def local(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
+        """Return all forces but the low-rank damping, and the powers lost to the local damping and supplied at the tip.
 
-        Coordinates, velocities and accelerations have s columns.
+        Coordinates, velocities, accelerations and tip loads have s columns, the forces (4 n + 4, s), the powers (1, s).
         """
         equations = self.equations
         forces, powers = equations.mapped("balance", self, e, e_t, e_tt)
         lost = [cs.sum1(cs.reshape(power, -1, e.size2())) for power in powers]
-        return equations.model.sum_at_nodes(forces), sum(lost[1:], lost[0])
+        at_nodes, at_tip = equations.model.sum_at_nodes(forces), tip_force(e, load)
+        total = cs.vertcat(at_nodes[:-NODE, :], at_nodes[-NODE:, :] - at_tip)
+        return total, sum(lost[1:], lost[0]), cs.sum1(e_t[-NODE:, :] * at_tip)
 
     def of_low_rank(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the low-rank part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s)."""
         states = zip(cs.horzsplit(e), cs.horzsplit(e_t), strict=True)
         return cs.horzcat(*(self.modal_damping(x, self.modal_velocities(x, x_t)) for x, x_t in states))
 
-    def tangents(self, e: cs.MX, e_t: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """Return the entries of K = d(Q_damp + Q_e)/de, D = dQ_damp/de_t and M of all elements, (entries, s).
+    def tangents(self, e: cs.MX, e_t: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
+        """Return the entries of K = d(Q_damp + Q_e - Q_tip)/de, D = dQ_damp/de_t and M of all elements, (entries, s).
 
         The entries are in the order of ``Model.entries`` and omit the low-rank part of the damping force.
         """
         k, d, m = self.equations.mapped("tangents", self, e, e_t)
         columns = [cs.vertcat(*(cs.reshape(block, -1, e.size2()) for block in blocks)) for blocks in (k, d, m)]
+        columns[0][self.equations.tip_entries, :] -= tip_stiffness(e, load)
         return columns[0], columns[1], columns[2]
 
     def resistance(self, e: cs.MX, e_t: cs.MX, u: cs.MX, w: cs.MX) -> cs.MX:
@@ -222,9 +233,62 @@ class Balance:
 
 def clamped_node(model: Model, piece: Piece, t: cs.MX, parameters: cs.MX) -> cs.MX:
     """Return position, velocity and acceleration of the clamped node, (12,), at time t in a piece of a base motion."""
-    x, y, angle = cs.vertsplit(cs.densify(piece.motion(t, parameters)))
+    x, y, angle = cs.vertsplit(cs.densify(piece.at(t, parameters)))
     ax, ay = model.beam.axis
     node = cs.vertcat(x, y, cs.cos(angle) * ax - cs.sin(angle) * ay, cs.sin(angle) * ax + cs.cos(angle) * ay)
     velocity = cs.densify(cs.jacobian(node, t))
     acceleration = cs.densify(cs.jacobian(velocity, t))
     return cs.vertcat(node, velocity, acceleration)
+
+
+@dataclass(frozen=True)
+class ExcitationPiece:
+    """A smooth piece of the excitation between two instants.
+
+    Parameters
+    ----------
+    base, load : Piece
+        The pieces of the base motion and of the tip load.
+    begin, end : float
+        First and last instant, s.
+    """
+
+    base: Piece
+    load: Piece
+    begin: float
+    end: float
+
+    @property
+    def largest_step(self) -> float:
+        """Largest step of an integrator that misses no event in the piece, s."""
+        return min(self.base.largest_step, self.load.largest_step)
+
+    def at(self, model: Model, t: cs.MX, parameters: cs.MX) -> cs.MX:
+        """Return the excitation, (15,), at time t for the parameters of the base motion."""
+        load = cs.densify(self.load.at(t, cs.MX(0, 1)))
+        return cs.vertcat(clamped_node(model, self.base, t, parameters), load)
+
+    def function(self, model: Model, base: BaseMotion) -> cs.Function:
+        """(t) -> the excitation, (15,), for the values of the parameters of the base motion."""
+        t, values = cs.MX.sym("t"), [parameter.value for parameter in base.parameters]
+        return cs.Function("excitation", [t], [self.at(model, t, cs.MX(cs.DM(values)))])
+
+
+def excitation_pieces(base: BaseMotion, load: TipLoad | None, begin: float, end: float) -> list[ExcitationPiece]:
+    """Return the smooth pieces of a base motion and a tip load together between two instants (s)."""
+    moving = base.pieces_between(begin, end)
+    loading = (NO_LOAD if load is None else load).pieces_between(begin, end)
+    instants = [begin]
+    for instant in sorted(last for *_, last in (*moving, *loading)):
+        if instant - instants[-1] > SAME_INSTANT * (end - begin):
+            instants.append(instant)
+    instants[-1] = end
+    return [
+        ExcitationPiece(_at((first + last) / 2, moving), _at((first + last) / 2, loading), first, last)
+        for first, last in itertools.pairwise(instants)
+    ]
+
+
+def _at(instant: float, pieces: list[tuple[Piece, float, float]]) -> Piece:
+    """Return the piece at an instant."""
+    return next(piece for piece, _, last in pieces if instant <= last)

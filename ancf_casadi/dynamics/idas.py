@@ -2,15 +2,16 @@
 
 ``semi_explicit`` states the equation of motion with the scaled unknowns x and z, and its exact Jacobian.
 
-Time.  Each smooth piece of the base motion is divided into segments t = begin + span s with s from 0 to 1.  IDAS
+Time.  Each smooth piece of the excitation is divided into segments t = begin + span s with s from 0 to 1.  IDAS
 restarts on each with consistent accelerations; begin and span are parameters, so that one integrator serves all
 segments.
 
 Order.  Undamped high modes lie on the imaginary axis, where backward differentiation formulas of order 3 to 5 are
 unstable, so the order is limited to 2.
 
-Energy.  Two powers are integrated with the motion, so that its energy balance can be checked: the power lost to damping
-and the power of the base, which is the force on the clamped node times the velocity of this node.
+Energy.  Three powers are integrated with the motion, so that its energy balance can be checked: the power lost to
+damping, the power of the base, which is the force on the clamped node times the velocity of this node, and the power of
+the tip load.
 
 References
 ----------
@@ -31,7 +32,7 @@ import casadi as cs
 import numpy as np
 import scipy.sparse.linalg
 
-from ancf_casadi.dynamics.segments import InitialValueProblem, Segment, SegmentSolution
+from ancf_casadi.dynamics.segments import ENERGIES, InitialValueProblem, Segment, SegmentSolution
 from ancf_casadi.dynamics.semi_explicit import SemiExplicit
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
@@ -48,7 +49,7 @@ DEFAULTS: Mapping[str, Any] = {
 
 
 def integrate_by_idas(problem: InitialValueProblem) -> Iterator[SegmentSolution]:
-    """Integrate over a smooth piece of the base motion, and yield the solution on each segment.
+    """Integrate over a smooth piece of the excitation, and yield the solution on each segment.
 
     The options of the problem override ``DEFAULTS``.
 
@@ -59,13 +60,13 @@ def integrate_by_idas(problem: InitialValueProblem) -> Iterator[SegmentSolution]
     SimulationError
         If IDAS fails.
     """
-    form, clamp, largest_step = SemiExplicit(problem.equations), problem.clamp, problem.largest_step
+    form, excitation, largest_step = SemiExplicit(problem.equations), problem.excitation, problem.largest_step
     settings = {**DEFAULTS, "abstol": problem.tolerance, **problem.options}
     s, interval = cs.MX.sym("s"), cs.MX.sym("interval", 2)
     x, z = cs.MX.sym("x", form.residual.size1_in(0)), cs.MX.sym("z", form.residual.size1_in(1))
     begin, span = cs.vertsplit(interval)
-    x_t, alg = form.residual(x, z, clamp(begin + span * s), form.parameters)
-    powers, reaction = form.energetics(x, z, clamp(begin + span * s), form.parameters)
+    x_t, alg = form.residual(x, z, excitation(begin + span * s), form.parameters)
+    powers, reaction = form.energetics(x, z, excitation(begin + span * s), form.parameters)
     dae = {"t": s, "x": x, "z": z, "p": interval, "ode": span * x_t, "alg": alg, "quad": span * powers}
     linear = cs.Function("linear", [s, x, z, interval], [alg, cs.jacobian(alg, z)])  # alg is linear in z
     forces = cs.Function("forces", [x, z, s, interval], [reaction])
@@ -93,9 +94,8 @@ def integrate_by_idas(problem: InitialValueProblem) -> Iterator[SegmentSolution]
                 raise _failure(printed.getvalue() + str(error), segment) from None
         states = np.vstack([x0, result["xf"].full().T])
         unknowns = np.vstack([z0, result["zf"].full().T])
-        clamps = clamp(segment.instants[None, :]).full().T
-        coordinates, velocities = form.unscaled(states, clamps)
-        energies = np.vstack([np.zeros(2), result["qf"].full().T])
+        coordinates, velocities = form.unscaled(states, excitation(segment.instants[None, :]).full().T)
+        energies = np.vstack([np.zeros(ENERGIES), result["qf"].full().T])
         kept = segment.kept
         yield SegmentSolution(
             coordinates=coordinates[kept],

@@ -1,4 +1,4 @@
-"""Integration of a motion through the smooth pieces of its base motion, by one integrator or two.
+"""Integration of a motion through the smooth pieces of its excitation, by one integrator or two.
 
 IDAS resolves every undamped vibration of the mesh, however small: its steps then shrink to a fraction of the periods of
 these vibrations, and the run becomes very slow.  Radau damps the vibrations that its steps do not resolve.  Up to the
@@ -37,7 +37,7 @@ FEWEST_ELEMENTS = 20  # a step on a coarser mesh takes as long
 SPARE_STEPS = 10_000  # steps granted at the start
 BURST = 4  # largest number of steps between two samples, relative to their even distribution over the time
 RESTART_STEPS = 300  # granted in addition between two samples, because a restart needs small steps
-SEGMENTS = 25  # per piece of the base motion; a restart of IDAS costs about a hundred small steps
+SEGMENTS = 25  # per piece of the excitation; a restart of IDAS costs about a hundred small steps
 MOST_POINTS = 250  # samples per segment
 
 
@@ -108,7 +108,7 @@ class Integration:
                 segment = left.pop(0)
                 state, steps = solution.end, steps + solution.steps
                 if following is not None and not left:
-                    clamp = following.clamp(following.begin).full().ravel()
+                    clamp = following.excitation(following.begin).full().ravel()
                     solution = _with_impact(self.setup.equations.model, solution, clamp)
                 yield solution, use
                 if self._may_change(use) and steps > self._allowance(segment.end):
@@ -133,11 +133,11 @@ class Integration:
         bound = {"max_num_steps": self._most_between_samples} if self.method == "auto" else {}
         problem = InitialValueProblem(
             equations=self.setup.equations,
-            clamp=piece.clamp,
+            excitation=piece.excitation,
             start=state,
             segments=list(segments),
             tolerance=use.tolerance,
-            largest_step=self.largest_step,
+            largest_step=min(self.largest_step, piece.largest_step),
             options={**bound, **self.options},
         )
         return integrate_by_radau(problem) if use.method == "radau" else integrate_by_idas(problem)
@@ -167,4 +167,4 @@ def _with_impact(model: Model, solution: SegmentSolution, clamp: Array) -> Segme
     mass = model.mass(model.properties).sparse()
     after = np.concatenate([clamp[NODE : 2 * NODE], solution.end.velocities[NODE:]])
     energies = [float(velocities @ (mass @ velocities) / 2) for velocities in (solution.end.velocities, after)]
-    return replace(solution, end_energies=solution.end_energies + np.array([0.0, energies[1] - energies[0]]))
+    return replace(solution, end_energies=solution.end_energies + np.array([0.0, energies[1] - energies[0], 0.0]))

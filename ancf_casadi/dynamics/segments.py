@@ -1,7 +1,8 @@
 """Time segments between integrator restarts, and the solution on each segment.
 
-Each smooth piece of the base motion is divided into segments that end at samples of the result.  After each segment,
-progress is shown and Ctrl-C takes effect.  If a run is interrupted or fails, the finished segments are kept.
+Each smooth piece of the excitation, base motion and tip load, is divided into segments that end at samples of the
+result.  After each segment, progress is shown and Ctrl-C takes effect.  If a run is interrupted or fails, the finished
+segments are kept.
 
 Both integrators take an ``InitialValueProblem`` and yield one ``SegmentSolution`` per segment.
 """
@@ -20,6 +21,7 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.support.arrays import Array
 
+ENERGIES = 3  # integrated with the motion: lost to damping, work of the base, work of the tip load
 CLOSE = 1e-9  # instants are the same if they differ by less than this fraction of a sampling interval or step
 
 
@@ -63,14 +65,14 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class InitialValueProblem:
-    """The motion from a state to the end of a smooth piece of the base motion, as an integrator receives it.
+    """The motion from a state to the end of a smooth piece of the excitation, as an integrator receives it.
 
     Parameters
     ----------
     equations : Equations
         The equation of motion.
-    clamp : Function
-        (t) -> position, velocity and acceleration of the clamped node, (12,).
+    excitation : Function
+        (t) -> the excitation, (15,): position, velocity and acceleration of the clamped node, and the tip load.
     start : State
         The state at the start of the first segment.
     segments : sequence of Segment
@@ -84,7 +86,7 @@ class InitialValueProblem:
     """
 
     equations: Equations
-    clamp: cs.Function
+    excitation: cs.Function
     start: State
     segments: Sequence[Segment]
     tolerance: float
@@ -102,11 +104,12 @@ class SegmentSolution:
         Nodal coordinates and velocities at the samples.
     forces : array (k, 4)
         Generalized force of the base on the clamped node at the samples.
-    energies : array (k, 2)
-        Energy lost to damping and work of the base since the start of the segment, J, at the samples.
+    energies : array (k, 3)
+        Energy lost to damping, work of the base and work of the tip load since the start of the segment, J, at the
+        samples.
     end : State
         The state at the end of the segment.
-    end_energies : array (2,)
+    end_energies : array (3,)
         The energies at the end of the segment.
     segment : Segment
         The segment.

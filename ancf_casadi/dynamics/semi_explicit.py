@@ -21,7 +21,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.equations import EXCITATION, Equations
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
@@ -57,23 +57,20 @@ class SemiExplicit:
 
     @cached_property
     def residual(self) -> cs.Function:
-        """(x, z, clamp, parameters) -> x_t and the residual of the algebraic equations; differentiable in x and z.
-
-        ``clamp`` is position, velocity and acceleration of the clamped node, (12,).
-        """
+        """(x, z, excitation, parameters) -> x_t, residual of the algebraic equations; differentiable in x and z."""
         inputs = self._symbols
         outputs = self._outputs(*inputs)
-        names = ["x", "z", "clamp", "parameters"], ["x_t", "alg"]
+        names = ["x", "z", "excitation", "parameters"], ["x_t", "alg"]
         options: Any = {"is_diff_in": [True, True, False, False], "custom_jacobian": self._jacobian}
         options |= {"enable_forward": False, "enable_reverse": False}  # all derivatives come from the Jacobian
         return cs.Function("residual", list(inputs), [outputs.x_t, outputs.residual], *names, options)
 
     @cached_property
     def energetics(self) -> cs.Function:
-        """(x, z, clamp, parameters) -> powers and reaction.
+        """(x, z, excitation, parameters) -> powers and reaction.
 
-        The powers are those lost to damping and supplied by the base, in watts; the reaction is the generalized force
-        of the base on the clamped node, (4,).
+        The powers are those lost to damping, supplied by the base and supplied by the tip load, in watts; the reaction
+        is the generalized force of the base on the clamped node, (4,).
         """
         inputs = self._symbols
         outputs = self._outputs(*inputs)
@@ -87,13 +84,13 @@ class SemiExplicit:
         velocity = state.velocities / (model.scale * self.element_frequency)
         return np.concatenate([displacement[model.free], velocity[model.free]])
 
-    def unscaled(self, x: Array, clamps: Array) -> tuple[Array, Array]:
-        """Return all coordinates and velocities from x, (k, 2 N), and the clamped nodes, (k, 12)."""
+    def unscaled(self, x: Array, excitations: Array) -> tuple[Array, Array]:
+        """Return all coordinates and velocities from x, (k, 2 N), and the excitations, (k, 15)."""
         model = self.equations.model
         displacement, velocities = np.split(x, 2, axis=-1)
         scale = model.scale[model.free]
         coordinates = model.straight[model.free] + scale * displacement
-        position, velocity, _ = np.split(clamps, 3, axis=-1)
+        position, velocity = excitations[..., :NODE], excitations[..., NODE : 2 * NODE]
         return np.hstack([position, coordinates]), np.hstack([velocity, scale * self.element_frequency * velocities])
 
     @cached_property
@@ -102,19 +99,20 @@ class SemiExplicit:
 
         Because of the dense rows and columns of B, CasADi alone would compute all other columns one at a time.
         """
-        x, z, clamp, parameters = self._symbols
+        x, z, excitation, parameters = self._symbols
         model, free, m = self.equations.model, self.equations.free, self.equations.projection.shape[1]
         W, divisors, rest = cs.vertsplit(parameters, [0, 1, 1 + free, parameters.numel()])
         balance, scale = self.equations.balance(rest), cs.MX(cs.DM(model.scale[model.free]))
-        e, e_t = self._coordinates(x, W, clamp)
-        k, d, mass = (model.matrix(values, NODE) for values in balance.tangents(e, e_t))
+        e, e_t = self._coordinates(x, W, excitation)
+        tangents = balance.tangents(e, e_t, excitation[3 * NODE :])
+        k, d, mass = (model.matrix(values, NODE) for values in tangents)
         length, B, identity = model.beam.length, balance.turned_projection(e)[NODE:, :], cs.DM.eye(free)
         none = cs.DM(free, free)
         w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.modal_coefficients * length * W
         jacobians = [
             cs.horzcat(cs.DM(2 * free, free), cs.vertcat(W * identity, none)),
             cs.horzcat(cs.vertcat(none, W * identity), cs.DM(2 * free, m)),
-            cs.MX(2 * free, clamp.numel()),
+            cs.MX(2 * free, excitation.numel()),
             cs.MX(2 * free, parameters.numel()),
             cs.vertcat(
                 cs.horzcat(_scaled(k, 1 / divisors, scale), _scaled(d, 1 / divisors, scale * W)),
@@ -124,37 +122,37 @@ class SemiExplicit:
                 cs.horzcat(_scaled(mass, 1 / divisors, scale * W**2), _scaled(B, 1 / divisors, by_w)),
                 cs.horzcat(cs.MX(m, free), -cs.DM.eye(m)),
             ),
-            cs.MX(free + m, clamp.numel()),
+            cs.MX(free + m, excitation.numel()),
             cs.MX(free + m, parameters.numel()),
         ]
         unused = [cs.MX.sym("out_x_t", cs.Sparsity(2 * free, 1)), cs.MX.sym("out_alg", cs.Sparsity(free + m, 1))]
-        ins = ["x", "z", "clamp", "parameters", "out_x_t", "out_alg"]
+        ins = ["x", "z", "excitation", "parameters", "out_x_t", "out_alg"]
         outs = [f"jac_{of}_{by}" for of in ("x_t", "alg") for by in ins[:4]]
-        return cs.Function("jac_residual", [x, z, clamp, parameters, *unused], jacobians, ins, outs)
+        return cs.Function("jac_residual", [x, z, excitation, parameters, *unused], jacobians, ins, outs)
 
     @cached_property
     def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
         free, m = self.equations.free, self.equations.projection.shape[1]
-        sizes = {"x": 2 * free, "z": free + m, "clamp": 3 * NODE, "parameters": self.parameters.size}
-        x, z, clamp, parameters = (cs.MX.sym(name, size) for name, size in sizes.items())
-        return x, z, clamp, parameters
+        sizes = {"x": 2 * free, "z": free + m, "excitation": EXCITATION, "parameters": self.parameters.size}
+        x, z, excitation, parameters = (cs.MX.sym(name, size) for name, size in sizes.items())
+        return x, z, excitation, parameters
 
-    def _coordinates(self, x: cs.MX, W: cs.MX, clamp: cs.MX) -> tuple[cs.MX, cs.MX]:
+    def _coordinates(self, x: cs.MX, W: cs.MX, excitation: cs.MX) -> tuple[cs.MX, cs.MX]:
         """Return e and e_t."""
         model, free = self.equations.model, self.equations.free
         scale = model.scale[model.free]
         q, v = model.straight[model.free] + scale * x[:free], scale * W * x[free:]
-        return cs.vertcat(clamp[:NODE], q), cs.vertcat(clamp[NODE : 2 * NODE], v)
+        return cs.vertcat(excitation[:NODE], q), cs.vertcat(excitation[NODE : 2 * NODE], v)
 
-    def _outputs(self, x: cs.MX, z: cs.MX, clamp: cs.MX, parameters: cs.MX) -> _Expressions:
+    def _outputs(self, x: cs.MX, z: cs.MX, excitation: cs.MX, parameters: cs.MX) -> _Expressions:
         """Write the equation of motion in the scaled unknowns."""
         model, free = self.equations.model, self.equations.free
         W, divisors, rest = cs.vertsplit(parameters, [0, 1, 1 + free, parameters.numel()])
         balance, scale = self.equations.balance(rest), model.scale[model.free]
-        e, e_t = self._coordinates(x, W, clamp)
+        e, e_t = self._coordinates(x, W, excitation)
         a, w = scale * W**2 * z[:free], model.beam.length * W * z[free:]
-        e_tt, velocity = cs.vertcat(clamp[2 * NODE :], a), clamp[NODE : 2 * NODE]
-        forces, lost = balance.local(e, e_t, e_tt)
+        _, velocity, acceleration, load = cs.vertsplit(excitation, NODE)
+        forces, lost, supplied = balance.local(e, e_t, cs.vertcat(acceleration, a), load)
         if w.numel():
             modal = balance.modal_damping(e, w)
             forces, lost = forces + modal, lost + cs.dot(e_t, modal)
@@ -163,7 +161,7 @@ class SemiExplicit:
             x_t=cs.vertcat(W * x[free:], W * z[:free]),
             forces=forces,
             residual=cs.vertcat(forces[model.free] / divisors, modal_residual),
-            powers=cs.vertcat(lost, cs.dot(velocity, forces[:NODE])),
+            powers=cs.vertcat(lost, cs.dot(velocity, forces[:NODE]), supplied),
         )
 
 

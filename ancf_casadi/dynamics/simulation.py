@@ -26,8 +26,9 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.dissipation import warn_of_energy_gain
 from ancf_casadi.dynamics.integration import Integration, Method
-from ancf_casadi.dynamics.segments import SegmentSolution
+from ancf_casadi.dynamics.segments import ENERGIES, SegmentSolution
 from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
+from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import NODE, Model
@@ -46,6 +47,7 @@ def simulate(
     duration: float,
     damping: DampingLaw | None = None,
     base: BaseMotion | None = None,
+    load: TipLoad | None = None,
     sample_rate: float = 1000.0,
     start: Start | Equilibrium | State = "equilibrium",
     method: Method = "auto",
@@ -67,12 +69,15 @@ def simulate(
         The damping law; undamped if not given.
     base : BaseMotion, optional
         Motion of the clamp.  If not given, the clamp is fixed: at its place in a ``State``, else at the origin.
+    load : TipLoad, optional
+        Force and moment at the tip over time, in the laboratory frame; none if not given.
     sample_rate : float
         Samples per second in the result, 1/s.
     start : {"equilibrium", "straight", "impact"}, Equilibrium or State
-        ``equilibrium``: the shape at rest under gravity.  ``straight``: as manufactured; gravity then acts.  An
-        ``Equilibrium``: released from there.  All three move with the base, at rest relative to it.  ``impact``: at
-        rest under gravity even if the base starts with a velocity, which is an impact on the clamp.  A ``State``: as
+        ``equilibrium``: the shape at rest under gravity and the load at time 0.  ``straight``: as manufactured; gravity
+        and load then act.  An ``Equilibrium``: released from there; a load applied suddenly to a beam at rest is
+        ``start=static_equilibrium(model)``.  All three move with the base, at rest relative to it.  ``impact``: at rest
+        as in ``equilibrium`` even if the base starts with a velocity, which is an impact on the clamp.  A ``State``: as
         given, at its own time; ``start=run.state(-1)`` continues another run, from any of its samples.
     method : {"auto", "idas", "radau"}
         The integrator.  ``auto``: IDAS, and Radau from the time at which IDAS takes too many steps, which a warning
@@ -93,7 +98,8 @@ def simulate(
     Raises
     ------
     InputError
-        If a number is not positive, the method or the start is unknown, the base motion is not finite, the start
+        If a number is not positive, the method or the start is unknown, the base motion is not finite, the load begins
+        after the end of the motion, the start
         belongs to another model, or is a state that stretches the beam by more than 1 % or whose clamp disagrees with
         the base motion, or IDAS refuses an option.
     EquilibriumError
@@ -125,6 +131,7 @@ def simulate(
             duration=duration,
             damping=damping,
             base=base,
+            load=load,
             sample_rate=sample_rate,
             start=start,
             make=compiled,
@@ -199,18 +206,20 @@ class _Solution:
     def trajectory(self) -> Trajectory:
         """Return the motion up to the last segment."""
         model, done = self.setup.equations.model, self.segments
-        starts = np.cumsum([np.zeros(2), *(solution.end_energies for solution in done)], axis=0)
+        starts = np.cumsum([np.zeros(ENERGIES), *(solution.end_energies for solution in done)], axis=0)
         energies = [start + solution.energies for start, solution in zip(starts, done, strict=False)]
-        lost, work = np.vstack([np.empty((0, 2)), *energies]).T
-        none = np.empty((0, model.size))
+        lost, base_work, load_work = np.vstack([np.empty((0, ENERGIES)), *energies]).T
+        none, times = np.empty((0, model.size)), self.setup.times[: len(lost)]
         return Trajectory(
             model=model,
-            time=self.setup.times[: len(lost)],
+            time=times,
             coordinates=np.vstack([none, *(solution.coordinates for solution in done)]),
             velocities=np.vstack([none, *(solution.velocities for solution in done)]),
             clamp_force=np.vstack([np.empty((0, NODE)), *(solution.forces for solution in done)]),
+            tip_load=self.setup.loads(times),
             dissipated_energy=lost,
-            base_work=work,
+            base_work=base_work,
+            load_work=load_work,
             steps=self.steps,
             wall_seconds=time.perf_counter() - self.began,
             integrators=tuple(self.uses),

@@ -1,9 +1,9 @@
-"""Setup of a motion: clamp motion, samples and initial state.
+"""Setup of a motion: excitation, samples and initial state.
 
 ``set_up`` makes the checks and the setup that ``simulate`` and ``motion`` share.
 
-At the start, a beam at rest under gravity, or straight as manufactured, moves with its clamp as one rigid body.  With
-the velocity v_0 of the clamp and its angular velocity w,
+At the start, a beam at rest under gravity and the load at its tip at this instant, or straight as manufactured, moves
+with its clamp as one rigid body.  With the velocity v_0 of the clamp and its angular velocity w,
 
     r_t = v_0 + w (z x (r - r_0)),        tau_t = w (z x tau),
 
@@ -25,8 +25,9 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
-from ancf_casadi.dynamics.equations import Equations, as_it_is
+from ancf_casadi.dynamics.equations import Equations, as_it_is, excitation_pieces
 from ancf_casadi.dynamics.segments import CLOSE
+from ancf_casadi.dynamics.tip_load import LOAD, TipLoad, equilibrium_under
 from ancf_casadi.dynamics.tolerance import expected_travel
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
@@ -34,31 +35,50 @@ from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.strain import axial_strain
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_one_of, physical, shown
-from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.vibration.equilibrium import Equilibrium
 
 Start = Literal["equilibrium", "straight", "impact"]
 
 MOST_SAMPLES = 1e7  # coordinates and velocities take 13 GB at 20 elements
-CHECKED = 1001  # instants at which each piece of a base motion is checked
+CHECKED = 1001  # instants at which each piece of the excitation is checked
 LARGEST_STRAIN = 0.01  # largest axial strain of a given state; an equilibrium needs no check
 AGREEMENT = 1e-6  # deviation of a state from its base, relative to length, unit slope and largest velocity
 
 
 @dataclass(frozen=True, eq=False)
 class TimedPiece:
-    """A smooth piece of the base motion between two instants.
+    """A smooth piece of the excitation between two instants.
 
     Parameters
     ----------
     begin, end : float
         First and last instant, s.
-    clamp : Function
-        (t) -> position, velocity and acceleration of the clamped node, (12,).
+    excitation : Function
+        (t) -> the excitation, (15,): position, velocity and acceleration of the clamped node, and the tip load.
+    largest_step : float
+        Largest step of an integrator that misses no event in the piece, s.
     """
 
     begin: float
     end: float
-    clamp: cs.Function
+    excitation: cs.Function
+    largest_step: float
+
+
+@dataclass(frozen=True, eq=False)
+class ExcitationSamples:
+    """The excitation at instants throughout a motion.
+
+    Parameters
+    ----------
+    times : array (k,)
+        Instants, s; the end of each piece is also the start of the next.
+    values : array (k, 15)
+        Position, velocity and acceleration of the clamped node, and the tip load.
+    """
+
+    times: Array
+    values: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +91,12 @@ class MotionSetup:
         The equation of motion.
     base : BaseMotion
         Motion of the clamp.
+    load : TipLoad or None
+        Load at the tip.
     pieces : sequence of TimedPiece
-        Its smooth pieces, from the first to the last sample.
-    clamped_nodes : array (k, 12)
-        Position, velocity and acceleration of the clamped node at instants throughout the motion.
+        The smooth pieces of both, from the first to the last sample.
+    checked : ExcitationSamples
+        The excitation at instants throughout the motion.
     start : State
         The initial state.
     sample_rate : float
@@ -85,8 +107,9 @@ class MotionSetup:
 
     equations: Equations
     base: BaseMotion
+    load: TipLoad | None
     pieces: Sequence[TimedPiece]
-    clamped_nodes: Array
+    checked: ExcitationSamples
     start: State
     sample_rate: float
     times: Array
@@ -94,7 +117,15 @@ class MotionSetup:
     @cached_property
     def travel(self) -> float:
         """The expected travel, relative to the length of the beam."""
-        return expected_travel(self.equations.model, self.clamped_nodes, self.start)
+        return expected_travel(self.equations.model, self.checked.times, self.checked.values, self.start)
+
+    def loads(self, times: Array) -> Array:
+        """Return the tip load (k, 3) at samples (k,); at the end of a piece, the load in this piece."""
+        values, ends = np.zeros((times.size, LOAD)), np.array([piece.end for piece in self.pieces])
+        owners = np.minimum(np.searchsorted(ends, times), ends.size - 1)
+        for k in np.unique(owners).tolist():
+            values[owners == k] = self.pieces[k].excitation(times[None, owners == k]).full()[3 * NODE :].T
+        return values
 
 
 def set_up(
@@ -103,6 +134,7 @@ def set_up(
     duration: float,
     damping: DampingLaw | None,
     base: BaseMotion | None,
+    load: TipLoad | None,
     sample_rate: float,
     start: Start | Equilibrium | State,
     make: Callable[[cs.Function], cs.Function] = as_it_is,
@@ -111,7 +143,7 @@ def set_up(
 
     Parameters
     ----------
-    model, duration, damping, base, sample_rate, start
+    model, duration, damping, base, load, sample_rate, start
         As in ``simulate``.
     make : callable
         Compiles the Functions of an element, or leaves them to the virtual machine.
@@ -126,18 +158,26 @@ def set_up(
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
     check_instance(base, "base", BaseMotion, NoneType)
+    check_instance(load, "load", TipLoad, NoneType)
     check_instance(start, "start", str, Equilibrium, State)
     duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
     base = base_of(model, base, start)
     equations = Equations(model, RayleighDamping() if damping is None else damping, make)
     times = sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
-    pieces = timed_pieces(equations, base, float(times[0]), float(times[-1]))
+    begin, end = float(times[0]), float(times[-1])
+    if load is not None and load.begin >= end:
+        raise InputError(
+            f"begins at {load.begin:g} s, after the end of the motion at {end:g} s; its times are those of the motion",
+            "load",
+        )
+    pieces = timed_pieces(equations, base, load, begin, end)
     return MotionSetup(
         equations=equations,
         base=base,
+        load=load,
         pieces=pieces,
-        clamped_nodes=clamped_nodes(pieces),
-        start=initial_state(model, pieces[0].clamp, start),
+        checked=checked_excitation(pieces),
+        start=initial_state(model, pieces[0].excitation, start),
         sample_rate=sample_rate,
         times=times,
     )
@@ -159,29 +199,35 @@ def sample_times(duration: float, sample_rate: float, origin: float = 0.0) -> Ar
     return times
 
 
-def timed_pieces(equations: Equations, base: BaseMotion, begin: float, end: float) -> list[TimedPiece]:
-    """Return the smooth pieces of a base motion between two instants (s)."""
-    pieces = base.pieces_between(begin, end)
-    return [TimedPiece(first, last, equations.clamp(piece, base)) for piece, first, last in pieces]
+def timed_pieces(
+    equations: Equations, base: BaseMotion, load: TipLoad | None, begin: float, end: float
+) -> list[TimedPiece]:
+    """Return the smooth pieces of a base motion and a tip load together between two instants (s)."""
+    pieces = excitation_pieces(base, load, begin, end)
+    return [
+        TimedPiece(piece.begin, piece.end, piece.function(equations.model, base), piece.largest_step)
+        for piece in pieces
+    ]
 
 
-def clamped_nodes(pieces: Sequence[TimedPiece]) -> Array:
-    """Return the clamped node at instants throughout a base motion, (k, 12).
+def checked_excitation(pieces: Sequence[TimedPiece]) -> ExcitationSamples:
+    """Return the excitation at instants throughout a motion.
 
     Raises
     ------
     InputError
         If the base motion is not finite.
     """
-    found = []
+    every, found = [], []
     for piece in pieces:
         times = np.linspace(piece.begin, piece.end, CHECKED)
-        nodes = piece.clamp(times[None, :]).full().T
-        finite = np.isfinite(nodes).all(axis=1)
+        values = piece.excitation(times[None, :]).full().T
+        finite = np.isfinite(values[:, : 3 * NODE]).all(axis=1)
         if not finite.all():
             raise InputError(f"its position, velocity or acceleration is not finite at {times[~finite][0]:g} s", "base")
-        found.append(nodes)
-    return np.vstack(found)
+        every.append(times)
+        found.append(values)
+    return ExcitationSamples(np.concatenate(every), np.vstack(found))
 
 
 def base_of(model: Model, base: BaseMotion | None, start: Start | Equilibrium | State) -> BaseMotion:
@@ -195,15 +241,15 @@ def base_of(model: Model, base: BaseMotion | None, start: Start | Equilibrium | 
     return FixedBase((x, y), math.atan2(ax * slope_y - ay * slope_x, ax * slope_x + ay * slope_y))
 
 
-def initial_state(model: Model, clamp: cs.Function, start: Start | Equilibrium | State) -> State:
+def initial_state(model: Model, excitation: cs.Function, start: Start | Equilibrium | State) -> State:
     """Return the initial state of a motion.
 
     Parameters
     ----------
     model : Model
         The beam.
-    clamp : Function
-        (t) -> position, velocity and acceleration of the clamped node, (12,).
+    excitation : Function
+        (t) -> the excitation, (15,).
     start : {"equilibrium", "straight", "impact"}, Equilibrium or State
         The start, as in ``simulate``.
 
@@ -216,14 +262,14 @@ def initial_state(model: Model, clamp: cs.Function, start: Start | Equilibrium |
         If there is no equilibrium to start from.
     """
     if isinstance(start, State):
-        _check_state(model, clamp(start.time).full().ravel(), start)
+        _check_state(model, excitation(start.time).full().ravel(), start)
         return start
     check_start(model, start)
-    velocity = clamp(0.0).full().ravel()[NODE : 2 * NODE]
+    _, velocity, _, load = np.split(excitation(0.0).full().ravel(), [NODE, 2 * NODE, 3 * NODE])
     if isinstance(start, Equilibrium):
         coordinates = start.coordinates
     else:
-        coordinates = model.straight if start == "straight" else static_equilibrium(model).coordinates
+        coordinates = model.straight if start == "straight" else equilibrium_under(model, load).coordinates
     if start == "impact":
         return State(coordinates, np.zeros(model.size))
     return State(coordinates, rigid_motion(model)(coordinates, velocity).full().ravel())
@@ -257,8 +303,8 @@ def rigid_motion(model: Model) -> cs.Function:
     return cs.Function("rigid_motion", [e, velocity], [cs.vec(moved)])
 
 
-def _check_state(model: Model, clamp: Array, state: State) -> None:
-    """Refuse a state that does not fit the model, stretches the beam, or disagrees with the clamped node (12,)."""
+def _check_state(model: Model, excitation: Array, state: State) -> None:
+    """Refuse a state that does not fit the model, stretches the beam, or disagrees with the excitation (15,)."""
     for name, given in (("coordinates", state.coordinates), ("velocities", state.velocities)):
         if given.shape != (model.size,) or not np.isfinite(given).all():
             raise InputError(f"the {name} must be {model.size} finite numbers", "start")
@@ -269,7 +315,7 @@ def _check_state(model: Model, clamp: Array, state: State) -> None:
             "as static_equilibrium with a tip load does",
             "start",
         )
-    node, velocity, _ = np.split(clamp, 3)
+    node, velocity = excitation[:NODE], excitation[NODE : 2 * NODE]
     off = np.abs(state.coordinates[:NODE] - node) / np.array([model.beam.length, model.beam.length, 1.0, 1.0])
     if off.max() > AGREEMENT:
         raise InputError(

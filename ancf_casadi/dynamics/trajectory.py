@@ -7,7 +7,7 @@ used.
 
 The energy balance is
 
-    T + U + V - (T + U + V at the start) = work of the base - energy lost to damping,
+    T + U + V - (T + U + V at the start) = work of the base + work of the tip load - energy lost to damping,
 
 with kinetic energy T, strain energy U, and the potential V = -Q_g.e of gravity.  Work and loss are integrated with the
 motion.
@@ -40,7 +40,7 @@ class State:
     coordinates, velocities : array (4 n + 4,)
         Nodal coordinates and velocities in the laboratory frame, beginning with those of the clamped node.
     time : float
-        Time on the clock of the base motion, s.
+        Time on the clock of the base motion and the load, s.
     """
 
     coordinates: Array
@@ -90,10 +90,14 @@ class Trajectory:
         Nodal coordinates and velocities in the laboratory frame.
     clamp_force : array (k, 4)
         Generalized force of the base on the clamped node: force, N, and force conjugate to the slope, N m.
+    tip_load : array (k, 3)
+        Force in the laboratory frame, N, and moment, N m, at the tip.
     dissipated_energy : array (k,)
         Energy lost to damping since the start, J.
     base_work : array (k,)
         Work done by the base since the start, J.
+    load_work : array (k,)
+        Work done by the load at the tip since the start, J.
     steps : int
         Steps of the integrator.
     wall_seconds : float
@@ -109,8 +113,10 @@ class Trajectory:
     coordinates: Array
     velocities: Array
     clamp_force: Array
+    tip_load: Array
     dissipated_energy: Array
     base_work: Array
+    load_work: Array
     steps: int
     wall_seconds: float
     integrators: tuple[IntegratorUse, ...]
@@ -130,6 +136,16 @@ class Trajectory:
     def tip(self) -> Array:
         """Position of the tip, (k, 2), m."""
         return self.coordinates[:, -NODE:-2]
+
+    @property
+    def tip_force(self) -> Array:
+        """Force at the tip in the laboratory frame, (k, 2), N."""
+        return self.tip_load[:, :2]
+
+    @property
+    def tip_moment(self) -> Array:
+        """Moment at the tip, (k,), N m, positive counterclockwise."""
+        return self.tip_load[:, 2]
 
     @property
     def base(self) -> Array:
@@ -249,7 +265,7 @@ class Trajectory:
     @property
     def balance_error(self) -> Array:
         """Error of the energy balance, (k,), J; 0 for an exact solution."""
-        return np.asarray(self.energy - self.energy[0] - self.base_work + self.dissipated_energy)
+        return np.asarray(self.energy - self.energy[0] - self.base_work - self.load_work + self.dissipated_energy)
 
     def _mean_axial_force(self, index: int) -> Array:
         """Return the mean over an element of E A eps, (k,)."""

@@ -22,7 +22,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
-from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.equations import excitation_pieces
 from ancf_casadi.dynamics.segments import CLOSE
 from ancf_casadi.dynamics.start import Start, base_of, initial_state, sample_times
 from ancf_casadi.dynamics.trajectory import State
@@ -159,7 +159,9 @@ def simulate_reduced(
     end, base = float(instants[-1]), base_of(reduced.model, base, start)
     longest_step = _longest_step(reduced, end - origin, positive(steps_per_period, "steps_per_period"))
     pieces = base.pieces_between(origin, end)
-    state = initial_state(reduced.model, Equations(reduced.model, reduced.law).clamp(pieces[0][0], base), start)
+    state = initial_state(
+        reduced.model, excitation_pieces(base, None, origin, end)[0].function(reduced.model, base), start
+    )
     advance = _stepper(reduced, end - origin)
 
     samples: list[Array] = []  # of (q, v)
@@ -248,7 +250,7 @@ def _check_finite(path: Array, starts: Array) -> None:
 def _clamp_motion(piece: Piece, base: BaseMotion) -> cs.Function:
     """Return the Function (t) -> displacement and rotation of the clamp, velocities and accelerations, (9,)."""
     t = cs.MX.sym("t")
-    position = cs.densify(piece.motion(t, cs.MX(cs.DM([own.value for own in base.parameters]))))
+    position = cs.densify(piece.at(t, cs.MX(cs.DM([own.value for own in base.parameters]))))
     velocity = cs.densify(cs.jacobian(position, t))
     return cs.Function("clamp", [t], [cs.vertcat(position, velocity, cs.densify(cs.jacobian(velocity, t)))])
 

@@ -228,10 +228,10 @@ def test_energy_balances_and_every_law_takes_energy_while_the_clamp_turns(strip,
 # -------------------------------------------------------------------------------------------- the integrators' matrices
 
 
-def nodes_turned(angles):
-    """Clamped nodes (k, 12) of a moving hanging beam, turned by the given angles."""
+def excitations_turned(angles):
+    """Excitations (k, 15) of a moving hanging beam with a load at its tip, turned by the given angles."""
     axis = np.array([0.0, -1.0])
-    motions = np.random.default_rng(6).normal(size=(len(angles), 8))  # velocities and accelerations
+    motions = np.random.default_rng(6).normal(size=(len(angles), 11))  # velocities, accelerations and loads
     return np.array([[0.01, 0.02, *rotation(angle) @ axis, *part] for angle, part in zip(angles, motions, strict=True)])
 
 
@@ -240,16 +240,16 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
     form, p, random, h = Collocation(equations), equations.parameters, np.random.default_rng(5), 1e-2
     tangent, free = Tangent(form), equations.free
     q, v = modes.model.straight[modes.model.free], random.normal(size=free)
-    Z, clamps = 1e-3 * random.normal(size=(3, free)), nodes_turned([0.3, 0.8, 1.3])
+    Z, excitations = 1e-3 * random.normal(size=(3, free)), excitations_turned([0.3, 0.8, 1.3])
 
     unknowns = cs.MX.sym("Z", free, 3)
-    motion = stage_motion(unknowns, cs.DM(q), cs.DM(v), cs.MX(h), cs.DM(clamps.T))
+    motion = stage_motion(unknowns, cs.DM(q), cs.DM(v), cs.MX(h), cs.DM(excitations.T))
     forces, _ = form.balance.map(3)(*motion, cs.repmat(cs.DM(p), 1, 3))
     jacobian = cs.Function("G", [unknowns], [cs.jacobian(cs.vec(forces[4:, :]), cs.vec(unknowns))])(Z.T).full()
     rates = cs.evalf(equations.balance(cs.MX(cs.DM(p))).modal_coefficients).full().ravel()
 
-    band = tangent.matrix(Z.T, h, np.concatenate([q, v, clamps.ravel(), p])).full().ravel()
-    low_rank = tangent.low_rank(clamps, h, rates)
+    band = tangent.matrix(Z.T, h, np.concatenate([q, v, excitations.ravel(), p])).full().ravel()
+    low_rank = tangent.low_rank(excitations, h, rates)
     factors = Factors.of(lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *low_rank)
     ordered = np.empty_like(jacobian)
     ordered[np.ix_(tangent.order, tangent.order)] = jacobian
@@ -257,8 +257,8 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
         right = random.normal(size=(3 * free, 2))
         expected = np.linalg.solve(matrix, right)
         np.testing.assert_allclose(solve(right.copy(order="F")), expected, atol=1e-9 * abs(expected).max())
-    band = tangent.matrix(Z.T, h, np.concatenate([q, v, clamps.ravel(), p])).full().ravel()
-    none = (0 * part for part in tangent.low_rank(clamps, h, rates))
+    band = tangent.matrix(Z.T, h, np.concatenate([q, v, excitations.ravel(), p])).full().ravel()
+    none = (0 * part for part in tangent.low_rank(excitations, h, rates))
     plain = Factors.of(lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *none)
     assert (
         abs(plain.solve(right.copy(order="F")) - factors.solve(right.copy(order="F"))).max()
@@ -270,12 +270,12 @@ def test_the_jacobian_that_idas_uses_is_that_of_differences_under_a_turned_clamp
     """The residual of the unknowns w is linear in accelerations and velocities, so that differences are exact."""
     equations = Equations(modes.model, ModalDamping(modes, RATIOS))
     form, random, m = SemiExplicit(equations), np.random.default_rng(7), len(RATIOS)
-    (clamp,) = nodes_turned([1.0])
+    (excitation,) = excitations_turned([1.0])
     x, z = (1e-3 * random.normal(size=form.residual.size1_in(k)) for k in range(2))
-    by_x, by_z = (form.residual.jacobian()(x, z, clamp, form.parameters, 0, 0)[k].full() for k in (4, 5))
+    by_x, by_z = (form.residual.jacobian()(x, z, excitation, form.parameters, 0, 0)[k].full() for k in (4, 5))
 
     def remainder(x, z):
-        return form.residual(x, z, clamp, form.parameters)[1].full().ravel()
+        return form.residual(x, z, excitation, form.parameters)[1].full().ravel()
 
     free = equations.free
     rates = np.column_stack([remainder(x + unit, z) - remainder(x - unit, z) for unit in np.eye(x.size)[free:]]) / 2

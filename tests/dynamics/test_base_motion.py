@@ -14,7 +14,7 @@ def motion(base, instants, order=0):
     values = cs.DM([parameter.value for parameter in base.parameters])
     functions = []
     for piece in base.pieces():
-        u = cs.densify(piece.motion(t, values))
+        u = cs.densify(piece.at(t, values))
         for _ in range(order):
             u = cs.jacobian(u, t)
         functions.append((piece.end, cs.Function("u", [t], [cs.densify(u)])))

@@ -16,7 +16,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.equations import Equations, excitation_pieces
 from ancf_casadi.dynamics.radau import step_control
 from ancf_casadi.dynamics.radau import stepper as radau
 from ancf_casadi.dynamics.radau.collocation import Collocation
@@ -32,9 +32,9 @@ BLOW = HarmonicBase(amplitude=0.1e-3, frequency=94.3388)
 def stepper(model, law, base, start, end, tolerance):
     """Return a stepper that has reached the end."""
     equations = Equations(model, law)
-    clamp = equations.clamp(base.pieces()[0], base)
-    state = initial_state(model, clamp, start)
-    problem = InitialValueProblem(equations, clamp, state, [Segment(0.0, end, 1, 0)], tolerance)
+    excitation = excitation_pieces(base, None, 0.0, end)[0].function(model, base)
+    state = initial_state(model, excitation, start)
+    problem = InitialValueProblem(equations, excitation, state, [Segment(0.0, end, 1, 0)], tolerance)
     run = radau.Stepper(Collocation(equations), equations.parameters, problem)
     run.reach(end)
     return run

@@ -216,13 +216,13 @@ class TestInterruptions:
 
     def test_ctrl_c_before_the_first_segment_waits_for_it(self, hanging, monkeypatch):
         """Raised within a call of CasADi, it would appear as an error of that call."""
-        original = start.clamped_nodes
+        original = start.checked_excitation
 
         def check(*arguments):
             os.kill(os.getpid(), signal.SIGINT)
             return original(*arguments)
 
-        monkeypatch.setattr(start, "clamped_nodes", check)
+        monkeypatch.setattr(start, "checked_excitation", check)
         part = simulate(hanging, duration=0.1)
         assert part.interrupted
         assert len(part.time) == 5

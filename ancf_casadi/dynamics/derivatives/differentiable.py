@@ -17,6 +17,7 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import MOST_KEPT_STEPS, Problem
 from ancf_casadi.dynamics.start import Start, set_up
+from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import radau_tolerance
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
@@ -31,6 +32,7 @@ def motion(
     duration: float,
     damping: DampingLaw | None = None,
     base: BaseMotion | None = None,
+    load: TipLoad | None = None,
     sample_rate: float = 1000.0,
     start: Start | Equilibrium | State = "equilibrium",
     tolerance: float | None = None,
@@ -47,9 +49,9 @@ def motion(
 
     Parameters
     ----------
-    model, duration, damping, base, sample_rate, start, tolerance, largest_step
-        As in ``simulate``, with the same defaults.  The start ``equilibrium`` or ``impact``, or an ``Equilibrium``,
-        changes with the properties; a ``State`` does not.
+    model, duration, damping, base, load, sample_rate, start, tolerance, largest_step
+        As in ``simulate``, with the same defaults; the load is no input of the Function.  The start ``equilibrium`` or
+        ``impact``, or an ``Equilibrium``, changes with the properties; a ``State`` does not.
     start_load : bool
         Whether the Function has a fourth input, ``start``, which replaces the load of the argument ``start``: the tip
         load that holds the beam until its release, and the rate of this load (``release_load.START``; N, N, N m, and
@@ -63,13 +65,16 @@ def motion(
     InputError
         If a number is not positive, or ``start_load`` is set and ``start`` is not an equilibrium.
     """
-    setup = set_up(model, duration=duration, damping=damping, base=base, sample_rate=sample_rate, start=start)
+    setup = set_up(
+        model, duration=duration, damping=damping, base=base, load=load, sample_rate=sample_rate, start=start
+    )
     start_load = flag(start_load, "start_load")
     if start_load and not (isinstance(start, Equilibrium) or start == "equilibrium"):
         raise InputError("has no load; with start_load it must be 'equilibrium' or an Equilibrium", "start")
     problem = Problem(
         equations=setup.equations,
         base=setup.base,
+        load=setup.load,
         start=start,
         times=setup.times,
         tolerance=radau_tolerance(setup.travel) if tolerance is None else positive(tolerance, "tolerance"),

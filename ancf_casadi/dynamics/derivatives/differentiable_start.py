@@ -14,8 +14,9 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_jacobians
-from ancf_casadi.dynamics.derivatives.run import ClampMotion
+from ancf_casadi.dynamics.derivatives.run import Excitation
 from ancf_casadi.dynamics.start import Start, initial_state, rigid_motion
+from ancf_casadi.dynamics.tip_load import LOAD
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
@@ -41,43 +42,45 @@ class DifferentiableStart:
     start: Start | Equilibrium | State
     layout: Layout
 
-    def state(self, model: Model, clamp: ClampMotion, load: Array) -> tuple[State, Array]:
+    def state(self, model: Model, excitation: Excitation, load: Array) -> tuple[State, Array]:
         """Return the first state, and the Jacobian of q and v with respect to the values, (2 N, ...).
 
         Parameters
         ----------
         model : Model
             The beam with the properties P.
-        clamp : ClampMotion
-            Motion of the clamp.
+        excitation : Excitation
+            Base motion and tip load.
         load : array (6,) or (0,)
             The load s; empty if the load at the start is not a parameter.
         """
         free = model.size - NODE
         jacobian = np.zeros((2 * free, self.layout.size))
         if isinstance(self.start, State):
-            return initial_state(model, clamp.function, self.start), jacobian
+            return initial_state(model, excitation.function, self.start), jacobian
         coordinates, velocities = model.straight, np.zeros(model.size)
         if self.start != "straight":
-            held = held_start(model, self._jacobians, load if load.size else self._own_load)
+            held = held_start(model, self._jacobians, load if load.size else self._own_load(excitation))
             coordinates, velocities = held.coordinates, held.velocities
             jacobian[:, self.layout["properties"]] = held.by_properties
             if load.size:
                 jacobian[:, self.layout["start"]] = held.by_load
         if self.start == "impact":
             return State(coordinates, velocities), jacobian
-        found = self._rigid_velocities(coordinates, clamp.at(0.0)[NODE : 2 * NODE])
+        found = self._rigid_velocities(coordinates, excitation.at(0.0)[NODE : 2 * NODE])
         rigid, by_coordinates, by_velocity = (part.full() for part in found)
         jacobian[free:] += by_coordinates @ jacobian[:free]
-        jacobian[free:, self.layout["base"]] += by_velocity @ clamp.jacobian(0.0)[NODE : 2 * NODE]
+        jacobian[free:, self.layout["base"]] += by_velocity @ excitation.jacobian(0.0)[NODE : 2 * NODE]
         return State(coordinates, velocities + rigid.ravel()), jacobian
 
-    @property
-    def _own_load(self) -> Array:
-        """The load that holds the beam, and its rate, if they are not parameters."""
+    def _own_load(self, excitation: Excitation) -> Array:
+        """Return the load that holds the beam, and its rate, if they are not parameters."""
+        load = np.zeros(len(START))
         if isinstance(self.start, Equilibrium):
-            return np.array([*self.start.tip_force, self.start.tip_moment, 0.0, 0.0, 0.0])
-        return np.zeros(len(START))
+            load[:LOAD] = *self.start.tip_force, self.start.tip_moment
+        else:
+            load[:LOAD] = excitation.at(0.0)[3 * NODE :]
+        return load
 
     @cached_property
     def _jacobians(self) -> cs.Function:

@@ -1,6 +1,6 @@
 """Forward sensitivities: the derivatives of a computed motion along some directions of its parameters.
 
-For each step, with its data u = (q, v, clamped nodes, parameters),
+For each step, with its data u = (q, v, excitations, parameters),
 
     dZ = -G^-1 R_u du,    dV = A^-1 dZ/h,    da = A^-1 (dV - dv)/h,
 
@@ -34,18 +34,18 @@ def forward(linearisation: Linearisation, run: Run, start: Array, b: Array, para
     dq, dv = start[:free], start[free:]
     result = np.zeros((*run.coordinates.shape, d))
     for passage in run.passages:
-        clamp = passage.clamp
-        da = passage.acceleration_jacobian @ np.vstack([dq, dv, clamp.jacobian(passage.begin) @ b, parameters])
+        excitation = passage.excitation
+        da = passage.acceleration_jacobian @ np.vstack([dq, dv, excitation.jacobian(passage.begin) @ b, parameters])
         for linear in linearisation.steps(run, passage):
             step = linear.step
-            nodes = [clamp.jacobian(step.start + c * step.length) @ b for c in RADAU.nodes.tolist()]
-            dZ = linear.increments(np.vstack([dq, dv, *nodes, parameters])).reshape(STAGES, free, d)
+            given = [excitation.jacobian(step.start + c * step.length) @ b for c in RADAU.nodes.tolist()]
+            dZ = linear.increments(np.vstack([dq, dv, *given, parameters])).reshape(STAGES, free, d)
             dV = np.einsum("ij,jkl->ikl", RADAU.inverse, dZ) / step.length
             accelerations = np.tensordot(RADAU.inverse[-1], dV - dv, 1) / step.length
             ends = np.array([dq, dv, da, dq + dZ[-1], dV[-1], accelerations])
             for sample in linear.samples:
                 time = float(run.times[sample])
-                result[sample, :NODE] = clamp.jacobian(time)[:NODE] @ b
+                result[sample, :NODE] = excitation.jacobian(time)[:NODE] @ b
                 result[sample, NODE:] = np.tensordot(sample_weights(step, time), ends, 1)
             dq, dv, da = ends[3:]
     return result

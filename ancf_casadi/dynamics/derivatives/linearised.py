@@ -96,7 +96,7 @@ class Linearisation:
         for step, samples in zip(passage.steps[::order], passage.samples[::order], strict=True):
             stop_if_interrupted()
             band = lapack_storage(self._matrix(step, run.parameters), width)
-            factors = Factors.of(band, width, *self.tangent.low_rank(step.clamps, step.length, modal_coefficients))
+            factors = Factors.of(band, width, *self.tangent.low_rank(step.excitations, step.length, modal_coefficients))
             yield LinearisedStep(step, samples, factors, self, run.parameters)
 
     @cached_property
@@ -120,7 +120,7 @@ class StepFunction:
         """Evaluate for a step."""
         self._inputs[0][:] = step.increments.ravel()
         self._inputs[1][:] = step.length
-        self._inputs[2][:] = np.concatenate([step.q, step.v, step.clamps.ravel(), parameters])
+        self._inputs[2][:] = np.concatenate([step.q, step.v, step.excitations.ravel(), parameters])
         if vector is not None:
             self._inputs[3][:] = vector
         return self._call()[0].copy()

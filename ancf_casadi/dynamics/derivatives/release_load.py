@@ -21,9 +21,9 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
+from ancf_casadi.dynamics.tip_load import equilibrium_under
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.vibration.equilibrium import static_equilibrium
 
 LOAD = ("force_x", "force_y", "moment")  # N, N, N m
 START = (*LOAD, *(f"{name}_rate" for name in LOAD))
@@ -67,8 +67,7 @@ def held_start(model: Model, jacobians: cs.Function, load: Array) -> HeldStart:
         If there is no equilibrium under the load.
     """
     p, rate = np.split(load, [len(LOAD)])
-    force_x, force_y, moment = p.tolist()
-    coordinates = static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment).coordinates
+    coordinates = equilibrium_under(model, p).coordinates
     given = model.properties, np.array(model.beam.gravity), p, rate
     stiffness, by_p, by_P, *_ = jacobians(coordinates, np.zeros(model.size), *given)
     factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))

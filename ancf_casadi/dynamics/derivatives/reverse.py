@@ -10,6 +10,7 @@ import numpy as np
 
 from ancf_casadi.dynamics.derivatives.linearised import Linearisation, LinearisedStep
 from ancf_casadi.dynamics.derivatives.run import Passage, Run, sample_weights
+from ancf_casadi.dynamics.equations import EXCITATION
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
@@ -32,11 +33,11 @@ def reverse(linearisation: Linearisation, run: Run, weights: Array) -> tuple[Arr
     """
     d, given_layout = weights.shape[2], linearisation.tangent.layout
     free = given_layout["q"].stop
-    first_layout = Layout.of(q=free, v=free, clamp=3 * NODE, parameters=run.parameters.size)
-    p, b = np.zeros((run.parameters.size, d)), np.zeros((run.passages[0].clamp.b.size, d))
+    first_layout = Layout.of(q=free, v=free, excitation=EXCITATION, parameters=run.parameters.size)
+    p, b = np.zeros((run.parameters.size, d)), np.zeros((run.passages[0].excitation.b.size, d))
     q = v = np.zeros((free, d))
     for passage in reversed(run.passages):
-        clamp, a = passage.clamp, np.zeros((free, d))
+        excitation, a = passage.excitation, np.zeros((free, d))
         for linear in linearisation.steps(run, passage, backwards=True):
             step = linear.step
             ends = _sampled(run, passage, linear, weights, b)
@@ -46,16 +47,16 @@ def reverse(linearisation: Linearisation, run: Run, weights: Array) -> tuple[Arr
             velocities[-1] += v
             increments = np.einsum("ji,jkl->ikl", RADAU.inverse, velocities) / step.length
             increments[-1] += q
-            by_q, by_v, nodes, parameters = given_layout.split(linear.given(increments.reshape(-1, d)))
-            for c, node in zip(RADAU.nodes.tolist(), nodes.reshape(STAGES, 3 * NODE, d), strict=True):
-                b += clamp.jacobian(step.start + c * step.length).T @ node
+            by_q, by_v, given, parameters = given_layout.split(linear.given(increments.reshape(-1, d)))
+            for c, one in zip(RADAU.nodes.tolist(), given.reshape(STAGES, EXCITATION, d), strict=True):
+                b += excitation.jacobian(step.start + c * step.length).T @ one
             p += parameters
             q = ends[0] + q + by_q
             v = ends[1] - by_velocities.sum() * a + by_v
             a = ends[2]
-        by_q, by_v, node, parameters = first_layout.split(passage.acceleration_jacobian.T @ a)
+        by_q, by_v, given, parameters = first_layout.split(passage.acceleration_jacobian.T @ a)
         q, v = q + by_q, v + by_v
-        b += clamp.jacobian(passage.begin).T @ node
+        b += excitation.jacobian(passage.begin).T @ given
         p += parameters
     return np.vstack([q, v]), b, p
 
@@ -65,6 +66,6 @@ def _sampled(run: Run, passage: Passage, linear: LinearisedStep, weights: Array,
     ends = np.zeros((6, weights.shape[1] - NODE, weights.shape[2]))
     for sample in linear.samples:
         time = float(run.times[sample])
-        b += passage.clamp.jacobian(time)[:NODE].T @ weights[sample, :NODE]
+        b += passage.excitation.jacobian(time)[:NODE].T @ weights[sample, :NODE]
         ends += np.multiply.outer(sample_weights(linear.step, time), weights[sample, NODE:])
     return ends

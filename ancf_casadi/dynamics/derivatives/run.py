@@ -8,8 +8,7 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.base_motion import Piece
-from ancf_casadi.dynamics.equations import clamped_node
+from ancf_casadi.dynamics.equations import ExcitationPiece
 from ancf_casadi.dynamics.radau.stepper import Step
 from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU
 from ancf_casadi.exceptions import SimulationError
@@ -19,46 +18,46 @@ from ancf_casadi.support.interrupts import interrupted
 
 
 @dataclass(frozen=True, eq=False)
-class ClampMotion:
-    """Motion of the clamped node on a smooth piece of the base motion, and its Jacobian with respect to b.
+class Excitation:
+    """The excitation on a smooth piece, and its Jacobian with respect to b.
 
     Parameters
     ----------
     model : Model
         The beam.
-    piece : Piece
+    piece : ExcitationPiece
         The piece.
     b : array (m,)
         The parameters of the base motion.
     """
 
     model: Model
-    piece: Piece
+    piece: ExcitationPiece
     b: Array
 
     @cached_property
     def function(self) -> cs.Function:
-        """(t) -> position, velocity and acceleration of the clamped node, (12,)."""
-        t, b, node = self._symbols
-        return cs.Function("clamp", [t], [cs.Function("node", [t, b], [node])(t, self.b)])
+        """(t) -> the excitation, (15,)."""
+        t, b, values = self._symbols
+        return cs.Function("excitation", [t], [cs.Function("values", [t, b], [values])(t, self.b)])
 
     def at(self, time: float) -> Array:
-        """Return the clamped node, (12,), at a time."""
+        """Return the excitation, (15,), at a time."""
         return np.asarray(self.function(time).full().ravel())
 
     def jacobian(self, time: float) -> Array:
-        """Return the derivatives of the clamped node with respect to b, (12, m), at a time."""
+        """Return the derivatives of the excitation with respect to b, (15, m), at a time."""
         return np.asarray(self._jacobian(time, self.b).full())
 
     @cached_property
     def _jacobian(self) -> cs.Function:
-        t, b, node = self._symbols
-        return cs.Function("clamp_jacobian", [t, b], [cs.jacobian(node, b)])
+        t, b, values = self._symbols
+        return cs.Function("excitation_jacobian", [t, b], [cs.jacobian(values, b)])
 
     @cached_property
     def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
         t, b = cs.MX.sym("t"), cs.MX.sym("b", self.b.size)
-        return t, b, clamped_node(self.model, self.piece, t, b)
+        return t, b, self.piece.at(self.model, t, b)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +66,12 @@ class Passage:
 
     Parameters
     ----------
-    clamp : ClampMotion
-        Motion of the clamped node.
+    excitation : Excitation
+        Base motion and tip load.
     begin : float
         First instant, s.
     acceleration_jacobian : array (N, ...)
-        Derivatives of the first accelerations with respect to q, v, the clamped node and the parameters of the equation
+        Derivatives of the first accelerations with respect to q, v, the excitation and the parameters of the equation
         of motion.
     steps : list of Step
         The steps.
@@ -80,7 +79,7 @@ class Passage:
         Indices of the samples in each step.
     """
 
-    clamp: ClampMotion
+    excitation: Excitation
     begin: float
     acceleration_jacobian: Array
     steps: list[Step]

@@ -5,7 +5,7 @@ from an unknown load, this load and its rate, s.  The derivatives are those of t
 fixed lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the linearised
 steps (``tangent``),
 
-    G dZ + R_u du = 0,    G = dR/dZ,    u = (q, v, clamped nodes, parameters),
+    G dZ + R_u du = 0,    G = dR/dZ,    u = (q, v, excitations, parameters),
 
 by ``forward`` for few parameters and by ``reverse`` for few results.  Samples are the quintic polynomials through the
 ends of the steps; the correction that ``simulate`` makes there for the axial forces is below the tolerance.
@@ -25,18 +25,19 @@ import casadi as cs
 import numpy as np
 import scipy.sparse.linalg
 
-from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
+from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.derivatives.differentiable_start import DifferentiableStart
 from ancf_casadi.dynamics.derivatives.forward import forward
 from ancf_casadi.dynamics.derivatives.linearised import Linearisation
 from ancf_casadi.dynamics.derivatives.release_load import START
 from ancf_casadi.dynamics.derivatives.reverse import reverse
-from ancf_casadi.dynamics.derivatives.run import ClampMotion, Passage, Run, end_of, sample_weights, stop_if_interrupted
-from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.derivatives.run import Excitation, Passage, Run, end_of, sample_weights, stop_if_interrupted
+from ancf_casadi.dynamics.equations import EXCITATION, Equations, ExcitationPiece, excitation_pieces
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import Step, Stepper
 from ancf_casadi.dynamics.segments import CLOSE, InitialValueProblem, Segment
 from ancf_casadi.dynamics.start import Start
+from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.beam import PROPERTIES
@@ -71,6 +72,8 @@ class Problem:
         Whether s, the load at the start and its rate in the order of ``START``, are parameters.
     most_steps : int
         Largest number of steps, which are all kept in memory.
+    load : TipLoad, optional
+        Load at the tip, a given function of time.
     """
 
     equations: Equations
@@ -81,6 +84,7 @@ class Problem:
     largest_step: float = math.inf
     held: bool = False
     most_steps: int = MOST_KEPT_STEPS
+    load: TipLoad | None = None
 
     @cached_property
     def layout(self) -> Layout:
@@ -101,15 +105,15 @@ class Problem:
             If there is no equilibrium to start from, the integrator fails or needs more than ``most_steps``, or
             ``noted_interrupts`` has noted a Ctrl-C.
         """
-        theta, b, properties, load = self.layout.split(values)
+        theta, b, properties, start_load = self.layout.split(values)
         model, parameters = self._model(properties), self.equations.parameters.copy()
         parameters[self.equations.layout["law"]] = theta
         parameters[self.equations.layout["properties"]] = properties
-        pieces = self.base.pieces_between(float(self.times[0]), float(self.times[-1]))
-        state, jacobian = self._start.state(model, self._clamp(pieces[0][0], b), load)
+        pieces = excitation_pieces(self.base, self.load, float(self.times[0]), float(self.times[-1]))
+        state, jacobian = self._start.state(model, self._excitation(pieces[0], b), start_load)
         passages, left = [], self.most_steps if most_steps is None else most_steps
-        for piece, begin, end in pieces:
-            passage, state = self._pass(self._clamp(piece, b), begin, end, state, parameters, max(left, 1))
+        for piece in pieces:
+            passage, state = self._pass(self._excitation(piece, b), state, parameters, max(left, 1))
             passages.append(passage)
             left -= len(passage.steps)
         return Run(parameters, self.times, jacobian, passages, self._coordinates(passages))
@@ -146,21 +150,20 @@ class Problem:
         changed = {name: row.tolist() for name, row in zip(PROPERTIES, rows, strict=True)}
         return Model(model.beam.with_(**changed), model.measures)
 
-    def _clamp(self, piece: Piece, b: Array) -> ClampMotion:
-        return ClampMotion(self.equations.model, piece, b)
+    def _excitation(self, piece: ExcitationPiece, b: Array) -> Excitation:
+        return Excitation(self.equations.model, piece, b)
 
-    def _pass(
-        self, clamp: ClampMotion, begin: float, end: float, state: State, parameters: Array, most_steps: int
-    ) -> tuple[Passage, State]:
+    def _pass(self, excitation: Excitation, state: State, parameters: Array, most_steps: int) -> tuple[Passage, State]:
         """Compute a smooth piece of the motion in at most ``most_steps``, and the state at its end."""
+        begin, end = excitation.piece.begin, excitation.piece.end
         segments = [Segment(begin, end - begin, 1, 0)]
         problem = InitialValueProblem(
             equations=self._form.equations,
-            clamp=clamp.function,
+            excitation=excitation.function,
             start=state,
             segments=segments,
             tolerance=self.tolerance,
-            largest_step=self.largest_step,
+            largest_step=min(self.largest_step, excitation.piece.largest_step),
         )
         stepper = Stepper(self._form, parameters, problem)
         steps: list[Step] = []
@@ -175,8 +178,8 @@ class Problem:
             stepper.advance()
             steps.append(stepper.last_step)
         samples = self._samples_of(steps, begin, end)
-        jacobian = self._acceleration_jacobian(steps[0], clamp.at(begin), parameters)
-        return Passage(clamp, begin, jacobian, steps, samples), stepper.state
+        jacobian = self._acceleration_jacobian(steps[0], excitation.at(begin), parameters)
+        return Passage(excitation, begin, jacobian, steps, samples), stepper.state
 
     def _samples_of(self, steps: list[Step], begin: float, end: float) -> list[Index]:
         """Return the indices of the samples in each step of a piece."""
@@ -193,22 +196,23 @@ class Problem:
                 ends = np.array([step.q, step.v, step.a, *end_of(step)])
                 for sample in samples:
                     time = float(self.times[sample])
-                    result[sample, :NODE] = passage.clamp.at(time)[:NODE]
+                    result[sample, :NODE] = passage.excitation.at(time)[:NODE]
                     result[sample, NODE:] = sample_weights(step, time) @ ends
         return result
 
-    def _acceleration_jacobian(self, first: Step, node: Array, parameters: Array) -> Array:
-        """Return the derivatives of the first accelerations as in ``Passage``, for the clamped node (12,)."""
-        jacobian = self._force_jacobian(first.q, first.v, first.a, node, parameters).full()
+    def _acceleration_jacobian(self, first: Step, excitation: Array, parameters: Array) -> Array:
+        """Return the derivatives of the first accelerations as in ``Passage``, under an excitation (15,)."""
+        jacobian = self._force_jacobian(first.q, first.v, first.a, excitation, parameters).full()
         return np.asarray(-scipy.sparse.linalg.splu(self._form.mass(parameters)).solve(jacobian))
 
     @cached_property
     def _force_jacobian(self) -> cs.Function:
-        """(q, v, a, node, parameters) -> Jacobian of the forces on the free coordinates, for all inputs but a."""
+        """(q, v, a, excitation, parameters) -> Jacobian of the forces on the free coordinates, for all inputs but a."""
         free = self.equations.free
         q, v, a = (cs.MX.sym(name, free) for name in "qva")
-        node, p = cs.MX.sym("node", 3 * NODE), cs.MX.sym("p", self.equations.layout.size)
-        motion = [cs.vertcat(part, x) for part, x in zip(cs.vertsplit(node, NODE), (q, v, a), strict=True)]
-        forces, _ = Collocation(self.equations).balance(*motion, p)
-        jacobian = cs.horzcat(*(cs.jacobian(forces[NODE:], x) for x in (q, v, node, p)))
-        return cs.Function("force_jacobian", [q, v, a, node, p], [jacobian])
+        excitation, p = cs.MX.sym("excitation", EXCITATION), cs.MX.sym("p", self.equations.layout.size)
+        *node, load = cs.vertsplit(excitation, NODE)
+        motion = [cs.vertcat(part, x) for part, x in zip(node, (q, v, a), strict=True)]
+        forces, _ = Collocation(self.equations).balance(*motion, load, p)
+        jacobian = cs.horzcat(*(cs.jacobian(forces[NODE:], x) for x in (q, v, excitation, p)))
+        return cs.Function("force_jacobian", [q, v, a, excitation, p], [jacobian])

@@ -1,7 +1,7 @@
 """The linearised equations of a Radau step.
 
-Let R(Z, u) be the residual of the stages, as in ``collocation`` but in the laboratory frame, and u = (q, v, clamped
-nodes, parameters) the data of the step.  Derivatives of a motion are composed of
+Let R(Z, u) be the residual of the stages, as in ``collocation`` but in the laboratory frame, and u = (q, v,
+excitations, parameters) the data of the step.  Derivatives of a motion are composed of
 
     G = dR/dZ,    R_u du,    R_u^T dR.
 
@@ -21,6 +21,7 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
+from ancf_casadi.dynamics.equations import EXCITATION
 from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
@@ -33,7 +34,7 @@ from ancf_casadi.support.layout import Layout
 class Tangent:
     """The Functions of a linearised step.
 
-    Their inputs are Z (N, 3), the step h, and u = (q, v, clamped nodes stage by stage, parameters).
+    Their inputs are Z (N, 3), the step h, and u = (q, v, excitations stage by stage, parameters).
 
     Parameters
     ----------
@@ -47,7 +48,7 @@ class Tangent:
     def layout(self) -> Layout:
         """Layout of u."""
         parameters = self.form.equations.layout.size
-        return Layout.of(q=self._free, v=self._free, clamps=STAGES * 3 * NODE, parameters=parameters)
+        return Layout.of(q=self._free, v=self._free, excitations=STAGES * EXCITATION, parameters=parameters)
 
     @cached_property
     def order(self) -> Index:
@@ -66,13 +67,13 @@ class Tangent:
         """Number of diagonals of G on either side of the main one."""
         return min(2 * STAGES * NODE - 1, STAGES * self._free - 1)
 
-    def low_rank(self, clamps: Array, h: float, modal_coefficients: Array) -> tuple[Array, Array]:
+    def low_rank(self, excitations: Array, h: float, modal_coefficients: Array) -> tuple[Array, Array]:
         """Return U and V (3 N, 3 m) of the low-rank part U V^T of G, in the order of G.
 
         Parameters
         ----------
-        clamps : array (3, 12)
-            The clamped nodes at the stages.
+        excitations : array (3, 15)
+            The excitations at the stages.
         h : float
             Length of the step, s.
         modal_coefficients : array (m,)
@@ -80,7 +81,7 @@ class Tangent:
         """
         if not modal_coefficients.size:
             return (np.zeros((len(self.order), 0)),) * 2
-        B = [self.form.equations.turned_projection(clamp).full() for clamp in clamps]
+        B = [self.form.equations.turned_projection(excitation).full() for excitation in excitations]
         U = scipy.linalg.block_diag(*(one * modal_coefficients for one in B))
         V = np.hstack([np.kron(row[:, None] / h, one) for row, one in zip(RADAU.inverse, B, strict=True)])
         return U[self.inverse_order], V[self.inverse_order]
@@ -89,8 +90,8 @@ class Tangent:
     def matrix(self) -> cs.Function:
         """(Z, h, u) -> G without its low-rank part, in the band storage of LAPACK."""
         z, h, u = self._symbols
-        all_e, all_e_t, _, parameters = self._motion(z, h, u)
-        k, d, m = self.form.equations.balance(parameters).tangents(all_e, all_e_t)
+        all_e, all_e_t, _, load, parameters = self._motion(z, h, u)
+        k, d, m = self.form.equations.balance(parameters).tangents(all_e, all_e_t, load)
         first, second = RADAU.inverse, RADAU.inverse @ RADAU.inverse
         band = self._band(np.eye(STAGES)) @ cs.vec(k)
         band += (self._band(first) @ cs.vec(d)) / h + (self._band(second) @ cs.vec(m)) / h**2
@@ -141,10 +142,10 @@ class Tangent:
     def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
         return cs.MX.sym("Z", self._free, STAGES), cs.MX.sym("h"), cs.MX.sym("u", self.layout.size)
 
-    def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
-        """Return e, e_t and e_tt at the stages, (4 n + 4, 3), and the parameters."""
-        q, v, clamps, parameters = cs.vertsplit(u, self.layout.offsets)
-        return *stage_motion(z, q, v, h, cs.reshape(clamps, 3 * NODE, STAGES)), parameters
+    def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX, cs.MX]:
+        """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages, and the parameters."""
+        q, v, excitations, parameters = cs.vertsplit(u, self.layout.offsets)
+        return *stage_motion(z, q, v, h, cs.reshape(excitations, EXCITATION, STAGES)), parameters
 
     def _residual(self, z: cs.MX, h: cs.MX, u: cs.MX) -> cs.MX:
         """Return R, stage by stage."""

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ancf_casadi.dynamics.equations import EXCITATION
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.tableau import STAGES
-from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 
 
@@ -43,8 +43,8 @@ class Trial:
     ----------
     time, length, ratio : array (1,)
         Start, s, length, s, and length relative to that of the last step.
-    clamps : array (3, 12)
-        The clamped node at each stage.
+    excitations : array (3, 15)
+        The excitation at each stage.
     increments : array (3, N)
         Z, increments of the free coordinates at the stages.
     corrections : array (3 N,)
@@ -56,7 +56,7 @@ class Trial:
     time: Array
     length: Array
     ratio: Array
-    clamps: Array
+    excitations: Array
     increments: Array
     corrections: Array
     turns: Array
@@ -70,12 +70,12 @@ class Reference:
     ----------
     coordinates : array (4 n + 4,)
         All coordinates.
-    clamp : array (12,)
-        The clamped node.
+    excitation : array (15,)
+        The excitation.
     """
 
     coordinates: Array
-    clamp: Array
+    excitation: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,12 +97,12 @@ class Buffers:
                 time=np.zeros(1),
                 length=np.zeros(1),
                 ratio=np.zeros(1),
-                clamps=np.zeros((STAGES, 3 * NODE)),
+                excitations=np.zeros((STAGES, EXCITATION)),
                 increments=np.zeros((STAGES, free)),
                 corrections=np.zeros(STAGES * free),
                 turns=np.zeros(form.stages.numel_out(2)),
             ),
-            reference=Reference(np.zeros(size), np.zeros(3 * NODE)),
+            reference=Reference(np.zeros(size), np.zeros(EXCITATION)),
             parameters=parameters,
         )
 
@@ -116,7 +116,7 @@ class Buffers:
             q,
             v,
             trial.length,
-            trial.clamps,
+            trial.excitations,
             trial.turns,
             self.reference.coordinates,
             self.parameters,

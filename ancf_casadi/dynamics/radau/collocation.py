@@ -3,14 +3,14 @@
 Stages.  With the nodes c and the weights A of the method and a step h, the increments Z_i of the free coordinates at
 the stages t + c_i h determine velocities and accelerations there,
 
-    V = A^-1 Z/h,    a = A^-1 (V - v)/h,    0 = R = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g   at each stage,
+    V = A^-1 Z/h,    a = A^-1 (V - v)/h,    0 = R = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g - Q_tip   at each stage,
 
 and the last stage is the end of the step.
 
 Newton's method.  T^-1 A^-1 T has one real eigenvalue gamma and one complex pair mu.  If all stages share their
 matrices, a real and a complex banded system in N unknowns, with s = gamma/h and s = mu/h,
 
-    (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e)/de,
+    (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e - Q_tip)/de,
 
 replace one system in 3 N.  As the beam turns, K changes by its axial part, which is thousands of times stiffer
 than its bending part; in coordinates that turn with the beam, K hardly changes.  Residuals are therefore turned back to
@@ -37,9 +37,10 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
-from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.equations import EXCITATION, Equations
 from ancf_casadi.dynamics.radau.corotation import Corotation
 from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES
+from ancf_casadi.dynamics.tip_load import LOAD
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.banded import lapack_place
@@ -50,8 +51,8 @@ class Collocation:
     """The Functions of a step.
 
     Free coordinates, velocities and accelerations are q, v and a (N,); Z (N, 3) are the increments at the stages.
-    W = T^-1 Z (3 N,) holds the real part first, then the complex one, (2, N), real above imaginary parts.  ``clamps``
-    (12, 3) are the clamped nodes at the stages.  ``turns`` lead to the stages from ``reference``, all coordinates
+    W = T^-1 Z (3 N,) holds the real part first, then the complex one, (2, N), real above imaginary parts.
+    ``excitations`` (15, 3) are those at the stages.  ``turns`` lead to the stages from ``reference``, all coordinates
     (4 n + 4,) of the configuration in which the matrices were taken (``corotation``).
 
     Parameters
@@ -69,7 +70,7 @@ class Collocation:
 
     @cached_property
     def stages(self) -> cs.Function:
-        """(Z, dW, q, v, h, clamps, turns, reference, parameters) -> T^-1 R, corrected Z, and turns to the stages."""
+        """(Z, dW, q, v, h, excitations, turns, reference, parameters) -> T^-1 R, corrected Z, turns to the stages."""
         s = self._symbols
         increments = self._corrected(s)
         motion = s.motion(increments)
@@ -82,14 +83,14 @@ class Collocation:
     def finish(self) -> cs.Function:
         """(inputs of ``stages``, a) -> all coordinates (4 n + 4, 3) at the stages, v and a at the end, error, powers.
 
-        ``error`` is the right-hand side of the error estimate, turned back; ``powers`` (2, 3) are the powers lost to
-        damping and supplied by the base at the stages.
+        ``error`` is the right-hand side of the error estimate, turned back; ``powers`` (3, 3) are the powers lost to
+        damping, supplied by the base and supplied by the tip load at the stages.
         """
         s = self._symbols
         a, still = cs.MX.sym("a", self.equations.free), cs.MX(NODE, 1)
         increments = self._corrected(s)
-        e, e_t, e_tt = s.motion(increments)
-        _, powers = self.forces(e, e_t, e_tt, s.parameters)
+        e, e_t, e_tt, load = s.motion(increments)
+        _, powers = self.forces(e, e_t, e_tt, load, s.parameters)
         balance, real, embedded = self.equations.balance(s.parameters), RADAU.gamma / s.h, cs.DM(RADAU.embedded)
         deviation = s.v / real + increments @ embedded
         velocity_deviation = real * deviation + a / real + (e_t[NODE:, :] - s.repeated(s.v)) @ embedded
@@ -102,21 +103,22 @@ class Collocation:
 
     @cached_property
     def matrices(self) -> cs.Function:
-        """(q, v, h, clamp, parameters) -> s^2 M + s D + K, real and complex, without the part B diag(d) B^T of D.
+        """(q, v, h, excitation, parameters) -> s^2 M + s D + K, real and complex, without the part B diag(d) B^T of D.
 
         Both are in the band storage of LAPACK, with room for its pivots.
         """
-        s, clamp = self._symbols, cs.MX.sym("clamp", 3 * NODE)
-        e, e_t = cs.vertcat(clamp[:NODE], s.q), cs.vertcat(clamp[NODE : 2 * NODE], s.v)
+        s, excitation = self._symbols, cs.MX.sym("excitation", EXCITATION)
+        position, velocity, _, load = cs.vertsplit(excitation, NODE)
+        e, e_t = cs.vertcat(position, s.q), cs.vertcat(velocity, s.v)
         real, a, b = RADAU.gamma / s.h, RADAU.mu.real / s.h, RADAU.mu.imag / s.h
-        k, d, m = (self._sums @ part for part in self.equations.balance(s.parameters).tangents(e, e_t))
+        k, d, m = (self._sums @ part for part in self.equations.balance(s.parameters).tangents(e, e_t, load))
         pair = cs.vertcat(k + a * d + (a**2 - b**2) * m, b * d + 2 * a * b * m)
         outputs = [self._band(k + real * d + real**2 * m, 1), cs.reshape(self._band(pair, 2), 2, -1)]
-        return _function("matrices", [s.q, s.v, s.h, clamp, s.parameters], outputs)
+        return _function("matrices", [s.q, s.v, s.h, excitation, s.parameters], outputs)
 
     @cached_property
     def prediction(self) -> cs.Function:
-        """(nodes, ratio, clamps, q) -> Z.
+        """(nodes, ratio, excitations, q) -> Z.
 
         ``nodes`` (4 n + 4, 4) are all coordinates at the start and the stages of the last step; ``ratio`` is the length
         of the new step relative to the last one.
@@ -125,47 +127,51 @@ class Collocation:
         nodes = cs.MX.sym("nodes", self.equations.model.size, STAGES + 1)
         known = np.concatenate([[0.0], RADAU.nodes])
         weights = [cs.vertcat(*_lagrange(known, 1 + c * ratio)[1:]) for c in RADAU.nodes.tolist()]
-        q = self._corotation.continued(cs.horzcat(*weights), nodes, s.clamps[:NODE, :])
-        return _function("prediction", [nodes, ratio, s.clamps, s.q], [q - s.repeated(s.q)])
+        q = self._corotation.continued(cs.horzcat(*weights), nodes, s.excitations[:NODE, :])
+        return _function("prediction", [nodes, ratio, s.excitations, s.q], [q - s.repeated(s.q)])
 
     @cached_property
     def sample(self) -> cs.Function:
-        """(x, h, q, v, a, q_1, v_1, a_1, clamp, reference, parameters) -> e, e_t, e_tt, R, turns.
+        """(x, h, q, v, a, q_1, v_1, a_1, excitation, reference, parameters) -> e, e_t, e_tt, load, R, turns.
 
         The outputs are the quintic polynomial at the time x h after the start of a step, the residual of the free rows,
         turned back, and the turns from the reference.
         """
-        s, x, clamp = self._symbols, cs.MX.sym("x"), cs.MX.sym("clamp", 3 * NODE)
+        s, x, excitation = self._symbols, cs.MX.sym("x"), cs.MX.sym("excitation", EXCITATION)
         a, q1, v1, a1 = (cs.MX.sym(name, self.equations.free) for name in ("a", "q1", "v1", "a1"))
         data = cs.horzcat(s.q, s.h * s.v, s.h**2 * a, q1, s.h * v1, s.h**2 * a1)
         powers = [cs.vertcat(*(math.perm(k, order) * x ** max(k - order, 0) for k in range(6))) for order in range(3)]
         weights = cs.DM(QUINTIC) @ cs.horzcat(*(part / s.h**order for order, part in enumerate(powers)))
-        motion = cs.horzsplit(cs.vertcat(cs.reshape(clamp, NODE, 3), data @ weights))
-        e, e_t, e_tt = motion
-        residual, _ = self.forces(e, e_t, e_tt, s.parameters)
+        *node, load = cs.vertsplit(excitation, NODE)
+        e, e_t, e_tt = cs.horzsplit(cs.vertcat(cs.horzcat(*node), data @ weights))
+        motion = e, e_t, e_tt, load
+        residual, _ = self.forces(*motion, s.parameters)
         frames = self._frames(1)
         turns = frames.turns(s.reference, e)
-        inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, clamp, s.reference, s.parameters]
+        inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, excitation, s.reference, s.parameters]
         return _function("sample", inputs, [*motion, frames.back(residual[NODE:], turns), turns])
 
     @cached_property
     def observation(self) -> cs.Function:
-        """(e, e_t, e_tt, correction, turns, parameters) -> corrected e, and the force of the base (4,).
+        """(e, e_t, e_tt, load, correction, turns, parameters) -> corrected e, and the force of the base (4,).
 
         ``correction`` (N,) is turned forth and subtracted.
         """
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
         s, correction = self._symbols, cs.MX.sym("correction", self.equations.free)
+        load = cs.MX.sym("load", LOAD)
         frames, turns = self._frames(1), cs.MX.sym("turns", NODE, s.turns.shape[1])
         corrected = cs.vertcat(e[:NODE], e[NODE:] - frames.forth(correction, turns))
-        forces, _ = self.forces(corrected, e_t, e_tt, s.parameters)
-        return _function("observation", [e, e_t, e_tt, correction, turns, s.parameters], [corrected, forces[:NODE]])
+        forces, _ = self.forces(corrected, e_t, e_tt, load, s.parameters)
+        return _function(
+            "observation", [e, e_t, e_tt, load, correction, turns, s.parameters], [corrected, forces[:NODE]]
+        )
 
-    def accelerations(self, q: Array, v: Array, clamp: Array, parameters: Array) -> Array:
-        """Return the accelerations a in a state (q, v) with the clamped node (12,)."""
-        position, velocity, acceleration = np.split(clamp, 3)
+    def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array) -> Array:
+        """Return the accelerations a in a state (q, v) under an excitation (15,)."""
+        position, velocity, acceleration, load = np.split(excitation, [NODE, 2 * NODE, 3 * NODE])
         motion = [np.concatenate(parts) for parts in ((position, q), (velocity, v), (acceleration, 0 * q))]
-        forces, _ = self.balance(*motion, parameters)
+        forces, _ = self.balance(*motion, load, parameters)
         free = self.equations.model.free
         return np.asarray(scipy.sparse.linalg.spsolve(self.mass(parameters), -forces.full().ravel()[free]))
 
@@ -197,7 +203,7 @@ class Collocation:
             q=cs.MX.sym("q", free),
             v=cs.MX.sym("v", free),
             h=cs.MX.sym("h"),
-            clamps=cs.MX.sym("clamps", 3 * NODE, STAGES),
+            excitations=cs.MX.sym("excitations", EXCITATION, STAGES),
             turns=cs.MX.sym("turns", NODE * STAGES, model.size // NODE - 1),
             reference=cs.MX.sym("reference", model.size),
             parameters=cs.MX.sym("parameters", self.equations.parameters.size),
@@ -205,19 +211,22 @@ class Collocation:
 
     @cached_property
     def balance(self) -> cs.Function:
-        """(e, e_t, e_tt, parameters) -> forces at all nodes, and powers lost to damping and supplied by the base."""
+        """(e, e_t, e_tt, load, parameters) -> forces at all nodes, and powers as in ``forces``."""
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
-        parameters = self._symbols.parameters
-        return cs.Function("balance", [e, e_t, e_tt, parameters], [*self.forces(e, e_t, e_tt, parameters)])
+        inputs = [e, e_t, e_tt, cs.MX.sym("load", LOAD), self._symbols.parameters]
+        return cs.Function("balance", inputs, [*self.forces(*inputs)])
 
-    def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, parameters: cs.MX) -> tuple[cs.MX, cs.MX]:
-        """Return the forces at all nodes, (4 n + 4, s), and powers lost to damping and supplied by the base, (2, s)."""
+    def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX, parameters: cs.MX) -> tuple[cs.MX, cs.MX]:
+        """Return the forces at all nodes, (4 n + 4, s), and three powers, (3, s).
+
+        These are lost to damping, supplied by the base and supplied by the tip load.
+        """
         balance = self.equations.balance(parameters)
-        local, lost = balance.local(e, e_t, e_tt)
+        local, lost, supplied = balance.local(e, e_t, e_tt, load)
         if balance.projection.numel():
             low_rank = balance.of_low_rank(e, e_t)
             local, lost = local + low_rank, lost + cs.sum1(e_t * low_rank)
-        return local, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * local[:NODE, :]))
+        return local, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * local[:NODE, :]), supplied)
 
     @cached_property
     def _entries(self) -> tuple[Index, cs.DM]:
@@ -250,7 +259,7 @@ class _Symbols:
     q: cs.MX
     v: cs.MX
     h: cs.MX
-    clamps: cs.MX
+    excitations: cs.MX
     turns: cs.MX
     reference: cs.MX
     parameters: cs.MX
@@ -264,19 +273,20 @@ class _Symbols:
         """Return a vector repeated for each stage."""
         return cs.repmat(vector, 1, STAGES)
 
-    def motion(self, increments: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """Return e, e_t and e_tt at the stages, (4 n + 4, 3)."""
-        return stage_motion(increments, self.q, self.v, self.h, self.clamps)
+    def motion(self, increments: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
+        """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages."""
+        return stage_motion(increments, self.q, self.v, self.h, self.excitations)
 
 
-def stage_motion(z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, clamps: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
-    """Return e, e_t and e_tt at the stages, (4 n + 4, 3), from the increments Z and the data of the step."""
+def stage_motion(z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, excitations: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
+    """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages, from Z and the data of the step."""
     inverse = cs.DM(RADAU.inverse).T
     velocities = z @ inverse / h
     accelerations = (velocities - cs.repmat(v, 1, STAGES)) @ inverse / h
-    nodes = cs.vertsplit(clamps, NODE)
-    coordinates = cs.repmat(q, 1, STAGES) + z
-    return cs.vertcat(nodes[0], coordinates), cs.vertcat(nodes[1], velocities), cs.vertcat(nodes[2], accelerations)
+    *nodes, load = cs.vertsplit(excitations, NODE)
+    moved = cs.repmat(q, 1, STAGES) + z, velocities, accelerations
+    e, e_t, e_tt = (cs.vertcat(node, free) for node, free in zip(nodes, moved, strict=True))
+    return e, e_t, e_tt, load
 
 
 def _lagrange(nodes: Array, x: cs.MX) -> list[cs.MX]:

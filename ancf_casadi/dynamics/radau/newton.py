@@ -60,8 +60,8 @@ class Newton:
         reference = buffers.reference
         v, h = buffers.last.end[1], buffers.trial.length
         self._stages = Buffered(form.stages, *buffers.of_stages)
-        self._matrices = Buffered(form.matrices, reference.coordinates[NODE:], v, h, reference.clamp, parameters)
-        self._projection = Buffered(form.equations.turned_projection, reference.clamp)
+        self._matrices = Buffered(form.matrices, reference.coordinates[NODE:], v, h, reference.excitation, parameters)
+        self._projection = Buffered(form.equations.turned_projection, reference.excitation)
         self._real: Factors
         self._pair: Factors
 
@@ -70,8 +70,8 @@ class Newton:
         self.factorisations += 1
         trial, reference, (q, _, _) = self._buffers.trial, self._buffers.reference, self._buffers.last.end
         free = q.size
-        reference.clamp[:] = trial.clamps[MIDDLE]
-        reference.coordinates[:NODE] = reference.clamp[:NODE]
+        reference.excitation[:] = trial.excitations[MIDDLE]
+        reference.coordinates[:NODE] = reference.excitation[:NODE]
         reference.coordinates[NODE:] = q + trial.increments[MIDDLE]
         real, pair = self._matrices()
         right = self._projection()[0].reshape(self._modal_coefficients.size, free).T

@@ -3,7 +3,8 @@
 Motion.  The quintic polynomial through positions, velocities and accelerations at both ends of the step is corrected by
 one Newton iteration on the equation of motion, because it may stretch the beam more than the axial forces do.
 
-Energies.  The powers lost to damping and supplied by the base are integrated by the quadrature of the stages.
+Energies.  The powers lost to damping and supplied by the base and the tip load are integrated by the quadrature of the
+stages.
 """
 
 from __future__ import annotations
@@ -14,23 +15,23 @@ from dataclasses import dataclass
 import casadi as cs
 import numpy as np
 
+from ancf_casadi.dynamics.equations import EXCITATION
 from ancf_casadi.dynamics.radau.buffers import Buffers
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.tableau import RADAU
-from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 
 
 @dataclass(frozen=True, eq=False)
 class StepEnergies:
-    """Energies lost to damping and supplied by the base within a step, J.
+    """Energies lost to damping and supplied by the base and the tip load within a step, J.
 
     Parameters
     ----------
-    start : array (2,)
+    start : array (3,)
         The energies at the start of the step.
-    coefficients : array (3, 2)
+    coefficients : array (3, 3)
         Coefficients of x, x^2 and x^3 in the energies added by the step, x from 0 to 1.
     """
 
@@ -38,12 +39,12 @@ class StepEnergies:
     coefficients: Array
 
     def at(self, x: Array) -> Array:
-        """Return the energies at k places x in the step, (k, 2)."""
+        """Return the energies at k places x in the step, (k, 3)."""
         x, (first, second, third) = x[:, None], self.coefficients
         return np.asarray(self.start + x * (first + x * (second + x * third)))
 
     def followed_by(self, h: float, powers: Array) -> StepEnergies:
-        """Return the energies of the next step from the powers at its stages, (3, 2)."""
+        """Return the energies of the next step from the powers at its stages, (3, 3)."""
         return StepEnergies(self.start + self.coefficients.sum(axis=0), h * RADAU.integral @ powers)
 
 
@@ -58,20 +59,20 @@ class Samples:
         The Functions of a step.
     buffers : Buffers
         The arrays of these Functions.
-    clamp : Function
-        (t) -> the clamped node, (12,).
+    excitation : Function
+        (t) -> the excitation, (15,).
     """
 
-    def __init__(self, count: int, form: Collocation, buffers: Buffers, clamp: cs.Function) -> None:
+    def __init__(self, count: int, form: Collocation, buffers: Buffers, excitation: cs.Function) -> None:
         self._count, self._instants = count, np.zeros(count)
-        self._places, self._clamps = np.zeros(count), np.zeros((count, 3 * NODE))
+        self._places, self._excitations = np.zeros(count), np.zeros((count, EXCITATION))
         step = [buffers.trial.length, *buffers.last.start, *buffers.last.end]
-        inputs = [self._places, *step, self._clamps, buffers.reference.coordinates, buffers.parameters]
-        shared = [k for k, array in enumerate(inputs) if array is not self._places and array is not self._clamps]
-        self._clamp = Buffered(clamp.map(count), self._instants)
+        inputs = [self._places, *step, self._excitations, buffers.reference.coordinates, buffers.parameters]
+        shared = [k for k, array in enumerate(inputs) if array is not self._places and array is not self._excitations]
+        self._excite = Buffered(excitation.map(count), self._instants)
         self._interpolate = Buffered(form.sample.map("samples", "serial", count, shared, []), *inputs)
         *motion, self._residual, turns = self._interpolate.outputs
-        observe = form.observation.map("observations", "serial", count, [5], [])
+        observe = form.observation.map("observations", "serial", count, [6], [])
         self._observe = Buffered(observe, *motion, self._residual, turns, buffers.parameters)
 
     def __call__(self, instants: Array, places: Array, solve: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
@@ -85,8 +86,8 @@ class Samples:
             Solves with the real matrix of the step, ``Newton.solve``.
         """
         self._instants[:], self._places[:] = instants, places
-        self._clamps.ravel()[:] = self._clamp()[0]
-        _, velocities, _, residual, _ = self._interpolate()
+        self._excitations.ravel()[:] = self._excite()[0]
+        _, velocities, _, _, residual, _ = self._interpolate()
         right = residual.reshape(self._count, -1).T
         right[:] = solve(right)
         coordinates, forces = self._observe()

@@ -31,7 +31,7 @@ from ancf_casadi.dynamics.radau.newton import Newton
 from ancf_casadi.dynamics.radau.samples import Samples, StepEnergies
 from ancf_casadi.dynamics.radau.step_control import StepControl
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
-from ancf_casadi.dynamics.segments import CLOSE, InitialValueProblem, SegmentSolution
+from ancf_casadi.dynamics.segments import CLOSE, ENERGIES, InitialValueProblem, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.model import NODE
@@ -44,7 +44,7 @@ AT_ONCE = 8  # largest number of samples evaluated in one call
 
 
 def integrate_by_radau(problem: InitialValueProblem) -> Iterator[SegmentSolution]:
-    """Integrate over a smooth piece of the base motion, and yield the solution on each segment.
+    """Integrate over a smooth piece of the excitation, and yield the solution on each segment.
 
     Raises
     ------
@@ -52,9 +52,9 @@ def integrate_by_radau(problem: InitialValueProblem) -> Iterator[SegmentSolution
         If no step is small enough, or the steps are too many.
     """
     stepper = Stepper(Collocation(problem.equations), problem.equations.parameters, problem)
-    size, steps, energies = problem.equations.model.size, 0, np.zeros(2)
+    size, steps, energies = problem.equations.model.size, 0, np.zeros(ENERGIES)
     for segment in problem.segments:
-        samples: list[tuple[Array, ...]] = [tuple(np.empty((0, width)) for width in (size, size, NODE, 2))]
+        samples: list[tuple[Array, ...]] = [tuple(np.empty((0, width)) for width in (size, size, NODE, ENERGIES))]
         ahead = segment.instants[segment.kept].tolist() if segment.samples else []
         while ahead:
             stepper.reach(ahead[0])
@@ -89,8 +89,8 @@ class Step:
         Free coordinates, velocities and accelerations at the start.
     increments : array (3, N)
         Increments of the coordinates at the stages.
-    clamps : array (3, 12)
-        The clamped node at each stage.
+    excitations : array (3, 15)
+        The excitation at each stage.
     """
 
     start: float
@@ -99,11 +99,11 @@ class Step:
     v: Array
     a: Array
     increments: Array
-    clamps: Array
+    excitations: Array
 
 
 class Stepper:
-    """Integration over a smooth piece of the base motion, one step at a time.
+    """Integration over a smooth piece of the excitation, one step at a time.
 
     ``now`` is the end of the last step, s; ``steps`` counts the accepted steps.
 
@@ -118,38 +118,38 @@ class Stepper:
     """
 
     def __init__(self, form: Collocation, parameters: Array, problem: InitialValueProblem) -> None:
-        free, clamp, start = form.equations.model.free, problem.clamp, problem.start
+        free, excitation, start = form.equations.model.free, problem.excitation, problem.start
         self.now, self.steps = problem.segments[0].start, 0
         self._end, self._largest_step = problem.segments[-1].end, problem.largest_step
-        self._control, self._energies = StepControl(), StepEnergies(np.zeros(2), np.zeros((STAGES, 2)))
+        self._control, self._energies = StepControl(), StepEnergies(np.zeros(ENERGIES), np.zeros((STAGES, ENERGIES)))
 
         self._buffers = buffers = Buffers.of(form, parameters)
         last, trial = buffers.last, buffers.trial
-        first_clamp = clamp(self.now).full().ravel()
-        trial.clamps[:] = first_clamp
-        last.nodes[:, :NODE], last.nodes[:, NODE:] = first_clamp[:NODE], start.coordinates[free]
+        first = excitation(self.now).full().ravel()
+        trial.excitations[:] = first
+        last.nodes[:, :NODE], last.nodes[:, NODE:] = first[:NODE], start.coordinates[free]
         q, v, a = last.end
         q[:], v[:] = start.coordinates[free], start.velocities[free]
-        a[:] = form.accelerations(q, v, first_clamp, parameters)
+        a[:] = form.accelerations(q, v, first, parameters)
 
         self.newton = Newton(form, buffers, problem.tolerance)
         self._finish = Buffered(form.finish, *buffers.of_stages, a)
-        self._predict = Buffered(form.prediction, last.nodes, trial.ratio, trial.clamps, q)
-        self._clamps_ahead = Buffered(_stage_clamps(clamp), trial.time, trial.length)
-        self._samples = lru_cache(lambda count: Samples(count, form, buffers, clamp))
+        self._predict = Buffered(form.prediction, last.nodes, trial.ratio, trial.excitations, q)
+        self._excite = Buffered(_at_stages(excitation), trial.time, trial.length)
+        self._samples = lru_cache(lambda count: Samples(count, form, buffers, excitation))
 
     @property
     def state(self) -> State:
         """The state at the end of the last step."""
-        last, clamps = self._buffers.last, self._buffers.trial.clamps
-        return State(last.nodes[-1].copy(), np.concatenate([clamps[-1, NODE : 2 * NODE], last.end[1]]), self.now)
+        last, clamp_velocity = self._buffers.last, self._buffers.trial.excitations[-1, NODE : 2 * NODE]
+        return State(last.nodes[-1].copy(), np.concatenate([clamp_velocity, last.end[1]]), self.now)
 
     @property
     def last_step(self) -> Step:
         """The last step."""
         last, h = self._buffers.last, self._control.length
         q, v, a = last.start.copy()
-        return Step(self.now - h, h, q, v, a, last.nodes[1:, NODE:] - q, self._buffers.trial.clamps.copy())
+        return Step(self.now - h, h, q, v, a, last.nodes[1:, NODE:] - q, self._buffers.trial.excitations.copy())
 
     def reach(self, instant: float) -> None:
         """Take steps until an instant is passed.
@@ -169,13 +169,13 @@ class Stepper:
         """Return the motion at some instants (k,) of the last step.
 
         These are coordinates and velocities, (k, 4 n + 4), forces of the base, (k, 4), and the energies since the start
-        of the piece, (k, 2).
+        of the piece, (k, 3).
         """
         samples = self._samples(len(instants))
         return *samples(instants, self._places_of(instants), self.newton.solve), self.energies_at(instants)
 
     def energies_at(self, instants: Array) -> Array:
-        """Return energies lost to damping and supplied by the base, (k, 2), J, at instants (k,) of the last step."""
+        """Return the energies since the start of the piece, (k, 3), J, at instants (k,) of the last step."""
         return self._energies.at(self._places_of(instants))
 
     def advance(self) -> None:
@@ -206,7 +206,7 @@ class Stepper:
             control = control.inaccurate(h, error, iterations)
 
         self._control = control.accepted(h, error, iterations, newton.contraction, self._largest_step)
-        self._energies = self._energies.followed_by(h, powers.reshape(STAGES, 2))
+        self._energies = self._energies.followed_by(h, powers.reshape(STAGES, ENERGIES))
         last = buffers.last
         last.nodes[0], last.nodes[1:] = last.nodes[-1], nodes.reshape(STAGES, -1)
         last.start[:] = last.end
@@ -215,10 +215,10 @@ class Stepper:
         self.steps += 1
 
     def _begin(self, h: float) -> None:
-        """Set up the trial of a step of length h: evaluate the clamped nodes and predict the increments."""
+        """Set up the trial of a step of length h: evaluate the excitation and predict the increments."""
         trial, (_, v, a) = self._buffers.trial, self._buffers.last.end
         trial.length[0], trial.time[0] = h, self.now
-        trial.clamps.ravel()[:] = self._clamps_ahead()[0]
+        trial.excitations.ravel()[:] = self._excite()[0]
         if self.steps:
             trial.ratio[0] = h / self._control.length
             trial.increments.ravel()[:] = self._predict()[0]
@@ -231,11 +231,11 @@ class Stepper:
         return np.asarray(1.0 - (self.now - instants) / self._control.length)
 
 
-def _stage_clamps(clamp: cs.Function) -> cs.Function:
-    """(t, h) -> the clamped nodes at the stages of a step, (12, 3)."""
+def _at_stages(excitation: cs.Function) -> cs.Function:
+    """(t, h) -> the excitations at the stages of a step, (15, 3)."""
     t, h = cs.MX.sym("t"), cs.MX.sym("h")
-    nodes = cs.horzcat(*(clamp(t + c * h) for c in RADAU.nodes.tolist()))
-    return cs.Function("stage_clamps", [t, h], [nodes])
+    columns = cs.horzcat(*(excitation(t + c * h) for c in RADAU.nodes.tolist()))
+    return cs.Function("stage_excitations", [t, h], [columns])
 
 
 def _failure(problem: str, now: float, step: float) -> str:

@@ -1,0 +1,233 @@
+"""Force and moment at the tip as functions of time.
+
+The load p = (Fx, Fy, m) has a fixed direction in the laboratory frame; m is positive counterclockwise.  With position
+r and slope tau at the tip, its virtual work F.dr + m dtheta, theta = atan2(tau_y, tau_x), gives the generalized force
+
+    Q_r = F,    Q_tau = m (-tau_y, tau_x)/|tau|^2,
+
+and with n = (-tau_y, tau_x)/|tau|^2 the power F.r_t + m n.tau_t.  Like a base motion, a load is a sequence of smooth
+pieces, and the integrator restarts at the end of each.
+
+An integrator whose steps grow while nothing happens could step over a hammer blow.  Within a piece of a sampled load,
+its steps are therefore at most as long as the load, at its fastest in this piece, would take to change by its largest
+value; and the blows have pieces of their own, so that the steps are short there alone.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import final
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ancf_casadi.dynamics.base_motion import Piece, Piecewise
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import array, number, physical, positive_or_infinite, vector
+from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+
+LOAD = 3  # components of a load: force x and y, N, and moment, N m
+FAST = 0.1  # rate of change of a blow, relative to the largest of the record
+MOST_BLOWS = 50  # with more, the whole record is one piece
+
+
+class TipLoad(Piecewise):
+    """Base class of the loads at the tip."""
+
+    @property
+    def begin(self) -> float:
+        """Time before which the load is zero, s."""
+        return 0.0
+
+    @abstractmethod
+    def pieces(self) -> tuple[Piece, ...]:
+        """Return the smooth pieces in order, each with the load (N, N, N m); the last has no end."""
+
+
+@final
+@dataclass(frozen=True)
+class HarmonicLoad(TipLoad):
+    """A load with the time function sin(2 pi frequency t), which may end.
+
+    Parameters
+    ----------
+    force : (float, float)
+        Amplitude of the force in the laboratory frame, N.
+    frequency : float
+        Frequency, Hz, positive.
+    moment : float
+        Amplitude of the moment, positive counterclockwise, N m.
+    stop : float, optional
+        Time from which the load is zero, s, positive; if not given, the load never ends.
+
+    Raises
+    ------
+    InputError
+        If a value is not a number in its range.
+    """
+
+    force: tuple[float, float]
+    frequency: float
+    moment: float = 0.0
+    stop: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        object.__setattr__(self, "force", vector(self.force, "force"))
+        physical(self.frequency, "frequency")
+        object.__setattr__(self, "moment", number(self.moment, "moment"))
+        positive_or_infinite(self.stop, "stop")
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """Return the oscillation and, if it ends, the time after it."""
+        amplitude, omega = cs.DM([*self.force, self.moment]), 2 * math.pi * self.frequency
+        oscillation = Piece(self.stop, lambda t, parameters: amplitude * cs.sin(omega * t))
+        return (oscillation,) if self.stop == math.inf else (oscillation, _nothing(math.inf))
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class SampledLoad(TipLoad):
+    """A measured load, interpolated between its samples, and zero before the first and after the last of them.
+
+    The interpolation is monotone between neighbouring samples (piecewise cubic, PCHIP): a blow or a step does not ring.
+    With ten samples per period, it changes the amplitude of a vibration by 0.4 %.  A load that is constant for five
+    seconds and then ends is ``SampledLoad([0, 5], [[1, 0], [1, 0]])``.
+
+    Parameters
+    ----------
+    time : array_like (k,)
+        Instants, s, increasing, on the clock of the motion.
+    force : array_like (k, 2)
+        Force in the laboratory frame, N.
+    moment : array_like (k,), optional
+        Moment, positive counterclockwise, N m; zero if not given.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two samples, the shapes differ, a value is not finite or the times do not increase.
+
+    References
+    ----------
+    Fritsch and Butland 1984, "A method for constructing local monotone piecewise cubic interpolants".
+    """
+
+    time: ArrayLike
+    force: ArrayLike
+    moment: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        """Validate, and keep arrays."""
+        time, force = array(self.time, "time"), array(self.force, "force")
+        if time.ndim != 1 or time.size < 2:
+            raise InputError("needs at least 2 instants", "time")
+        if (np.diff(time) <= 0.0).any():
+            raise InputError("must increase", "time")
+        physical(time[-1] - time[0], "time")
+        moment = np.zeros(time.size) if self.moment is None else array(self.moment, "moment")
+        if force.shape != (time.size, 2):
+            raise InputError(f"must have the shape ({time.size}, 2), got {force.shape}", "force")
+        if moment.shape != time.shape:
+            raise InputError(f"must have the shape ({time.size},), got {moment.shape}", "moment")
+        for name, values in (("time", time), ("force", force), ("moment", moment)):
+            object.__setattr__(self, name, values)
+
+    @property
+    def begin(self) -> float:
+        """Time of the first sample, s."""
+        return float(np.asarray(self.time)[0])
+
+    def pieces(self) -> tuple[Piece, ...]:
+        """Return the time before the record, the blows in it and the times between them, and the time after it."""
+        time = np.asarray(self.time, dtype=float)
+        values = np.column_stack([np.asarray(self.force), np.asarray(self.moment)])
+        if not values.any():
+            return (_nothing(math.inf),)
+        curve, rates = _monotone(time, values), _rates(time, values)
+        marks, found = _marks(time, rates), [_nothing(self.begin)]
+        for begin, end in itertools.pairwise(marks):
+            inside = slice(np.searchsorted(time, begin, "right") - 1, np.searchsorted(time, end))
+            fastest = float(rates[inside].max())
+            found.append(Piece(end, lambda t, parameters: curve(t), 1 / fastest if fastest else math.inf))
+        return (*found, _nothing(math.inf))
+
+
+NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)
+
+
+def tip_force(e: cs.MX, load: cs.MX) -> cs.MX:
+    """Return the generalized force of a load (3, s) on the tip node, (4, s), for coordinates e of s states."""
+    x, y = e[-2, :], e[-1, :]
+    turn = load[2, :] / (x * x + y * y)
+    return cs.vertcat(load[:2, :], -y * turn, x * turn)
+
+
+def tip_stiffness(e: cs.MX, load: cs.MX) -> cs.MX:
+    """Return the entries of dQ_tau/dtau, column by column, (4, s); the other derivatives of the force are zero."""
+    x, y = e[-2, :], e[-1, :]
+    squares = x * x + y * y
+    factor = load[2, :] / (squares * squares)
+    mixed, own = factor * (y * y - x * x), factor * 2 * x * y
+    return cs.vertcat(own, mixed, mixed, -own)
+
+
+def equilibrium_under(model: Model, load: Array) -> Equilibrium:
+    """Return the static equilibrium under gravity and a load (3,).
+
+    Raises
+    ------
+    EquilibriumError
+        If there is none.
+    """
+    force_x, force_y, moment = load.tolist()
+    return static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment)
+
+
+def _nothing(end: float) -> Piece:
+    """Return a piece without load."""
+    return Piece(end, lambda t, parameters: cs.MX.zeros(LOAD))
+
+
+def _monotone(time: Array, values: Array) -> cs.Function:
+    """Return the monotone cubic interpolation (t) -> values, as a B-spline with double knots."""
+    from scipy.interpolate import PchipInterpolator  # slow to import, and used only here
+
+    thirds = np.diff(time)[:, None] / 3
+    slopes = PchipInterpolator(time, values)(time, 1)
+    controls = np.empty((2 * time.size, values.shape[1]))
+    controls[0], controls[-1] = values[0], values[-1]
+    controls[1:-1:2] = values[:-1] + thirds * slopes[:-1]
+    controls[2:-1:2] = values[1:] - thirds * slopes[1:]
+    knots = np.concatenate([time[[0, 0]], np.repeat(time, 2), time[[-1, -1]]])
+    return cs.Function.bspline("curve", [knots.tolist()], controls.ravel().tolist(), [3], values.shape[1])
+
+
+def _rates(time: Array, values: Array) -> Array:
+    """Return the rates of change between samples, (k - 1,), 1/s, relative to the largest force and moment."""
+    parts = [values[:, :2], values[:, 2:]]
+    changes = [np.linalg.norm(np.diff(part, axis=0), axis=1) for part in parts]
+    largest = [np.linalg.norm(part, axis=1).max() for part in parts]
+    relative = [change / most for change, most in zip(changes, largest, strict=True) if most]
+    return np.asarray(np.max(relative, axis=0) / np.diff(time))
+
+
+def _marks(time: Array, rates: Array) -> list[float]:
+    """Return the first and the last instant, and the beginnings and ends of the blows between them."""
+    first, last = float(time[0]), float(time[-1])
+    if not rates.any():
+        return [first, last]
+    fast, margin = rates > FAST * rates.max(), 1 / rates.max()
+    begins, ends = time[:-1][fast] - margin, time[1:][fast] + margin
+    apart = begins[1:] > ends[:-1]
+    blows = [begins[np.r_[True, apart]], ends[np.r_[apart, True]]]
+    if blows[0].size > MOST_BLOWS:
+        return [first, last]
+    inner = np.concatenate(blows)
+    return [first, *np.sort(inner[(inner > first) & (inner < last)]).tolist(), last]

@@ -199,7 +199,7 @@ def shaken(request, small):
     law = RayleighDamping(0.2, 1e-4) + QuadraticDamping(0.1, 0.5)
     base, load = HarmonicBase(20e-3, 1.85, stop=0.3), HarmonicLoad((0.02, 0.01), 3.0, moment=2e-3, stop=0.4123)
     settings = {"damping": law, "base": base, "load": load, "sample_rate": 970.0, "method": request.param}
-    return simulate(small, duration=0.6, tolerance=2e-10 if request.param == "idas" else 1e-8, **settings), settings
+    return simulate(small, duration=0.6, tolerance=1e-9 if request.param == "idas" else 1e-8, **settings), settings
 
 
 def test_work_of_base_and_load_and_energy_lost_account_for_the_change_of_energy(shaken):
@@ -210,7 +210,7 @@ def test_work_of_base_and_load_and_energy_lost_account_for_the_change_of_energy(
     for part in (run.base_work, run.load_work):
         assert np.ptp(part) > 0.1 * scale
     assert run.dissipated_energy[-1] > 1e-3 * scale
-    assert abs(run.balance_error).max() < 1e-5 * scale
+    assert abs(run.balance_error).max() < (1e-4 if settings["method"] == "idas" else 1e-7) * scale
     slope, rate = run.coordinates[:, -2:], run.velocities[:, -2:]
     spin = (slope[:, 0] * rate[:, 1] - slope[:, 1] * rate[:, 0]) / (slope**2).sum(axis=1)
     power = (run.tip_force * run.velocities[:, -4:-2]).sum(axis=1) + run.tip_moment * spin

@@ -183,31 +183,44 @@ def test_the_default_follows_the_motion_and_an_explicit_tolerance_is_used_as_giv
     assert given.integrators[0].tolerance == 3e-7
 
 
-def test_the_expected_travel_is_that_of_base_and_start():
-    """Base travel, L times its rotation, distance from rest, and v/w_1."""
+def test_the_expected_travel_is_that_of_base_start_and_load():
+    """Base travel, L times its rotation, distance from rest, v/w_1, and the static deflection by load or impulse."""
     model = steel(4, gravity=(0.0, 0.0))
-    still = np.zeros((2, 12))
+    times, still = np.array([0.0, 10.0]), np.zeros((2, 15))
     still[:, 2:4] = model.beam.axis
     rest = State(model.straight, np.zeros(model.size))
-    assert expected_travel(model, still, rest) < 1e-15
+    assert expected_travel(model, times, still, rest) < 1e-15
     moved, turned = still.copy(), still.copy()
     moved[1, :2] = 1.2e-3, 1.6e-3
-    assert expected_travel(model, moved, rest) == pytest.approx(2e-3 / L)
+    assert expected_travel(model, times, moved, rest) == pytest.approx(2e-3 / L)
     turned[1, 2:4] = np.sin(0.2), -np.cos(0.2)
-    assert expected_travel(model, turned, rest) == pytest.approx(0.2)
+    assert expected_travel(model, times, turned, rest) == pytest.approx(0.2)
     pulled = static_equilibrium(model, tip_force=(1e-3, 0.0))
-    assert expected_travel(model, still, State(pulled.coordinates, rest.velocities)) == pytest.approx(
+    assert expected_travel(model, times, still, State(pulled.coordinates, rest.velocities)) == pytest.approx(
         np.hypot(*(pulled.tip - [0.0, -L])) / L
     )
     kick = np.zeros(model.size)
     kick[-4] = 0.1
-    assert expected_travel(model, still, State(model.straight, kick)) == pytest.approx(
+    assert expected_travel(model, times, still, State(model.straight, kick)) == pytest.approx(
         0.1 / natural_modes(model, count=1).angular_frequencies[0] / L, rel=1e-2
     )
     shaken = State(pulled.coordinates, rest.velocities)
-    assert expected_travel(model, moved, shaken) == pytest.approx(2e-3 / L)
+    assert expected_travel(model, times, moved, shaken) == pytest.approx(2e-3 / L)
     moved[1, :2] = 3e-6, 4e-6
-    assert expected_travel(model, moved, shaken) == pytest.approx(0.1 * expected_travel(model, still, shaken))
+    assert expected_travel(model, times, moved, shaken) == pytest.approx(
+        0.1 * expected_travel(model, times, still, shaken)
+    )
+    for place, tip_load in ((12, {"tip_force": (1e-4, 0.0)}), (14, {"tip_moment": 1e-5})):
+        loaded = still.copy()
+        loaded[1, place] = 1e-4 if place == 12 else 1e-5
+        deflection = np.hypot(*(static_equilibrium(model, **tip_load).tip - [0.0, -L])) / L
+        assert expected_travel(model, times, loaded, rest) == pytest.approx(deflection, rel=1e-2)
+        brief = 1e-4 * times  # a triangle of 1 ms
+        impulse = deflection * natural_modes(model, count=1).angular_frequencies[0] * 1e-3 / 2
+        assert expected_travel(model, brief, loaded, rest) == pytest.approx(impulse, rel=2e-2)
+        loaded[0] = loaded[1]  # the beam starts under it
+        held = State(static_equilibrium(model, **tip_load).coordinates, rest.velocities)
+        assert expected_travel(model, times, loaded, held) < 1e-9
 
 
 # ------------------------------------------------------------------------------------ continuing from a state

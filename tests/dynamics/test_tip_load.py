@@ -204,7 +204,7 @@ def shaken(request, small):
 
 def test_work_of_base_and_load_and_energy_lost_account_for_the_change_of_energy(shaken):
     """Across the end of the load, too; the load's work is the integral of its power."""
-    run, _ = shaken
+    run, settings = shaken
     scale = np.ptp(run.energy)
     assert np.ptp(run.tip[:, 0]) > 0.1
     for part in (run.base_work, run.load_work):

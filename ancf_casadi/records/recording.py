@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -102,7 +102,16 @@ def read_recording(
         If the file cannot be read, or its times are not clear or do not increase; the message names the remedy.
     """
     contents = read_contents(path, progress=progress)
-    if all(channel.time is not None for channel in contents.channels) and time is None and rate is None:
-        return Recording(str(path), contents.channels, contents.notes)
+    if time is None and rate is None and any(channel.time is not None for channel in contents.channels):
+        return Recording(str(path), tuple(map(_timed, contents.channels)), contents.notes)
     axis = time_axis(contents, str(path), time=time, time_unit=time_unit, rate=rate)
     return Recording(str(path), with_times(contents, axis), contents.notes + axis.notes)
+
+
+def _timed(channel: Channel) -> Channel:
+    """Return a channel of a file that gives times, with a fault if its own times cannot be used."""
+    if channel.time is None:
+        return replace(channel, fault=channel.fault or "has no times; give the sampling rate with --rate")
+    steps = np.diff(channel.time)
+    rising = len(channel.time) == len(channel.values) and np.isfinite(steps).all() and (steps > 0.0).all()
+    return channel if rising else replace(channel, fault=channel.fault or "has times that do not increase")

@@ -49,7 +49,8 @@ def sensor_of(channel: Channel, given: Unit | None, sensor: Sensor | None) -> tu
     fitting = QUANTITIES.get(unit.quantity, ())
     if not fitting:
         raise InputError(
-            f"is in {unit.symbol}, a unit of {unit.quantity}, which no sensor measures; give the unit with --unit"
+            f"is in {unit.symbol}, a unit of {unit.quantity}, which no sensor measures; "
+            "give the scale with --unit, such as '0.25 mm'"
         )
     if sensor is None:
         return unit.factor, Sensor(quantity=fitting[0])

@@ -232,14 +232,16 @@ def _checked(contents: Contents, channel: Channel, seconds: Array, notes: tuple[
 
 def with_times(contents: Contents, axis: TimeAxis) -> tuple[Channel, ...]:
     """Return all channels but the time itself, each with the times of its samples."""
-    count = len(axis.time) if axis.rows is None else len(axis.rows)
     channels = []
     for channel in contents.channels:
         if axis.channel and channel.number == axis.channel.number:
             continue
-        values = channel.values if axis.rows is None or channel.fault else channel.values[axis.rows]
-        fault = channel.fault
-        if not fault and len(values) != count:
-            fault = f"has {len(values)} values for {count} times"
-        channels.append(replace(channel, values=values, time=axis.time, fault=fault))
+        values, fault, time = channel.values, channel.fault, axis.time
+        if axis.channel is None:  # every channel has the same sampling rate, but not always the same length
+            time = time[: len(values)]
+        elif len(values) == len(axis.channel.values) and axis.rows is not None:
+            values = values[axis.rows]
+        if not fault and len(values) != len(time):
+            fault = f"has {len(values)} values for {len(axis.time)} times"
+        channels.append(replace(channel, values=values, time=time, fault=fault))
     return tuple(channels)

@@ -7,9 +7,10 @@ at its end (``tip_mm``, ``Time ms``, ``v_mm_per_s``).
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from ancf_casadi.exceptions import InputError
@@ -101,6 +102,7 @@ def _table() -> Mapping[str, tuple[str, float]]:
 UNITS = _table()  # plain spelling -> quantity, SI units per unit
 PLAIN = str.maketrans({"µ": "u", "μ": "u", "²": "2", "⁻": "-", "¹": "1", "\N{MINUS SIGN}": "-"})
 SILENT = str.maketrans(dict.fromkeys(" .·⋅*^_"))
+SCALED = re.compile(r"([+-]?\d+\.?\d*(?:[eE][+-]?\d+)?(?=[ *]))?[ *]*(\D.*)")
 BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]\s*$")
 BEHIND = re.compile(r"\s*/\s*(\S.*)$|\s+in\s+(\S+)$|,\s*(\S+)$|\s(\S+)$")
 COUNTERS = {"min", "h", "in", "g", "gs", "grad", "mil"}  # as the whole name of a column, these are rarely units
@@ -116,17 +118,22 @@ def parse_unit(text: str) -> Unit | None:
 
 
 def known_unit(text: object, where: str) -> Unit:
-    """Return the unit that an argument denotes.
+    """Return the unit that an argument denotes; a number before it is a scale, such as ``0.25 mm`` per pixel.
 
     Raises
     ------
     InputError
         If it is not understood.
     """
-    unit = parse_unit(text) if isinstance(text, str) else None
-    if unit is None:
-        raise InputError(f"{shown(text)} is not a known unit; write for example mm, um, ms, m/s^2, g, deg", where)
-    return unit
+    match = SCALED.fullmatch(text.strip()) if isinstance(text, str) else None
+    unit = parse_unit(match[2]) if match else None
+    factor = float(match[1] or 1.0) if match else 0.0
+    if unit is None or not 0.0 < abs(factor) < math.inf:
+        raise InputError(
+            f"{shown(text)} is not a known unit; write for example mm, um, ms, m/s^2, g, deg, or 0.25 mm for a scale",
+            where,
+        )
+    return replace(unit, symbol=str(text).strip(), factor=factor * unit.factor)
 
 
 def unit_in_name(name: str) -> tuple[str, Unit | None]:

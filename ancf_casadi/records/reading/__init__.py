@@ -1,6 +1,6 @@
 """Readers of measured data, one file per format; each returns the ``Contents`` of a file.
 
-``formats`` recognises the format.  ``blocks``, ``dialect``, ``header``, ``cells`` and ``stamps`` are the steps of
-``text``, the reader of tables in plain text.  The readers of other formats use their libraries, which are imported on
-demand; a file is data, and nothing in it is ever executed.
+``formats`` recognises the format and chooses the reader.  ``text`` has the reader of tables in plain text.  The other
+formats are read by their libraries, which are imported on demand (``libraries``).  A file is data: nothing in it is
+executed or unpickled, and no reader allocates more than the file can hold, whatever its header declares.
 """

@@ -1,15 +1,32 @@
-"""Recognition of the format of a file, and the choice of its reader."""
+"""Recognition of the format of a file by its first bytes, and the choice of its reader."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents
-from ancf_casadi.records.reading.text import read_text
+from ancf_casadi.records.reading.c3d import read_c3d
+from ancf_casadi.records.reading.lvm import read_lvm
+from ancf_casadi.records.reading.matlab import read_hdf5, read_matlab
+from ancf_casadi.records.reading.npz import read_npy, read_npz
+from ancf_casadi.records.reading.tdms import read_tdms
+from ancf_casadi.records.reading.text.reader import read_text
+from ancf_casadi.records.reading.uff import read_uff
 from ancf_casadi.support.files import check_path
 
 MOST_BYTES = 2**30
+START = 1024  # bytes looked at
+HDF5 = b"\x89HDF\r\n\x1a\n"
+UNIVERSAL = re.compile(rb"\s*\r?\n? {4}-1 *\r?\n *\d+", re.ASCII)
+OTHERS = {
+    b"\x1f\x8b": "is compressed with gzip; unpack it first",
+    b"\xd0\xcf\x11\xe0": "is an Excel workbook; save the sheet as CSV",
+    b"PAR1": "is a Parquet file; save the table as CSV",
+    b"TDSh": "is the index of a TDMS file; name the .tdms file",
+    b"%PDF": "is a PDF document; export the data as CSV",
+}
 
 
 def read_contents(path: str | Path, *, progress: bool = False) -> Contents:
@@ -29,6 +46,37 @@ def read_contents(path: str | Path, *, progress: bool = False) -> Contents:
             raise InputError(
                 f"is larger than {MOST_BYTES >> 20} MB; shorten the record, or leave out samples", str(path)
             )
-        return read_text(file, progress=progress)
+        with open(file, "rb") as opened:
+            start = opened.read(START)
+        found = _read(file, start, progress)
     except (OSError, ValueError) as error:  # a name with a null character raises ValueError
         raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})", str(path)) from None
+    if not found.channels:
+        raise InputError("has no channels of numbers", str(path))
+    return found
+
+
+def _read(file: Path, start: bytes, progress: bool) -> Contents:
+    suffix = file.suffix.lower()
+    for signature, message in OTHERS.items():
+        if start.startswith(signature):
+            raise InputError(message, str(file))
+    if start.startswith(HDF5) or start[512:].startswith(HDF5):
+        return read_hdf5(file)
+    if start.startswith(b"MATLAB 5.0 MAT-file") or suffix == ".mat":
+        return read_matlab(file)
+    if start.startswith(b"PK\x03\x04"):
+        if suffix in (".xlsx", ".xlsm", ".ods"):
+            raise InputError("is a workbook; save the sheet as CSV", str(file))
+        return read_npz(file)
+    if start.startswith(b"\x93NUMPY"):
+        return read_npy(file)
+    if start.startswith(b"TDSm"):
+        return read_tdms(file)
+    if suffix == ".c3d" or (len(start) == START and start[1] == 0x50 and start[0] < 10 and b"\0" in start):
+        return read_c3d(file)
+    if start.startswith(b"LabVIEW Measurement"):
+        return read_lvm(file)
+    if UNIVERSAL.match(start):
+        return read_uff(file)
+    return read_text(file, progress=progress)

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from ancf_casadi.records.reading.stamps import is_stamp
+from ancf_casadi.records.reading.text.stamps import is_stamp
 from ancf_casadi.support.arrays import Array
 
 Kind = Literal["number", "gap", "stamp", "word"]

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.reading.cells import Dialect, Kind, is_comment
+from ancf_casadi.records.reading.text.cells import Dialect, Kind, is_comment
 
 DIALECTS = tuple(
     Dialect(delimiter, decimal)

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.reading.cells import is_comment, uncommented
-from ancf_casadi.records.reading.dialect import SEPARATORS, Table
+from ancf_casadi.records.reading.text.cells import is_comment, uncommented
+from ancf_casadi.records.reading.text.dialect import SEPARATORS, Table
+from ancf_casadi.records.reading.text.pose import pose_names
 from ancf_casadi.records.time_names import names_time
 from ancf_casadi.records.units import Unit, parse_unit, unit_in_name
 from ancf_casadi.support.inputs import shown
@@ -123,6 +124,9 @@ def _heading(rows: list[list[str]], table: Table) -> Heading:
     numbered = [f"column {k + 1}" for k in range(table.width)]
     if not rows:
         return Heading(tuple(numbered), ("",) * table.width, (None,) * table.width)
+    tracks = pose_names(rows)
+    if tracks:
+        return Heading(*tracks, tuple(map(parse_unit, tracks[1])))
     written = _units_row(rows)
     names = numbered if written is not None and len(rows) == 1 else [row for row in rows if row is not written][-1]
     names = [name or default for name, default in zip(names, numbered, strict=True)]

@@ -17,11 +17,12 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Channel, Contents
-from ancf_casadi.records.reading.blocks import decoded, text_blocks
-from ancf_casadi.records.reading.cells import Dialect, is_comment
-from ancf_casadi.records.reading.dialect import Table, find_table
-from ancf_casadi.records.reading.header import Heading, read_heading
-from ancf_casadi.records.reading.stamps import clock_seconds, iso_nanoseconds, over_midnight
+from ancf_casadi.records.reading.text.blocks import decoded, text_blocks
+from ancf_casadi.records.reading.text.cells import Dialect, is_comment
+from ancf_casadi.records.reading.text.dialect import Table, find_table
+from ancf_casadi.records.reading.text.header import Heading, read_heading
+from ancf_casadi.records.reading.text.pose import without_unlikely
+from ancf_casadi.records.reading.text.stamps import clock_seconds, iso_nanoseconds, over_midnight
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array, Index
 
@@ -52,7 +53,7 @@ def read_text(path: Path, *, progress: bool = False) -> Contents:
     for block in chain([body], blocks):
         reader.read(block, line)
         line += block.count(b"\n")
-    return reader.contents(heading)
+    return without_unlikely(reader.contents(heading))
 
 
 def _head(block: bytes) -> tuple[list[str], list[int]]:

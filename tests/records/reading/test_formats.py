@@ -1,0 +1,358 @@
+"""Each format, in a file that its own library has written; damaged and hostile files are refused in one line."""
+
+import io
+import pickle
+import struct
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.recording import read_recording
+
+SILICONE = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam"
+RATE = 100.0
+TIME = np.arange(250) / RATE
+MM = 5.0 * np.exp(-0.3 * TIME) * np.cos(2 * np.pi * 3.0 * TIME)  # displacement, mm
+
+
+def uff_function(**changes):
+    import pyuff
+
+    function = pyuff.prepare_58(
+        func_type=1, rsp_node=4, rsp_dir=3, ref_node=1, ref_dir=3, ord_data_type=4, num_pts=len(TIME),
+        abscissa_spacing=1, abscissa_min=0.0, abscissa_inc=1 / RATE, abscissa_spec_data_type=17,
+        ordinate_spec_data_type=8, ordinate_axis_units_lab="mm", orddenom_spec_data_type=0, z_axis_spec_data_type=0,
+        data=MM, x=TIME, id1="tip",
+    )  # fmt: skip
+    return function | changes
+
+
+class TestUniversalFile:
+    @pytest.mark.parametrize("binary", [0, 1])
+    def test_data_set_58(self, tmp_path, binary):
+        import pyuff
+
+        path = tmp_path / "record.uff"
+        pyuff.UFF(str(path)).write_sets(uff_function(binary=binary), mode="add")
+        record = Measurement.from_file(path)
+        np.testing.assert_allclose(record.time, TIME, atol=1e-12)
+        np.testing.assert_allclose(record.values, 1e-3 * MM, rtol=1e-6, atol=1e-9)
+        assert record.sensor.quantity == "displacement"
+
+    def test_the_units_of_the_file_hold_for_functions_without_a_label(self, tmp_path):
+        import pyuff
+
+        path = tmp_path / "record.uff"
+        units = pyuff.prepare_164(
+            units_code=5, temp_mode=1, length=1000.0, force=1000.0, temp=1.0, temp_offset=273.15
+        )  # fmt: skip
+        accelerations = uff_function(ordinate_spec_data_type=12, ordinate_axis_units_lab="NONE")
+        pyuff.UFF(str(path)).write_sets([units, accelerations], mode="overwrite")
+        record = Measurement.from_file(path)
+        np.testing.assert_allclose(record.values, 1e-3 * MM, rtol=1e-6, atol=1e-9)
+        assert record.sensor.quantity == "acceleration"
+
+    def test_frequency_responses_and_truncated_functions_are_refused(self, tmp_path):
+        import pyuff
+
+        path = tmp_path / "record.uff"
+        pyuff.UFF(str(path)).write_sets(uff_function(func_type=4, ord_data_type=6, data=MM + 1j * MM), mode="overwrite")
+        with pytest.raises(InputError, match="has no time responses"):
+            read_recording(path)
+        pyuff.UFF(str(path)).write_sets(uff_function(), mode="overwrite")
+        lines = path.read_text().splitlines(keepends=True)
+        path.write_text("".join(lines[:20] + lines[-1:]))
+        with pytest.raises(InputError, match="has 28 of 250 values; it is damaged"):
+            read_recording(path)
+
+
+class TestMatlab:
+    @pytest.mark.parametrize("compressed", [False, True])
+    def test_version_5(self, tmp_path, compressed):
+        path = tmp_path / "record.mat"
+        savemat(path, {"t_s": TIME, "tip_mm": MM, "fs": RATE, "note": "a test"}, do_compression=compressed)
+        record = Measurement.from_file(path)
+        np.testing.assert_allclose(record.time, TIME)
+        np.testing.assert_allclose(record.values, 1e-3 * MM)
+        notes = " ".join(read_recording(path).notes)
+        assert "'fs' is a single number, 100" in notes
+        assert "'note' is a char, and is left out" in notes
+
+    def test_a_matrix_has_a_channel_per_column(self, tmp_path):
+        path = tmp_path / "record.mat"
+        savemat(path, {"data": np.column_stack([TIME, MM, -MM])})
+        np.testing.assert_allclose(Measurement.from_file(path, "data[2]", unit="mm").values, 1e-3 * MM)
+        np.testing.assert_allclose(Measurement.from_file(path, 3).values, -MM)
+
+    def test_structures_are_left_out_and_never_executed(self, tmp_path):
+        path = tmp_path / "record.mat"
+        savemat(path, {"run": {"t": TIME}, "cells": np.array([1, "a"], dtype=object)})
+        with pytest.raises(InputError, match="has no channels of numbers"):
+            read_recording(path)
+
+    def test_version_7_3(self, tmp_path):
+        import h5py
+
+        path = tmp_path / "record.mat"
+        with h5py.File(path, "w", userblock_size=512) as file:
+            file.create_dataset("time", data=TIME[None, :])
+            file.create_dataset("run/tip_mm", data=MM[None, :], compression="gzip")
+            file.create_dataset("label", data=np.array([[65]], dtype="uint16")).attrs["MATLAB_class"] = b"char"
+        with open(path, "r+b") as file:
+            file.write(b"MATLAB 7.3 MAT-file".ljust(116) + b" " * 8 + struct.pack("<H", 0x0200) + b"IM")
+        record = Measurement.from_file(path)
+        np.testing.assert_allclose(record.time, TIME)
+        np.testing.assert_allclose(record.values, 1e-3 * MM)
+
+    def test_a_data_set_that_is_declared_but_not_stored_is_refused(self, tmp_path):
+        import h5py
+
+        path = tmp_path / "record.h5"
+        with h5py.File(path, "w") as file:
+            file.create_dataset("x", shape=(10**8,), chunks=(1000,), dtype="f8")
+        assert path.stat().st_size < 5000
+        with pytest.raises(InputError, match="declares 800000000 bytes of data"):
+            read_recording(path)
+
+    def test_data_in_other_files_are_left_out(self, tmp_path):
+        import h5py
+
+        (tmp_path / "secret").write_bytes(bytes(8000))
+        path = tmp_path / "record.h5"
+        with h5py.File(path, "w") as file:
+            file.create_dataset("x", shape=(1000,), dtype="f8", external=str(tmp_path / "secret"))
+            layout = h5py.VirtualLayout(shape=(1000,), dtype="f8")
+            layout[:] = h5py.VirtualSource(str(tmp_path / "other.h5"), "y", shape=(1000,))
+            file.create_virtual_dataset("y", layout)
+        with pytest.raises(InputError, match="has no data sets of numbers"):
+            read_recording(path)
+
+
+class TestNumpy:
+    def test_npz(self, tmp_path):
+        path = tmp_path / "record.npz"
+        np.savez_compressed(path, time_ms=1e3 * TIME, tip_mm=MM.astype("f4"))
+        record = Measurement.from_file(path)
+        np.testing.assert_allclose(record.time, TIME)
+        np.testing.assert_allclose(record.values, 1e-3 * MM, rtol=1e-6)
+
+    def test_npy_with_a_sampling_rate(self, tmp_path):
+        path = tmp_path / "record.npy"
+        np.save(path, MM)
+        with pytest.raises(InputError, match="or give the sampling rate with --rate"):
+            Measurement.from_file(path)
+        record = Measurement.from_file(path, rate=RATE, unit="mm")
+        np.testing.assert_allclose(record.time, TIME)
+        np.testing.assert_allclose(record.values, 1e-3 * MM)
+
+    def test_dates_count_in_seconds(self, tmp_path):
+        path = tmp_path / "record.npz"
+        dates = np.datetime64("2024-05-17T09:30:00", "ns") + (1e9 * TIME).round().astype("m8[ns]")
+        np.savez(path, time=dates, tip_mm=MM)
+        np.testing.assert_allclose(Measurement.from_file(path).time, TIME, atol=1e-9)
+
+    def test_pickled_objects_are_never_loaded(self, tmp_path):
+        class Loaded:
+            def __reduce__(self):
+                return (pytest.fail, ("unpickled",))
+
+        path = tmp_path / "record.npz"
+        np.savez(path, evil=np.array([Loaded()], dtype=object), t=TIME, x=MM)
+        assert len(read_recording(path).channels) == 1
+        with open(tmp_path / "evil.npy", "wb") as file:
+            pickle.dump(Loaded(), file)
+        for name in ("evil.npy", "pickled.npy"):
+            if name == "pickled.npy":
+                np.save(tmp_path / name, np.array([Loaded()], dtype=object))
+            with pytest.raises(InputError):
+                read_recording(tmp_path / name)
+
+    def test_a_declared_size_is_checked_before_memory_is_taken(self, tmp_path):
+        path = tmp_path / "record.npz"
+        content = io.BytesIO()
+        np.lib.format.write_array_header_1_0(content, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("x.npy", content.getvalue() + bytes(64))
+        with pytest.raises(InputError, match="declares another size than it has"):
+            read_recording(path)
+
+    def test_a_zip_bomb_is_refused(self, tmp_path):
+        path = tmp_path / "record.npz"
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("x.npy", "w") as file:
+            for _ in range(1100):
+                file.write(bytes(2**20))
+        with pytest.raises(InputError, match="unpacks to more than 1024 MB"):
+            read_recording(path)
+
+
+class TestC3D:
+    def test_markers_and_analog_channels(self, tmp_path):
+        import ezc3d
+
+        path = tmp_path / "record.c3d"
+        file = ezc3d.c3d()
+        file["parameters"]["POINT"]["RATE"]["value"] = [RATE]
+        file["parameters"]["POINT"]["UNITS"]["value"] = ["mm"]
+        file["parameters"]["POINT"]["LABELS"]["value"] = ["tip", "base"]
+        file["parameters"]["ANALOG"]["RATE"]["value"] = [10 * RATE]
+        file["parameters"]["ANALOG"]["LABELS"]["value"] = ["force"]
+        file["parameters"]["ANALOG"]["UNITS"]["value"] = ["N"]
+        points = np.ones((4, 2, len(TIME)))
+        points[0, 0] = MM
+        points[:3, 0, 7] = np.nan
+        force = np.sin(np.arange(10 * len(TIME)))
+        file["data"]["points"] = points
+        file["data"]["analogs"] = force[None, None, :]
+        file.write(str(path))
+        record = Measurement.from_file(path, "tip x")
+        seen = np.arange(len(TIME)) != 7
+        np.testing.assert_allclose(record.time, TIME[seen])
+        np.testing.assert_allclose(record.values, 1e-3 * MM[seen], rtol=1e-6)
+        analog = Measurement.from_file(path, "force")
+        np.testing.assert_allclose(analog.time, np.arange(10 * len(TIME)) / (10 * RATE))
+        np.testing.assert_allclose(analog.values, force, rtol=1e-6, atol=1e-7)
+        assert analog.sensor.quantity == "force"
+        with pytest.raises(InputError, match="its channels have times of their own"):
+            _ = read_recording(path).time
+
+    @pytest.mark.skipif(not SILICONE.is_dir(), reason="the measured records are not part of the repository")
+    @pytest.mark.parametrize("name", ["gravity", "load52", "load101"])
+    def test_a_measured_file_and_its_copy_as_csv_agree(self, name):
+        original = read_recording(SILICONE / f"beam_{name}_V2_a.c3d")
+        copied = read_recording(SILICONE / f"beam_{name}_V2_a.csv")
+        assert len(original.channels) == len(copied.channels) == 18
+        np.testing.assert_allclose(original.time, copied.time, atol=1e-9)
+        for one, other in zip(original.channels, copied.channels, strict=True):
+            np.testing.assert_allclose(one.values, other.values, atol=6e-6)  # written with five decimals
+
+
+class TestTdms:
+    def test_a_waveform_and_a_channel_of_times(self, tmp_path):
+        from nptdms import ChannelObject, TdmsWriter
+
+        path = tmp_path / "record.tdms"
+        with TdmsWriter(str(path)) as writer:
+            properties = {"wf_increment": 1 / RATE, "wf_start_offset": 0.5, "unit_string": "mm"}
+            writer.write_segment([ChannelObject("run", "tip", MM, properties)])
+        record = Measurement.from_file(path)
+        np.testing.assert_allclose(record.time, 0.5 + TIME)
+        np.testing.assert_allclose(record.values, 1e-3 * MM)
+        with TdmsWriter(str(path)) as writer:
+            columns = [ChannelObject("run", "Time (ms)", 1e3 * TIME), ChannelObject("run", "acc (g)", MM)]
+            writer.write_segment([*columns, ChannelObject("run", "remark", ["a", "b"])])
+        record = Measurement.from_file(path)
+        np.testing.assert_allclose(record.time, TIME)
+        np.testing.assert_allclose(record.values, 9.80665 * MM)
+
+    def test_stamps_count_in_seconds(self, tmp_path):
+        from nptdms import ChannelObject, TdmsWriter
+
+        path = tmp_path / "record.tdms"
+        stamps = np.datetime64("2024-05-17T09:30:00", "us") + (1e6 * TIME).round().astype("m8[us]")
+        with TdmsWriter(str(path)) as writer:
+            writer.write_segment([ChannelObject("run", "time", stamps), ChannelObject("run", "x_mm", MM)])
+        np.testing.assert_allclose(Measurement.from_file(path).time, TIME, atol=1e-6)
+
+
+LVM = """LabVIEW Measurement\t
+Writer_Version\t2
+Reader_Version\t2
+Separator\tTab
+Decimal_Separator\t.
+Multi_Headings\tNo
+X_Columns\t{columns}
+Time_Pref\tRelative
+***End_of_Header***\t
+
+Channels\t1\t
+Samples\t{samples}\t
+Y_Unit_Label\tmm\t
+X_Dimension\tTime\t
+X0\t0.5\t
+Delta_X\t0.01\t
+***End_of_Header***\t
+X_Value\ttip\tComment
+"""
+
+
+class TestLvm:
+    @pytest.mark.parametrize("columns", ["One", "No"])
+    def test_one_segment(self, tmp_path, columns):
+        """The library reads only; this is the layout in its documentation."""
+        path = tmp_path / "record.lvm"
+        first = [f"{0.5 + t:.6f}" if columns == "One" else "" for t in TIME]
+        rows = "".join(f"{t}\t{x:.9f}\n" for t, x in zip(first, MM, strict=True))
+        path.write_text(LVM.format(columns=columns, samples=len(TIME)) + rows)
+        record = Measurement.from_file(path)
+        np.testing.assert_allclose(record.time, 0.5 + TIME)
+        np.testing.assert_allclose(record.values, 1e-3 * MM, atol=1e-12)
+        assert [file.name for file in tmp_path.iterdir()] == ["record.lvm"]
+
+    def test_a_pickled_copy_beside_the_file_is_not_loaded(self, tmp_path):
+        path = tmp_path / "record.lvm"
+        rows = "".join(f"{t}\t{x}\n" for t, x in zip(TIME, MM, strict=True))
+        path.write_text(LVM.format(columns="One", samples=len(TIME)) + rows)
+        (tmp_path / "record.lvm.pkl").write_bytes(pickle.dumps({"Segments": 7}))
+        assert len(Measurement.from_file(path).time) == len(TIME)
+
+
+class TestPoseTracks:
+    def test_a_deeplabcut_table_with_its_likelihoods(self, tmp_path):
+        path = tmp_path / "record.csv"
+        likelihood = np.where(np.arange(len(TIME)) % 10 == 3, 0.2, 0.99)
+        rows = "".join(f"{k},{x},{2 * x},{p}\n" for k, (x, p) in enumerate(zip(MM, likelihood, strict=True)))
+        path.write_text(f"scorer,net,net,net\nbodyparts,tip,tip,tip\ncoords,x,y,likelihood\n{rows}")
+        recording = read_recording(path, rate=RATE)
+        assert [channel.name for channel in recording.channels] == ["tip x", "tip y"]
+        assert "50 coordinates with a likelihood below 0.6 are gaps" in recording.notes
+        record = Measurement.from_file(path, "tip y", rate=RATE, unit="0.25 mm")
+        seen = likelihood > 0.6
+        np.testing.assert_allclose(record.time, TIME[seen])
+        np.testing.assert_allclose(record.values, 0.5e-3 * MM[seen])
+        with pytest.raises(InputError, match=r"is in px, a unit of pixels.*--unit, such as '0.25 mm'"):
+            Measurement.from_file(path, "tip y", rate=RATE)
+
+    def test_a_plain_table_with_likelihoods(self, tmp_path):
+        path = tmp_path / "record.csv"
+        path.write_text("time_s,tip_x_mm,tip_score\n0,1,0.9\n0.1,2,0.1\n0.2,3,\n0.3,4,0.8\n")
+        record = Measurement.from_file(path)
+        assert record.time.tolist() == [0.0, 0.3]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.csv.gz", b"\x1f\x8b\x08" + bytes(50), "is compressed with gzip; unpack it first"),
+        ("a.xls", b"\xd0\xcf\x11\xe0" + bytes(50), "is an Excel workbook; save the sheet as CSV"),
+        ("a.xlsx", b"PK\x03\x04" + bytes(50), "is a workbook; save the sheet as CSV"),
+        ("a.npz", b"PK\x03\x04" + bytes(50), "is no readable NPZ file"),
+        ("a.mat", b"MATLAB 5.0 MAT-file" + bytes(200), "is no readable MATLAB file"),
+        ("a.mat", b"x" * 200, "is no readable MATLAB file"),
+        ("a.h5", b"\x89HDF\r\n\x1a\n" + bytes(50), "is no readable HDF5 file"),
+        ("a.c3d", b"\x02\x50" + bytes(50), "has no C3D header"),
+        ("a.tdms", b"TDSm" + bytes(50), "is no readable TDMS file|has no channels of numbers"),
+        ("a.lvm", b"LabVIEW Measurement\t\n", "is no readable LVM file"),
+        ("a.uff", b"    -1\n    58\n    -1\n", "is no readable UFF file"),
+    ],
+)
+def test_damaged_files_are_refused_in_one_line(tmp_path, name, content, message):
+    path = tmp_path / name
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=message) as caught:
+        read_recording(path)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("module", ["pyuff", "h5py", "ezc3d", "nptdms", "lvm_read"])
+def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch, module):
+    starts = {"pyuff": b"    -1\n    58\n", "h5py": b"\x89HDF\r\n\x1a\n", "nptdms": b"TDSm", "ezc3d": b"\x02\x50"}
+    path = tmp_path / ("a.c3d" if module == "ezc3d" else "a.dat")
+    path.write_bytes(starts.get(module, b"LabVIEW Measurement") + bytes(50))
+    monkeypatch.setitem(__import__("sys").modules, module, None)
+    with pytest.raises(InputError, match=rf"{module}: is not installed.*pip install 'ancf-casadi\[records\]'"):
+        read_recording(path)

@@ -27,6 +27,7 @@ from problems.command.fit_decay import add_fit_decay
 from problems.command.fit_modes import add_fit_modes
 from problems.command.fit_motion import add_fit_motion
 from problems.command.init import add_init
+from problems.command.inspect import add_inspect
 from problems.command.match import add_match
 from problems.command.modes import add_modes
 from problems.command.output import Subcommands
@@ -34,7 +35,7 @@ from problems.command.reproduce import add_reproduce
 from problems.command.simulate import add_simulate
 
 COMMANDS = (
-    add_init, add_fit_decay, add_fit_modes, add_fit_motion, add_compare_laws, add_modes, add_match, add_simulate,
+    add_inspect, add_init, add_fit_decay, add_fit_modes, add_fit_motion, add_compare_laws, add_modes, add_match, add_simulate,
     add_export, add_reproduce,
 )  # fmt: skip
 SIGNALLED = 128  # plus the number of the signal: the exit code that shells give

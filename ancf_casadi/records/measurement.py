@@ -5,17 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 from types import NoneType
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.recording import read_recording
+from ancf_casadi.records.processing import decimated, sampling_step, without_line
+from ancf_casadi.records.recording import Recording, read_recording
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.records.sensor_units import sensor_of
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, located, physical
+from ancf_casadi.support.inputs import check_instance, located, number, physical, whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SHORTEST = 30  # new samples of a record that can be decimated: the length of the filter
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -104,16 +111,84 @@ class Measurement:
             As ``read_recording``, if the column is not clear, if its unit is not understood or does not fit the sensor,
             or as ``Measurement``.
         """
+        recording = read_recording(path, time=time, time_unit=time_unit, rate=rate, progress=progress)
+        return cls.from_recording(recording, column, unit=unit, sensor=sensor)
+
+    @classmethod
+    def from_recording(
+        cls,
+        recording: Recording,
+        column: str | int | None = None,
+        *,
+        unit: str | None = None,
+        sensor: Sensor | None = None,
+    ) -> Measurement:
+        """Return one channel of a recording; the arguments are those of ``from_file``.
+
+        Raises
+        ------
+        InputError
+            As ``from_file``.
+        """
+        check_instance(recording, "recording", Recording)
         check_instance(sensor, "sensor", Sensor, NoneType)
         given = None if unit is None else known_unit(unit, "unit")
-        recording = read_recording(path, time=time, time_unit=time_unit, rate=rate, progress=progress)
         channel = recording.channel(column)
-        with located(f"{path}: column {channel.label}"):
+        with located(f"{recording.path}: column {channel.label}"):
             if channel.time is None:
                 raise InputError("has no times; give the sampling rate with --rate")
             scale, measured = sensor_of(channel, given, sensor)
             values = channel.values if scale == 1.0 else scale * channel.values
             return cls(channel.time, values, recording.name, measured)
+
+    def cut(self, begin: float | None = None, end: float | None = None) -> Measurement:
+        """Return the part of the record from ``begin`` to ``end`` (s, both included; the ends if not given).
+
+        Raises
+        ------
+        InputError
+            If fewer than two samples remain.
+        """
+        first = self.time[0] if begin is None else number(begin, "begin")
+        last = self.time[-1] if end is None else number(end, "end")
+        kept = (self.time >= first) & (self.time <= last)
+        if np.count_nonzero(kept) < 2:
+            raise InputError(
+                f"from {first:g} to {last:g} s there are {np.count_nonzero(kept)} samples of a record from "
+                f"{self.time[0]:g} to {self.time[-1]:g} s; needs at least 2",
+                "cut",
+            )
+        return Measurement(self.time[kept], self.values[kept], self.name, self.sensor)
+
+    def decimated(self, factor: int) -> Measurement:
+        """Return the record with every ``factor``-th sample, after a low-pass filter without phase shift.
+
+        Frequencies up to 40 % of the new sampling rate are kept.
+
+        Raises
+        ------
+        InputError
+            If the record is not evenly sampled, or has fewer than 30 samples per unit of the factor.
+        """
+        whole(factor, "factor", 1)
+        if factor == 1:
+            return self
+        if len(self.time) < SHORTEST * factor:
+            raise InputError(f"{len(self.time)} samples are too few; needs {SHORTEST} per unit of the factor", "factor")
+        with located(self.name or "record"):
+            sampling_step(self.time)
+        return Measurement(self.time[::factor], decimated(self.values, factor), self.name, self.sensor)
+
+    def detrended(self) -> Measurement:
+        """Return the record without its best straight line, such as the drift of a sensor."""
+        return Measurement(self.time, without_line(self.time, self.values), self.name, self.sensor)
+
+    def figure(self) -> Figure:
+        """Draw the record over time."""
+        from ancf_casadi.records.figures import series_figure  # matplotlib is slow to import
+
+        label = f"{self.sensor.quantity}, {self.sensor.unit}" if self.sensor.unit else self.sensor.quantity
+        return series_figure([(label, self.time, self.values)], self.name)
 
 
 def _series(values: ArrayLike, where: str, *, gaps: bool = False) -> Array:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Channel
+from ancf_casadi.records.channel import Channel, Contents
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.time_axis import find_channel, is_counter, is_time, listed, time_axis, with_times
 from ancf_casadi.support.arrays import Array
@@ -101,7 +101,24 @@ def read_recording(
     InputError
         If the file cannot be read, or its times are not clear or do not increase; the message names the remedy.
     """
-    contents = read_contents(path, progress=progress)
+    return recording_of(read_contents(path, progress=progress), path, time=time, time_unit=time_unit, rate=rate)
+
+
+def recording_of(
+    contents: Contents,
+    path: str | Path,
+    *,
+    time: str | int | None = None,
+    time_unit: str | None = None,
+    rate: float | None = None,
+) -> Recording:
+    """Return the channels of a file with their times; as ``read_recording``, for contents that have been read.
+
+    Raises
+    ------
+    InputError
+        If the times are not clear, or do not increase.
+    """
     if time is None and rate is None and any(channel.time is not None for channel in contents.channels):
         return Recording(str(path), tuple(map(_timed, contents.channels)), contents.notes)
     axis = time_axis(contents, str(path), time=time, time_unit=time_unit, rate=rate)

@@ -5,6 +5,7 @@ import pytest
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.sensor import Sensor
 
 
 def test_arrays_are_copied_and_kept_from_change():
@@ -46,3 +47,56 @@ def test_nan_marks_a_gap_and_its_sample_is_left_out():
 def test_unusable_arrays_are_refused(time, displacement, message):
     with pytest.raises(InputError, match=message):
         Measurement(time, displacement)
+
+
+def swing(time, frequency):
+    return np.cos(2 * np.pi * frequency * time + 0.7)
+
+
+class TestProcessing:
+    def test_a_cut_keeps_the_samples_within_and_the_sensor(self):
+        sensor = Sensor("velocity", point=0.2)
+        record = Measurement(np.arange(10) / 10, np.arange(10.0), "ten", sensor)
+        part = record.cut(0.2, 0.5)
+        assert part.time.tolist() == [0.2, 0.3, 0.4, 0.5]
+        assert part.values.tolist() == [2.0, 3.0, 4.0, 5.0]
+        assert (part.name, part.sensor) == ("ten", sensor)
+        assert record.cut(end=0.35).values.tolist() == [0.0, 1.0, 2.0, 3.0]
+        with pytest.raises(
+            InputError, match=r"cut: from 0.21 to 0.22 s there are 0 samples of a record from 0 to 0.9 s"
+        ):
+            record.cut(0.21, 0.22)
+
+    @pytest.mark.parametrize("factor", [2, 5, 20])
+    def test_decimation_keeps_low_frequencies_without_phase_shift_and_removes_those_that_would_alias(self, factor):
+        time = 3.0 + np.arange(20_000) / 1000.0
+        new_rate = 1000.0 / factor
+        kept, alias = 0.39 * new_rate, 0.62 * new_rate
+        record = Measurement(time, 0.2 + swing(time, kept) + swing(time, alias)).decimated(factor)
+        np.testing.assert_array_equal(record.time, time[::factor])
+        inside = slice(30, -30)
+        np.testing.assert_allclose(record.values[inside], 0.2 + swing(record.time, kept)[inside], atol=4e-4)
+
+    def test_decimation_keeps_the_ends_of_a_slow_motion(self):
+        time = np.arange(5000) / 1000.0
+        motion = np.exp(-0.3 * time) * swing(time, 2.0)
+        np.testing.assert_allclose(Measurement(time, motion).decimated(10).values, motion[::10], atol=2e-3)
+
+    def test_decimation_of_uneven_samples_is_refused_with_the_remedy(self):
+        time = np.delete(np.arange(1000) / 100, [500, 501])
+        with pytest.raises(InputError, match=r"after 4.99 s the step is 0.03 s instead of 0.01 s; cut the record"):
+            Measurement(time, time).decimated(4)
+        with pytest.raises(InputError, match="factor: 50 samples are too few"):
+            Measurement(time[:50], time[:50]).decimated(4)
+        with pytest.raises(InputError, match="factor: must be a whole number, 1 or more, got 0"):
+            Measurement(time, time).decimated(0)
+
+    def test_a_straight_line_is_removed(self):
+        time = np.array([0.0, 0.1, 0.5, 0.6, 1.3])
+        np.testing.assert_allclose(Measurement(time, 3.0 - 2.0 * time).detrended().values, 0.0, atol=1e-15)
+
+    def test_the_figure_shows_every_sample_in_the_unit_of_the_sensor(self):
+        record = Measurement([0.0, 1.0, 2.0], [4.0, 5.0, 3.0], "three", Sensor("acceleration"))
+        (axes,) = record.figure().axes
+        assert axes.lines[0].get_ydata().tolist() == [4.0, 5.0, 3.0]
+        assert (axes.get_ylabel(), axes.get_title()) == ("acceleration, m/s^2", "three")

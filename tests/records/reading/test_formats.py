@@ -33,6 +33,7 @@ def uff_function(**changes):
 
 
 class TestUniversalFile:
+    @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # pyuff leaves the file open
     @pytest.mark.parametrize("binary", [0, 1])
     def test_data_set_58(self, tmp_path, binary):
         import pyuff

@@ -1,0 +1,68 @@
+"""Figures of records, drawn without a display."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.colours import COMPUTED, MEASURED
+
+DENSE = 2000  # samples beyond which a line is clearer than points
+
+
+def series_figure(series: Sequence[tuple[str, Array, Array]], title: str = "") -> Figure:
+    """Draw series, one below the other; each is given as label, times (s) and values."""
+    figure = Figure(figsize=(8, 1.4 + 1.8 * len(series)), layout="constrained")
+    plots = figure.subplots(len(series), 1, sharex=True, squeeze=False).ravel()
+    for axes, (label, time, values) in zip(plots, series, strict=True):
+        _draw(axes, time, values)
+        axes.set(ylabel=label)
+    plots[0].set(title=title)
+    plots[-1].set(xlabel="time, s")
+    figure.align_ylabels()
+    return figure
+
+
+def spectra_figure(
+    series: Sequence[tuple[str, Array, Array, tuple[Array, Array]]], title: str = "", release: float = math.nan
+) -> Figure:
+    """Draw series over time and their spectra, one below the other.
+
+    Parameters
+    ----------
+    series : sequence of tuples
+        Label, times (s), values, and the pair of even times (s) and values of the spectrum.
+    title : str
+        Title of the figure.
+    release : float
+        Time to mark, s; none if nan.
+    """
+    figure = Figure(figsize=(10, 1.4 + 1.8 * len(series)), layout="constrained")
+    rows = figure.subplots(len(series), 2, sharex="col", squeeze=False, width_ratios=(3, 2))
+    for (left, right), (label, time, values, (grid, even)) in zip(rows, series, strict=True):
+        _draw(left, time, values)
+        left.set(ylabel=label)
+        if math.isfinite(release):
+            left.axvline(release, ls=":", lw=0.8, color=MEASURED)
+        window = np.hanning(len(even))
+        spectrum = 2 * np.abs(np.fft.rfft((even - even.mean()) * window)) / window.sum()
+        frequency = np.fft.rfftfreq(len(even), (grid[-1] - grid[0]) / (len(grid) - 1))
+        right.semilogy(
+            frequency[1:], np.maximum(spectrum[1:], 1e-6 * spectrum.max(initial=1e-300)), lw=0.6, color=COMPUTED
+        )
+        right.set(ylabel="amplitude")
+    rows[0, 0].set(title=title)
+    rows[-1, 0].set(xlabel="time, s")
+    rows[-1, 1].set(xlabel="frequency, Hz")
+    figure.align_ylabels()
+    return figure
+
+
+def _draw(axes: Axes, time: Array, values: Array) -> None:
+    dense = len(time) > DENSE
+    axes.plot(time, values, color=MEASURED, lw=0.6 if dense else 0.4, marker="" if dense else ".", ms=2.5)

@@ -1,0 +1,64 @@
+"""Preparation of a record: a part of it, fewer samples per second, and no straight line.
+
+Fewer samples.  Frequencies above half the new sampling rate would appear as lower ones (aliasing), so that a low-pass
+filter precedes the selection of every n-th sample.  The filter is a symmetric finite impulse response with a Kaiser
+window and so shifts no phase: it keeps amplitudes within 1e-4 up to 80 % of half the new rate, and suppresses what
+would alias into this band by 80 dB.  Near the ends the record is continued by its point reflection.
+
+Reference
+---------
+J. F. Kaiser, Nonrecursive digital filter design using the I0-sinh window function, Proceedings of the IEEE
+International Symposium on Circuits and Systems (1974).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array
+
+KEPT = 0.8  # passband, relative to half the new sampling rate
+STOPPED = 80.0  # attenuation, dB
+UNEVEN = 0.1  # largest deviation of a time from the even grid, in steps
+
+
+def sampling_step(time: Array) -> float:
+    """Return the step of evenly spaced times, s.
+
+    Raises
+    ------
+    InputError
+        If the times are not evenly spaced; the message names the first place.
+    """
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    wrong = np.abs(steps - step) > UNEVEN * step
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        raise InputError(
+            f"is not evenly spaced: after {time[first]:g} s the step is {steps[first]:g} s instead of {step:g} s; "
+            "cut the record to a part without gaps, or fit it as it is",
+            "time",
+        )
+    return float((time[-1] - time[0]) / (len(time) - 1))
+
+
+def decimated(values: Array, factor: int) -> Array:
+    """Return every ``factor``-th value after the low-pass filter."""
+    from scipy.signal import firwin, kaiserord, upfirdn  # slow to import
+
+    taps, beta = kaiserord(STOPPED, 2 * (1 - KEPT) / factor)
+    half = (taps // 2 // factor + 1) * factor  # a whole number of new steps, so that sample 0 stays a sample
+    half = min(half, (len(values) - 1) // factor * factor)
+    filter_ = firwin(2 * half + 1, 1 / factor, window=("kaiser", beta))
+    extended = np.pad(values, half, mode="reflect", reflect_type="odd")
+    count = -(-len(values) // factor)
+    return np.asarray(upfirdn(filter_, extended, down=factor)[2 * half // factor :][:count], dtype=float)
+
+
+def without_line(time: Array, values: Array) -> Array:
+    """Return values minus the straight line that fits them best."""
+    centred = time - time.mean()
+    slope = float(centred @ values) / float(centred @ centred)
+    return np.asarray(values - values.mean() - slope * centred)

@@ -1,0 +1,294 @@
+"""``ancf-casadi inspect``: the channels of a file, their sampling and spectrum, and the part that a fit would use."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import shlex
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ancf_casadi.decay.release import find_release, peak_frequency
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.reading.formats import read_contents
+from ancf_casadi.records.recording import Recording, recording_of
+from ancf_casadi.records.sampling import Sampling, sampling
+from ancf_casadi.records.time_axis import is_counter, is_time
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import positive
+from ancf_casadi.support.tables import Table
+from problems.command.output import Output, Subcommands, file_writer, json_text, new_files
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MOST_SHOWN = 40  # channels in the table
+MOST_DRAWN = 6  # channels in the figure
+SPARSE = 4  # instants of the even grid per sample, beyond which no spectrum is computed
+SLOW = 3.0  # periods in a record, below which a peak of the spectrum is a step or a drift
+FEWEST = 10  # samples of a spectrum
+
+
+@dataclass(frozen=True)
+class ChannelSummary:
+    """One line of the table; ``frequency`` (Hz) is that of the highest peak of the spectrum."""
+
+    number: int
+    name: str
+    unit: str
+    quantity: str
+    samples: int
+    gaps: int
+    lowest: float
+    highest: float
+    frequency: float
+    fault: str
+
+
+@dataclass(frozen=True)
+class FitPlan:
+    """The record that a fit would use, or the reason why there is none."""
+
+    column: str
+    quantity: str
+    samples: int
+    release: float
+    reason: str
+    periods: float
+    problem: str
+
+
+def add_inspect(commands: Subcommands) -> None:
+    """Add the subcommand."""
+    parser = commands.add(
+        "inspect", _run, "show the channels of a file of measurements, and what a fit would use",
+        epilog="reads text tables, MATLAB, UFF 58, C3D, TDMS, LVM, NPZ and HDF5 files; start here with a new file",
+    )  # fmt: skip
+    parser.add_argument("file", metavar="FILE", help="file of measurements")
+    parser.add_argument("--time", help="name or number of the time column (default: found)")
+    parser.add_argument("--time-unit", metavar="UNIT", help="unit of the times, in place of that in the file")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="samples per second, for a file without times")
+    parser.add_argument("--column", help="name or number of the column that a fit uses")
+    parser.add_argument("--unit", help="unit of the values, in place of that in the file")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw channels and spectra (.png, .svg, .pdf)")
+
+
+def _run(options: argparse.Namespace) -> Output:
+    (plot,) = new_files([options.file], options.plot)
+    if options.rate is not None:
+        positive(options.rate, "--rate")
+    contents = read_contents(options.file, progress=True)
+    try:
+        recording = recording_of(
+            contents, options.file, time=options.time, time_unit=options.time_unit, rate=options.rate
+        )
+        problem = ""
+    except InputError as error:
+        recording = Recording(options.file, contents.channels, contents.notes)
+        problem = str(error)
+    summaries = [_summary(channel) for channel in recording.channels]
+    plan = _plan(recording, options.column, options.unit, problem)
+    files = []
+    if plot is not None:
+        from ancf_casadi.plot import rendered  # matplotlib is slow to import
+
+        figure = _figure(recording, plan)
+        files.append(file_writer(plot, lambda: rendered(figure, plot.suffix)))
+    if options.json:
+        return Output(json_text(_data(options.file, contents, recording, summaries, plan)), files)
+    return Output(_text(options, contents, recording, summaries, plan), files)
+
+
+def _summary(channel: Channel) -> ChannelSummary:
+    present = ~np.isnan(channel.values)
+    values = channel.values[present]
+    usable = bool(len(values)) and not channel.fault
+    return ChannelSummary(
+        channel.number, channel.name, channel.symbol, channel.unit.quantity if channel.unit else "", len(values),
+        int(len(present) - len(values)), float(values.min()) if usable else math.nan,
+        float(values.max()) if usable else math.nan, _strongest(channel) if usable else math.nan, channel.fault,
+    )  # fmt: skip
+
+
+def _strongest(channel: Channel) -> float:
+    """Return the frequency of the highest peak of the spectrum, Hz; nan if there is none."""
+    even = _even(channel)
+    return math.nan if even is None else _peak(*even)
+
+
+def _peak(time: Array, values: Array) -> float:
+    """Return the frequency of the highest peak, Hz; of the spectrum of the velocity if a step or a drift prevails."""
+    if len(time) < FEWEST or np.ptp(values) == 0.0:
+        return math.nan
+    swing = values - values.mean()
+    frequency = peak_frequency(time, swing)
+    slow = frequency * (time[-1] - time[0]) < SLOW
+    return peak_frequency(time, swing, steps=True) if slow else frequency
+
+
+def _even(channel: Channel) -> tuple[Array, Array] | None:
+    """Return the samples of a channel at even times, across gaps by linear interpolation; None if too few."""
+    if channel.time is None:
+        return None
+    present = ~np.isnan(channel.values)
+    time, values = channel.time[present], channel.values[present]
+    if len(time) < FEWEST or not np.isfinite(values).all():
+        return None
+    step = float(np.median(np.diff(time)))
+    if not (time[-1] - time[0]) / step < SPARSE * len(time):
+        return None
+    grid = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
+    return grid, np.interp(grid, time, values)
+
+
+def _plan(recording: Recording, column: str | None, unit: str | None, problem: str) -> FitPlan:
+    """Return what a fit would use of a recording."""
+    try:
+        if problem:
+            raise InputError(problem)
+        channel = recording.channel(column)
+        record = Measurement.from_recording(recording, column, unit=unit)
+    except InputError as error:
+        return FitPlan("", "", 0, math.nan, "", math.nan, str(error))
+    even = _even(channel)
+    release, reason = float(record.time[0]), "the first sample"
+    if even is not None:
+        found = find_release(*even)
+        release, reason = float(even[0][found.index]), found.reason
+    left = record.time >= release
+    periods = math.nan
+    if even is not None:
+        time, values = even[0][found.index :], even[1][found.index :]
+        periods = _peak(time, values) * float(time[-1] - release)
+    return FitPlan(
+        f"{channel.number} '{channel.name}'", record.sensor.quantity, int(left.sum()), release, reason, periods, ""
+    )
+
+
+def _times(recording: Recording) -> list[tuple[str, Sampling]]:
+    """Return the sampling of each distinct time axis, with the numbers of its channels."""
+    groups: list[tuple[list[int], Array]] = []
+    for channel in recording.channels:
+        if channel.time is None:
+            continue
+        same = next((numbers for numbers, time in groups if np.array_equal(time, channel.time)), None)
+        if same is None:
+            groups.append(([channel.number], channel.time))
+        else:
+            same.append(channel.number)
+    return [(_ranges(numbers), sampling(time)) for numbers, time in groups]
+
+
+def _ranges(numbers: Sequence[int]) -> str:
+    if len(numbers) > 2 and list(numbers) == list(range(numbers[0], numbers[-1] + 1)):
+        return f"{numbers[0]} to {numbers[-1]}"
+    shown = ", ".join(map(str, numbers[:8]))
+    return f"{shown}, ..." if len(numbers) > 8 else shown
+
+
+def _text(
+    options: argparse.Namespace,
+    contents: Contents,
+    recording: Recording,
+    summaries: Sequence[ChannelSummary],
+    plan: FitPlan,
+) -> str:
+    lines = []
+    times = _times(recording)
+    for numbers, found in times:
+        whose = f" of columns {numbers}" if len(times) > 1 else ""
+        lines += [f"times{whose}: {_sampled(found)}"]
+    rows = [
+        (
+            summary.number, summary.name, _unit(summary), summary.samples, summary.gaps or None,
+            _cell(summary.lowest), _cell(summary.highest), _cell(summary.frequency),
+        )
+        for summary in summaries[:MOST_SHOWN]
+    ]  # fmt: skip
+    notes = [f"column {summary.number}: {summary.fault}" for summary in summaries[:MOST_SHOWN] if summary.fault]
+    if len(summaries) > MOST_SHOWN:
+        notes.append(f"{len(summaries) - MOST_SHOWN} more columns are not shown; --json lists them all")
+    heads = ("column", "name", "unit", "samples", "gaps", "lowest", "highest", "strongest frequency, Hz")
+    table = Table("channels", recording.name, heads, rows, [*notes, *recording.notes])
+    return "\n".join([table.text(), *([""] if lines else []), *lines, "", *_advice(options, recording, plan)])
+
+
+def _unit(summary: ChannelSummary) -> str:
+    return summary.unit if summary.quantity or not summary.unit else f"{summary.unit} (?)"
+
+
+def _cell(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _sampled(found: Sampling) -> str:
+    text = f"{found.samples} from {found.begin:g} to {found.end:g} s"
+    if not math.isfinite(found.rate):
+        return text
+    text += f", {found.rate:.6g} per second"
+    text += f", steps vary by {100 * found.jitter:.2g} %" if found.jitter > 1e-4 else ", evenly spaced"
+    if found.gaps:
+        text += (
+            f", {found.gaps} gaps with {found.missing} samples missing, the longest {found.longest_gap:g} s "
+            f"after {found.longest_gap_at:g} s"
+        )
+    return text
+
+
+def _advice(options: argparse.Namespace, recording: Recording, plan: FitPlan) -> list[str]:
+    """Return what a fit would use, and the next command."""
+    if plan.problem:
+        lines = [f"A fit needs more: {plan.problem.removeprefix(f'{recording.path}: ')}"]
+        candidates = [c for c in recording.channels if not (c.fault or is_time(c) or is_counter(c) or c.time is None)]
+        if options.column is None and len(candidates) > 1:
+            widest = max(candidates, key=lambda channel: float(np.nanmax(channel.values) - np.nanmin(channel.values)))
+            lines.append(f"Column {widest.label} has the widest range; see {_command('inspect', options, widest.name)}")
+        return lines
+    periods = f", about {plan.periods:.0f} periods" if math.isfinite(plan.periods) else ""
+    return [
+        f"A fit would use column {plan.column} as {plan.quantity}, from {plan.release:g} s ({plan.reason}) on: "
+        f"{plan.samples} samples{periods}",
+        f"Next: {_command('fit-decay', options, options.column)}",
+    ]
+
+
+def _command(name: str, options: argparse.Namespace, column: str | None) -> str:
+    words = ["ancf-casadi", name, options.file]
+    given = {"--time": options.time, "--time-unit": options.time_unit, "--rate": options.rate}
+    for option, value in {**given, "--column": column, "--unit": options.unit}.items():
+        if value is not None:
+            words += [option, f"{value:g}" if isinstance(value, float) else value]
+    return shlex.join(words)
+
+
+def _data(
+    path: str, contents: Contents, recording: Recording, summaries: Sequence[ChannelSummary], plan: FitPlan
+) -> dict[str, Any]:
+    return {
+        "file": path,
+        "times": [{"columns": numbers, **asdict(found)} for numbers, found in _times(recording)],
+        "channels": [asdict(summary) for summary in summaries],
+        "notes": list(recording.notes),
+        "fit": asdict(plan),
+    }
+
+
+def _figure(recording: Recording, plan: FitPlan) -> Figure:
+    """Draw the first channels over time, and their spectra."""
+    from ancf_casadi.records.figures import spectra_figure  # matplotlib is slow to import
+
+    series: list[tuple[str, Array, Array, tuple[Array, Array]]] = []
+    for channel in recording.channels:
+        even = None if channel.fault or is_time(channel) else _even(channel)
+        if even is not None and channel.time is not None and len(series) < MOST_DRAWN:
+            label = f"{channel.name}, {channel.symbol}" if channel.symbol not in channel.name else channel.name
+            series.append((label, channel.time, channel.values, even))
+    if not series:
+        raise InputError(plan.problem or "has no channel that can be drawn", recording.path)
+    return spectra_figure(series, recording.name, plan.release)

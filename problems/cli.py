@@ -35,8 +35,8 @@ from problems.command.reproduce import add_reproduce
 from problems.command.simulate import add_simulate
 
 COMMANDS = (
-    add_inspect, add_init, add_fit_decay, add_fit_modes, add_fit_motion, add_compare_laws, add_modes, add_match, add_simulate,
-    add_export, add_reproduce,
+    add_inspect, add_init, add_fit_decay, add_fit_modes, add_fit_motion, add_compare_laws, add_modes, add_match,
+    add_simulate, add_export, add_reproduce,
 )  # fmt: skip
 SIGNALLED = 128  # plus the number of the signal: the exit code that shells give
 

@@ -7,7 +7,6 @@ import math
 import shlex
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,11 +18,13 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import Recording, recording_of
 from ancf_casadi.records.sampling import Sampling, sampling
+from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.records.time_axis import is_counter, is_time
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import positive
+from ancf_casadi.support.inputs import physical
 from ancf_casadi.support.tables import Table
-from problems.command.output import Output, Subcommands, file_writer, json_text, new_files
+from problems.command.output import Output, Subcommands, add_plot, figure_writer, json_text, new_files
+from problems.command.record_options import add_record_options
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,18 +72,14 @@ def add_inspect(commands: Subcommands) -> None:
         epilog="reads text tables, MATLAB, UFF 58, C3D, TDMS, LVM, NPZ and HDF5 files; start here with a new file",
     )  # fmt: skip
     parser.add_argument("file", metavar="FILE", help="file of measurements")
-    parser.add_argument("--time", help="name or number of the time column (default: found)")
-    parser.add_argument("--time-unit", metavar="UNIT", help="unit of the times, in place of that in the file")
-    parser.add_argument("--rate", type=float, metavar="HZ", help="samples per second, for a file without times")
-    parser.add_argument("--column", help="name or number of the column that a fit uses")
-    parser.add_argument("--unit", help="unit of the values, in place of that in the file")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw channels and spectra (.png, .svg, .pdf)")
+    add_plot(parser, "draw the channels over time, and their spectra")
+    add_record_options(parser)
 
 
 def _run(options: argparse.Namespace) -> Output:
-    (plot,) = new_files([options.file], options.plot)
+    new_files([options.file], options.plot)
     if options.rate is not None:
-        positive(options.rate, "--rate")
+        physical(options.rate, "--rate")
     contents = read_contents(options.file, progress=True)
     try:
         recording = recording_of(
@@ -93,13 +90,10 @@ def _run(options: argparse.Namespace) -> Output:
         recording = Recording(options.file, contents.channels, contents.notes)
         problem = str(error)
     summaries = [_summary(channel) for channel in recording.channels]
-    plan = _plan(recording, options.column, options.unit, problem)
+    plan = _plan(recording, options, problem)
     files = []
-    if plot is not None:
-        from ancf_casadi.plot import rendered  # matplotlib is slow to import
-
-        figure = _figure(recording, plan)
-        files.append(file_writer(plot, lambda: rendered(figure, plot.suffix)))
+    if options.plot is not None:
+        files.append(figure_writer(options.plot, lambda: _figure(recording, plan)))
     if options.json:
         return Output(json_text(_data(options.file, contents, recording, summaries, plan)), files)
     return Output(_text(options, contents, recording, summaries, plan), files)
@@ -147,13 +141,14 @@ def _even(channel: Channel) -> tuple[Array, Array] | None:
     return grid, np.interp(grid, time, values)
 
 
-def _plan(recording: Recording, column: str | None, unit: str | None, problem: str) -> FitPlan:
+def _plan(recording: Recording, options: argparse.Namespace, problem: str) -> FitPlan:
     """Return what a fit would use of a recording."""
     try:
         if problem:
             raise InputError(problem)
-        channel = recording.channel(column)
-        record = Measurement.from_recording(recording, column, unit=unit)
+        channel = recording.channel(options.column)
+        sensor = None if options.sensor is None else Sensor(options.sensor)
+        record = Measurement.from_recording(recording, options.column, unit=options.unit, sensor=sensor)
     except InputError as error:
         return FitPlan("", "", 0, math.nan, "", math.nan, str(error))
     even = _even(channel)
@@ -258,12 +253,12 @@ def _advice(options: argparse.Namespace, recording: Recording, plan: FitPlan) ->
     ]
 
 
-def _command(name: str, options: argparse.Namespace, column: str | None) -> str:
+def _command(name: str, options: argparse.Namespace, column: str | int | None) -> str:
     words = ["ancf-casadi", name, options.file]
     given = {"--time": options.time, "--time-unit": options.time_unit, "--rate": options.rate}
-    for option, value in {**given, "--column": column, "--unit": options.unit}.items():
+    for option, value in {**given, "--column": column, "--unit": options.unit, "--sensor": options.sensor}.items():
         if value is not None:
-            words += [option, f"{value:g}" if isinstance(value, float) else value]
+            words += [option, f"{value:g}" if isinstance(value, float) else str(value)]
     return shlex.join(words)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from typing import get_args
 
 from ancf_casadi.exceptions import InputError
@@ -63,21 +62,7 @@ def read_record(path: str, options: argparse.Namespace) -> Measurement:
         progress=True,
     )
     with located(f"{path}: --from, --to"):
-        return part(record, options.first, options.last)
-
-
-def part(record: Measurement, first: float | None, last: float | None) -> Measurement:
-    """Return the samples of a record between two times (s), of which each may be missing.
-
-    Raises
-    ------
-    InputError
-        If fewer than two samples are left.
-    """
-    kept = (record.time >= (-math.inf if first is None else first)) & (
-        record.time <= (math.inf if last is None else last)
-    )
-    return Measurement(record.time[kept], record.values[kept], record.name, record.sensor)
+        return record.cut(options.first, options.last)
 
 
 def column(text: str) -> str | int:

@@ -18,7 +18,6 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import is_sequence, located, number, shown, whole
 from ancf_casadi.vibration.equilibrium import Equilibrium
-from problems.command.record_options import part
 from problems.command.tables.base import read_base
 from problems.command.tables.damping import read_terms, total
 from problems.command.tables.release import read_release
@@ -135,7 +134,7 @@ def _channel(path: Any, given: Mapping[str, Any], reading: Mapping[str, Any], cu
         path, given.get("column"), unit=given.get("unit"), sensor=sensor, progress=True, **reading
     )
     bounds = [None if key not in cut else number(cut[key], key) for key in ("from", "to")]
-    return part(record, *bounds)
+    return record.cut(*bounds)
 
 
 def _base(study: Study, given: Mapping[str, Any], where: str) -> BaseMotion | None:

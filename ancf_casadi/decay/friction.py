@@ -50,7 +50,7 @@ import casadi as cs
 
 from ancf_casadi.decay.quadrature import antiderivative
 from ancf_casadi.decay.slow_flow import Flow, riccati_flow
-from ancf_casadi.decay.smooth import polynomial
+from ancf_casadi.decay.smooth import polynomial, stopping
 from ancf_casadi.support.arrays import Array
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
@@ -80,7 +80,7 @@ def friction_envelope(time: Value, ω: Value, η0: Value, η1: Value, η2: Value
     a, b, c = _rates(ω, η0, η1, η2)
     s = time * _tanh_ratio(time**2 * (a**2 / 4 - b * c))
     amplitude = (e0 - (a * e0 / 2 + c) * s) / (1 + (a / 2 + b * e0) * s)
-    return _stopping(amplitude, η0 / ω**2 + LEAST_BAND * e0)
+    return stopping(amplitude, η0 / ω**2 + LEAST_BAND * e0)
 
 
 def friction_flow(time: Array, ω: cs.MX, η0: cs.MX, η1: cs.MX, η2: cs.MX, e0: cs.MX) -> Flow[cs.MX]:
@@ -112,12 +112,6 @@ def friction_decay(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e
 def _rates(ω: Value, η0: Value, η1: Value, η2: Value) -> tuple[Value, Value, Value]:
     """Return a (1/s), b (1/(m s)) and c (m/s) of the averaged equation."""
     return η1 / 2, 4 * ω * η2 / (3 * math.pi), 2 * η0 / (math.pi * ω)
-
-
-def _stopping(amplitude: Value, band: Value) -> Value:
-    """Return the amplitude above the band of rest, 0 below its negative, and a smooth transition in between."""
-    ratio = cs.fmin(cs.fmax(amplitude / band, -1), 1)
-    return cs.if_else(amplitude > band, amplitude, band * (3 - ratio) * (ratio + 1) ** 3 / 16)
 
 
 def _tanh_ratio(y: Value) -> Value:

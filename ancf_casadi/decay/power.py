@@ -12,7 +12,9 @@ the rate r = zeta_p omega (e0/R)^(p-1) there, the solution is
 
     A = e0 exp(-r u),    u = t l(-(1 - p) r t),    l(x) = ln(1 + x)/x,
 
-in which p = 1 is no special case.  For p < 1 the mode stops at t = 1/((1 - p) r).  The integrals for ``slow_flow`` are
+in which p = 1 is no special case.  For p < 1 the mode stops at t = 1/((1 - p) r), where y = 1 - (1 - p) r t is zero.  As
+under friction, y is replaced by a smooth transition in the band |y| < pi r/(2 omega), which is the band of rest for
+p = 0, so that a fit can find the stop.  The integrals for ``slow_flow`` are
 
     int A dt = e0 u m((2 - p) r u),    int A^2 dt = e0^2 u m((3 - p) r u),    m(x) = (1 - exp(-x))/x.
 
@@ -30,11 +32,12 @@ from typing import TypeVar
 import casadi as cs
 
 from ancf_casadi.decay.slow_flow import Flow
-from ancf_casadi.decay.smooth import log_ratio, mean_decay
+from ancf_casadi.decay.smooth import log_ratio, mean_decay, stopping
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 
-LEAST = 1e-12  # of (A/e0)^(1-p), at which the mode counts as stopped
+LEAST = 1e-12  # added to (A/e0)^(1-p), whose logarithm would be infinite after the stop
+LEAST_BAND, MOST_BAND = 1e-9, 0.5
 LANCZOS_G = 7.0
 LANCZOS = (
     0.99999999999980993, 676.5203681218851, -1259.1392167224028, 771.32342877765313, -176.61502916214059,
@@ -42,13 +45,15 @@ LANCZOS = (
 )  # fmt: skip
 
 
-def power_flow(time: Value, rate: Value, p: Value, e0: Value) -> Flow[Value]:
+def power_flow(time: Value, ω: Value, rate: Value, p: Value, e0: Value) -> Flow[Value]:
     """Return the amplitude under a force with an exponent, and its integrals.
 
     Parameters
     ----------
     time : MX, SX or DM
         Time after the release, s.
+    ω : MX, SX or DM
+        Natural frequency, rad/s.
     rate : MX, SX or DM
         Decay rate -A'/A at the release, 1/s.
     p : MX, SX or DM
@@ -56,7 +61,8 @@ def power_flow(time: Value, rate: Value, p: Value, e0: Value) -> Flow[Value]:
     e0 : MX, SX or DM
         Amplitude at the release, m.
     """
-    u = time * log_ratio(cs.fmax(-(1 - p) * rate * time, LEAST - 1))
+    band = cs.fmin(math.pi * rate / (2 * ω) + LEAST_BAND, MOST_BAND)
+    u = time * log_ratio(stopping(1 - (1 - p) * rate * time, band) + LEAST - 1)
     first, second = (e0**n * u * mean_decay((n + 1 - p) * rate * u) for n in (1, 2))
     return Flow(e0 * cs.exp(-rate * u), first, second)
 

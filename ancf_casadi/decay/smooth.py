@@ -43,6 +43,12 @@ def log_defect(x: Value) -> Value:
     return cs.if_else(near, polynomial(LOG_DEFECT, x), (cs.log1p(away) / away - 1 / (1 + away)) / away)
 
 
+def stopping(value: Value, band: Value) -> Value:
+    """Return a falling value while above a band, 0 below the negative of the band, and a smooth transition between."""
+    ratio = cs.fmin(cs.fmax(value / band, -1), 1)
+    return cs.if_else(value > band, value, band * (3 - ratio) * (ratio + 1) ** 3 / 16)
+
+
 def polynomial(coefficients: Sequence[float], x: Value) -> Value:
     """Return the polynomial with the given coefficients, that of the lowest power first."""
     value = 0 * x

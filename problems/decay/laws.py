@@ -181,7 +181,7 @@ def _power_damping(guess: DecayGuess, _: Interval) -> list[Unknown]:
 
 
 def _power_flow(time: Array, e0: cs.MX, reference: float, ω: cs.MX, ζ: cs.MX, p: cs.MX) -> Flow[cs.MX]:
-    return power_flow(_column(time), ω * power_ratio(e0, ζ, p, reference), p, e0)
+    return power_flow(_column(time), ω, ω * power_ratio(e0, ζ, p, reference), p, e0)
 
 
 def _power_coefficients(reference: float, ω: cs.MX, ζ: cs.MX, p: cs.MX) -> Symbols:

@@ -1,18 +1,24 @@
 """Measure how often the true damping law is selected: seeded records of each law, each fitted with all laws.
 
+    .venv/bin/python benchmarks/law_selection.py combined --runs 100     decays with omega(A), all terms significant
     .venv/bin/python benchmarks/law_selection.py decays --runs 200       closed-form decays, compare_decay_laws
     .venv/bin/python benchmarks/law_selection.py motions --runs 20       large motion of a beam, compare_laws
     .venv/bin/python benchmarks/law_selection.py motions --runs 20 --weak    the same, too short and noisy to decide
 
-A run is right if the true law has the lowest BIC, and settled if the verdict says so.
+A run is right if the true law has the lowest BIC, and settled if the verdict says so.  ``combined`` draws decays under
+each damping law with each frequency law, of 30 to 300 periods with noise of 0.1 to 3 % of the amplitude, and keeps
+those in which each term of the truth, fitted with the true law, is at least five standard errors large.  The exponent
+of the power law must differ by as much from 0, 1 and 2, where it is another law.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
+from itertools import product
 from typing import Any
 
 import casadi as cs
@@ -31,11 +37,15 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.decay.friction import friction_decay
-from problems import MarkerRecord, compare_decay_laws, compare_laws
+from ancf_casadi.exceptions import AncfError
+from problems import DecayFit, MarkerRecord, compare_decay_laws, compare_laws, fit_decay
+from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED
+from problems.decay.laws import DecayModel, FrequencyLaw, Law
 
 DECAYS = {"linear": (0.0, 0.25, 0.0), "quadratic": (0.0, 0.15, 0.5), "friction": (0.1, 0.15, 0.5)}  # eta0, eta1, eta2
 LAWS = ("mass-proportional", "quadratic", "modal")
 NOISE = 0.5e-3  # m
+SIGNIFICANT = 5.0  # least size of each term, standard errors
 
 
 def decay(law: str, seed: int, *, weak: bool) -> tuple[bool, bool]:
@@ -46,6 +56,52 @@ def decay(law: str, seed: int, *, weak: bool) -> tuple[bool, bool]:
     y += (4e-3 if weak else 2e-4) * np.random.default_rng(seed).standard_normal(len(time))
     comparison = compare_decay_laws(time, y)
     return comparison.best.law == law, comparison.verdict.settled
+
+
+def combined(law: Law, frequency_law: FrequencyLaw, seed: int) -> tuple[str, bool]:
+    """Return the law selected for a decay with significant terms, and whether the verdict is settled."""
+    rng = np.random.default_rng([LAWS_COMPARED.index(law), FREQUENCY_LAWS_COMPARED.index(frequency_law), seed])
+    while True:
+        time, y = _draw(rng, law, frequency_law)
+        try:
+            fit = fit_decay(time, y, law=law, frequency_law=frequency_law, release_time=0.0)
+        except AncfError:
+            continue
+        if _least_term(fit) >= SIGNIFICANT:
+            break
+    comparison = compare_decay_laws(time, y, release_time=0.0)
+    return f"{comparison.best.law}, {comparison.best.frequency_law}", comparison.verdict.settled
+
+
+def _draw(rng: np.random.Generator, law: Law, frequency_law: FrequencyLaw) -> tuple[Any, Any]:
+    """Return a random decay of 1 Hz with an amplitude of 1 under two laws."""
+
+    def between(least: float, most: float) -> float:
+        return float(math.exp(rng.uniform(math.log(least), math.log(most))))
+
+    model, omega = DecayModel(law, True, False, frequency_law), 2 * math.pi
+    periods = between(30.0, 300.0)
+    time = np.arange(0.0, periods, 1 / between(8.0, 25.0))
+    ratio = between(0.7, 4.0) / (omega * periods)
+    shares = rng.dirichlet(np.ones({"linear": 1, "quadratic": 2, "friction": 3, "power": 1}[law])) * ratio
+    units = (2 * omega, 3 * math.pi / 4, math.pi * omega**2 / 2)  # of eta1, eta2, eta0 with a ratio of 1
+    terms = [share * unit for share, unit in zip(shares, units, strict=False)]
+    damping = {"linear": [ratio], "power": [ratio, rng.uniform(0.0, 4.0)]}.get(law, terms)
+    change = [rng.choice([-1.0, 1.0]) * between(1e-3, 0.1)] * (model.power > 0)
+    phase = rng.uniform(-math.pi, math.pi)
+    release = [math.cos(phase), -omega * math.sin(phase)] if model.from_motion else [1.0, phase]
+    values = (omega, *damping, *change, *release, 0.0)
+    y = np.asarray(cs.evalf(model.curve(time, *map(cs.MX, values)))).ravel()
+    return time, y + between(1e-3, 0.03) * rng.standard_normal(len(time))
+
+
+def _least_term(fit: DecayFit) -> float:
+    """Return the size of the smallest term of a fit, in standard errors; 0 if one is at its bound."""
+    names = [name for name in fit.model.terms if name not in ("eta_p", "exponent")] or ["damping_ratio"]
+    sizes = [abs(getattr(fit, name)) / fit.standard_errors[name] for name in (*names, "damping_ratio")]
+    if fit.law == "power":
+        sizes += [abs(fit.exponent - p) / fit.standard_errors["exponent"] for p in (0.0, 1.0, 2.0)]
+    return min((0.0 if math.isnan(size) else size) for size in sizes)
 
 
 def strip() -> Model:
@@ -84,11 +140,15 @@ def motion(law: str, seed: int, *, weak: bool) -> tuple[bool, bool]:
 def main() -> None:
     """Run the study and print a line for each law."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=("decays", "motions"))
+    parser.add_argument("what", choices=("combined", "decays", "motions"))
     parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--weak", action="store_true")
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
+    if options.what == "combined":
+        for law, frequency_law in product(LAWS_COMPARED, FREQUENCY_LAWS_COMPARED):
+            _print_combined(law, frequency_law, options.runs, options.jobs)
+        return
     one: Callable[..., tuple[bool, bool]] = decay if options.what == "decays" else motion
     for law in DECAYS if options.what == "decays" else LAWS:
         tasks: list[Any] = [partial(one, law, seed, weak=options.weak) for seed in range(options.runs)]
@@ -98,6 +158,20 @@ def main() -> None:
             f"settled on a wrong law {(settled & ~right).mean():6.1%}",
             flush=True,
         )
+
+
+def _print_combined(law: Law, frequency_law: FrequencyLaw, runs: int, jobs: int) -> None:
+    tasks: list[Any] = [partial(combined, law, frequency_law, seed) for seed in range(runs)]
+    selected, settled = zip(*run_all(tasks, jobs=jobs), strict=True)
+    truth = f"{law}, {frequency_law}"
+    right = np.array([name == truth for name in selected])
+    wrong = Counter(name for name in selected if name != truth)
+    print(
+        f"{truth:22} right {right.mean():6.1%}, settled {np.mean(settled):6.1%}, settled on a wrong law "
+        f"{(np.array(settled) & ~right).mean():6.1%}; instead: "
+        + (", ".join(f"{name} ({count})" for name, count in wrong.most_common()) or "none"),
+        flush=True,
+    )
 
 
 if __name__ == "__main__":

@@ -12,8 +12,8 @@ the rate r = zeta_p omega (e0/R)^(p-1) there, the solution is
 
     A = e0 exp(-r u),    u = t l(-(1 - p) r t),    l(x) = ln(1 + x)/x,
 
-in which p = 1 is no special case.  For p < 1 the mode stops at t = 1/((1 - p) r), where y = 1 - (1 - p) r t is zero.  As
-under friction, y is replaced by a smooth transition in the band |y| < pi r/(2 omega), which is the band of rest for
+in which p = 1 is no special case.  For p < 1 the mode stops at t = 1/((1 - p) r), where y = 1 - (1 - p) r t is zero.
+As under friction, y is replaced by a smooth transition in the band |y| < pi r/(2 omega), which is the band of rest for
 p = 0, so that a fit can find the stop.  The integrals for ``slow_flow`` are
 
     int A dt = e0 u m((2 - p) r u),    int A^2 dt = e0^2 u m((3 - p) r u),    m(x) = (1 - exp(-x))/x.

@@ -12,6 +12,7 @@ import argparse
 import os
 import signal
 import sys
+import textwrap
 import warnings
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
@@ -38,6 +39,7 @@ COMMANDS = (
     add_inspect, add_init, add_fit_decay, add_fit_modes, add_fit_motion, add_compare_laws, add_modes, add_match,
     add_simulate, add_export, add_reproduce,
 )  # fmt: skip
+LONGEST = 300  # characters of a refusal, which may show an option as it was typed
 SIGNALLED = 128  # plus the number of the signal: the exit code that shells give
 
 
@@ -62,7 +64,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Refuse in one line."""
-        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+        self.exit(2, f"{self.prog}: {textwrap.shorten(message, LONGEST)}; see {self.prog} --help\n")
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -16,6 +16,7 @@ from typing import Any, get_args
 from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.files import check_file
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import Table
 from problems.command.fit_modes import modes_output
@@ -190,9 +191,16 @@ def _curve(file: str, record: Measurement, release_time: float) -> str:
 
 
 def _numbered(path: Path | None, count: int) -> list[Path | None]:
-    """Return one name per record; with several records, the names are numbered."""
+    """Return one name per record; with several records, the names are numbered.
+
+    Raises
+    ------
+    InputError
+        If the name is not that of a file.
+    """
     if path is None or count == 1:
         return [path] * count
+    check_file(path)
     return [path.with_stem(f"{path.stem}-{k}") for k in range(1, count + 1)]
 
 

@@ -14,6 +14,7 @@ from ancf_casadi.export.document.model_document import Document
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import located, shown
 from problems.command.tables.base import read_base
+from problems.command.tables.load import read_load
 from problems.command.tables.release import read_release
 from problems.command.tables.study import Study
 
@@ -63,6 +64,8 @@ def simulation(study: Study, source: Document) -> Simulation:
         If there is no equilibrium under the load of [release].
     """
     settings = dict(study.table("simulation", {"duration"}, SETTINGS))
+    if "load" in study.tables:
+        settings["load"] = read_load(study, study.tables["load"], study.where("load"))
     base = read_base(study, study.tables["base"], study.where("base")) if "base" in study.tables else None
     markers = _markers(study, source.model)
     if "release" in study.tables:

@@ -16,6 +16,7 @@ TABLES = {
     "match",
     "damping",
     "base",
+    "load",
     "release",
     "simulation",
     "markers",

@@ -10,14 +10,14 @@ from ancf_casadi.export.document.model_document import Document, read_document
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
-from problems.command.tables import base, beam, damping, match, records, release, simulation
+from problems.command.tables import base, beam, damping, load, match, records, release, simulation
 from problems.command.tables.study import Study, is_document
 
 HEAD = "tables of a TOML file:\n"
 BEAM_KEYS = HEAD + beam.KEYS
 SOURCE_KEYS = HEAD + beam.KEYS + damping.KEYS
 MATCH_KEYS = HEAD + beam.KEYS + match.KEYS
-SIMULATION_KEYS = HEAD + beam.KEYS + damping.KEYS + base.KEYS + release.KEYS + simulation.KEYS
+SIMULATION_KEYS = HEAD + beam.KEYS + damping.KEYS + base.KEYS + load.KEYS + release.KEYS + simulation.KEYS
 MOTION_KEYS = HEAD + beam.KEYS + damping.KEYS + base.KEYS + release.KEYS + records.KEYS
 
 

@@ -43,7 +43,8 @@ from problems.command import match as match_command
 from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
 from problems.command.tables import records
-from problems.command.tables.base import AXES, FILE
+from problems.command.tables.base import AXES
+from problems.command.tables.columns import READING
 from problems.command.tables.match import MATCH, MODES
 from problems.command.tables.simulation import SETTINGS
 from problems.command.tables.study_file import read_simulation
@@ -291,7 +292,7 @@ def test_every_command_has_help_and_json(command, capsys):
 def test_help_names_every_key_that_a_file_may_have(capsys):
     beam = {field.name for field in fields(Beam)} | {"elements", "document"}
     laws = {field.name for kind in (RayleighDamping, QuadraticDamping) for field in fields(kind)} | {"ratios"}
-    bases = {field.name for kind in (HarmonicBase, SweepBase, FixedBase) for field in fields(kind)} | {*AXES, *FILE}
+    bases = {field.name for kind in (HarmonicBase, SweepBase, FixedBase) for field in fields(kind)} | {*AXES, *READING}
     motion = beam | laws | bases | {"tip_force", "tip_moment"}
     expected = {
         "modes": beam,
@@ -527,7 +528,7 @@ class TestUnusableInput:
                 "elements = 20\ncolour = 1",
                 "[beam]: unknown key 'colour'; known are axis, clamp_stiffness",
             ),
-            ("[match]", "[mach]", "unknown key 'mach'; known are base, beam, damping, fit, markers, match"),
+            ("[match]", "[mach]", "unknown key 'mach'; known are base, beam, damping, fit, load, markers, match"),
             ("[beam]", "[bean]", "the key 'beam' is missing; unknown keys: 'bean'"),
             ("thickness = 0.5e-3", "thickness = -0.5e-3", "[beam]: thickness: must be positive, got -0.0005"),
             ("density = 8000.0", "density = nan", "[beam]: density: must be a finite number, got nan"),

@@ -1,0 +1,60 @@
+"""Columns of a file that a table names: one per component of a base motion or a load, all at the same times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.sensor import Quantity, Sensor
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import located
+from problems.command.tables.study import Study, checked
+
+READING = {"time", "unit", "time_unit", "rate"}
+
+
+def read_columns(
+    study: Study, table: Any, quantities: Mapping[str, Quantity], where: str
+) -> tuple[Array, dict[str, Array]]:
+    """Return the times (s) and the components, in SI units; a component without a column is zero.
+
+    Parameters
+    ----------
+    study : Study
+        The file with the table.
+    table : dict
+        ``file``, the columns by component (name or number from 1), and how to read them; a ``unit`` holds for the
+        components of the first quantity.
+    quantities : mapping
+        Quantity of each component.
+    where : str
+        Place of the table, for messages.
+
+    Raises
+    ------
+    InputError
+        If no column is named, a column cannot be read, or their times differ.
+    """
+    given = checked(table, {"file"}, {*quantities, *READING}, where)
+    path = study.file(given["file"], f"{where}: file")
+    named = [name for name in quantities if name in given]
+    if not named:
+        raise InputError(f"name at least one of the columns {', '.join(quantities)}", where)
+    settings = {key: given[key] for key in READING & given.keys()}
+    first = next(iter(quantities.values()))
+    columns = {}
+    for name in named:
+        own = {key: value for key, value in settings.items() if key != "unit" or quantities[name] == first}
+        with located(f"{where}: {name}"):
+            columns[name] = Measurement.from_file(path, given[name], sensor=Sensor(quantities[name]), **own)
+    time = columns[named[0]].time
+    for name in named[1:]:
+        if not np.array_equal(columns[name].time, time):
+            raise InputError(
+                f"has other times or gaps than {named[0]}; give all columns at the same times", f"{where}: {name}"
+            )
+    return time, {name: columns[name].values if name in columns else np.zeros(len(time)) for name in quantities}

@@ -12,7 +12,6 @@ import argparse
 import os
 import signal
 import sys
-import textwrap
 import warnings
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
@@ -31,7 +30,7 @@ from problems.command.init import add_init
 from problems.command.inspect import add_inspect
 from problems.command.match import add_match
 from problems.command.modes import add_modes
-from problems.command.output import Subcommands
+from problems.command.output import Subcommands, shortened
 from problems.command.reproduce import add_reproduce
 from problems.command.simulate import add_simulate
 
@@ -39,7 +38,6 @@ COMMANDS = (
     add_inspect, add_init, add_fit_decay, add_fit_modes, add_fit_motion, add_compare_laws, add_modes, add_match,
     add_simulate, add_export, add_reproduce,
 )  # fmt: skip
-LONGEST = 300  # characters of a refusal, which may show an option as it was typed
 SIGNALLED = 128  # plus the number of the signal: the exit code that shells give
 
 
@@ -64,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Refuse in one line."""
-        self.exit(2, f"{self.prog}: {textwrap.shorten(message, LONGEST)}; see {self.prog} --help\n")
+        self.exit(2, f"{self.prog}: {shortened(message)}; see {self.prog} --help\n")
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -58,6 +58,10 @@ stop = 1.0                  # s; the clamp stops at the next instant of zero vel
 # [release]                 # the beam is held by a load at the tip and released at time 0
 # tip_force = [5e-3, 0.0]   # N
 
+# [load]                    # force at the tip over time
+# frequency = 1.876         # Hz; or time = [0.0, 0.1] and force = [[1e-3, 0.0], [1e-3, 0.0]]: a short push
+# force = [1e-3, 0.0]       # N
+
 [simulation]                # for simulate
 duration = 2.0              # s
 sample_rate = 200.0         # 1/s

@@ -16,7 +16,7 @@ from ancf_casadi.export.document.model_document import Document
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.support.inputs import is_sequence, located, number, shown, whole
+from ancf_casadi.support.inputs import is_sequence, located, shown, whole
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.command.tables.base import read_base
 from problems.command.tables.damping import read_terms, total
@@ -133,8 +133,7 @@ def _channel(path: Any, given: Mapping[str, Any], reading: Mapping[str, Any], cu
     record = Measurement.from_file(
         path, given.get("column"), unit=given.get("unit"), sensor=sensor, progress=True, **reading
     )
-    bounds = [None if key not in cut else number(cut[key], key) for key in ("from", "to")]
-    return record.cut(*bounds)
+    return record.cut(cut.get("from"), cut.get("to"))
 
 
 def _base(study: Study, given: Mapping[str, Any], where: str) -> BaseMotion | None:

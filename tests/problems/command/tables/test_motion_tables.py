@@ -5,8 +5,10 @@ import pytest
 
 from ancf_casadi import (
     FixedBase,
+    HarmonicLoad,
     InputError,
     SampledBase,
+    SampledLoad,
     SweepBase,
     static_equilibrium,
 )
@@ -68,7 +70,7 @@ class TestBase:
             ("amplitude = 1e-3\nfrequencies = [1, 3]\n", r"the key 'stop' is missing"),
             ("amplitude = 1e-3\nfrequencies = [1, -3]\nstop = 5\n", r"frequencies: must be positive"),
             ("amplitude = 1e-3\nfrequencies = 1\nstop = 5\n", r"frequencies: must be a pair"),
-            ('file = "clamp.csv"\n', r"name at least one of the columns x, y and rotation"),
+            ('file = "clamp.csv"\n', r"name at least one of the columns x, y, rotation"),
             ('file = "none.csv"\nx = 2\n', r"x: .*none\.csv"),
             ('file = "clamp.csv"\nx = "z"\n', r"x: .*clamp\.csv"),
             ("file = 3\nx = 2\n", r"file: must be the name of a file, got 3"),
@@ -103,3 +105,37 @@ class TestRelease:
     def test_a_start_beside_it_is_refused(self, file):
         with pytest.raises(InputError, match=r"\[simulation\]: start: is given by the table \[release\]"):
             read_simulation(file(BEAM, SIMULATION, 'start = "straight"\n[release]\ntip_force = [1, 0]\n'))
+
+
+class TestLoad:
+    def test_harmonic(self, file):
+        text = "[load]\nforce = [1e-3, 0.0]\nfrequency = 2.0\nstop = 1.0\n"
+        load = read_simulation(file(BEAM, SIMULATION, text)).settings["load"]
+        assert load == HarmonicLoad((1e-3, 0.0), 2.0, stop=1.0)
+
+    def test_values_in_the_table(self, file):
+        text = "[load]\ntime = [0, 0.1]\nforce = [[1, 0], [1, 0]]\n"
+        load = read_simulation(file(BEAM, SIMULATION, text)).settings["load"]
+        assert isinstance(load, SampledLoad)
+        assert load.time.tolist() == [0.0, 0.1] and load.force.tolist() == [[1.0, 0.0], [1.0, 0.0]]
+
+    def test_columns_of_a_file(self, file, tmp_path):
+        table = np.column_stack([TIME, 1e3 * TIME, 2.0 * TIME])
+        np.savetxt(tmp_path / "load.csv", table, delimiter=",", header="t,f_mN,m_N_m", comments="")
+        text = '[load]\nfile = "load.csv"\nforce_y = 2\nunit = "mN"\n'
+        load = read_simulation(file(BEAM, SIMULATION, text)).settings["load"]
+        assert load.force == pytest.approx(np.column_stack([0 * TIME, TIME]))
+        assert not load.moment.any()
+
+    @pytest.mark.parametrize(
+        ("text", "what"),
+        [
+            ("force = [1, 0]\n", r"the key 'frequency' is missing"),
+            ("time = [0, 1]\nforce = [1, 0]\n", r"force: must have the shape \(2, 2\)"),
+            ('file = "clamp.csv"\n', r"name at least one of the columns force_x, force_y, moment"),
+            ("frequency = 1\nforce = 1\n", r"force: must be a pair"),
+        ],
+    )
+    def test_unusable(self, file, text, what):
+        with pytest.raises(InputError, match=rf"study\.toml: \[load\]: {what}"):
+            read_simulation(file(BEAM, SIMULATION, "[load]\n", text))

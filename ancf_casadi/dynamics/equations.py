@@ -30,11 +30,12 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.turning import turned
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
 from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
-from ancf_casadi.dynamics.tip_load import LOAD, NO_LOAD, TipLoad, tip_force, tip_stiffness
+from ancf_casadi.dynamics.tip_load import LOAD, HarmonicLoad, TipLoad, tip_force, tip_stiffness
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.layout import Layout
 
+NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)
 EXCITATION = 3 * NODE + LOAD  # components of the excitation
 SAME_INSTANT = 1e-9  # of the time considered; pieces of base and load that end so close together end together
 

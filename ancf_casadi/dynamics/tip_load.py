@@ -82,6 +82,8 @@ class HarmonicLoad(TipLoad):
         object.__setattr__(self, "force", vector(self.force, "force"))
         physical(self.frequency, "frequency")
         object.__setattr__(self, "moment", number(self.moment, "moment"))
+        for name in ("force", "moment"):
+            _check_size(getattr(self, name), name)
         positive_or_infinite(self.stop, "stop")
 
     def pieces(self) -> tuple[Piece, ...]:
@@ -130,13 +132,15 @@ class SampledLoad(TipLoad):
             raise InputError("needs at least 2 instants", "time")
         if (np.diff(time) <= 0.0).any():
             raise InputError("must increase", "time")
-        physical(time[-1] - time[0], "time")
+        for interval in (np.diff(time).min(), time[-1] - time[0]):
+            physical(float(interval), "time")
         moment = np.zeros(time.size) if self.moment is None else array(self.moment, "moment")
         if force.shape != (time.size, 2):
             raise InputError(f"must have the shape ({time.size}, 2), got {force.shape}", "force")
         if moment.shape != time.shape:
             raise InputError(f"must have the shape ({time.size},), got {moment.shape}", "moment")
         for name, values in (("time", time), ("force", force), ("moment", moment)):
+            _check_size(values, name)
             object.__setattr__(self, name, values)
 
     @property
@@ -157,9 +161,6 @@ class SampledLoad(TipLoad):
             fastest = float(rates[inside].max())
             found.append(Piece(end, lambda t, parameters: curve(t), 1 / fastest if fastest else math.inf))
         return (*found, _nothing(math.inf))
-
-
-NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)
 
 
 def tip_force(e: cs.MX, load: cs.MX) -> cs.MX:
@@ -190,6 +191,13 @@ def equilibrium_under(model: Model, load: Array) -> Equilibrium:
     return static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment)
 
 
+def _check_size(values: ArrayLike, where: str) -> None:
+    """Refuse values that are not zero, but so large or small that their powers are not finite."""
+    largest = float(np.abs(values).max())
+    if largest:
+        physical(largest, where)
+
+
 def _nothing(end: float) -> Piece:
     """Return a piece without load."""
     return Piece(end, lambda t, parameters: cs.MX.zeros(LOAD))
@@ -200,7 +208,8 @@ def _monotone(time: Array, values: Array) -> cs.Function:
     from scipy.interpolate import PchipInterpolator  # slow to import, and used only here
 
     thirds = np.diff(time)[:, None] / 3
-    slopes = PchipInterpolator(time, values)(time, 1)
+    with np.errstate(over="ignore"):  # harmonic means of slopes next to zero
+        slopes = PchipInterpolator(time, values)(time, 1)
     controls = np.empty((2 * time.size, values.shape[1]))
     controls[0], controls[-1] = values[0], values[-1]
     controls[1:-1:2] = values[:-1] + thirds * slopes[:-1]

@@ -79,6 +79,15 @@ def test_ex08_scipy_finds_the_profile(example):
     assert found["fit"].x == pytest.approx(found["truth"], rel=1e-6)
 
 
+def test_ex09_the_decay_after_the_blow_gives_frequency_and_damping(example):
+    found = example("ex09")
+    run, (frequency, ratio) = found["run"], found["truth"]
+    assert found["fit"].frequency == pytest.approx(frequency, rel=2e-5)
+    assert found["fit"].damping_ratio == pytest.approx(ratio, rel=1e-3)
+    assert run.load_work[-1] == pytest.approx(run.dissipated_energy[-1] + run.energy[-1] - run.energy[0], rel=1e-4)
+    assert abs(run.tip[run.time < 0.5, 0]).max() < 1e-9
+
+
 def test_the_toml_examples_run(capsys):
     assert main(["modes", str(EXAMPLES / "beam.toml")]) == 0
     assert "1.87613" in capsys.readouterr().out

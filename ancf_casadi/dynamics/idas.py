@@ -132,7 +132,7 @@ def _failure(message: str, segment: Segment) -> SimulationError:
     step = f" with a step of {segment.length * float(said[2]):.1e} s" if said and said[2] else ""
     if "TOO_MUCH_WORK" in message:
         what = "took too many steps between two samples"
-        why = "modes of the mesh may vibrate undamped, perhaps after an impact on the clamp"
+        why = "modes of the mesh may vibrate undamped, perhaps after an impact on the clamp or a blow on the tip"
     elif "CONV_FAIL" in message:
         what = "could not solve the equations of a step"
         why = "the beam may bend more sharply than its elements can follow, or the tolerance may be below rounding"

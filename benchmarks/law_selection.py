@@ -6,7 +6,7 @@
     .venv/bin/python benchmarks/law_selection.py motions --runs 20 --weak    the same, too short and noisy to decide
 
 A run is right if the true law has the lowest BIC, and settled if the verdict says so.  ``combined`` draws decays under
-each damping law with each frequency law, of 30 to 300 periods with noise of 0.1 to 3 % of the amplitude, and keeps
+each damping law with each frequency law, of 30 to 150 periods with noise of 0.1 to 3 % of the amplitude, and keeps
 those in which each term of the truth, fitted with the true law, is at least five standard errors large.  The exponent
 of the power law must differ by as much from 0, 1 and 2, where it is another law.
 """
@@ -80,8 +80,8 @@ def _draw(rng: np.random.Generator, law: Law, frequency_law: FrequencyLaw) -> tu
         return float(math.exp(rng.uniform(math.log(least), math.log(most))))
 
     model, omega = DecayModel(law, True, False, frequency_law), 2 * math.pi
-    periods = between(30.0, 300.0)
-    time = np.arange(0.0, periods, 1 / between(8.0, 25.0))
+    periods = between(30.0, 150.0)
+    time = np.arange(0.0, periods, 1 / between(8.0, 16.0))
     ratio = between(0.7, 4.0) / (omega * periods)
     shares = rng.dirichlet(np.ones({"linear": 1, "quadratic": 2, "friction": 3, "power": 1}[law])) * ratio
     units = (2 * omega, 3 * math.pi / 4, math.pi * omega**2 / 2)  # of eta1, eta2, eta0 with a ratio of 1

@@ -5,7 +5,7 @@ A damping law and a frequency law are combined.  Damping laws, with the unknowns
     linear      Eq. (9)     omega, zeta                     zeta within its bounds
     quadratic   Eq. (27)    omega, eta1, eta2               eta1, eta2 >= 0
     friction    with eta0   omega, eta1, eta2, eta0         also eta0 >= 0 (``friction``)
-    power       |r'|^p      omega, zeta, exponent           zeta >= 0, 0 <= p <= 4 (``power``)
+    power       |r'|^p      omega, zeta, exponent           zeta > 0, 0 <= p <= 4 (``power``)
     one-mode    Eq. (26)    omega, eta1, eta2               integrated; eta1, eta2 >= 0
 
 Frequency laws, with omega the frequency at zero amplitude (``slow_flow``):
@@ -51,6 +51,7 @@ Symbols = Sequence[cs.MX]
 Interval = tuple[float, float]
 
 EXPONENTS = (0.0, 4.0)  # bounds of the exponent
+LEAST_RATIO = 1e-9  # of the power law; at 0, no record would determine the exponent
 
 
 @dataclass(frozen=True)
@@ -177,7 +178,7 @@ def _friction_flow(time: Array, e0: cs.MX, _: float, ω: cs.MX, η1: cs.MX, η2:
 
 def _power_damping(guess: DecayGuess, _: Interval) -> list[Unknown]:
     lower, upper = EXPONENTS
-    return [_ratio_unknown(guess, (0.0, math.inf)), Unknown("exponent", 1.0, lower=lower, upper=upper)]
+    return [_ratio_unknown(guess, (LEAST_RATIO, math.inf)), Unknown("exponent", 1.0, lower=lower, upper=upper)]
 
 
 def _power_flow(time: Array, e0: cs.MX, reference: float, ω: cs.MX, ζ: cs.MX, p: cs.MX) -> Flow[cs.MX]:

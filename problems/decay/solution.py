@@ -14,8 +14,8 @@ P. J. Huber, Robust Statistics, Wiley (1981), Section 7.8.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -81,6 +81,53 @@ def fit_from(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Least-squares problem of several records.
+
+    Parameters
+    ----------
+    unknowns : list of Unknown
+        Unknowns of the mode, then those of each record, with the first guesses.
+    columns : list of tuple of int
+        Positions of the unknowns of each record.
+    times : list of ndarray
+        Times of each record after the release, s.
+    displacements : list of ndarray
+        Displacements at these times, m.
+    curves : Function
+        Unknowns -> displacements of all records.
+    """
+
+    unknowns: list[Unknown]
+    columns: list[tuple[int, ...]]
+    times: list[Array]
+    displacements: list[Array]
+    curves: cs.Function
+
+    def residuals(self, *x: cs.MX) -> cs.MX:
+        """Return the residuals of all records."""
+        return self.curves(cs.vertcat(*x)) - cs.DM(np.concatenate(self.displacements))
+
+
+def _problem(
+    model: DecayModel, records: Sequence[Measurement], guesses: Sequence[DecayGuess], ratio_bounds: tuple[float, float]
+) -> _Problem:
+    """Return the problem; its curves are built once, and inserted wherever they are needed."""
+    unknowns = model.shared(max(guesses, key=lambda guess: guess.amplitude), ratio_bounds)
+    shared, columns = tuple(range(len(unknowns))), []
+    for position, guess in enumerate(guesses, start=1):
+        own, suffix = model.own(guess), f"_{position}" if len(records) > 1 else ""
+        columns.append((*shared, *range(len(unknowns), len(unknowns) + len(own))))
+        unknowns += [replace(u, name=u.name + suffix) for u in own]
+    times = [record.time[g.release :] - record.time[g.release] for record, g in zip(records, guesses, strict=True)]
+    displacements = [record.values[g.release :] for record, g in zip(records, guesses, strict=True)]
+    x = cs.MX.sym("x", len(unknowns))
+    curves = [model.curve(t, *(x[i] for i in own)) for t, own in zip(times, columns, strict=True)]
+    function = cs.Function("curves", [x], [cs.vertcat(*curves)], {"always_inline": True})
+    return _Problem(unknowns, columns, times, displacements, function)
+
+
 def _match(
     model: DecayModel,
     records: Sequence[Measurement],
@@ -94,41 +141,38 @@ def _match(
     Unknowns named in ``start`` begin at the values given there, the others at the guesses.  If it is not given, the
     starting values are the better of the guesses and those from the track of amplitude and phase.
     """
-    largest = max(guesses, key=lambda guess: guess.amplitude)
-    unknowns = model.shared(largest, ratio_bounds)
-    shared, columns = tuple(range(len(unknowns))), []
-    data: list[tuple[Array, cs.DM]] = []
-    tracked: dict[str, float] = {}
-    for position, (record, guess) in enumerate(zip(records, guesses, strict=True), start=1):
-        own, suffix = model.own(guess), f"_{position}" if len(records) > 1 else ""
-        columns.append((*shared, *range(len(unknowns), len(unknowns) + len(own))))
-        t, y = record.time[guess.release :], record.values[guess.release :]
-        data.append((t - t[0], cs.DM(y)))
-        found = starting_values(model, t - t[0], y, guess) if start is None else {}
-        tracked |= {u.name + suffix: found[u.name] for u in own if u.name in found}
-        if guess is largest:
-            tracked |= {u.name: found[u.name] for u in unknowns[: len(shared)] if u.name in found}
-        unknowns += [replace(u, name=u.name + suffix) for u in own]
-
-    def residuals(*x: cs.MX) -> cs.MX:
-        return cs.vertcat(
-            *(model.curve(t, *(x[i] for i in indices)) - y for (t, y), indices in zip(data, columns, strict=True))
-        )
-
-    unknowns = _better(residuals, unknowns, _started(unknowns, tracked)) if start is None else _started(unknowns, start)
+    problem = _problem(model, records, guesses, ratio_bounds)
+    if start is None:
+        unknowns = _better(problem, _started(problem.unknowns, _tracked(model, problem, guesses)))
+    else:
+        unknowns = _started(problem.unknowns, start)
     settings: dict[str, Any] = {
         "gauss_newton": LAWS[model.law].integrated,
-        "series": [len(t) for t, _ in data],
-        "times": np.concatenate([t for t, _ in data]),
+        "series": [len(t) for t in problem.times],
+        "times": np.concatenate(problem.times),
         "advice": ADVICE,
     }
-    fit = least_squares(residuals, unknowns, **settings)
+    fit = least_squares(problem.residuals, unknowns, **settings)
     for _ in range(ROBUST_ROUNDS * robust):
         noise = noise_of(fit.residuals)
-        if noise <= ROUNDING * largest.amplitude:
+        if noise <= ROUNDING * max(guess.amplitude for guess in guesses):
             break
-        fit = least_squares(residuals, restarted(unknowns, fit), huber=HUBER * noise, **settings)
-    return fit, columns
+        fit = least_squares(problem.residuals, restarted(unknowns, fit), huber=HUBER * noise, **settings)
+    return fit, problem.columns
+
+
+def _tracked(model: DecayModel, problem: _Problem, guesses: Sequence[DecayGuess]) -> dict[str, float]:
+    """Return starting values by name from the track of each record; the largest record gives those of the mode."""
+    names = [u.name for u in problem.unknowns]
+    largest = max(range(len(guesses)), key=lambda k: guesses[k].amplitude)
+    values: dict[str, float] = {}
+    for k, guess in enumerate(guesses):
+        found = starting_values(model, problem.times[k], problem.displacements[k], guess)
+        suffix = f"_{k + 1}" if len(guesses) > 1 else ""
+        values |= {name + suffix: value for name, value in found.items()}
+        if k == largest:
+            values |= found
+    return {name: values[name] for name in names if name in values}
 
 
 def _started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[Unknown]:
@@ -136,10 +180,14 @@ def _started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[U
     return [replace(u, guess=min(max(values.get(u.name, u.guess), u.lower), u.upper)) for u in unknowns]
 
 
-def _better(residuals: Callable[..., cs.MX], first: list[Unknown], second: list[Unknown]) -> list[Unknown]:
-    """Return the starting values that leave the smaller residuals."""
-    left = [float(cs.evalf(cs.sumsqr(residuals(*(cs.MX(u.guess) for u in start))))) for start in (first, second)]
-    return second if left[1] < left[0] else first
+def _better(problem: _Problem, other: list[Unknown]) -> list[Unknown]:
+    """Return the unknowns of a problem, or others if these leave smaller residuals."""
+    y = np.concatenate(problem.displacements)
+    left = [
+        float(np.sum((problem.curves([u.guess for u in start]).full().ravel() - y) ** 2))
+        for start in (problem.unknowns, other)
+    ]
+    return other if left[1] < left[0] else problem.unknowns
 
 
 def _integrate(

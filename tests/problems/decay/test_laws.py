@@ -181,3 +181,12 @@ def test_the_exponent_stays_within_its_bounds():
     """Friction is the exponent 0, the lowest."""
     fit = fit_decay(TIME, record("friction", "constant", 1e-4), law="power")
     assert 0.0 <= fit.intervals["exponent"][0] <= fit.exponent <= fit.intervals["exponent"][1] <= 4.0
+
+
+def test_the_power_law_fits_a_mode_without_damping():
+    """No exponent fits better than another; the damping is at its bound, which is zero for all purposes."""
+    fit = fit_decay(TIME, E0 * np.cos(ω * TIME + 0.3), law="power")
+    assert fit.damping_ratio < 1e-6
+    assert fit.frequency == pytest.approx(F, rel=1e-8)
+    low, high = fit.intervals["exponent"]
+    assert (low, high) == (0.0, 4.0)

@@ -16,6 +16,7 @@ from ancf_casadi.exceptions import (
 )
 from ancf_casadi.mechanics.beam import Beam, Section
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
@@ -42,6 +43,7 @@ __all__ = [
     "Model",
     "Modes",
     "NumericsError",
+    "PointLoad",
     "QuadraticDamping",
     "RayleighDamping",
     "ReducedModel",

@@ -12,6 +12,10 @@ from problems.matching.measured_modes import MeasuredModes
 from problems.matching.preference import LeastChange, Smoothness
 from problems.matching.result import FrequencyMatch
 from problems.matching.unknowns import Global, PerElement, Smooth
+from problems.properties.fitting import fit_properties
+from problems.properties.prediction import Prediction
+from problems.properties.records import FrequencyRecord, StaticRecord
+from problems.properties.result import PropertyFit
 from problems.transient.comparison import compare_laws
 from problems.transient.fitting import fit_transient
 from problems.transient.marker_record import MarkerRecord
@@ -20,6 +24,7 @@ from problems.transient.result import TransientFit
 __all__ = [
     "DecayFit",
     "FrequencyMatch",
+    "FrequencyRecord",
     "Global",
     "LawComparison",
     "LeastChange",
@@ -27,15 +32,19 @@ __all__ = [
     "MeasuredModes",
     "MonteCarlo",
     "PerElement",
+    "Prediction",
+    "PropertyFit",
     "RayleighFit",
     "Smooth",
     "Smoothness",
+    "StaticRecord",
     "TransientFit",
     "compare_decay_laws",
     "compare_laws",
     "fit_decay",
     "fit_decays",
     "fit_modes",
+    "fit_properties",
     "fit_rayleigh",
     "fit_transient",
     "match_frequencies",

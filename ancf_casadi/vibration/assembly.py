@@ -19,7 +19,7 @@ N. J. Higham, Accuracy and Stability of Numerical Algorithms, SIAM (2002), Secti
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -29,9 +29,10 @@ import scipy.sparse
 
 from ancf_casadi.mechanics.beam import LUMPED
 from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import Buffered
-from ancf_casadi.vibration.element_balance import ElementBalance, element_balance, tip_load_balance
+from ancf_casadi.vibration.element_balance import ElementBalance, element_balance, load_balance
 
 BAND = 2 * NODE - 1  # diagonals on either side of the main one
 REFINEMENTS = 12  # largest number for one solution
@@ -114,14 +115,23 @@ class Structure:
     properties: Array
 
     @classmethod
-    def of(cls, model: Model, tip_load: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Structure:
-        """Return a model with its own properties, under gravity and a load (Fx, Fy, m) at the tip."""
-        parts, properties = beam_parts(model), structure_properties(model)
-        if not any(tip_load):
-            return cls(model, parts, properties)
-        tip, given = np.arange(model.size - NODE, model.size), properties.size + np.arange(3)
-        load = Part(tip_load_balance(), tip[None, :], given[None, :])
-        return cls(model, (*parts, load), np.concatenate([properties, tip_load]))
+    def of(cls, model: Model, loads: Sequence[PointLoad] = ()) -> Structure:
+        """Return a model with its own properties, under gravity and loads, whose values follow the properties.
+
+        Raises
+        ------
+        InputError
+            If a load is not on the beam.
+        """
+        parts, properties = list(beam_parts(model)), [structure_properties(model)]
+        l = model.beam.element_length
+        for load in loads:
+            s = load.place(model.beam)
+            index, given = model.element_at(s), sum(map(len, properties)) + np.arange(3)
+            places = NODE * (index + model.root) + np.arange(2 * NODE)
+            parts.append(Part(load_balance(s / l - index, l), places[None, :], given[None, :]))
+            properties.append(np.array(load.values))
+        return cls(model, tuple(parts), np.concatenate(properties))
 
     def inputs(self, part: Part, at: Position) -> tuple[Array, Array]:
         """Return coordinates, with positions relative to the first node, and properties, one row per element."""

@@ -13,6 +13,7 @@ import casadi as cs
 
 from ancf_casadi.mechanics.element import Element
 from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.mechanics.shape import hermite, hermite_slope
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +112,18 @@ def element_balance(
     return ElementBalance(cs.Function("force", [e, p], [force]), cs.Function("mass", [p], [element.mass(whole)]))
 
 
-@lru_cache(maxsize=1)
-def tip_load_balance() -> ElementBalance:
-    """Return the balance of a node under a force (Fx, Fy) and a moment m that follows its slope; p = (Fx, Fy, m)."""
-    e, load = cs.SX.sym("e", NODE), cs.SX.sym("load", 3)
-    theta = cs.atan2(e[3], e[2])
-    force = -cs.vertcat(load[:2], load[2] * cs.gradient(theta, e[2:]))
-    mass = cs.Function("mass", [load], [cs.DM.zeros(NODE, NODE)])
+@lru_cache(maxsize=32)
+def load_balance(xi: float, l: float) -> ElementBalance:
+    """Return the balance of an element of length l under a load p = (Fx, Fy, m) at the point xi, from 0 to 1.
+
+    The moment m follows the slope of the point.
+    """
+    e, load = cs.SX.sym("e", 2 * NODE), cs.SX.sym("load", 3)
+    position, slope = (cs.kron(cs.DM(values(xi, l)).T, cs.DM.eye(2)) for values in (hermite, hermite_slope))
+    tangent = slope @ e
+    turn = cs.gradient(cs.atan2(tangent[1], tangent[0]), e)
+    force = -(position.T @ load[:2] + load[2] * turn)
+    mass = cs.Function("mass", [load], [cs.DM.zeros(2 * NODE, 2 * NODE)])
     return ElementBalance(cs.Function("force", [e, load], [force]), mass)
 
 

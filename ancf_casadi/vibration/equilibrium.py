@@ -1,11 +1,11 @@
-"""Static equilibrium under gravity and loads at the tip.
+"""Static equilibrium under gravity and loads at points of the beam.
 
 At rest the elastic force balances the loads, for all free coordinates:
 
-    R(e, s) = Q_e(e) - s (Q_g + S(L)^T F + m dtheta/de) = 0,      theta = atan2(tau_y, tau_x) at the tip,
+    R(e, s) = Q_e(e) - s (Q_g + sum_i (S_i^T F_i + m_i dtheta_i/de)) = 0,      theta = atan2(r'_y, r'_x),
 
-with tip force F, tip moment m (positive counterclockwise) and load factor s = 1.  The moment follows the slope at the
-tip, so it contributes to the tangent stiffness dR/de.
+with forces F_i and moments m_i (positive counterclockwise) at the points i and load factor s = 1.  A moment follows the
+slope at its point, so it contributes to the tangent stiffness dR/de.
 
 Newton's method converges from a neighbouring equilibrium.  The load factor therefore grows from 0, where the beam is
 straight, in steps that keep the rotation of every slope small.  A step that fails or rotates a slope too far is halved,
@@ -21,6 +21,7 @@ mesh.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,9 +30,10 @@ import scipy.sparse
 
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorised, sparse
-from ancf_casadi.support.inputs import check_instance, number, vector
+from ancf_casadi.support.inputs import check_instance, instances, is_sequence, number, vector
 from ancf_casadi.vibration.assembly import Position, Structure, refined
 from ancf_casadi.vibration.eigensolver import lowest_modes
 
@@ -58,6 +60,8 @@ class Equilibrium:
         Moment at the tip, counterclockwise, N m.
     remainder : array (4 n + 4,), optional
         The part of the coordinates lost by rounding; zero if not given.
+    loads : tuple of PointLoad
+        Further loads.
     """
 
     model: Model
@@ -65,11 +69,12 @@ class Equilibrium:
     tip_force: tuple[float, float] = (0.0, 0.0)
     tip_moment: float = 0.0
     remainder: Array | None = None
+    loads: tuple[PointLoad, ...] = ()
 
     @property
     def structure(self) -> Structure:
         """The beam and its loads as parts with properties."""
-        return Structure.of(self.model, (*self.tip_force, self.tip_moment))
+        return Structure.of(self.model, _all_loads(self.tip_force, self.tip_moment, self.loads))
 
     @property
     def exact(self) -> Position:
@@ -110,9 +115,13 @@ class Equilibrium:
 
 
 def static_equilibrium(
-    model: Model, *, tip_force: tuple[float, float] = (0.0, 0.0), tip_moment: float = 0.0
+    model: Model,
+    *,
+    tip_force: tuple[float, float] = (0.0, 0.0),
+    tip_moment: float = 0.0,
+    loads: Sequence[PointLoad] = (),
 ) -> Equilibrium:
-    """Return the equilibrium reached from the straight beam as gravity and the tip loads grow together.
+    """Return the equilibrium reached from the straight beam as gravity and all loads grow together.
 
     Parameters
     ----------
@@ -122,37 +131,57 @@ def static_equilibrium(
         Force at the tip in the laboratory frame, N.
     tip_moment : float
         Moment at the tip, positive counterclockwise, N m.
+    loads : sequence of PointLoad
+        Further loads, at any points of the beam.
 
     Raises
     ------
     InputError
-        If a load is not finite.
+        If a load is not finite, or not on the beam.
     EquilibriumError
         If the path of equilibria cannot be followed to the full load.
     """
     check_instance(model, "model", Model)
     force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
+    further = () if is_sequence(loads) and not len(loads) else instances(loads, "loads", PointLoad)
+    acting = _all_loads(force, moment, further)
     rest = Position.of(model.straight)
     weight = -Structure.of(model).linearisation(rest)[0]
     factor, step, trials = 0.0, 1.0, 0
     while factor < 1.0:
         trials += 1
         s = min(factor + step, 1.0)
-        loaded = Structure.of(model, (s * force[0], s * force[1], s * moment))
+        loaded = Structure.of(model, [load.scaled(s) for load in acting])
         trial = neighbour(loaded, rest, (1.0 - s) * weight)
         if trial is None:
             step /= 2
             if step < SMALLEST_STEP or trials > MOST_TRIALS:
                 raise EquilibriumError(
-                    f"no static equilibrium was found beyond {factor:.4g} of the load (tip force {force} N, tip moment "
-                    f"{moment:g} N m, gravity {model.beam.gravity} m/s^2). Either an element bends by more than half a "
+                    f"no static equilibrium was found beyond {factor:.4g} of the load ({_described(acting)}, "
+                    f"gravity {model.beam.gravity} m/s^2). Either an element bends by more than half a "
                     "radian, which a cubic cannot follow (use more elements), or the beam buckles (tilt the axis), or "
                     "a value is in the wrong unit"
                 )
             continue
         rest, factor = trial, s
         step *= 2
-    return Equilibrium(model, rest.coordinates, force, moment, rest.remainder)
+    return Equilibrium(model, rest.coordinates, force, moment, rest.remainder, further)
+
+
+def _all_loads(
+    tip_force: tuple[float, float], tip_moment: float, loads: tuple[PointLoad, ...]
+) -> tuple[PointLoad, ...]:
+    """Return the loads that are not zero."""
+    return tuple(load for load in (PointLoad(tip_force, tip_moment), *loads) if any(load.values))
+
+
+def _described(loads: Sequence[PointLoad]) -> str:
+    """Return the loads in words."""
+    words = []
+    for load in loads:
+        place = "the tip" if load.point is None else f"{load.point:g} m"
+        words.append(f"force {load.force} N and moment {load.moment:g} N m at {place}")
+    return "; ".join(words) or "no load"
 
 
 def neighbour(structure: Structure, near: Position, support: Array | float = 0.0) -> Position | None:

@@ -59,14 +59,21 @@ class Sensitivities:
     shapes: Array
 
 
-def sensitivities(state: ModalState, directions: Array) -> Sensitivities:
-    """Return the derivatives of equilibrium and modes along N changes of the properties, (properties, N)."""
-    free, size, m, N = state.model.free, state.model.size, len(state.eigenvalues), directions.shape[1]
-    coordinates, force = np.zeros((2, size, N))
-    f, half_norm = np.zeros((m, size, N)), np.zeros((m, N))
+def coordinate_derivatives(state: ModalState, directions: Array) -> Array:
+    """Return the derivatives of the coordinates at rest along N changes of the properties, (4 n + 4, N)."""
+    free, size = state.model.free, state.model.size
+    coordinates, force = np.zeros((2, size, directions.shape[1]))
     for part, force_jacobian in state.force_jacobians:
         force += scatter(part.coordinates, force_jacobian @ directions[part.properties], size)
     coordinates[free] = -state.stiffness_factors.solve(force[free])
+    return coordinates
+
+
+def sensitivities(state: ModalState, directions: Array) -> Sensitivities:
+    """Return the derivatives of equilibrium and modes along N changes of the properties, (properties, N)."""
+    free, size, m, N = state.model.free, state.model.size, len(state.eigenvalues), directions.shape[1]
+    coordinates = coordinate_derivatives(state, directions)
+    f, half_norm = np.zeros((m, size, N)), np.zeros((m, N))
     for part, by_coordinate, by_property, of_norm in state.pencil_jacobians:
         dq, dp = coordinates[part.coordinates], directions[part.properties]
         for k in range(m):

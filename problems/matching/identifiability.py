@@ -21,6 +21,7 @@ G. H. Golub, C. F. Van Loan, Matrix Computations, Johns Hopkins (2013), Section 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -191,8 +192,8 @@ class Identifiability:
         if not names:
             return (), np.zeros((0, 0))
         columns = [self.space.names.index(name) for name in names]
-        _, singular, rows = np.linalg.svd(self.jacobian[:, columns] * self.values[columns])
-        return names, _row_echelon(rows[: np.count_nonzero(singular > RANK * self._svd[0][0])])
+        logarithmic = self.jacobian[:, columns] * self.values[columns]
+        return names, determined_exponents(logarithmic, RANK * self._svd[0][0])
 
     def statements(self) -> tuple[str, ...]:
         """Return sentences that say which combinations of the unknowns the data determine."""
@@ -205,14 +206,31 @@ class Identifiability:
         ]
         names, rows = self.exponents
         if names and len(rows) < len(names):
-            products = [
-                " ".join(f"{name}^{value:.3g}" for name, value in zip(names, row, strict=True) if abs(value) > 1e-3)
-                for row in rows
-            ]
+            products = [product(names, row) for row in rows]
             held = "" if len(names) == size else ", with everything else held"
             found = f"only {' and '.join(products)}" if products else "nothing"
             said.append(f"Of {', '.join(names)}, they determine {found}{held}.")
         return tuple(said)
+
+
+def determined_exponents(jacobian: Array, least: float) -> Array:
+    """Return the exponents, (r, G), of the products of powers that data determine.
+
+    Parameters
+    ----------
+    jacobian : array (R, G)
+        Derivatives of the data by the logarithms of the G factors.
+    least : float
+        Singular value above which a combination of the logarithms is determined.
+    """
+    _, singular, rows = np.linalg.svd(jacobian)
+    return _row_echelon(rows[: np.count_nonzero(singular > least)])
+
+
+def product(names: Sequence[str], exponents: Array) -> str:
+    """Return a product of powers as text."""
+    powers = {name: f"{value:.3g}" for name, value in zip(names, exponents.tolist(), strict=True) if abs(value) > 1e-3}
+    return " ".join(name if power == "1" else f"{name}^{power}" for name, power in powers.items())
 
 
 def _row_echelon(rows: Array) -> Array:

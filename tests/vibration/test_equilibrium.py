@@ -3,7 +3,19 @@ import re
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, EquilibriumError, InputError, Model, StrainMeasures, static_equilibrium
+from ancf_casadi import (
+    Beam,
+    EquilibriumError,
+    InputError,
+    ModalDamping,
+    Model,
+    PointLoad,
+    StrainMeasures,
+    motion,
+    natural_modes,
+    static_equilibrium,
+)
+from ancf_casadi.export.document.model_document import Document
 
 # P L^2/EI: x/L, y/L, theta of the inextensible elastica with a transverse tip load, from elliptic integrals; Chebyshev
 # collocation agrees in all digits.
@@ -248,3 +260,78 @@ def test_a_beam_too_slender_for_arithmetic_is_an_error_with_advice(paper_beam):
     """The stiffness is singular, which once raised a RuntimeError in the solver."""
     with pytest.raises(EquilibriumError, match="a value is in the wrong unit"):
         static_equilibrium(Model(paper_beam(4, length=1e20)))
+
+
+class TestPointLoads:
+    @pytest.mark.parametrize("load", [0.5, 2.0, 10.0])
+    def test_the_beam_beyond_a_load_is_straight_and_the_rest_follows_the_elastica(
+        self, paper_beam, bending_stiffness, load
+    ):
+        """A load at 0.8 L, on a node, bends the beam up to there like a tip load."""
+        beam = paper_beam(25, axis=(1.0, 0.0), gravity=(0.0, 0.0))
+        a = 0.8 * beam.length
+        found = static_equilibrium(
+            Model(beam), loads=[PointLoad((0.0, load * bending_stiffness(beam) / a**2), point=a)]
+        )
+        x, y, theta = ELASTICA[load]
+        np.testing.assert_allclose(found.position(a) / a, (x, y), atol=1e-5)
+        beyond = (found.tip - found.position(a)) / (0.2 * beam.length)
+        np.testing.assert_allclose(beyond, (np.cos(theta), np.sin(theta)), atol=2e-5)
+        assert found.tip_angle == pytest.approx(theta, abs=2e-5)
+
+    def test_a_load_within_an_element_bends_the_beam_like_one_at_a_node(self, paper_beam, bending_stiffness):
+        a = 0.3771
+        beams = [paper_beam(n, axis=(1.0, 0.0), gravity=(0.0, 0.0)) for n in (20, 80)]
+        load = PointLoad((0.0, 2 * bending_stiffness(beams[0]) / a**2), 0.2 * bending_stiffness(beams[0]) / a, a)
+        coarse, fine = (static_equilibrium(Model(beam), loads=[load]).tip for beam in beams)
+        np.testing.assert_allclose(coarse, fine, atol=2e-5)
+
+    @pytest.mark.parametrize("clamp", [np.inf, 0.05])
+    def test_a_load_at_the_tip_is_the_tip_load_and_loads_add_up(self, paper_beam, clamp):
+        model = Model(paper_beam(clamp_stiffness=clamp))
+        expected = static_equilibrium(model, tip_force=(0.01, 0.02), tip_moment=1e-3).coordinates
+        halves = [PointLoad((0.01, 0.0), point=0.5), PointLoad((0.0, 0.02), 1e-3)]
+        np.testing.assert_allclose(static_equilibrium(model, loads=halves).coordinates, expected, atol=1e-12)
+        both = static_equilibrium(model, tip_force=(0.01, 0.02), loads=[PointLoad(moment=1e-3)])
+        np.testing.assert_allclose(both.coordinates, expected, atol=1e-12)
+
+    def test_natural_modes_under_a_load_within_the_beam_are_those_of_its_stiffness(self, hanging):
+        """A force along the beam stiffens it like a string."""
+        free, pulled = (
+            natural_modes(hanging, count=1, equilibrium=static_equilibrium(hanging, loads=loads)).frequencies[0]
+            for loads in ((), [PointLoad((0.0, -0.5), point=0.4)])
+        )
+        assert pulled > 1.2 * free
+
+    @pytest.mark.parametrize(
+        ("loads", "message"),
+        [
+            ([PointLoad(moment=1.0, point=0.51)], "point: 0.51 m is beyond the tip"),
+            ([(0.0, 1.0)], "loads: must be a PointLoad"),
+            (PointLoad(), "put it in a list"),
+            (None, "loads: must be a sequence"),
+        ],
+    )
+    def test_loads_that_cannot_act_are_refused(self, hanging, loads, message):
+        with pytest.raises(InputError, match=message):
+            static_equilibrium(hanging, loads=loads)
+
+    @pytest.mark.parametrize(
+        ("changes", "message"),
+        [({"point": -0.1}, "point: must be 0 or more"), ({"force": 1.0}, "force: must be a pair"),
+         ({"moment": np.nan}, "moment: must be a finite number")],
+    )  # fmt: skip
+    def test_a_load_has_finite_values_at_a_point_of_the_beam(self, changes, message):
+        with pytest.raises(InputError, match=message):
+            PointLoad(**changes)
+
+    def test_a_motion_is_differentiable_only_from_a_load_at_the_tip(self, hanging):
+        start = static_equilibrium(hanging, loads=[PointLoad((0.01, 0.0), point=0.4)])
+        with pytest.raises(InputError, match="start: only a load at the tip has derivatives here"):
+            motion(hanging, start=start, duration=0.1)
+
+    def test_a_document_holds_no_modes_about_an_equilibrium_under_such_loads(self, hanging):
+        rest = static_equilibrium(hanging, loads=[PointLoad((0.01, 0.0), point=0.4)])
+        law = ModalDamping(natural_modes(hanging, count=1, equilibrium=rest), (0.01,))
+        with pytest.raises(InputError, match="equilibrium under loads away from the tip"):
+            Document(hanging, law).to_dict()

@@ -39,7 +39,7 @@ from ancf_casadi.dynamics.segments import CLOSE, InitialValueProblem, Segment
 from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.trajectory import State
-from ancf_casadi.exceptions import SimulationError
+from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array, Index
@@ -74,6 +74,11 @@ class Problem:
         Largest number of steps, which are all kept in memory.
     load : TipLoad, optional
         Load at the tip, a given function of time.
+
+    Raises
+    ------
+    InputError
+        If the start is an equilibrium under loads other than those at the tip.
     """
 
     equations: Equations
@@ -85,6 +90,14 @@ class Problem:
     held: bool = False
     most_steps: int = MOST_KEPT_STEPS
     load: TipLoad | None = None
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        if isinstance(self.start, Equilibrium) and self.start.loads:
+            raise InputError(
+                "only a load at the tip has derivatives here; give it as tip_force and tip_moment, or give a State",
+                "start",
+            )
 
     @cached_property
     def layout(self) -> Layout:

@@ -103,6 +103,8 @@ def law_from(data: LawData, model: Model, where: str) -> DampingLaw:
 
 def _modes_data(modes: Modes, model: Model) -> ModesData:
     rest, own = modes.equilibrium, modes.model != model
+    if rest.loads:
+        raise InputError("refer to an equilibrium under loads away from the tip, which a document cannot hold", "modes")
     return ModesData(
         frequencies=tuple(modes.frequencies.tolist()),
         shapes=tuple(map(tuple, modes.shapes.T.tolist())),

@@ -1,0 +1,82 @@
+"""A load at one point of a beam: a force and a moment that keep their values while the beam moves.
+
+The force F keeps its direction in the laboratory.  The moment m turns the cross-section, theta = atan2(r'_y, r'_x), so
+that the generalized force on the nodal coordinates is S^T F + m dtheta/de, with r = S e at the point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.support.inputs import number, positive, vector
+
+
+@dataclass(frozen=True)
+class PointLoad:
+    """A force and a moment at one point of a beam.
+
+    Parameters
+    ----------
+    force : (float, float)
+        Force in the laboratory frame, N.
+    moment : float
+        Moment, positive counterclockwise, N m.
+    point : float, optional
+        Arc length of the point from the clamp, m; the tip if not given.
+
+    Raises
+    ------
+    InputError
+        If a value is not finite, or the point is negative.
+    """
+
+    force: tuple[float, float] = (0.0, 0.0)
+    moment: float = 0.0
+    point: float | None = None
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        object.__setattr__(self, "force", vector(self.force, "force"))
+        object.__setattr__(self, "moment", number(self.moment, "moment"))
+        if self.point is not None and number(self.point, "point") < 0.0:
+            raise InputError(f"must be 0 or more, got {self.point:g}", "point")
+
+    @classmethod
+    def hung(cls, mass: float, point: float | None = None, *, gravity: tuple[float, float] = (0.0, -9.81)) -> PointLoad:
+        """Return the weight of a mass (kg) that hangs at a point.
+
+        Raises
+        ------
+        InputError
+            If the mass is not positive, or the gravity is zero.
+        """
+        x, y = vector(gravity, "gravity")
+        if not (x or y):
+            raise InputError("is zero, so a mass has no weight; give the gravity at the place of the test", "gravity")
+        mass = positive(mass, "mass")
+        return cls((mass * x, mass * y), point=point)
+
+    def place(self, beam: Beam) -> float:
+        """Return the arc length of the point on a beam, m.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        if self.point is None:
+            return beam.length
+        if self.point > beam.length:
+            raise InputError(f"{self.point:g} m is beyond the tip of the beam, at {beam.length:g} m", "point")
+        return self.point
+
+    def scaled(self, factor: float) -> PointLoad:
+        """Return a multiple of the load at the same point."""
+        return PointLoad((factor * self.force[0], factor * self.force[1]), factor * self.moment, self.point)
+
+    @property
+    def values(self) -> tuple[float, float, float]:
+        """Force (Fx, Fy), N, and moment, N m."""
+        return (*self.force, self.moment)

@@ -1,0 +1,75 @@
+"""Readings of sensors on a beam at rest, as functions of its coordinates.
+
+With r = S e at the arc length s of a sensor, unit direction d, and t = r'(s) the tangent,
+
+    position, displacement    d . r;  a displacement is the change from rest without the loads,
+    slope                     angle from the axis of the beam to t, positive counterclockwise,
+    strain                    eps - kappa h/2 on the surface to the left of the tangent, with the thickness h,
+    force, moment             d . F and M that the clamp exerts on the beam.
+
+F and M follow from the generalized forces f = Q_e - Q_g on the clamped coordinates (r_0, tau_0): F = (f_1, f_2) and
+M = tau_0 x (f_3, f_4), because a rotation of the clamp by dtheta turns tau_0 by dtheta (-tau_y, tau_x).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES
+from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.strain import axial_strain, curvature
+from ancf_casadi.records.sensor import Sensor
+
+FACTORS = (*PROPERTIES, *LUMPED)  # order of the factors on the properties of a beam
+AT_REST = ("position", "displacement", "slope", "strain", "force", "moment")
+
+
+def readings(model: Model, sensors: Sequence[Sensor]) -> cs.Function:
+    """Return (e, f, factors) -> the readings of k sensors, and their Jacobians by e, f and the factors.
+
+    f are the generalized forces on the clamped coordinates, (4,), and the factors (6,) multiply the properties in the
+    order of ``FACTORS``.
+
+    Raises
+    ------
+    InputError
+        If a sensor reads nothing at rest, has its direction in the frame of the body, or is not on the beam.
+    """
+    e, f, factors = cs.MX.sym("e", model.size), cs.MX.sym("f", NODE), cs.MX.sym("factors", len(FACTORS))
+    y = cs.vertcat(*(_reading(model, sensor, e, f, factors) for sensor in sensors))
+    jacobians = [cs.densify(cs.jacobian(y, x)) for x in (e, f, factors)]
+    return cs.Function("readings", [e, f, factors], [cs.densify(y), *jacobians])
+
+
+def place(model: Model, sensor: Sensor) -> float:
+    """Return the arc length of a sensor, m."""
+    return model.beam.length if sensor.point is None else sensor.point
+
+
+def _reading(model: Model, sensor: Sensor, e: cs.MX, f: cs.MX, factors: cs.MX) -> cs.MX:
+    if sensor.quantity not in AT_REST:
+        raise InputError(f"{sensor.quantity} has no reading at rest; use one of {', '.join(AT_REST)}", "sensors")
+    if sensor.frame != "inertial":
+        raise InputError("the direction must be in the laboratory (frame='inertial') at rest", "sensors")
+    s, axis = place(model, sensor), model.beam.axis
+    d = cs.DM(np.array(sensor.direction) / math.hypot(*sensor.direction))
+    match sensor.quantity:
+        case "position" | "displacement":
+            return cs.dot(d, cs.DM(model.interpolation(s)) @ e)
+        case "force":
+            return cs.dot(d, f[:2])
+        case "moment":
+            return axis[0] * f[3] - axis[1] * f[2]
+    x, y = cs.vertsplit(cs.DM(model.slope_interpolation(s)) @ e)
+    if sensor.quantity == "slope":
+        return cs.atan2(axis[0] * y - axis[1] * x, axis[0] * x + axis[1] * y)
+    second = cs.vertsplit(cs.DM(model.curvature_interpolation(s)) @ e)
+    kappa = curvature((x, y), second, model.measures.curvature)
+    h = factors[FACTORS.index("thickness")] * model.beam.thickness[model.element_at(s)]
+    strain: cs.MX = axial_strain((x, y), model.measures.axial) - kappa * h / 2
+    return strain

@@ -1,0 +1,106 @@
+"""Values of a record computed with fitted properties, next to the measured ones."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ancf_casadi.estimation.result import known
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.tables import Table
+from problems.properties.records import PropertyRecord
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Computed and measured values of a record.
+
+    Parameters
+    ----------
+    record : PropertyRecord
+        The record.
+    values : array (m,)
+        Computed values, SI units.
+    errors : array (m,)
+        Standard errors of the computed values, from those of the properties.
+    """
+
+    record: PropertyRecord
+    values: Array
+    errors: Array
+
+    @property
+    def residuals(self) -> Array:
+        """Computed less measured values, SI units, (m,)."""
+        return np.asarray(self.values - self.record.measured)
+
+    @property
+    def relative_errors(self) -> Array:
+        """Residuals over the measured values, (m,); infinite for a value of 0."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(self.residuals / np.abs(self.record.measured))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals; SI units, which makes sense if all values have the same."""
+        return math.sqrt(float(np.mean(self.residuals**2)))
+
+    @property
+    def relative_rms(self) -> float:
+        """Root mean square of the relative errors."""
+        return math.sqrt(float(np.mean(self.relative_errors**2)))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Limitations, one sentence each."""
+        return ()
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each computed value."""
+        return dict(zip(self.record.labels, self.errors.tolist(), strict=True))
+
+    def table(self) -> Table:
+        """Return measured and computed values."""
+        rows = list(
+            zip(
+                self.record.labels,
+                self.record.units,
+                self.record.measured.tolist(),
+                self.values.tolist(),
+                map(known, self.errors.tolist()),
+                map(known, (100 * self.relative_errors).tolist()),
+                strict=True,
+            )
+        )
+        columns = ("value", "unit", "measured", "computed", "standard_error", "error_%")
+        return Table("prediction", self.record.name, columns, rows)
+
+    def report(self) -> str:
+        """Return the values as text."""
+        return self.table().text()
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the values for JSON, SI units."""
+        return {
+            "name": self.record.name,
+            "labels": list(self.record.labels),
+            "units": list(self.record.units),
+            "measured": self.record.measured.tolist(),
+            "computed": self.values.tolist(),
+            "standard_errors": [known(error) for error in self.errors.tolist()],
+            "rms": self.rms,
+            "relative_rms": known(self.relative_rms),
+        }
+
+    def figure(self) -> Figure:
+        """Draw measured and computed values, and the relative errors."""
+        from problems.properties.figures import records_figure  # matplotlib is slow to import
+
+        return records_figure([self])

@@ -1,0 +1,275 @@
+"""Fits of properties: recovery of known truth, coverage, and combinations that the records leave open."""
+
+import itertools
+import math
+import pickle
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from ancf_casadi import Beam, FitError, InputError, Model, PointLoad, Sensor
+from ancf_casadi.estimation.result import Result
+from problems import FrequencyRecord, StaticRecord, fit_properties
+from problems.properties.observation import FACTORS
+from problems.properties.response import changed
+
+DOWN = Sensor("displacement", 0.45, (0.0, -1.0))
+LOADS = [PointLoad.hung(mass, 0.45) for mass in (0.02, 0.05, 0.1, 0.2, 0.4)]
+
+
+@pytest.fixture(scope="module")
+def given():
+    """The beam of all tests in a configuration; E I = 0.6 N m^2."""
+
+    def make(length=0.5, **changes):
+        usual = {"width": 0.03, "thickness": 1.5e-3, "density": 1500.0, "elements": 6, "gravity": (0.0, -9.81)}
+        modulus = 0.6 * 12 / (0.03 * 1.5e-3**3)
+        return Model(
+            Beam.uniform(**{**usual, "length": length, "axis": (1.0, 0.0), "elastic_modulus": modulus, **changes})
+        )
+
+    return make
+
+
+def true_model(model, **factors):
+    return changed(model, np.array([factors.get(name, 1.0) for name in FACTORS]))
+
+
+def static(model, truth=None, noise=0.0, seed=0, **settings):
+    """Return a static record of a true beam, in the configuration ``model``."""
+    ideal = StaticRecord(truth or model, LOADS, np.ones(len(LOADS)), DOWN).respond(np.ones(len(FACTORS)))[0]
+    values = ideal * (1 + noise * np.random.default_rng(seed).standard_normal(len(ideal)))
+    return StaticRecord(model, LOADS, values, DOWN, **settings)
+
+
+def frequencies(model, truth=None, count=2, noise=0.0, seed=0, **settings):
+    ideal = FrequencyRecord(truth or model, np.ones(count)).respond(np.ones(len(FACTORS)))[0]
+    values = ideal * (1 + noise * np.random.default_rng(seed + 100_000).standard_normal(count))
+    return FrequencyRecord(model, values, **settings)
+
+
+class TestRecovery:
+    @pytest.mark.parametrize("factor", [0.6, 1.7])
+    def test_stiffness_and_clamp_from_one_load_deflection_table(self, given, factor):
+        model = given(clamp_stiffness=12.0)
+        truth = true_model(model, elastic_modulus=factor, clamp_stiffness=2.0)
+        fit = fit_properties(static(model, truth), ["bending_stiffness", "clamp_stiffness"])
+        assert fit["bending_stiffness"] == pytest.approx(0.6 * factor, rel=1e-5)
+        assert fit["clamp_stiffness"] == pytest.approx(24.0, rel=1e-4)
+        assert isinstance(fit, Result)
+
+    def test_modulus_and_density_from_statics_and_frequencies_of_two_lengths(self, given):
+        models = given(0.5), given(0.7)
+        records = [static(models[0], true_model(models[0], elastic_modulus=1.3, density=0.8))]
+        records += [frequencies(m, true_model(m, elastic_modulus=1.3, density=0.8)) for m in models]
+        fit = fit_properties(records, ["elastic_modulus", "density"])
+        assert fit["density"] == pytest.approx(0.8 * 1500.0, rel=1e-5)
+        assert fit["bending_stiffness"] == pytest.approx(1.3 * 0.6, rel=1e-5)
+        assert fit["mass_per_length"] == pytest.approx(0.8 * 1500.0 * 0.03 * 1.5e-3, rel=1e-5)
+
+    def test_the_result_of_a_fit_predicts_another_configuration(self, given):
+        truth = {"elastic_modulus": 1.2, "clamp_stiffness": 0.5}
+        model, other = given(clamp_stiffness=20.0), given(0.8, clamp_stiffness=20.0, axis=(0.0, -1.0))
+        record = static(model, true_model(model, **truth), 0.003, standard_deviation=5e-4)
+        fit = fit_properties(record, ["elastic_modulus", "clamp_stiffness"])
+        prediction = fit.predict(frequencies(other, true_model(other, **truth)))
+        assert (np.abs(prediction.residuals) < 4 * prediction.errors).all()
+        assert prediction.relative_rms < 0.02
+        found = fit.model(other).beam
+        assert found.elastic_modulus[0] == pytest.approx(fit["elastic_modulus"])
+        assert found.clamp_stiffness == pytest.approx(fit["clamp_stiffness"])
+
+    def test_a_rigid_clamp_is_found_to_be_rigid(self, given):
+        """The model has no clamp stiffness, so the fit starts from its own first value; E I/L = 1.2 N m."""
+        fit = fit_properties(static(given(), noise=0.005, seed=2), ["elastic_modulus", "clamp_stiffness"])
+        low, high = fit.intervals()["clamp_stiffness"]
+        assert math.isinf(high)
+        assert low > 5 * 1.2
+        below, above = fit.intervals()["bending_stiffness"]
+        assert below < 0.6 < above
+
+    def test_bounds_are_in_si_units_and_hold(self, given):
+        record = static(given(), true_model(given(), elastic_modulus=1.5))
+        fit = fit_properties(record, ["bending_stiffness"], bounds={"bending_stiffness": (0.5, 0.8)})
+        assert fit["bending_stiffness"] == pytest.approx(0.8)
+        assert "bending_stiffness is at its bound 0.8 N m^2" in fit.warnings[0]
+
+
+class TestDuality:
+    """1 + cos b cosh b = a b (sin b cosh b - cos b sinh b): a = m/(mu L) of a tip mass, or a = E I/(k L) of a clamp."""
+
+    MU, EI, L = 1500.0 * 0.03 * 1.5e-3, 0.6, 0.5
+
+    @pytest.mark.parametrize("a", [0.02, 0.2])
+    @pytest.mark.parametrize("kind", ["tip_mass", "clamp_stiffness"])
+    def test_a_tip_mass_and_a_soft_clamp_have_the_frequencies_of_the_closed_form(self, given, a, kind):
+        change = (
+            {"tip_mass": a * self.MU * self.L} if kind == "tip_mass" else {"clamp_stiffness": self.EI / (a * self.L)}
+        )
+        model = given(gravity=(0.0, 0.0), elements=20, **change)
+        found, _ = FrequencyRecord(model, np.ones(3)).respond(np.ones(len(FACTORS)))
+
+        def equation(b):
+            c, s, ch, sh = np.cos(b), np.sin(b), np.cosh(b), np.sinh(b)
+            return (1 + c * ch - a * b * (s * ch - c * sh)) / ch
+
+        grid = np.linspace(0.1, 9.0, 400)
+        roots = [brentq(equation, p, q) for p, q in itertools.pairwise(grid) if equation(p) * equation(q) < 0]
+        exact = np.array(roots[:3]) ** 2 / (2 * np.pi) * np.sqrt(self.EI / (self.MU * self.L**4))
+        np.testing.assert_allclose(found, exact, rtol=2e-5)
+
+    def test_frequencies_cannot_separate_a_tip_mass_from_a_soft_clamp_and_the_fit_says_so(self, given):
+        models = [given(length, gravity=(0.0, 0.0), tip_mass=0.005) for length in (0.3, 0.4, 0.5)]
+        records = [frequencies(m, noise=0.005, seed=k) for k, m in enumerate(models)]
+        fit = fit_properties(records, ["elastic_modulus", "tip_mass", "clamp_stiffness"])
+        assert len(fit.others) == 1
+        assert any("fits as well; the intervals cover both optima" in note for note in fit.warnings)
+        intervals = fit.intervals()
+        assert intervals["tip_mass"][0] == 0.0
+        assert intervals["tip_mass"][1] > 0.005
+        assert math.isinf(intervals["clamp_stiffness"][1])
+        assert intervals["clamp_stiffness"][0] < self.EI * self.MU / 0.005
+
+    def test_a_static_test_separates_them(self, given):
+        models = [given(length, gravity=(0.0, 0.0), tip_mass=0.005) for length in (0.3, 0.4, 0.5)]
+        records = [frequencies(m, noise=0.005, seed=k) for k, m in enumerate(models)]
+        records.append(static(models[-1], noise=0.005))
+        fit = fit_properties(records, ["elastic_modulus", "tip_mass", "clamp_stiffness"])
+        assert fit.others == ()
+        low, high = fit.intervals()["tip_mass"]
+        assert 0.0 < low < 0.005 < high
+
+
+class TestUncertainty:
+    @pytest.mark.slow
+    @pytest.mark.parametrize("stated", [False, True])
+    def test_intervals_cover_the_truth_as_often_as_they_say(self, given, stated):
+        """Of 300 records with 1 % noise; three standard deviations of the count are 3.8 %.
+
+        With a stated standard deviation, the larger of it and the scatter counts, which covers a little more often.
+        """
+        model, hits, runs = given(elements=4), 0, 300
+        for seed in range(runs):
+            table, tones = (make(model, noise=0.01, seed=seed) for make in (static, frequencies))
+            if stated:
+                table = StaticRecord(model, LOADS, table.measured, DOWN, 0.01 * table.measured)
+                tones = FrequencyRecord(model, tones.measured, 0.01 * tones.measured)
+            fit = fit_properties([table, tones], ["elastic_modulus", "density"])
+            low, high = fit.intervals()["density"]
+            hits += low <= 1500.0 <= high
+        share = hits / runs
+        assert 0.912 <= share <= (1.0 if stated else 0.988)
+
+    def test_stated_deviations_are_the_least_that_intervals_allow_for(self, given):
+        exact = static(given(), standard_deviation=1e-3)
+        fit = fit_properties(exact, ["elastic_modulus"])
+        _, jacobian = exact.respond(np.ones(len(FACTORS)))
+        expected = 1e-3 / np.linalg.norm(jacobian[:, FACTORS.index("elastic_modulus")])
+        assert fit.standard_errors["bending_stiffness"] / 0.6 == pytest.approx(expected, rel=1e-4)
+
+    def test_residuals_beyond_the_stated_deviations_widen_the_intervals_with_a_warning(self, given):
+        record = static(given(), noise=0.05, seed=5)
+        stated = StaticRecord(given(), LOADS, record.measured, DOWN, 0.005 * record.measured)
+        fits = [fit_properties(one, ["elastic_modulus"]) for one in (record, stated)]
+        assert fits[1].standard_errors["elastic_modulus"] == pytest.approx(
+            fits[0].standard_errors["elastic_modulus"], rel=1e-6
+        )
+        assert "times the stated standard deviations" in fits[1].warnings[0]
+
+    def test_as_many_values_as_unknowns_give_no_interval_but_a_warning(self, given):
+        record = StaticRecord(given(), LOADS[:1], [0.005], DOWN)
+        fit = fit_properties(record, ["elastic_modulus"])
+        assert math.isnan(fit.standard_errors["elastic_modulus"])
+        assert "no more values than unknowns" in fit.warnings[0]
+
+
+class TestOpenCombinations:
+    def test_a_table_of_loads_determines_the_bending_stiffness_alone(self, given):
+        """E b h^3, however the three share it."""
+        with pytest.raises(FitError, match=r"determine only elastic_modulus thickness\^3 width\. Estimate fewer"):
+            fit_properties(static(given(gravity=(0.0, 0.0))), ["elastic_modulus", "thickness", "width"])
+
+    def test_positions_under_the_own_weight_and_frequencies_leave_the_scale_of_mass_and_stiffness_open(self, given):
+        model = given()
+        sag = StaticRecord(model, [()], [0.003], Sensor("position", 0.5, (0.0, -1.0)))
+        with pytest.raises(FitError, match=r"determine only elastic_modulus density\^-1\. .*known force or weight"):
+            fit_properties([sag, frequencies(model)], ["elastic_modulus", "density"])
+
+    def test_a_known_load_sets_the_scale(self, given):
+        model = given()
+        fit = fit_properties([static(model), frequencies(model)], ["elastic_modulus", "density"])
+        assert fit.determined.statement == "the records determine all 2 unknowns"
+        assert fit.determined.rank == 2
+
+    def test_the_clamp_force_sets_the_scale_without_a_load(self, given):
+        """Two records of the beam at rest under its own weight: its sag, and the force that carries it."""
+        model = given()
+        sensors = [Sensor("position", 0.5, (0.0, -1.0)), Sensor("force", direction=(0.0, 1.0))]
+        record = StaticRecord(model, [()], np.ones((1, 2)), sensors)
+        exact = record.respond(np.ones(len(FACTORS)))[0]
+        rest = StaticRecord(true_model(model, elastic_modulus=0.8, density=0.9), [()], exact[None, :], sensors)
+        fit = fit_properties(rest, ["elastic_modulus", "density"])
+        assert fit["density"] == pytest.approx(1500.0, rel=1e-6)
+        assert fit["bending_stiffness"] == pytest.approx(0.6, rel=1e-6)
+
+
+class TestResult:
+    @pytest.fixture(scope="class")
+    @staticmethod
+    def fit(given):
+        models = given(0.5), given(0.7)
+        noisy = [static(models[0], noise=0.01, name="table"), *(frequencies(m, noise=0.01) for m in models)]
+        return fit_properties(noisy, ["elastic_modulus", "density"])
+
+    def test_report_and_dict_hold_values_intervals_and_records(self, fit):
+        text, data = fit.report(), fit.to_dict()
+        assert all(name in text for name in ("bending_stiffness", "mass_per_length", "table", "case 5", "mode 2"))
+        assert [own["name"] for own in data["properties"] if own["estimated"]] == ["elastic_modulus", "density"]
+        assert len(data["records"]) == 3
+
+    def test_the_figure_has_static_tests_and_frequencies_side_by_side(self, fit):
+        assert len(fit.figure().axes) == 4
+        assert len(fit.predictions[0].figure().axes) == 2
+
+    def test_records_survive_pickling(self, fit):
+        record = pickle.loads(pickle.dumps(fit.records[0]))
+        np.testing.assert_array_equal(record.measured, fit.records[0].measured)
+
+
+class TestInput:
+    @pytest.mark.parametrize(
+        ("unknowns", "settings", "message"),
+        [
+            ([], {}, "unknowns: must name"),
+            (["elastic_modulus"] * 2, {}, "unknowns: must name"),
+            (["stiffness"], {}, "unknowns: must be one of"),
+            (["tip_mass"], {}, "tip_mass: no beam has a tip mass"),
+            (["elastic_modulus"], {"bounds": {"density": (1.0, 2.0)}}, "bounds: density: not among the unknowns"),
+            (["elastic_modulus"], {"bounds": {"elastic_modulus": (1.0, 2.0)}}, "the first value"),
+            (["elastic_modulus"], {"bounds": {"elastic_modulus": 3.0}}, "bounds: elastic_modulus: must be a pair"),
+            (
+                ["elastic_modulus"],
+                {"bounds": {"elastic_modulus": (2.0, 1.0)}},
+                "bounds: elastic_modulus: must be a pair",
+            ),
+        ],
+    )
+    def test_unknowns_and_bounds_that_make_no_sense_are_refused(self, given, unknowns, settings, message):
+        with pytest.raises(InputError, match=message):
+            fit_properties(static(given()), unknowns, **settings)
+
+    def test_records_of_different_beams_are_refused(self, given):
+        records = static(given()), frequencies(given(thickness=2e-3))
+        with pytest.raises(InputError, match=r"records: the records must be of the same beam, .* a thickness from"):
+            fit_properties(records, ["elastic_modulus"])
+
+    def test_either_all_records_or_none_state_their_deviations(self, given):
+        records = static(given(), standard_deviation=1e-3), frequencies(given())
+        with pytest.raises(InputError, match="give them for all, or for none"):
+            fit_properties(records, ["elastic_modulus"])
+
+    @pytest.mark.parametrize("kind", [None, "record", 3, ["record"]])
+    def test_records_must_be_records(self, kind):
+        with pytest.raises(InputError, match="records: must be"):
+            fit_properties(kind, ["elastic_modulus"])

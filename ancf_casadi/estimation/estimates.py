@@ -267,7 +267,7 @@ class Estimates:
             steps = jacobian @ self.moves(level)
         below, above = (np.hypot(half, np.linalg.norm(np.fmax(side * steps, 0.0), axis=1)) for side in (-1.0, 1.0))
         ends = np.array([values - below, values + above]).T
-        ends[~jacobian.any(axis=1) | (self.degrees_of_freedom == 0)] = math.nan
+        ends[~jacobian.any(axis=1) | (self.noise.freedom == 0)] = math.nan
         return ends
 
 

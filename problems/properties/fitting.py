@@ -36,14 +36,14 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.estimates import LEVEL, quantile
+from ancf_casadi.estimation.estimates import LEVEL
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.least_squares import Unknown, least_squares
+from ancf_casadi.estimation.noise import Noise
 from ancf_casadi.estimation.polish import residuals_and_jacobian
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, check_instance, choices, instances, shown
 from problems.properties.determined import Determined
 from problems.properties.quantities import ALL_UNITS, CLAMP, COMBINED, STIFFNESSES, factors_of, unknown_of, value_of
@@ -123,8 +123,6 @@ def fit_properties(
     solved = tuple(unknown.name for unknown in started)
     _check_determined(own, solved)
     best, *others = _optima(own, started)
-    if own[0].deviations is not None:
-        best, *others = map(_at_least_as_stated, (best, *others))
     return PropertyFit(own, first, best, tuple(others))
 
 
@@ -147,7 +145,6 @@ def _optima(records: Sequence[PropertyRecord], unknowns: Sequence[Unknown]) -> l
                 [replace(unknown, guess=guess) for unknown, guess in zip(unknowns, start, strict=True)],
                 gauss_newton=True,
                 forward=True,
-                series=[len(record.measured) for record in records],
                 noise=ACCURACY,
                 systematic=ACCURACY,
                 options=OPTIONS,
@@ -156,12 +153,12 @@ def _optima(records: Sequence[PropertyRecord], unknowns: Sequence[Unknown]) -> l
         except FitError as error:
             failures.append(error)
         else:
-            fits.append(_settled(fit))
+            fits.append(_settled(fit, stated=records[0].deviations is not None))
     if not fits:
         raise failures[0]
     fits.sort(key=lambda fit: fit.residual_rms)
     found = [fits[0]]
-    most = quantile(LEVEL, fits[0].degrees_of_freedom) ** 2 * fits[0].dispersion + np.sum(fits[0].residuals ** 2)
+    most = np.sum(fits[0].residuals ** 2) + np.nan_to_num(fits[0].quantile(LEVEL) ** 2 * fits[0].noise.variance)
     for fit in fits[1:]:
         if np.sum(fit.residuals**2) < most and all(_differ(fit, other) for other in found):
             found.append(fit)
@@ -181,27 +178,32 @@ def _differ(fit: Fit, other: Fit) -> bool:
     return bool((np.abs(fit.values - other.values) > DIFFERENT * np.maximum(size, fit.lower / DIFFERENT)).any())
 
 
-def _settled(fit: Fit) -> Fit:
-    """Return a fit with the unknowns at their bounds whose distance from these the residuals do not show.
+def _settled(fit: Fit, stated: bool) -> Fit:
+    """Return a fit with unknowns at bounds, from which they differ by less than the residuals show, and its errors.
 
-    An interior-point method stays off a bound, by more the less the residuals depend on the unknown.
+    An interior-point method stays off a bound, by more the less the residuals depend on the unknown.  If standard
+    deviations are stated, the variance of the residuals is at least theirs, which is 1.
     """
-    seen = np.linalg.norm(fit.jacobian, axis=0) / (UNSEEN * math.sqrt(max(fit.dispersion, ACCURACY**2)))
+    m, deviation = len(fit.residuals), max(fit.residual_rms, ACCURACY)
+    seen = np.linalg.norm(fit.jacobian, axis=0) / (UNSEEN * deviation)
     low, high = seen * (fit.values - fit.lower) < 1.0, seen * (fit.upper - fit.values) < 1.0
-    if not ((low | high) & ~fit.active_bounds).any():
-        return fit
-    values = np.select([low, high], [fit.lower, fit.upper], fit.values)
+    values, free = np.select([low, high], [fit.lower, fit.upper], fit.values), ~(low | high)
     residuals, jacobian = residuals_and_jacobian(fit.model, values / fit.scale)
-    moved = replace(fit, values=values, residuals=residuals, jacobian=jacobian / fit.scale, active_bounds=low | high)
-    return replace(moved, covariance=_covariance(moved))
-
-
-def _covariance(fit: Fit) -> Array:
-    """Return the covariance of the unknowns; nan for those at a bound."""
-    covariance, free = np.full(fit.covariance.shape, math.nan), ~fit.active_bounds
-    inverse = np.linalg.pinv(fit.jacobian[:, free])
-    covariance[np.ix_(free, free)] = fit.dispersion * (inverse @ inverse.T)
-    return covariance
+    freedom = m - int(np.count_nonzero(free))
+    noise = Noise(float(residuals @ residuals) / freedom if freedom else math.nan, freedom)
+    if stated:
+        noise = Noise(max(noise.variance, 1.0), freedom) if freedom else Noise(1.0, math.inf)
+    covariance, inverse = np.full(fit.covariance.shape, math.nan), np.linalg.pinv(jacobian[:, free] / fit.scale[free])
+    covariance[np.ix_(free, free)] = (noise.variance + m * fit.systematic**2) * (inverse @ inverse.T)
+    return replace(
+        fit,
+        values=values,
+        covariance=covariance,
+        active_bounds=~free,
+        residuals=residuals,
+        jacobian=jacobian / fit.scale,
+        noise=noise,
+    )
 
 
 def _with_clamp(records: Sequence[PropertyRecord]) -> tuple[PropertyRecord, ...]:
@@ -274,13 +276,3 @@ def _check_determined(records: Sequence[PropertyRecord], names: tuple[str, ...])
             f"{found.statement}. Estimate fewer properties, or add a record: only a known force or weight sets the "
             "scale of mass and stiffness, and only another section or configuration separates their factors"
         )
-
-
-def _at_least_as_stated(fit: Fit) -> Fit:
-    """Return a fit whose standard errors are at least those of residuals of 1, the stated standard deviation."""
-    missing = 1.0 - fit.dispersion
-    if not missing > 0.0:
-        return fit
-    systematic = math.sqrt(missing / len(fit.residuals) + fit.systematic**2)
-    stated = replace(fit, systematic=systematic)
-    return replace(stated, covariance=_covariance(stated))

@@ -205,7 +205,7 @@ class PropertyFit:
         return notes
 
     def _scatter_warnings(self) -> list[str]:
-        if not self.fit.degrees_of_freedom:
+        if not self.fit.noise.freedom:
             return ["there are no more values than unknowns, so nothing shows their uncertainty; measure more"]
         if self.records[0].deviations is None or self.scatter < SCATTER:
             return []
@@ -230,9 +230,8 @@ class PropertyFit:
 
     @property
     def _certainty(self) -> list[tuple[str, float]]:
-        deviation = math.sqrt(self.fit.dispersion) if self.fit.degrees_of_freedom else math.nan
         held = {name for name, active in zip(self.names, self.fit.active_bounds, strict=True) if active}
-        return self.determined.without(held).certainty(deviation)
+        return self.determined.without(held).certainty(math.sqrt(self.fit.noise.variance))
 
     def table(self) -> Table:
         """Return the values with standard errors and intervals."""

@@ -19,6 +19,7 @@ import itertools
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import final
 
 import casadi as cs
@@ -143,6 +144,10 @@ class SampledLoad(TipLoad):
             _check_size(values, name)
             object.__setattr__(self, name, values)
 
+    def __reduce__(self) -> tuple[type[SampledLoad], tuple[ArrayLike, ...]]:
+        """Pickle the samples without the pieces, which the receiving process derives again."""
+        return SampledLoad, (self.time, self.force, np.asarray(self.moment))
+
     @property
     def begin(self) -> float:
         """Time of the first sample, s."""
@@ -150,6 +155,11 @@ class SampledLoad(TipLoad):
 
     def pieces(self) -> tuple[Piece, ...]:
         """Return the time before the record, the blows in it and the times between them, and the time after it."""
+        return self._pieces
+
+    @cached_property
+    def _pieces(self) -> tuple[Piece, ...]:
+        """The pieces; a fit needs them for each of its motions."""
         time = np.asarray(self.time, dtype=float)
         values = np.column_stack([np.asarray(self.force), np.asarray(self.moment)])
         if not values.any():

@@ -1,5 +1,7 @@
 """Force and moment at the tip against closed forms, statics and the linear response of the model."""
 
+import pickle
+
 import casadi as cs
 import numpy as np
 import pytest
@@ -306,6 +308,15 @@ def test_a_record_that_never_rests_is_one_piece_with_a_limited_step():
     before, record, after = load.pieces()
     assert (before.end, record.end, after.end) == (0.0, time[-1], np.inf)
     assert 4e-4 < record.largest_step < 2e-3
+
+
+def test_a_sampled_load_travels_between_processes_after_its_use():
+    load = SampledLoad([0.0, 1.0], [[1.0, 0.0], [2.0, 0.5]], [0.1, 0.2])
+    assert load.pieces() is load.pieces()
+    again = pickle.loads(pickle.dumps(load))
+    assert [piece.end for piece in again.pieces()] == [piece.end for piece in load.pieces()]
+    for name in ("time", "force", "moment"):
+        assert np.array_equal(getattr(again, name), getattr(load, name))
 
 
 def test_a_staircase_needs_short_steps_at_its_steps_alone():

@@ -1,8 +1,10 @@
 """First guess of frequency, damping ratio and amplitude from a measured free decay.
 
 A record may begin at rest or with an excitation (``release``).  From the release on, the highest peak of the spectrum
-gives the frequency.  For each decay rate of a list, the linear coefficients are fitted; the rate that leaves the
-smallest residuals is taken.
+gives the frequency.  For each decay rate of a list, the linear coefficients are fitted to the samples at their own
+times; the rate that leaves the smallest residuals is taken.  With gaps, several peaks of the spectrum are candidates
+(``spectrum``).  Each is refined, by the steps of ``local_decay``, and the one that leaves the smallest residuals is
+taken; if another explains the record nearly as well, a note says that the frequency is ambiguous.
 
 References
 ----------
@@ -17,13 +19,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ancf_casadi.decay.release import MINIMUM_SAMPLES, Release, find_release, peak_frequency
+from ancf_casadi.decay.local_decay import local_decay
+from ancf_casadi.decay.release import MINIMUM_SAMPLES, Release, find_release
+from ancf_casadi.decay.spectrum import peak_frequencies, typical_step, without_line
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 
 MINIMUM_PERIODS = 1.5  # counted from the peak of the spectrum, which may be too low by half a period
 NOISE_ODDS = 1e-4  # probability of mistaking pure noise for an oscillation
+UNKNOWNS = 6  # of an oscillation about a line
+MOST_GAPS = 20.0  # length of a record, in lengths of its samples without the gaps
+AMBIGUOUS = 10.0  # difference of twice the log-likelihood below which two frequencies are possible
+FEW_SAMPLES = 3.0  # per period, below which a note warns of aliasing
+SAME_TIME = 1e-6  # steps within which two times are the same
+ROUNDING = 1e-6  # residual relative to the record below which there is no noise
+DRIFTED = 0.02  # drift over the record, relative to the amplitude, that is worth a note
+DRIFTS = 0.5  # share of the residual variance that a drift explains, beyond which there is a note
 
 
 @dataclass(frozen=True)
@@ -52,6 +64,8 @@ class DecayGuess:
         Equilibrium, m; with drift, the one at the release.
     drift : float
         Velocity of the equilibrium, m/s.
+    notes : tuple of str
+        Limitations of the record that make the release or the frequency uncertain.
     """
 
     release: int
@@ -64,6 +78,7 @@ class DecayGuess:
     phase: float
     offset: float
     drift: float = 0.0
+    notes: tuple[str, ...] = ()
 
     @property
     def r0(self) -> float:
@@ -85,7 +100,7 @@ def first_guess(
     Parameters
     ----------
     record : Measurement
-        Record, which may begin at rest or with an excitation.
+        Record at any times, which may begin at rest or with an excitation.
     release_time : float, optional
         Start of the free decay, s; detected in the record if not given.
     offset : bool
@@ -96,72 +111,133 @@ def first_guess(
     Raises
     ------
     InputError
-        If there are too few samples or periods, or nothing oscillates.
+        If there are too few samples or periods, the record has hardly more than gaps, or nothing oscillates.
     """
-    time, displacement = _evenly_spaced(record)
+    time, displacement = record.time, record.values
+    step = typical_step(time)
+    if time[-1] - time[0] > MOST_GAPS * step * len(time):
+        share = 1 - step * len(time) / (time[-1] - time[0])
+        raise InputError(f"consists of gaps for {share:.0%} of its length; cut out the part with the decay", "record")
     if release_time is None:
-        found = find_release(time, _without_line(time, displacement) if drift else displacement)
+        found = find_release(time, displacement)
     else:
-        found = Release(int(np.searchsorted(time, release_time)), "given")
-    release = found.index
-    t, y = time[release:] - time[min(release, len(time) - 1)], displacement[release:]
+        found = Release(int(np.searchsorted(time, release_time - SAME_TIME * step)), "given")
+    begin = found.index
+    t, y = time[begin:] - time[min(begin, len(time) - 1)], displacement[begin:]
     if len(t) < MINIMUM_SAMPLES:
-        raise InputError(f"has {len(t)} samples of free decay; a fit needs at least {MINIMUM_SAMPLES}", "record")
+        doubt = "" if release_time is not None or not begin else f" after {found.reason}, or nothing oscillates"
+        raise InputError(f"has {len(t)} samples of free decay{doubt}; a fit needs at least {MINIMUM_SAMPLES}", "record")
     if np.ptp(y) == 0.0:
-        raise InputError("is constant, nothing oscillates", "record")
-    ω_d = 2 * math.pi * peak_frequency(t, _without_line(t, y) if drift else y - y.mean())
-    if ω_d * t[-1] < 2 * math.pi * MINIMUM_PERIODS:
-        raise InputError("has fewer than two periods of free decay, or nothing oscillates", "record")
-    λ, c, s, level, velocity = _best_rate(t, y, ω_d, offset, drift)
-    ω = math.hypot(ω_d, λ)
+        since = f" from {time[begin]:g} s on" if begin else ""
+        raise InputError(f"is constant{since}, nothing oscillates", "record")
+    line = np.array([np.ones(len(t)), t])  # a drift that is not asked for must not hide the oscillation
+    best, *others = _candidates(t, y, line)
+    if best.ω_d * t[-1] < 2 * math.pi * MINIMUM_PERIODS:
+        raise InputError(
+            f"has fewer than two periods of free decay in the {t[-1]:.3g} s from {time[begin]:g} s on "
+            f"({found.reason}), or nothing oscillates; record longer, or give the release (release_time)",
+            "record",
+        )
+    _check_oscillation(y, line, best)
+    asked = _with_rate(t, y, best.ω_d, best.λ, line[[offset, drift]])
+    level = np.zeros(2)
+    level[[offset, drift]] = asked.linear[2:]
+    c, s = asked.linear[:2].tolist()
+    ω = math.hypot(best.ω_d, best.λ)
     return DecayGuess(
-        release=int(np.searchsorted(record.time, time[release] - (time[1] - time[0]) / 2)),
+        release=begin,
         reason=found.reason,
-        duration=min(float(t[-1]), 1 / λ) if λ else float(t[-1]),
+        duration=min(float(t[-1]), 1 / best.λ) if best.λ else float(t[-1]),
         length=float(t[-1]),
         ω=ω,
-        ζ=λ / ω,
+        ζ=best.λ / ω,
         amplitude=math.hypot(c, s),
         phase=math.atan2(-s, c),
-        offset=level,
-        drift=velocity,
+        offset=float(level[0]),
+        drift=float(level[1]),
+        notes=(
+            *found.notes,
+            *_notes(t, y, best, others),
+            *([] if drift else _drift_note(t[-1], asked, best, record.sensor.unit)),
+        ),
     )
 
 
-def _evenly_spaced(record: Measurement) -> tuple[Array, Array]:
-    time = np.linspace(record.time[0], record.time[-1], len(record.time))
-    return time, np.interp(time, record.time, record.values)
+@dataclass(frozen=True)
+class _Candidate:
+    """A damped oscillation with the least residuals for its frequency: rates (rad/s), coefficients, misfit."""
+
+    ω_d: float
+    λ: float
+    linear: Array
+    misfit: float
 
 
-def _without_line(time: Array, displacement: Array) -> Array:
-    """Return the displacement minus a straight line fitted by least squares."""
-    t: Array = time - time.mean()
-    rest: Array = displacement - displacement.mean() - t * (t @ displacement) / (t @ t)
-    return rest
+def _candidates(t: Array, y: Array, baseline: Array) -> list[_Candidate]:
+    """Return an oscillation for each peak of the spectrum, that with the smallest residuals first."""
+    frequencies = peak_frequencies(t, without_line(t, y))
+    found = [_best_rate(t, y, 2 * math.pi * frequency, baseline) for frequency in frequencies]
+    if len(found) == 1:
+        return found
+    refined = []
+    for one in found:
+        local = local_decay(t - t[-1] / 2, y, one.λ, one.ω_d)
+        if local is not None and 0.0 < local.ω < math.pi / float(np.median(np.diff(t))):
+            one = min(one, _with_rate(t, y, local.ω, max(local.λ, 0.0), baseline), key=lambda one: one.misfit)
+        refined.append(one)
+    return sorted(refined, key=lambda one: one.misfit)
 
 
-def _best_rate(t: Array, y: Array, ω_d: float, offset: bool, drift: bool) -> tuple[float, float, float, float, float]:
-    """Return the best decay rate, coefficients of cosine and sine, offset and drift for a given frequency.
+def _best_rate(t: Array, y: Array, ω_d: float, baseline: Array) -> _Candidate:
+    """Return the oscillation with the best decay rate of a list, for a given frequency."""
+    rates = np.geomspace(0.1 / t[-1], ω_d / 2, 2 + max(0, int(math.log2(5 * ω_d * t[-1]))))  # a factor of 2 apart
+    return min((_with_rate(t, y, ω_d, λ, baseline) for λ in (0.0, *rates.tolist())), key=lambda one: one.misfit)
 
-    Raises
-    ------
-    InputError
-        If the oscillation is not significant.
-    """
-    baseline = np.array([np.ones(len(t)), t])[[offset, drift]]
-    waves = np.array([np.cos(ω_d * t), np.sin(ω_d * t)])
-    rates = np.geomspace(0.1 / t[-1], ω_d / 2, 2 + int(math.log2(5 * ω_d * t[-1])))  # about a factor of 2 apart
-    best, coefficients, rate = math.inf, np.zeros(4), 0.0
-    for λ in (0.0, *rates.tolist()):
-        basis = np.vstack([np.exp(-λ * t) * waves, baseline])
-        linear = np.linalg.lstsq(basis @ basis.T, basis @ y)[0]
-        left = float(np.sum((y - linear @ basis) ** 2))
-        if left < best:
-            best, coefficients, rate = left, linear, λ
-    constant = np.linalg.lstsq(baseline @ baseline.T, baseline @ y)[0] @ baseline if len(baseline) else 0.0
-    explained = float(np.sum((y - constant) ** 2)) - best
-    if explained * len(t) < 4 * math.log(len(t) / NOISE_ODDS) * best:
-        raise InputError("is noise, nothing oscillates", "record")
-    level = np.zeros(2)
-    level[[offset, drift]] = coefficients[2:]
-    return rate, float(coefficients[0]), float(coefficients[1]), float(level[0]), float(level[1])
+
+def _with_rate(t: Array, y: Array, ω_d: float, λ: float, baseline: Array) -> _Candidate:
+    """Return the oscillation with a given frequency and decay rate."""
+    basis = np.vstack([np.exp(-λ * t) * np.array([np.cos(ω_d * t), np.sin(ω_d * t)]), baseline])
+    linear = np.linalg.lstsq(basis @ basis.T, basis @ y)[0]
+    return _Candidate(ω_d, λ, linear, float(np.sum((y - linear @ basis) ** 2)))
+
+
+def _check_oscillation(y: Array, baseline: Array, best: _Candidate) -> None:
+    """Raise an InputError if the oscillation is not significant."""
+    constant = np.linalg.lstsq(baseline @ baseline.T, baseline @ y)[0] @ baseline
+    explained = float(np.sum((y - constant) ** 2)) - best.misfit
+    if explained * (len(y) - UNKNOWNS) < 4 * math.log(len(y) / NOISE_ODDS) * best.misfit:
+        raise InputError("is noise or drift, nothing oscillates", "record")
+
+
+def _notes(t: Array, y: Array, best: _Candidate, others: list[_Candidate]) -> list[str]:
+    """Return notes of an ambiguous frequency and of aliasing."""
+    notes, frequency = [], best.ω_d / (2 * math.pi)
+    least = best.misfit + ROUNDING**2 * float(y @ y)
+    rivals = [
+        f"{other.ω_d / (2 * math.pi):.4g}"
+        for other in others
+        if len(t) * math.log((other.misfit + least - best.misfit) / least) < AMBIGUOUS
+        and abs(other.ω_d - best.ω_d) * t[-1] > math.pi
+    ]
+    if rivals:
+        notes.append(
+            f"the gaps in the record leave the frequency ambiguous: {' or '.join(rivals)} Hz would fit as well as "
+            f"{frequency:.4g} Hz; record without gaps"
+        )
+    samples = 1 / (frequency * float(np.median(np.diff(t))))
+    if samples < FEW_SAMPLES:
+        notes.append(
+            f"the record has {samples:.2g} samples per period: a frequency above half the sampling rate would look "
+            "the same (alias); sample faster"
+        )
+    return notes
+
+
+def _drift_note(length: float, level: _Candidate, drifting: _Candidate, unit: str) -> list[str]:
+    """Return a note if a drift, which is not fitted, explains much of the residuals."""
+    moved = abs(drifting.linear[3]) * length
+    if drifting.misfit > (1 - DRIFTS) * level.misfit or moved < DRIFTED * math.hypot(*level.linear[:2]):
+        return []
+    return [
+        f"the equilibrium drifts by about {moved:.2g} {unit} over the record; fit the drift too (drift=True, --drift)"
+    ]

@@ -9,7 +9,7 @@ of the damping is proportional to length^(-3/2), which gives the length that wou
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -237,6 +237,7 @@ def decay_result(
     rows: slice,
     ratio_bounds: Interval,
     reason: str,
+    notes: Sequence[str] = (),
 ) -> DecayFit:
     """Return the result for one of the records of a fit.
 
@@ -256,6 +257,8 @@ def decay_result(
         Bounds of the damping ratio under the linear law.
     reason : str
         Reason for the start of the free decay.
+    notes : sequence of str
+        Limitations of the record.
     """
 
     def quantities(*x: cs.MX) -> cs.MX:
@@ -277,7 +280,7 @@ def decay_result(
         correlation=_correlation(fit, "eta1", "eta2"),
         standard_errors=errors,
         intervals={name: (low, high) for name, (low, high) in zip(QUANTITIES, ends.tolist(), strict=True)},
-        warnings=(*fit.warnings, *_warnings(fit, values, errors, time[-1] - time[0], residuals)),
+        warnings=(*notes, *fit.warnings, *_warnings(fit, values, errors, time[-1] - time[0], residuals)),
         time=time,
         residuals=residuals,
         model=model,

@@ -76,6 +76,7 @@ def fit_from(
             rows=slice(*rows),
             ratio_bounds=ratio_bounds,
             reason=guess.reason,
+            notes=guess.notes,
         )
         for time, indices, rows, guess in zip(times, columns, pairwise(ends), guesses, strict=True)
     )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi.decay.closed_forms import linear_decay
+from ancf_casadi.decay.excitation import end_of_excitation
 from ancf_casadi.decay.friction import friction_decay
 from ancf_casadi.decay.release import find_release
 from problems import fit_decay
@@ -116,3 +117,29 @@ def test_a_plain_decay_is_never_cut(kind):
         t = np.arange(0.0, rng.uniform(3.0, 30.0), 1 / 50)
         y = plain(kind, rng, t) + (0.0, 1e-4, 1e-2, 0.1)[k % 4] * rng.standard_normal(len(t))
         assert find_release(t, y).reason != ENDS
+
+
+@pytest.mark.parametrize("kind", ["linear", "quadratic", "friction", "drift", "two modes", "a far mode"])
+@pytest.mark.parametrize("longest", [1, 12, 200])
+def test_a_plain_decay_with_missing_frames_is_hardly_ever_taken_for_an_excitation(kind, longest):
+    """Up to 30 % of the frames are missing: single ones, in bursts, or as one gap; one record of 360 fails."""
+    rng, taken = np.random.default_rng(6), 0
+    for k in range(20):
+        t = np.arange(0.0, rng.uniform(14.0, 30.0), 1 / 50)
+        y = plain(kind, rng, t) + (0.0, 1e-4, 1e-2, 0.1)[k % 4] * rng.standard_normal(len(t))
+        keep = np.ones(len(t), dtype=bool)
+        while keep.mean() > 0.7 and (longest < 200 or keep.all()):
+            begin = int(rng.integers(len(t)))
+            keep[begin : begin + int(rng.integers(1, longest + 1))] = False
+        taken += end_of_excitation(t[keep], y[keep]) > 0
+    assert taken <= (kind == "two modes")
+
+
+def test_the_end_of_an_excitation_is_found_with_dropped_frames():
+    rng = np.random.default_rng(7)
+    for k in range(8):
+        t, x, stop = excited(0.01, (1.0, 0.99, 1.02)[k % 3], 20, 40, from_rest=True)
+        keep = rng.random(len(t)) > 0.3
+        found = find_release(t[keep], (x + 0.01 * rng.standard_normal(len(t)))[keep])
+        assert found.reason == ENDS
+        assert -3.0 < (t[keep][found.index] - stop) * FREQUENCY < 9.0

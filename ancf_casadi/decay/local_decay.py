@@ -1,0 +1,91 @@
+"""A short piece of a free decay, fitted without a damping law.
+
+With tau from the middle of the piece, a decay and other oscillations of known frequencies are
+
+    y = Re((z0 + z1 tau) exp((i omega - lambda) tau)) + d + sum Re(w_j exp(i omega_j tau))
+
+and z0, z1, d and w_j follow from linear least squares.  To first order, Re(z1/z0) is the error of the decay rate
+lambda, and -Im(z1/z0) that of the frequency omega.  Three rounds of
+
+    lambda <- lambda - Re(z1/z0),    omega <- omega + Im(z1/z0)
+
+make z1 vanish.  Then |z0| is the amplitude in the middle of the piece, and lambda = -d(ln A)/dt there, whatever the
+law.
+
+References
+----------
+M. Feldman, Hilbert Transform Applications in Mechanical Vibration, Wiley (2011).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ancf_casadi.support.arrays import Array
+
+ROUNDS = 3
+PLAUSIBLE = 0.5  # largest change of decay rate and frequency per round, relative to the frequency; beyond is noise
+
+
+@dataclass(frozen=True)
+class LocalDecay:
+    """Decay in the middle of a piece of a record.
+
+    Parameters
+    ----------
+    λ, ω : float
+        Decay rate (1/s) and damped natural frequency (rad/s).
+    amplitude : float
+        Amplitude, m.
+    λ_error, ω_error, amplitude_error : float
+        Their standard errors for white noise of standard deviation 1 m.
+    """
+
+    λ: float
+    ω: float
+    amplitude: float
+    λ_error: float
+    ω_error: float
+    amplitude_error: float
+
+
+def local_decay(τ: Array, y: Array, λ: float, ω: float, others: Sequence[float] = ()) -> LocalDecay | None:
+    """Return the decay in a piece of a record; None if there is no plausible one.
+
+    Parameters
+    ----------
+    τ : ndarray
+        Times from the middle of the piece, s.
+    y : ndarray
+        Displacement at each, m.
+    λ, ω : float
+        First guess of decay rate (1/s) and frequency (rad/s).
+    others : sequence of float
+        Frequencies of other oscillations, rad/s.
+    """
+    rest = np.column_stack([np.ones(len(τ)), waves(τ, others)])
+    for _ in range(ROUNDS):
+        fading = np.exp(-λ * τ)
+        cosine, sine = fading * np.cos(ω * τ), -fading * np.sin(ω * τ)
+        root = np.linalg.pinv(np.column_stack([cosine, sine, τ * cosine, τ * sine, rest]))[:4]
+        a, b, a1, b1 = root @ y
+        amplitude = math.hypot(a, b)
+        if not amplitude > 0.0:
+            return None
+        correction = complex(a1, b1) / complex(a, b)
+        if not abs(correction) < PLAUSIBLE * ω:
+            return None
+        λ, ω = λ - correction.real, ω + correction.imag
+    size, rate = (a * root[0] + b * root[1]) / amplitude, (a * root[2] + b * root[3]) / amplitude**2
+    turn = (a * root[3] - b * root[2]) / amplitude**2
+    return LocalDecay(λ, ω, amplitude, *(float(np.linalg.norm(row)) for row in (rate, turn, size)))
+
+
+def waves(τ: Array, frequencies: Sequence[float]) -> Array:
+    """Return cosine and sine (n, 2k) at the times for each of k frequencies (rad/s)."""
+    phase = np.outer(τ, np.asarray(frequencies, dtype=float))
+    return np.hstack([np.cos(phase), np.sin(phase)])

@@ -1,0 +1,123 @@
+"""Spectrum of a record at any times: typical step, and frequencies of the highest peaks.
+
+At even times the spectrum is a discrete Fourier transform with zeros appended.  At uneven times, with frames missing or
+a gap, the samples are put on the nearest points of a finer even grid and the rest of the grid is zero.  The transform
+of this grid is the classical periodogram of the samples themselves (Press and Rybicki), without values invented between
+them; a grid of a quarter of the step moves a sample by at most an eighth of it.
+
+A gap of length G in the middle gives each peak neighbours at distances of about 1/G that can be nearly as high.  All
+peaks that reach half the power of the highest are therefore candidates for the frequency of an oscillation.
+
+References
+----------
+J. D. Scargle, Studies in astronomical time series analysis II, Astrophysical Journal 263 (1982).
+W. H. Press, G. B. Rybicki, Fast algorithm for spectral analysis of unevenly sampled data, Astrophysical Journal 338
+(1989).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ancf_casadi.support.arrays import Array
+
+PADDING = 4  # length of the transform, in lengths of the record
+FINER = 4  # points of the grid per step, for uneven times
+UNEVEN = 0.05  # departure from even times, in steps, beyond which they are uneven
+PAUSE = 5.0  # median steps beyond which a step is a gap
+RIVAL = 0.5  # power of a candidate, relative to the highest peak
+MOST_CANDIDATES = 8
+SLOW = 6.0  # periods in a record, fewer of which may be the slow part of a step
+PIECE = 8  # samples of a piece
+NOISE_PEAK = 25.0  # power relative to that of the noise, which exceeds it in 1 of 3e7 bins or fewer
+
+
+def typical_step(time: Array) -> float:
+    """Return the mean step (s) of increasing times, without the gaps."""
+    steps = np.diff(time)
+    return float(steps[steps <= PAUSE * np.median(steps)].mean())
+
+
+def is_even(time: Array) -> bool:
+    """Return whether times are equally spaced."""
+    even = np.linspace(time[0], time[-1], len(time))
+    return bool(np.abs(time - even).max() <= UNEVEN * (even[1] - even[0]))
+
+
+def without_line(time: Array, values: Array) -> Array:
+    """Return the values minus a straight line fitted by least squares."""
+    t: Array = time - time.mean()
+    rest: Array = values - values.mean() - t * (t @ values) / (t @ t)
+    return rest
+
+
+def peak_frequencies(time: Array, swing: Array) -> list[float]:
+    """Return the candidates for the frequency of an oscillation (Hz), the highest peak of the spectrum first.
+
+    Parameters
+    ----------
+    time : ndarray
+        Increasing times, s.
+    swing : ndarray
+        Oscillation about 0 at each.
+
+    Returns
+    -------
+    list of float
+        One frequency for even times, and up to eight for uneven times.
+    """
+    if is_even(time):
+        frequency, power = _even_spectrum((time[-1] - time[0]) / (len(time) - 1), swing)
+        return [float(frequency[1 + np.argmax(power[1:])])]
+    step = float(np.median(np.diff(time)))
+    places = np.round((time - time[0]) / (step / FINER)).astype(int)
+    grid = np.zeros(places[-1] + 1)
+    np.add.at(grid, places, swing)
+    frequency, power = _even_spectrum(step / FINER, grid)
+    power = power[: max(3, int(np.searchsorted(frequency, 1 / (2 * step), side="right")))]
+    peaks = 1 + np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] >= power[2:]))
+    if not peaks.size:
+        return [float(frequency[1 + np.argmax(power[1:])])]
+    peaks = peaks[np.argsort(-power[peaks], kind="stable")][:MOST_CANDIDATES]
+    return [float(one) for one in frequency[peaks[power[peaks] >= RIVAL * power[peaks[0]]]]]
+
+
+def step_frequency(time: Array, values: Array) -> float:
+    """Return the frequency (Hz) of the strongest oscillation in a record that may have steps.
+
+    The spectrum of a step falls as 1/f, that of its derivative is flat.  Noise also has a flat spectrum, and is
+    subtracted before the power is multiplied by f^2.  Its power is the median of the spectrum.  A short decay fills the
+    whole spectrum, so that only the slow part of a step is left above a multiple of the median.  The noise is then
+    estimated from the lower quartile of the variance about a line in pieces of the record.  Uneven times are
+    interpolated, so that a level is no oscillation.
+    """
+    if not is_even(time):
+        even = np.linspace(time[0], time[-1], 1 + round((time[-1] - time[0]) / float(np.median(np.diff(time)))))
+        time, values = even, np.interp(even, time, values)
+    frequency, power = _even_spectrum((time[-1] - time[0]) / (len(time) - 1), values - values.mean())
+    median = float(np.median(power))
+    for noise in (median, min(median, len(values) * _quiet_variance(values))):
+        above = frequency**2 * np.maximum(power - NOISE_PEAK * noise, 0.0)
+        highest = float(frequency[1 + np.argmax(above[1:] if above.any() else power[1:])])
+        if highest * (time[-1] - time[0]) > SLOW:
+            break
+    return highest
+
+
+def _quiet_variance(values: Array) -> float:
+    """Return the lower quartile of the variance about a line, in pieces of the record."""
+    pieces = values[: len(values) // PIECE * PIECE].reshape(-1, PIECE)
+    if not len(pieces):
+        return math.inf
+    line = np.vander(np.linspace(-1.0, 1.0, PIECE), 2)
+    rest = pieces - pieces @ np.linalg.pinv(line).T @ line.T
+    return float(np.quantile(np.sum(rest**2, axis=1), 0.25)) / (PIECE - 2)
+
+
+def _even_spectrum(step: float, values: Array) -> tuple[Array, Array]:
+    """Return the frequencies (Hz) and the power of values at an even step (s)."""
+    length = 2 ** math.ceil(math.log2(PADDING * len(values)))
+    power = np.abs(np.fft.rfft(values, length)) ** 2
+    return np.arange(len(power)) / (length * step), power

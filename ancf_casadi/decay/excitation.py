@@ -45,6 +45,7 @@ MOST_PLACES = 20  # ends s tried in a first pass; a second pass tries those near
 TURN, ZOOMS = math.pi / 2, 4  # largest turn of p (rad per block), and refinements of it, each by a factor of 4
 
 # Decision.
+MOST_STEPS = 30  # of the refinement of poles
 ROUGH = 1e-3  # error, relative to the amplitude, that no model explains, such as an error of calibration
 CLEAR = 10.0  # difference of BIC that leaves no doubt
 POSSIBLE = 4.0  # difference of twice the log-likelihood within which an end is possible (95 %)
@@ -206,25 +207,23 @@ def _lossy(k: Array, z: ComplexArray) -> float:
 def _beating(k: Array, z: ComplexArray, modes: int) -> float:
     """Return the misfit of several free modes, by the matrix pencil.
 
-    If blocks were left out, the poles follow from interpolated blocks or from windows without any, whichever fit.
+    If blocks were left out, those of the pencil are interpolated, and the poles are refined by nonlinear least squares.
     """
     every = np.arange(k[0], k[-1] + 1)
     filled = np.exp(np.interp(every, k, np.log(np.abs(z))) + 1j * np.interp(every, k, np.unwrap(np.angle(z))))
-    known = np.isin(every, k)
-    best = math.inf
-    for width in {len(every) // 2 + 1, len(every) // 4 + 1 + modes, 2 * modes + 1}:
-        windows = np.lib.stride_tricks.sliding_window_view(filled, width)
-        whole = windows[np.lib.stride_tricks.sliding_window_view(known, width).all(axis=1)]
-        for hankel in (windows, whole):
-            if len(hankel) >= modes:
-                best = min(best, _misfit_of_poles(k, z, hankel, modes))
-    return best
-
-
-def _misfit_of_poles(k: Array, z: ComplexArray, hankel: ComplexArray, modes: int) -> float:
-    """Return the misfit of free modes whose poles follow from windows of successive blocks, the rows of ``hankel``."""
+    hankel = np.lib.stride_tricks.sliding_window_view(filled, len(filled) // 2 + 1)
     vectors = np.linalg.svd(hankel, full_matrices=False)[2][:modes].T
     poles = np.linalg.eigvals(np.linalg.lstsq(vectors[:-1], vectors[1:])[0])
-    poles = poles / np.maximum(np.abs(poles), 1.0)
-    basis = poles ** k[:, None]
-    return float(np.sum(np.abs(z - basis @ np.linalg.lstsq(basis, z)[0]) ** 2))
+
+    def residuals(log_poles: Array) -> Array:
+        growth, turn = np.split(log_poles, 2)
+        basis = np.exp(np.outer(k, np.minimum(growth, 0.0) + 1j * turn))
+        left = z - basis @ np.linalg.lstsq(basis, z)[0]
+        return np.concatenate([left.real, left.imag])
+
+    start = np.concatenate([np.log(np.maximum(np.abs(poles), np.finfo(float).tiny)), np.angle(poles)])
+    if len(k) == len(every):
+        return float(np.sum(residuals(start) ** 2))
+    from scipy.optimize import least_squares  # slow to import, and rarely needed
+
+    return 2 * float(least_squares(residuals, start, max_nfev=MOST_STEPS).cost)

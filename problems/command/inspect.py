@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ancf_casadi.decay.release import find_release, peak_frequency
+from ancf_casadi.decay.release import find_release
+from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Channel, Contents
 from ancf_casadi.records.measurement import Measurement
@@ -121,9 +122,9 @@ def _peak(time: Array, values: Array) -> float:
     if len(time) < FEWEST or np.ptp(values) == 0.0:
         return math.nan
     swing = values - values.mean()
-    frequency = peak_frequency(time, swing)
+    frequency = peak_frequencies(time, swing)[0]
     slow = frequency * (time[-1] - time[0]) < SLOW
-    return peak_frequency(time, swing, steps=True) if slow else frequency
+    return step_frequency(time, swing) if slow else frequency
 
 
 def _even(channel: Channel) -> tuple[Array, Array] | None:

@@ -10,7 +10,13 @@ from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
 from problems.command.output import Output, Subcommands, add_plot, figure_writer, json_text, new_files, positive_count
-from problems.command.record_options import add_part_options, add_record_options, read_record, releases
+from problems.command.record_options import (
+    add_part_options,
+    add_record_options,
+    check_no_record_options,
+    read_record,
+    releases,
+)
 from problems.command.tables.study_file import MOTION_KEYS, read_motions
 from problems.decay.comparison import compare_decay_laws
 from problems.transient.comparison import compare_laws
@@ -42,6 +48,7 @@ def _run(options: argparse.Namespace) -> Output:
     (plot,) = new_files([options.file], options.plot)
     found: LawComparison[Any]
     if options.file.lower().endswith(".toml"):
+        check_no_record_options(options, "a study has them in [[records]]")
         motions = read_motions(options.file)
         with located(f"{options.file}: [fit]"):
             if "fixed" in motions.settings:

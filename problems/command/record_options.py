@@ -84,3 +84,17 @@ def releases(options: argparse.Namespace, count: int) -> list[float | None]:
     if len(given) not in (1, count):
         raise InputError(f"has {len(given)} times for {count} files; give one, or one for each", "--release")
     return list(given * (count if len(given) == 1 else 1))
+
+
+def check_no_record_options(options: argparse.Namespace, instead: str) -> None:
+    """Refuse the options of a record where there is none.
+
+    Raises
+    ------
+    InputError
+        Naming the first option that is given, and what to do instead.
+    """
+    names = {"first": "--from", "last": "--to", "time_unit": "--time-unit"}
+    for name in ("column", "time", "unit", "time_unit", "rate", "sensor", "first", "last", "release"):
+        if getattr(options, name) is not None:
+            raise InputError(f"belongs to the file of a record; {instead}", names.get(name, f"--{name}"))

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import check_instance
+from ancf_casadi.support.interrupts import delayed_interrupts
 
 MOST_BYTES = 64 * 2**20  # of a file that is read
 
@@ -60,35 +63,50 @@ def write_file(path: Path, content: str | bytes) -> None:
     InputError
         If it cannot be written.
     """
-    check_file(path)
-    named, path = path, Path(os.path.realpath(path))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
-        try:
-            with os.fdopen(descriptor, "wb") as file:
-                file.write(content.encode() if isinstance(content, str) else content)
-            os.chmod(draft, 0o644)
-            os.replace(draft, path)
-        except BaseException:
-            os.unlink(draft)
-            raise
-    except OSError as error:
-        raise InputError(f"cannot be written ({error.strerror or error})", str(named)) from None
+    write_files({path: content})
 
 
-def remove_file(path: Path) -> None:
-    """Remove a file if it exists.
+def write_files(contents: Mapping[Path, str | bytes]) -> None:
+    """Write several files, all or none; missing folders are created.
+
+    All contents are written beside their files first, and then take their names, which a signal does not interrupt.  A
+    process that is killed leaves every file as it was, or complete and new.
 
     Raises
     ------
     InputError
-        If it cannot be removed.
+        If one cannot be written.
     """
+    for path in contents:
+        check_file(path)
+    drafts: dict[Path, str] = {}
+    path = Path()
     try:
-        path.unlink(missing_ok=True)
+        for path, content in contents.items():
+            drafts[path] = _draft(Path(os.path.realpath(path)), content)
+        with delayed_interrupts():
+            for path, draft in drafts.items():
+                os.replace(draft, os.path.realpath(path))
     except OSError as error:
-        raise InputError(f"cannot be removed ({error.strerror or error})", str(path)) from None
+        raise InputError(f"cannot be written ({error.strerror or error})", str(path)) from None
+    finally:
+        for draft in drafts.values():
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(draft)
+
+
+def _draft(path: Path, content: str | bytes) -> str:
+    """Write a content beside the file for which it is meant, and return its name."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    descriptor, draft = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}-")
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+        os.chmod(draft, 0o644)
+    except BaseException:
+        os.unlink(draft)
+        raise
+    return draft
 
 
 def check_path(path: Any, where: str) -> None:

@@ -6,7 +6,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from ancf_casadi.support.files import remove_file, write_file
+from ancf_casadi.support.files import write_files
 from ancf_casadi.support.tables import to_json
 from ancf_casadi.version import __version__
 from problems.study import paper
@@ -61,10 +61,7 @@ def results(study: Study) -> dict[str, Any]:
 
 
 def write_study(study: Study, folder: Path) -> list[Path]:
-    """Write tables and figures, then ``results.json``, and return the paths.
-
-    An existing ``results.json`` is removed first.  If writing stops early, the folder thus holds no ``results.json``
-    that differs from the tables.
+    """Write tables, figures and ``results.json``, all or none, and return the paths.
 
     Raises
     ------
@@ -76,9 +73,7 @@ def write_study(study: Study, folder: Path) -> list[Path]:
     contents: list[tuple[str, str | bytes]] = [(f"{table.name}.csv", table.csv()) for table in tables(study)]
     contents += figures.figures(study)
     contents.append(("results.json", to_json(results(study))))
-    remove_file(folder / "results.json")
-    for name, content in contents:
-        write_file(folder / name, content)
+    write_files({folder / name: content for name, content in contents})
     return [folder / name for name, _ in contents]
 
 

@@ -1,6 +1,7 @@
 """The exported C against Python, and refusals of Functions without C code."""
 
 import ctypes
+import os
 import shutil
 import subprocess
 
@@ -21,9 +22,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.export import beam_functions, values, write_c
-from ancf_casadi.export.targets import c
 from ancf_casadi.export.targets.decay_program import SAMPLE, SAMPLES
-from ancf_casadi.support import files
 
 LAW = RayleighDamping(alpha=0.5, beta=3e-5) + QuadraticDamping(eta2=0.2)
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2", "-fPIC")
@@ -195,12 +194,11 @@ def test_functions_that_would_not_compile_are_refused(functions, tmp_path, funct
 
 
 def test_an_interrupted_export_leaves_no_files(functions, tmp_path, monkeypatch):
-    def interrupted(path, content):
-        if path.name == "main.c":
+    def interrupted(draft, mode):
+        if ".main.c-" in draft:
             raise KeyboardInterrupt
-        files.write_file(path, content)
 
-    monkeypatch.setattr(c, "write_file", interrupted)
+    monkeypatch.setattr(os, "chmod", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_c(functions, tmp_path)
     assert not list(tmp_path.iterdir())

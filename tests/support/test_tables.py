@@ -5,12 +5,16 @@ import io
 import json
 import math
 import os
+import signal
 import stat
+import subprocess
+import sys
+import time
 
 import pytest
 
 from ancf_casadi import InputError
-from ancf_casadi.support.files import check_file, check_folder, remove_file, write_file
+from ancf_casadi.support.files import check_file, check_folder, write_file, write_files
 from ancf_casadi.support.tables import Table, to_json
 
 TABLE = Table(
@@ -130,11 +134,59 @@ class TestFile:
         assert (tmp_path / "link").is_symlink()
         assert (tmp_path / "file").read_text() == "new"
 
-    def test_remove(self, tmp_path):
-        (tmp_path / "a.txt").write_text("")
-        remove_file(tmp_path / "a.txt")
-        remove_file(tmp_path / "a.txt")
-        assert list(tmp_path.iterdir()) == []
-        (tmp_path / "folder").mkdir()
-        with pytest.raises(InputError, match="folder: cannot be removed"):
-            remove_file(tmp_path / "folder")
+    @pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
+    def test_several_are_written_all_or_none(self, tmp_path, monkeypatch, error):
+        """The disk is full, or the process is interrupted, while the last is written beside its place."""
+        contents = {tmp_path / "a.txt": "new", tmp_path / "new" / "b.txt": "new"}
+        (tmp_path / "a.txt").write_text("old")
+        change_mode = os.chmod
+
+        def fails(draft, mode):
+            if ".b.txt-" in draft:
+                raise error
+            change_mode(draft, mode)
+
+        with monkeypatch.context() as patched:
+            patched.setattr(os, "chmod", fails)
+            with pytest.raises((KeyboardInterrupt, InputError)):
+                write_files(contents)
+        assert (tmp_path / "a.txt").read_text() == "old"
+        assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["a.txt"]
+        write_files(contents)
+        assert [path.read_text() for path in contents] == ["new", "new"]
+
+    def test_a_signal_does_not_come_between_the_names(self, tmp_path, monkeypatch):
+        """Ctrl-C after the first file has its name: the second gets its name too, and then it is raised."""
+        contents = {tmp_path / "a.txt": "new", tmp_path / "b.txt": "new"}
+        replace = os.replace
+
+        def interrupted(source, target):
+            signal.raise_signal(signal.SIGINT)
+            replace(source, target)
+
+        monkeypatch.setattr(os, "replace", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            write_files(contents)
+        assert [path.read_text() for path in contents] == ["new", "new"]
+
+    @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="there is no SIGKILL")
+    def test_a_killed_process_leaves_old_or_new_files(self, tmp_path):
+        """Killed at any moment of writing in a loop, each file is complete."""
+        sizes = {"a.txt": 200_000, "b.txt": 300_000}
+        for name, size in sizes.items():
+            (tmp_path / name).write_text("0" * size)
+        code = (
+            "import itertools, pathlib; from ancf_casadi.support.files import write_files\n"
+            "print(flush=True)\n"
+            "for k in itertools.cycle('123'):\n"
+            f"    write_files({{pathlib.Path(name): k * size for name, size in {sizes}.items()}})"
+        )
+        for delay in (0.0, 0.003, 0.011, 0.02):
+            with subprocess.Popen([sys.executable, "-c", code], cwd=tmp_path, stdout=subprocess.PIPE) as process:
+                assert process.stdout is not None
+                process.stdout.readline()
+                time.sleep(delay)
+                process.kill()
+            for name, size in sizes.items():
+                text = (tmp_path / name).read_text()
+                assert len(text) == size and len(set(text)) == 1

@@ -16,7 +16,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.targets.c_source import TABLE_NAMES, header, source
 from ancf_casadi.export.targets.decay_program import decay_program
 from ancf_casadi.export.targets.overwriting import check_ours
-from ancf_casadi.support.files import check_folder, remove_file, write_file
+from ancf_casadi.support.files import check_folder, write_files
 from ancf_casadi.support.inputs import matches, shown
 
 MARK = "/* Written by ancf-casadi"
@@ -77,22 +77,9 @@ def write_c(
     }
     for path in contents:
         check_ours(path, MARK)
-    _write_all(contents)
+    write_files(contents)
     source_path, header_path, program_path = contents
     return source_path, header_path, program_path
-
-
-def _write_all(contents: dict[Path, str]) -> None:
-    """Write all files, or none if one fails."""
-    written: list[Path] = []
-    try:
-        for path, content in contents.items():
-            write_file(path, content)
-            written.append(path)
-    except BaseException:
-        for path in written:
-            remove_file(path)
-        raise
 
 
 def _check_translated(function: cs.Function) -> None:

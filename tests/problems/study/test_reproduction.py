@@ -346,19 +346,11 @@ def drawn(monkeypatch):
 
 
 class TestWriting:
-    def test_results_come_last(self, study, drawn, tmp_path, monkeypatch):
-        order = []
-        write = report.write_file
-
-        def recorded(path, content):
-            order.append(path.name)
-            write(path, content)
-
-        monkeypatch.setattr(report, "write_file", recorded)
-        written = report.write_study(study, tmp_path / "new" / "folder")
-        assert order[-1] == "results.json"
-        assert [path.name for path in written] == order
-        assert sorted(path.name for path in (tmp_path / "new" / "folder").iterdir()) == sorted(order)
+    def test_results_come_last(self, study, drawn, tmp_path):
+        folder = tmp_path / "new" / "folder"
+        written = report.write_study(study, folder)
+        assert written[-1] == folder / "results.json"
+        assert sorted(folder.iterdir()) == sorted(written)
         assert json.loads(written[-1].read_text()) == report.results(study)
 
     def test_a_figure_that_fails_leaves_nothing(self, study, tmp_path, monkeypatch):
@@ -371,23 +363,21 @@ class TestWriting:
         assert list(tmp_path.iterdir()) == []
 
     @pytest.mark.parametrize("stopped_at", ["table04_quadratic.csv", "two.png", "results.json"])
-    def test_interrupted_leaves_no_results_and_no_drafts(self, study, drawn, tmp_path, monkeypatch, stopped_at):
-        """Results of an earlier run are removed too, because they do not belong to the new tables."""
-        (tmp_path / "results.json").write_text("{}")
-        replace_file = os.replace
+    def test_interrupted_it_leaves_an_earlier_study_as_it_was(self, study, drawn, tmp_path, monkeypatch, stopped_at):
+        earlier = {name: "earlier" for name in ("results.json", "table04_quadratic.csv", "two.png")}
+        for name, content in earlier.items():
+            (tmp_path / name).write_text(content)
+        change_mode = os.chmod
 
-        def interrupted(source, target):
-            if os.path.basename(target) == stopped_at:
+        def interrupted(draft, mode):
+            if os.path.basename(draft).startswith(f".{stopped_at}-"):
                 raise KeyboardInterrupt
-            replace_file(source, target)
+            change_mode(draft, mode)
 
-        monkeypatch.setattr(os, "replace", interrupted)
+        monkeypatch.setattr(os, "chmod", interrupted)
         with pytest.raises(KeyboardInterrupt):
             report.write_study(study, tmp_path)
-        left = {path.name for path in tmp_path.iterdir()}
-        assert "results.json" not in left
-        assert stopped_at not in left
-        assert not [name for name in left if name.startswith(".")]
+        assert {path.name: path.read_text() for path in tmp_path.iterdir()} == earlier
 
     def test_a_full_disk_is_an_input_error(self, study, drawn, tmp_path, monkeypatch):
         def full(source, target):

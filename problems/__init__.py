@@ -7,6 +7,7 @@ from problems.decay.fitting import fit_decay, fit_decays
 from problems.decay.mode_separation import fit_modes
 from problems.decay.proportional import RayleighFit, fit_rayleigh
 from problems.decay.result import DecayFit
+from problems.decay.takes import DecayFits
 from problems.matching.frequency_matching import match_frequencies
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.preference import LeastChange, Smoothness
@@ -23,6 +24,7 @@ from problems.transient.result import TransientFit
 
 __all__ = [
     "DecayFit",
+    "DecayFits",
     "FrequencyMatch",
     "FrequencyRecord",
     "Global",

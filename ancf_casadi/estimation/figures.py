@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ancf_casadi.estimation.agreement import Agreement
 from ancf_casadi.estimation.noise import autocorrelation
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.colours import COMPUTED, MEASURED
@@ -82,4 +83,18 @@ def scatter_figure(labels: Sequence[str], samples: Array, estimates: Array, erro
         axes.locator_params(axis="x", nbins=4)
         axes.ticklabel_format(axis="x", useOffset=False)
         axes.set(xlabel=label.replace("_", " "), yticks=[])
+    return figure
+
+
+def agreement_figure(quantities: Sequence[tuple[str, Agreement]]) -> Figure:
+    """Draw estimates with 95 % intervals, one plot per quantity, and the interval of their mean as a band."""
+    figure = Figure(figsize=(3.2 * max(len(quantities), 1), 2.8), layout="constrained")
+    plots = figure.subplots(1, max(len(quantities), 1), squeeze=False).ravel()
+    for axes, (label, one) in zip(plots, quantities, strict=False):
+        places = np.arange(1, len(one.values) + 1)
+        axes.axhspan(*one.interval, color=COMPUTED, alpha=0.2, lw=0)
+        axes.axhline(one.mean, lw=1, color=COMPUTED)
+        axes.errorbar(places, one.values, yerr=1.96 * one.errors, fmt="o", ms=4, lw=1, color=MEASURED)
+        axes.set(xlabel="record", ylabel=label, xticks=places, xlim=(0.5, len(places) + 0.5))
+        axes.ticklabel_format(axis="y", useOffset=False)
     return figure

@@ -24,12 +24,13 @@ from numpy.typing import ArrayLike
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.inputs import flag, instances, number, numbers
+from ancf_casadi.support.inputs import flag, instances, is_one_of, number, numbers
 from problems.decay.arguments import as_record, check_laws, checked_ratios
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED, compare_decay_laws
 from problems.decay.laws import FrequencyLaw, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import RATIO_BOUNDS, fit_from
+from problems.decay.takes import DecayFits, decay_fits
 
 
 def fit_decay(
@@ -78,7 +79,7 @@ def fit_decay(
         If the fit does not converge.
     """
     record = as_record(time, displacement)
-    if law == "auto" or frequency_law == "auto":
+    if is_one_of(law, ["auto"]) or is_one_of(frequency_law, ["auto"]):
         if flag(robust, "robust"):
             raise InputError("compares sums of squares; name a law, or leave out robust=True", "auto")
         return compare_decay_laws(
@@ -114,8 +115,8 @@ def fit_decays(
     release_times: Sequence[float] | None = None,
     ratio_bounds: tuple[float, float] = RATIO_BOUNDS,
     robust: bool = False,
-) -> tuple[DecayFit, ...]:
-    """Fit several free decays of one mode at once.
+) -> DecayFits:
+    """Fit several free decays of one mode at once and each alone, and test whether they agree.
 
     The records share frequency and damping coefficients; each has its own amplitude, phase, offset and drift.
 
@@ -130,8 +131,8 @@ def fit_decays(
 
     Returns
     -------
-    tuple of DecayFit
-        Result for each record, with the same frequency and damping coefficients.
+    DecayFits
+        Result for each record, with the same frequency and damping coefficients; and the agreement of the records.
 
     Raises
     ------
@@ -151,13 +152,20 @@ def fit_decays(
         first_guess(record, release_time=release, offset=offset, drift=drift)
         for record, release in zip(records, releases, strict=True)
     ]
-    return fit_from(
-        guesses,
-        records,
-        law=law,
-        frequency_law=frequency_law,
-        offset=offset,
-        drift=drift,
-        ratio_bounds=bounds,
-        robust=robust,
-    )
+
+    def fitted(chosen: slice) -> tuple[DecayFit, ...]:
+        return fit_from(
+            guesses[chosen],
+            records[chosen],
+            law=law,
+            frequency_law=frequency_law,
+            offset=offset,
+            drift=drift,
+            ratio_bounds=bounds,
+            robust=robust,
+        )
+
+    every = fitted(slice(None))
+    if len(records) == 1:
+        return decay_fits(every, every)
+    return decay_fits(every, [fitted(slice(k, k + 1))[0] for k in range(len(records))])

@@ -101,7 +101,9 @@ def fit_modes(
     y, t = cs.DM(record.values[-len(left.time) :]), left.time - left.time[0]
     fit = least_squares(_sum(parts, t, y), unknowns, series=[len(t)], times=t, advice=ADVICE)
     fits = [
-        decay_result(model, fit, left.time, indices=indices, rows=slice(None), ratio_bounds=RATIO_BOUNDS, reason=reason)
+        decay_result(
+            model, fit, left.time, indices=indices, rows=slice(0, len(t)), ratio_bounds=RATIO_BOUNDS, reason=reason
+        )
         for model, indices in parts
     ]
     return tuple(sorted(fits, key=lambda fit: fit.frequency))

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.estimation.estimates import LEVEL
-from ancf_casadi.estimation.fit import Fit, colour_warning
+from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.estimation.resampling import refit
 from ancf_casadi.estimation.result import known
@@ -26,13 +26,10 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array
 from problems.decay.laws import LAWS, QUANTITIES, DecayModel, FrequencyLaw, Interval, Law
+from problems.decay.limitations import limitations
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-ROUNDING = 1e-6  # residual relative to the amplitude, below which there is no noise
-FEW_PERIODS = 5  # of free decay, below which there is a warning
-IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
 
 
 @dataclass(frozen=True, eq=False)
@@ -280,7 +277,7 @@ def decay_result(
         correlation=_correlation(fit, "eta1", "eta2"),
         standard_errors=errors,
         intervals={name: (low, high) for name, (low, high) in zip(QUANTITIES, ends.tolist(), strict=True)},
-        warnings=(*notes, *fit.warnings, *_warnings(fit, values, errors, time[-1] - time[0], residuals)),
+        warnings=(*notes, *fit.warnings, *limitations(fit, indices, rows, time, values, errors)),
         time=time,
         residuals=residuals,
         model=model,
@@ -294,30 +291,6 @@ def _correlation(fit: Fit, first: str, second: str) -> float:
     if not {first, second} <= set(fit.names):
         return math.nan
     return float(fit.correlations[fit.names.index(first), fit.names.index(second)])
-
-
-def _warnings(fit: Fit, values: Mapping[str, float], errors: Mapping[str, float], length: float, r: Array) -> list[str]:
-    """Return warnings of a short record, an uncertain damping ratio, and residuals that are not noise."""
-    warnings = []
-    periods = length * values["frequency"]
-    if periods < FEW_PERIODS:
-        warnings.append(
-            f"the record is short: {periods:.1f} periods of free decay hardly separate frequency, damping and "
-            f"equilibrium; record {FEW_PERIODS} periods or more"
-        )
-    noise_free = ROUNDING * values["amplitude"]
-    ζ, error = values["damping_ratio"], errors["damping_ratio"]
-    if math.sqrt(np.mean(r**2)) > noise_free and error > IMPRECISE * abs(ζ):
-        uncertainty = f"has a standard error of {error / abs(ζ):.0%}"
-        if error >= abs(ζ):
-            uncertainty = "does not differ significantly from zero"
-        advice = "less noise, or a larger release, would help"
-        if ζ * 2 * math.pi * periods < 1.0:
-            needed = length * (min(error / abs(ζ), 1.0) / IMPRECISE) ** (2 / 3) if ζ else math.inf
-            advice = f"the record is too short; {needed:.2g} s would give {IMPRECISE:.0%}"
-        warnings.append(f"the damping ratio {uncertainty}: {advice}")
-    coloured = colour_warning(fit, noise_free=noise_free)
-    return [*warnings, coloured] if coloured else warnings
 
 
 def _precise(end: float, interval: Interval) -> str:

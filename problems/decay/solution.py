@@ -30,7 +30,8 @@ from ancf_casadi.estimation.loss import HUBER, noise_of
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from problems.decay.laws import LAWS, DecayModel, FrequencyLaw, Law
-from problems.decay.result import ROUNDING, DecayFit, decay_result
+from problems.decay.limitations import ROUNDING
+from problems.decay.result import DecayFit, decay_result
 from problems.decay.start import starting_values
 
 RATIO_BOUNDS = (0.0, 0.999)

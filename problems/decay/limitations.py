@@ -1,0 +1,125 @@
+"""Limitations of a decay fit, stated as warnings.
+
+A fit is limited by a short record, by an uncertain damping ratio, by residuals that are not noise, and by a law that
+does not hold over the whole record.  The last is tested by dividing the record in two where the damping has received
+half of its information.  With the estimates x_1, x_2 of the mode from the two parts (``agreement.parts``) and their
+covariances,
+
+    (x_1 - x_2)' (C_1 + C_2)^-1 (x_1 - x_2)
+
+follows the chi-squared distribution if the law holds.  A fit that starts later then agrees with this one within the
+errors.  If the record is shorter than the decay, the standard error of the damping is proportional to length^(-3/2),
+which gives the length that would be enough.
+
+References
+----------
+G. C. Chow, Tests of equality between sets of coefficients in two linear regressions, Econometrica 28 (1960).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.special import chdtrc
+
+from ancf_casadi.estimation.agreement import DISAGREE, parts
+from ancf_casadi.estimation.fit import Fit, colour_warning
+from ancf_casadi.support.arrays import Array
+
+ROUNDING = 1e-6  # residual relative to the amplitude, below which there is no noise
+FEW_PERIODS = 5  # of free decay, below which there is a warning
+IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
+DAMPING = ("zeta", "eta1", "eta2", "eta0")  # unknowns whose information divides the record, the first that is free
+RELEASE = ("r0", "v0", "e0", "phase", "offset", "drift")  # unknowns of a release, which belong to no mode
+
+
+def limitations(
+    fit: Fit,
+    indices: tuple[int, ...],
+    rows: slice,
+    time: Array,
+    values: Mapping[str, float],
+    errors: Mapping[str, float],
+) -> list[str]:
+    """Return the limitations of the fit of one record, one sentence each.
+
+    Parameters
+    ----------
+    fit : Fit
+        Unknowns of all records.
+    indices : tuple of int
+        Positions of the unknowns of the record.
+    rows : slice
+        Residuals of the record.
+    time : ndarray
+        Times of the record from the release on, s.
+    values, errors : mapping
+        Quantities of the decay by name, and their standard errors.
+    """
+    noise_free = ROUNDING * values["amplitude"]
+    noisy = math.sqrt(np.mean(fit.residuals[rows] ** 2)) > noise_free
+    found = [
+        _short(time, values),
+        _uncertain(time, values, errors) if noisy else None,
+        colour_warning(fit, noise_free=noise_free),
+        _changing(fit, indices, rows, time) if noisy else None,
+    ]
+    return [text for text in found if text]
+
+
+def _short(time: Array, values: Mapping[str, float]) -> str | None:
+    periods = (time[-1] - time[0]) * values["frequency"]
+    if periods >= FEW_PERIODS:
+        return None
+    return (
+        f"the record is short: {periods:.1f} periods of free decay hardly separate frequency, damping and "
+        f"equilibrium; record {FEW_PERIODS} periods or more"
+    )
+
+
+def _uncertain(time: Array, values: Mapping[str, float], errors: Mapping[str, float]) -> str | None:
+    ζ, error, length = values["damping_ratio"], errors["damping_ratio"], time[-1] - time[0]
+    if not error > IMPRECISE * abs(ζ):
+        return None
+    uncertainty = f"has a standard error of {error / abs(ζ):.0%}"
+    if error >= abs(ζ):
+        uncertainty = "does not differ significantly from zero"
+    advice = "less noise, or a larger release, would help"
+    if ζ * 2 * math.pi * length * values["frequency"] < 1.0:
+        needed = length * (min(error / abs(ζ), 1.0) / IMPRECISE) ** (2 / 3) if ζ else math.inf
+        advice = f"the record is too short; {needed:.2g} s would give {IMPRECISE:.0%}"
+    return f"the damping ratio {uncertainty}: {advice}"
+
+
+def _changing(fit: Fit, indices: tuple[int, ...], rows: slice, time: Array) -> str | None:
+    """Return a warning if the two parts of a record disagree on the mode."""
+    mode = [k for k in indices if fit.names[k].split("_")[0] not in RELEASE and not fit.active_bounds[k]]
+    damping = [k for name in DAMPING for k in mode if fit.names[k].startswith(name)]
+    if not damping:
+        return None
+    information = np.cumsum(fit.jacobian[rows, damping[0]] ** 2)
+    early = np.zeros(len(fit.residuals), dtype=bool)
+    split = int(np.searchsorted(information, information[-1] / 2))
+    early[rows.start : rows.start + split] = True
+    late = np.zeros(len(fit.residuals), dtype=bool)
+    late[rows.start + split : rows.start + len(time)] = True
+    first, second = parts(fit, [early, late])
+    known = [k for k in mode if np.isfinite(first.values[k] + second.values[k])]
+    if not known:
+        return None
+    change = (second.values - first.values)[known]
+    covariance = (first.covariance + second.covariance)[np.ix_(known, known)]
+    size = np.sqrt(np.diag(covariance))
+    normal = change / size
+    square = float(normal @ np.linalg.lstsq(covariance / np.outer(size, size), normal)[0])
+    if chdtrc(len(known), square) >= DISAGREE:
+        return None
+    worst = known[int(np.argmax(np.abs(normal)))]
+    name, unit = fit.names[worst], f" {fit.units[worst]}".rstrip()
+    before, after = (f"{one.values[worst]:.5g} +- {one.covariance[worst, worst] ** 0.5:.2g}" for one in (first, second))
+    return (
+        f"the law does not hold over the record: {name} is {before}{unit} up to {time[split]:.4g} s, and {after}{unit} "
+        "later; compare laws (law='auto'), or show damping and frequency against amplitude (damping_curve)"
+    )

@@ -17,14 +17,14 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, get_args
 
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.inputs import flag, instances, is_one_of, number, numbers
+from ancf_casadi.support.inputs import choice, flag, instances, number, numbers
 from problems.decay.arguments import as_record, check_laws, checked_ratios
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED, compare_decay_laws
 from problems.decay.laws import FrequencyLaw, Law
@@ -79,7 +79,9 @@ def fit_decay(
         If the fit does not converge.
     """
     record = as_record(time, displacement)
-    if is_one_of(law, ["auto"]) or is_one_of(frequency_law, ["auto"]):
+    choice(law, (*get_args(Law), "auto"), "law")
+    choice(frequency_law or "constant", (*get_args(FrequencyLaw), "auto"), "frequency_law")
+    if law == "auto" or frequency_law == "auto":
         if flag(robust, "robust"):
             raise InputError("compares sums of squares; name a law, or leave out robust=True", "auto")
         return compare_decay_laws(

@@ -20,9 +20,13 @@ from problems.properties.result import PropertyFit
 from problems.transient.comparison import compare_laws
 from problems.transient.fitting import fit_transient
 from problems.transient.marker_record import MarkerRecord
+from problems.transient.motion_record import Camera, Channel, MotionRecord
+from problems.transient.prediction import Prediction
 from problems.transient.result import TransientFit
 
 __all__ = [
+    "Camera",
+    "Channel",
     "DecayFit",
     "DecayFits",
     "FrequencyMatch",
@@ -33,6 +37,7 @@ __all__ = [
     "MarkerRecord",
     "MeasuredModes",
     "MonteCarlo",
+    "MotionRecord",
     "PerElement",
     "Prediction",
     "PropertyFit",

@@ -1,9 +1,7 @@
 """Result of a simulation: positions, forces and energies.
 
-Axial force and bending moment follow from the strains, N = E A eps and M = E I kappa.  The curvature of a cubic element
-is accurate at its two Gauss points; elsewhere it is taken from the straight line through these values.  Of the axial
-strain, only the mean over an element is accurate; elsewhere the straight line through the means of two elements is
-used.
+Axial force and bending moment follow from the strains, N = E A eps and M = E I kappa, at the places where these are
+accurate (``mechanics.accurate_strain``).
 
 The energy balance is
 
@@ -15,16 +13,14 @@ motion.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as cs
 import numpy as np
 
+from ancf_casadi.mechanics.accurate_strain import axial_strains_near, curvature_at
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.mechanics.shape import gauss
-from ancf_casadi.mechanics.strain import axial_strain, curvature
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, number, whole
 
@@ -209,8 +205,7 @@ class Trajectory:
         InputError
             If the point is not on the beam.
         """
-        kind = self.model.measures.curvature
-        return self._from_gauss_points(s, lambda slope, second: curvature(slope, second, kind))
+        return np.asarray(curvature_at(self.model, s, self._interpolated))
 
     def axial_force(self, s: float) -> Array:
         """Return the axial force at arc length ``s`` (m), (k,), N, tension positive.
@@ -220,11 +215,9 @@ class Trajectory:
         InputError
             If the point is not on the beam.
         """
-        self.model.element_at(s)
-        place = s / self.model.beam.element_length - 0.5
-        index = min(max(int(place), 0), self.model.beam.elements - 2)
-        first, second = self._mean_axial_force(index), self._mean_axial_force(index + 1)
-        return np.asarray(first + (place - index) * (second - first))
+        width, thickness, _, modulus = self.model.properties
+        near = axial_strains_near(self.model, s, self._interpolated)
+        return np.asarray(sum(weight * (modulus * width * thickness)[k] * strain for weight, k, strain in near))
 
     def bending_moment(self, s: float) -> Array:
         """Return the bending moment at arc length ``s`` (m), (k,), N m, positive counterclockwise.
@@ -267,23 +260,7 @@ class Trajectory:
         """Error of the energy balance, (k,), J; 0 for an exact solution."""
         return np.asarray(self.energy - self.energy[0] - self.base_work - self.load_work + self.dissipated_energy)
 
-    def _mean_axial_force(self, index: int) -> Array:
-        """Return the mean over an element of E A eps, (k,)."""
-        width, thickness, _, modulus = self.model.properties[:, index]
-        points = ((index + gauss(2)[0]) * self.model.beam.element_length).tolist()
-        slopes = [self.model.slope_interpolation(point) @ self.coordinates.T for point in points]
-        strains = [axial_strain(slope, self.model.measures.axial) for slope in slopes]
-        return np.asarray(float(modulus * width * thickness) * np.mean(strains, axis=0))
-
-    def _from_gauss_points(self, s: float, strain: Callable[[Array, Array], Array]) -> Array:
-        """Return a strain, a function of r' and r'', at arc length s from the line through the Gauss points."""
-        l, index = self.model.beam.element_length, self.model.element_at(s)
-        first, second = ((index + gauss(2)[0]) * l).tolist()
-        values = [
-            strain(
-                self.model.slope_interpolation(point) @ self.coordinates.T,
-                self.model.curvature_interpolation(point) @ self.coordinates.T,
-            )
-            for point in (first, second)
-        ]
-        return np.asarray(values[0] + (s - first) / (second - first) * (values[1] - values[0]))
+    def _interpolated(self, matrix: Array) -> tuple[Array, Array]:
+        """Return x and y, (k,), from an interpolation matrix."""
+        x, y = matrix @ self.coordinates.T
+        return x, y

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import choice, number, vector
+from ancf_casadi.support.inputs import choice, flag, number, vector
 
 Quantity = Literal[
     "position", "displacement", "velocity", "acceleration", "slope", "strain", "force", "moment"
@@ -26,6 +27,10 @@ UNITS: Mapping[Quantity, str] = {
 }
 
 
+IN_BODY_FRAME = ("velocity", "acceleration", "force")
+AT_CLAMP = ("force", "moment")
+
+
 @dataclass(frozen=True)
 class Sensor:
     """A sensor on a beam.
@@ -33,37 +38,78 @@ class Sensor:
     Parameters
     ----------
     quantity : str
-        ``position`` (a coordinate in the laboratory), ``displacement`` (its change), ``velocity``, ``acceleration``,
-        ``slope`` (the rotation of the cross-section), ``strain`` (on the surface), ``force`` and ``moment`` (at the
-        clamp).
+        ``position`` (a coordinate in the laboratory), ``displacement`` (its change from an unknown origin),
+        ``velocity``, ``acceleration``, ``slope`` (the rotation of the cross-section from the axis of the straight beam,
+        counterclockwise), ``strain`` (on the surface), ``force`` and ``moment`` (of the base on the beam at the clamp,
+        the moment counterclockwise).
     point : float, optional
-        Arc length of the sensor from the clamp, m; the tip if not given.
+        Arc length of the sensor from the clamp, m; the tip if not given.  Forces and moments are those at the clamp.
     direction : (float, float)
         Direction of a position, displacement, velocity, acceleration or force; any length.
     frame : {"inertial", "body"}
-        Frame of ``direction``: the laboratory, or the cross-section, where (1, 0) is the tangent of the beam.
+        Frame of ``direction``: the laboratory, or the cross-section, where (1, 0) is the tangent of the beam and (0, 1)
+        its normal, a quarter turn counterclockwise from the tangent.
+    gravity : bool
+        Whether an acceleration is a - g, the reading of an accelerometer that responds to constant acceleration
+        (capacitive or piezoresistive, DC-coupled).  At rest, with g downwards, its vertical axis reads +9.81 m/s^2.
+        Piezoelectric accelerometers read changes only: give False.
+    distance : float, optional
+        Distance of a strain gauge from the neutral axis along the normal, m; half the thickness of the beam if not
+        given.  It is negative on the other surface.
 
     Raises
     ------
     InputError
-        If a name is unknown, the point is negative, or the direction has no length.
+        If a name is unknown, the point is negative or away from the clamp of a force, the direction has no length, or a
+        setting does not belong to the quantity.
     """
 
     quantity: Quantity = "displacement"
     point: float | None = None
     direction: tuple[float, float] = (1.0, 0.0)
     frame: Frame = "inertial"
+    gravity: bool = False
+    distance: float | None = None
 
     def __post_init__(self) -> None:
         """Validate."""
         choice(self.quantity, get_args(Quantity), "quantity")
         choice(self.frame, get_args(Frame), "frame")
+        flag(self.gravity, "gravity")
         if self.point is not None and number(self.point, "point") < 0.0:
             raise InputError(f"must be 0 or more, got {self.point:g}", "point")
+        if self.point and self.quantity in AT_CLAMP:
+            raise InputError(f"a {self.quantity} is that at the clamp, got a sensor at {self.point:g} m", "point")
         if not any(vector(self.direction, "direction")):
             raise InputError("must have a length, got (0, 0)", "direction")
+        if self.frame == "body" and self.quantity not in IN_BODY_FRAME:
+            raise InputError(f"must be 'inertial' for a {self.quantity}", "frame")
+        if self.gravity and self.quantity != "acceleration":
+            raise InputError(f"belongs to accelerations, not to a {self.quantity}", "gravity")
+        if self.distance is not None:
+            number(self.distance, "distance")
+            if self.quantity != "strain":
+                raise InputError(f"belongs to strains, not to a {self.quantity}", "distance")
 
     @property
     def unit(self) -> str:
         """SI unit of the record."""
         return UNITS[self.quantity]
+
+    @property
+    def unit_direction(self) -> tuple[float, float]:
+        """The direction with the length 1."""
+        x, y = self.direction
+        length = math.hypot(x, y)
+        return x / length, y / length
+
+    @property
+    def label(self) -> str:
+        """Direction and place of the sensor in a legend: ``x, tip``."""
+        place = "clamp" if self.quantity in AT_CLAMP else "tip" if self.point is None else f"{1e3 * self.point:.4g} mm"
+        if self.quantity in ("slope", "strain", "moment"):
+            return place
+        first, second = ("tangent", "normal") if self.frame == "body" else ("x", "y")
+        x, y = self.unit_direction
+        simple = {(1.0, 0.0): first, (0.0, 1.0): second, (-1.0, 0.0): f"-{first}", (0.0, -1.0): f"-{second}"}
+        return f"{simple.get((x, y), f'{x:.3g} {first} {y:+.3g} {second}')}, {place}"

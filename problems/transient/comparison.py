@@ -13,13 +13,13 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import instances
 from ancf_casadi.support.parallel import run_all
 from problems.transient.fitting import fit_transient
-from problems.transient.marker_record import MarkerRecord
+from problems.transient.marker_record import Record
 from problems.transient.result import TransientFit
 
 
 def compare_laws(
     model: Model,
-    records: MarkerRecord | Sequence[MarkerRecord],
+    records: Record | Sequence[Record],
     laws: Sequence[DampingLaw],
     *,
     executor: Executor | None = None,

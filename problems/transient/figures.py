@@ -1,40 +1,63 @@
-"""Figures of fits to large motion, made without a display."""
+"""Figures of fits to large motion and of predictions, made without a display."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.colours import MEASURED
-from problems.transient.marker_record import MarkerRecord
+from problems.transient.motion_record import Channel, MotionRecord
+
+IN_MM = ("position", "displacement")
 
 
-def markers_figure(records: Sequence[MarkerRecord], residuals: Array) -> Figure:
-    """Draw measured (dots) and fitted positions over time, and the residuals below; one column per record.
+def motion_figure(records: Sequence[MotionRecord], residuals: Sequence[Array]) -> Figure:
+    """Draw measured (dots) and computed readings over time, and the residuals below; one column per record.
+
+    Each quantity of a record has two diagrams.
 
     Parameters
     ----------
-    records : sequence of MarkerRecord
+    records : sequence of MotionRecord
         The measurements.
-    residuals : ndarray
-        Computed less measured positions, m: record by record, coordinate by coordinate.
+    residuals : sequence of array
+        Computed less measured readings of each channel, record by record, in the unit of the sensor.
     """
-    figure = Figure(figsize=(2.0 + 5.0 * len(records), 5.4), layout="constrained")
-    plots = figure.subplots(2, len(records), height_ratios=(2, 1), sharex="col", squeeze=False)
-    ends = np.cumsum([record.columns.size for record in records])[:-1]
-    for k, (record, own) in enumerate(zip(records, np.split(residuals, ends), strict=True)):
-        motion, left = plots[:, k]
-        time, measured = np.asarray(record.time), record.columns
-        for row, (positions, rest) in enumerate(zip(measured, own.reshape(measured.shape), strict=True)):
-            point = "tip" if record.points is None else f"{1e3 * record.points[row // 2]:.4g} mm"
-            colour, mean = f"C{row}", positions.mean()
-            motion.plot(time, 1e3 * (positions - mean), ".", ms=3, color=MEASURED)
-            motion.plot(time, 1e3 * (positions + rest - mean), lw=1, color=colour, label=f"{'xy'[row % 2]}, {point}")
-            left.plot(time, 1e3 * rest, lw=0.6, color=colour)
-        motion.set(ylabel="position less its mean, mm", title=f"record {k + 1}" if len(records) > 1 else None)
-        motion.legend(frameon=False, ncols=2, fontsize="small")
-        left.set(xlabel="time, s", ylabel="residual, mm")
+    rows = max(len(_quantities(record)) for record in records)
+    figure = Figure(figsize=(2.0 + 5.0 * len(records), 1.2 + 4.2 * rows), layout="constrained")
+    plots = figure.subplots(2 * rows, len(records), height_ratios=(2, 1) * rows, sharex="col", squeeze=False)
+    first = 0
+    for k, record in enumerate(records):
+        own = list(zip(record.own_channels, residuals[first:], strict=False))
+        first += len(own)
+        for row, quantity in enumerate(_quantities(record)):
+            motion, left = plots[2 * row : 2 * row + 2, k]
+            _draw(motion, left, [pair for pair in own if pair[0].sensor.quantity == quantity])
+        for unused in plots[2 * len(_quantities(record)) :, k]:
+            unused.set_visible(False)
+        plots[0, k].set_title(f"record {k + 1}" if len(records) > 1 else "")
+        plots[2 * len(_quantities(record)) - 1, k].set_xlabel("time, s")
     return figure
+
+
+def _quantities(record: MotionRecord) -> list[str]:
+    return list(dict.fromkeys(channel.sensor.quantity for channel in record.own_channels))
+
+
+def _draw(motion: Axes, left: Axes, channels: Sequence[tuple[Channel, Array]]) -> None:
+    """Draw the channels of one quantity: readings less their means above, residuals below."""
+    sensor = channels[0][0].sensor
+    size, unit = (1e3, "mm") if sensor.quantity in IN_MM else (1.0, sensor.unit)
+    for number, (channel, rest) in enumerate(channels):
+        time, values = channel.measurement.time, channel.measurement.values
+        colour, mean = f"C{number % 10}", values.mean()
+        motion.plot(time, size * (values - mean), ".", ms=3, color=MEASURED)
+        motion.plot(time, size * (values + rest - mean), lw=1, color=colour, label=channel.sensor.label)
+        left.plot(time, size * rest, lw=0.6, color=colour)
+    comma = f", {unit}" if unit else ""
+    motion.set_ylabel(f"{sensor.quantity} less its mean{comma}")
+    motion.legend(frameon=False, ncols=2, fontsize="small")
+    left.set_ylabel(f"residual{comma}")

@@ -1,20 +1,23 @@
-"""Damping laws, and properties of the beam, estimated from the measured large motion of points on it.
+"""Damping laws, and properties of the beam, estimated from its measured large motion, by sensors of any kind.
 
-The measured positions y_ij of the points s_j at the times t_i of a record are fitted by those of the nonlinear beam,
+The readings y_ci of the sensors c at their times t_i are fitted by those in the motion of the nonlinear beam,
 
-    minimise    1/2 sum (r(s_j, t_i; theta, P, b, F) - y_ij)^2        within bounds,
+    minimise    1/2 sum ((h_c(t_i; theta, P, b, F) - y_ci)/s_c)^2        within bounds,
 
 over parameters theta of the damping law, factors common to all elements on the properties P, the amplitude b of the
-base motion, and the tip load F from which the beam is released, with its rate of change (``problem``).  The forward
-sensitivities J of the integrated motion (``problem``) give the gradient J' r and the Gauss-Newton Hessian J' J.
-Several records, each with its own base motion and start, share all unknowns except amplitudes and loads.  If a record
-begins within a swing, the rate of change of the load gives the velocity at the start.
+base motion, the tip load F from which the beam is released, with its rate of change, and unknowns of the sensors
+(``problem``).  The standard deviations s_c weight channels of different units (``weights``).  The forward sensitivities
+J of the integrated motion (``problem``) give the gradient J' r and the Gauss-Newton Hessian J' J.  Several records,
+each with its own base motion and start, share all unknowns except amplitudes, loads and those of their sensors.  If a
+record begins within a swing, the rate of change of the load gives the velocity at the start.
+
+Motions alone do not fix the scale of mass and stiffness: ``determination`` names the combinations that they determine.
 
 For large motion, this replaces the fit of the closed form (27), which has no inertia along the beam, no higher modes,
 and no effect of the deflected shape on the drag.
 
 Robust fits replace the squares by the pseudo-Huber loss (``ancf_casadi.estimation.loss``).  In a first fit, the noise
-of the samples sets its threshold; in a second fit, from the estimates of the first, the median residual does.
+of the samples sets weights and threshold; in a second fit, from the estimates of the first, the median residuals do.
 
 The fit selects the tolerance of the integration, checks the effect of the integration error on the estimates, and
 allows for a small systematic error of the record (``tolerance``).  The tolerance of IPOPT, in units of the scales
@@ -33,7 +36,6 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import NoneType
-from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -42,30 +44,23 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.derivatives.release_load import START
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.least_squares import Unknown, least_squares, restarted
+from ancf_casadi.estimation.loss import HUBER
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import check_instance, choices, flag, instances, positive
-from problems.transient.marker_record import MarkerRecord
+from ancf_casadi.support.inputs import check_instance, choices, flag, positive
+from problems.transient.determination import ZERO, check_determined
+from problems.transient.marker_record import Record, motion_records
 from problems.transient.problem import OPTIONS, TransientProblem
 from problems.transient.result import TransientFit
-from problems.transient.tolerance import (
-    ALLOWED,
-    CHECK,
-    TIGHTEST,
-    TRUST,
-    first_tolerance,
-    huber_threshold,
-    spread,
-    tighter,
-    travel,
-)
-from problems.transient.unknowns import transient_unknowns
+from problems.transient.tolerance import ALLOWED, CHECK, TIGHTEST, first_tolerance, tighter
+from problems.transient.unknowns import Evidence, transient_unknowns
+from problems.transient.weights import first_weights
 
 
 def fit_transient(
     model: Model,
-    records: MarkerRecord | Sequence[MarkerRecord],
+    records: Record | Sequence[Record],
     damping: DampingLaw,
     *,
     properties: Sequence[str] = (),
@@ -75,6 +70,7 @@ def fit_transient(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     robust: bool = False,
     tolerance: float | None = None,
+    evidence: Sequence[Evidence] = (),
 ) -> TransientFit:
     """Estimate a damping law, and properties of the beam, from measured motions of the nonlinear beam.
 
@@ -82,8 +78,8 @@ def fit_transient(
     ----------
     model : Model
         The beam; its properties are the guesses of those to be estimated.
-    records : MarkerRecord or sequence of them
-        The measurements.
+    records : MotionRecord, MarkerRecord, Measurement, or sequence of them
+        The measurements.  A Measurement is a record of one channel, released from rest on a fixed base at time 0.
     damping : DampingLaw
         The law; its parameters (``damping.parameters``) are the guesses.
     properties : sequence of {"width", "thickness", "density", "elastic_modulus"}
@@ -103,6 +99,8 @@ def fit_transient(
     tolerance : float, optional
         Tolerance of the integration.  If not given, the fit selects one whose error shifts no estimate by more than a
         tenth of its standard error.  The result states the ``shifts``, and has a warning if one is too large.
+    evidence : sequence of Evidence
+        Further measurements of the same beam, such as static deflections.
 
     Raises
     ------
@@ -110,29 +108,34 @@ def fit_transient(
         If a name is unknown, a point is not on the beam, nothing is to be estimated, a guess is not within its bounds,
         or a record whose load is to be estimated does not start from an equilibrium.
     FitError
-        If the fit does not converge, or the records do not determine the unknowns.
+        If the fit does not converge, or the records determine combinations of the unknowns only, which the message
+        names.
     """
     check_instance(model, "model", Model)
-    records = instances([records] if isinstance(records, MarkerRecord) else records, "records", MarkerRecord)
+    motions = motion_records(records)
     check_instance(damping, "damping", DampingLaw)
     check_instance(bounds, "bounds", Mapping, NoneType)
     load = choices(load, START, "load")
     base_amplitude, robust = flag(base_amplitude, "base_amplitude"), flag(robust, "robust")
-    unknowns = transient_unknowns(model, records, damping, properties, base_amplitude, load, fixed, bounds or {})
-    chosen = first_tolerance(records, model.beam.length) if tolerance is None else positive(tolerance, "tolerance")
+    unknowns = transient_unknowns(
+        model, motions, damping, properties, base_amplitude, load, fixed, bounds or {}, evidence
+    )
+    weights = first_weights(motions, robust=robust)
+    chosen = first_tolerance(motions, weights, model.beam.length) if tolerance is None else tolerance
+    problem = TransientProblem(model, motions, damping, load, positive(chosen, "tolerance"), weights, tuple(evidence))
+    improve = robust or weights.improvable
     while True:
-        problem = TransientProblem(model, records, damping, load, chosen)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be integrated
-            fit = _fit(problem, unknowns, robust)
-            tight = replace(problem, tolerance=chosen / CHECK)
+            fit, problem = _fit(problem, unknowns, robust=robust, improve=improve)
+            tight = replace(problem, tolerance=problem.tolerance / CHECK)
             found = dict(zip(fit.names, fit.values.tolist(), strict=True))
             shifts = fit.shifts(tight.residuals_at(found) - fit.residuals)
         shift = float(np.abs(shifts).max())
-        if tolerance is not None or not shift > ALLOWED or chosen <= TIGHTEST:
+        if tolerance is not None or not shift > ALLOWED or problem.tolerance <= TIGHTEST:
             break
-        chosen = tighter(chosen, shift)
-        unknowns = restarted(unknowns, fit)
+        problem = replace(problem, tolerance=tighter(problem.tolerance, shift))
+        unknowns, improve = restarted(unknowns, fit), False
     law = damping.with_parameters([found.get(own.name, own.value) for own in damping.parameters])
     factors = {name: found.get(name, 1.0) for name in PROPERTIES}
     rows = zip(PROPERTIES, model.properties, strict=True)
@@ -140,30 +143,45 @@ def fit_transient(
     return TransientFit(law, Model(beam, model.measures), fit, problem, shifts)
 
 
-def _fit(problem: TransientProblem, unknowns: Sequence[Unknown], robust: bool) -> Fit:
-    """Return the estimates at the tolerance of a problem."""
-    records, runs = problem.records, problem.runs()
+def _fit(
+    problem: TransientProblem, unknowns: Sequence[Unknown], *, robust: bool, improve: bool
+) -> tuple[Fit, TransientProblem]:
+    """Return the estimates at the tolerance of a problem, and the problem with the weights that were used.
+
+    With ``improve``, a second fit from the estimates of the first uses the weights that its residuals give.
+    """
+    runs = problem.runs()
     motions = [one.function() for one in runs]
     names = [unknown.name for unknown in unknowns]
 
-    def residuals(*values: cs.MX) -> cs.MX:
-        return problem.residuals(motions, dict(zip(names, values, strict=True)))
+    def fitted(problem: TransientProblem, unknowns: Sequence[Unknown], *, first: bool) -> Fit:
+        weights = problem.weights
 
-    settings: dict[str, Any] = {
-        "gauss_newton": True,
-        "forward": True,
-        "series": [record.columns.shape[1] for record in records for _ in record.columns],
-        "noise": spread(records),
-        "systematic": TRUST * travel(records),
-        "options": OPTIONS,
-        "advice": "start from other guesses, set bounds, or fix some unknowns",
-    }
+        def residuals(*values: cs.MX) -> cs.MX:
+            return problem.residuals(motions, dict(zip(names, values, strict=True)))
+
+        if first:
+            check_determined(residuals, unknowns, ZERO * problem.tolerance * weights.travel)
+        return least_squares(
+            residuals,
+            unknowns,
+            huber=HUBER * weights.scale if robust else math.inf,
+            gauss_newton=True,
+            forward=True,
+            series=problem.series,
+            times=problem.times,
+            noise=weights.spread,
+            systematic=weights.systematic,
+            options=OPTIONS,
+            advice="start from other guesses, set bounds, or fix some unknowns",
+        )
+
     try:
-        fit = least_squares(residuals, unknowns, huber=huber_threshold(records) if robust else math.inf, **settings)
-        if robust:
-            threshold = huber_threshold(records, fit.residuals)
-            fit = least_squares(residuals, restarted(unknowns, fit), huber=threshold, **settings)
-        return fit
+        fit = fitted(problem, unknowns, first=True)
+        if improve:
+            problem = replace(problem, weights=problem.weights.improved(fit.residuals, robust=robust))
+            fit = fitted(problem, restarted(unknowns, fit), first=False)
+        return fit, problem
     except FitError as error:
         reasons = [f"; the last motion tried: {one.failure}" for one in runs if one.failure]
         raise FitError("".join([str(error), *reasons[:1]]), error.stats) from None

@@ -1,4 +1,7 @@
-"""The result of a fit to large motion: law, beam, uncertainties, and the effect of the integration error."""
+"""The result of a fit to large motion: law, beam, uncertainties, and the effect of the integration error.
+
+``TransientFit.predict`` computes another record with the estimates, without fitting.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +22,12 @@ from ancf_casadi.estimation.resampling import refit
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
+from problems.transient.marker_record import motion_record
+from problems.transient.prediction import Prediction, labels_of, predicted, root_mean_square
 from problems.transient.problem import OPTIONS, TransientProblem
 from problems.transient.tolerance import ALLOWED, TIGHTEST
 from problems.transient.unknowns import load_name, loads
+from problems.transient.weights import TRUST
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,6 +83,11 @@ class TransientFit:
         return dict(zip(self.fit.names, self.fit.values.tolist(), strict=True))
 
     @property
+    def residuals(self) -> list[Array]:
+        """Computed less measured readings of each channel, record by record, in the unit of the sensor."""
+        return self.problem.weights.split(self.fit.residuals)
+
+    @property
     def units(self) -> dict[str, str]:
         """Unit of each unknown."""
         return dict(zip(self.fit.names, self.fit.units, strict=True))
@@ -87,7 +98,7 @@ class TransientFit:
         return self.fit.standard_errors
 
     def refit(self, noise: Array) -> Array:
-        """Return the unknowns from a fit to the fitted motion plus noise (m)."""
+        """Return the unknowns from a fit to the fitted motion plus noise, weighted as ``fit.residuals``."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be integrated
             return refit(self.fit, noise, gauss_newton=True, forward=True, options=OPTIONS)
@@ -107,6 +118,28 @@ class TransientFit:
         held = held_start(self.model, start_jacobians(self.model), np.array(load))
         return State(held.coordinates, held.velocities)
 
+    def predict(self, record: Any, *, tip_mass: float | None = None) -> Prediction:
+        """Compute another record of the same beam with the estimates, without fitting, and compare.
+
+        The base motion, the start and the sensors are those of the record.  Release, offsets and the view of a camera
+        that are unknown have the middle of their bounds.  The origin of a displacement makes its mean error zero.
+
+        Parameters
+        ----------
+        record : MotionRecord, MarkerRecord or Measurement
+            The measurements.
+        tip_mass : float, optional
+            Mass at the tip in this record, kg; that of the fitted beam if not given.
+
+        Raises
+        ------
+        InputError
+            If a sensor is not on the beam, or the mass is not usable.
+        FitError
+            If the motion cannot be computed.
+        """
+        return predicted(self.problem, self.fit, motion_record(record), tip_mass)
+
     def report(self) -> str:
         """Return the result as text."""
         table = self.fit.table()
@@ -114,25 +147,48 @@ class TransientFit:
             f"integrated at the tolerance {self.problem.tolerance:.1e}; the integration error shifts no estimate by "
             f"more than {np.abs(self.shifts).max():.2g} standard errors"
         )
-        systematic = f"the standard errors allow for a systematic error of {self.fit.systematic:.1e} m in the record"
-        notes = (*table.notes, integration, systematic)
+        notes = (*table.notes, integration, *self._noise)
         return "\n".join([replace(table, notes=notes).text(), *(f"  note: {note}" for note in self.warnings)])
 
     def figure(self) -> Figure:
-        """Draw the measured positions and the fitted motion over time, and the residuals below."""
-        from problems.transient.figures import markers_figure  # matplotlib is slow to import
+        """Draw the measured readings and the fitted motion over time, and the residuals below."""
+        from problems.transient.figures import motion_figure  # matplotlib is slow to import
 
-        return markers_figure(self.problem.records, self.fit.residuals)
+        return motion_figure(self.problem.records, self.residuals)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
         return {
             "law": repr(self.law),
             **self.fit.to_dict(),
+            "channels": [
+                {"channel": label, "unit": unit, "noise": noise, "rms_error": rms}
+                for label, unit, noise, rms in self._channels
+            ],
             "tolerance": self.problem.tolerance,
             "integration_shifts": [float(shift) if math.isfinite(shift) else None for shift in self.shifts],
             "warnings": list(self.warnings),
         }
+
+    @property
+    def _channels(self) -> list[tuple[str, str, float, float]]:
+        """Label, unit, standard deviation in the weights and root mean square residual of each channel."""
+        channels, deviations = self.problem.channels, self.problem.weights.deviations.tolist()
+        labels = labels_of(self.problem.records)
+        rows = zip(labels, channels, deviations, self.residuals, strict=True)
+        return [(label, one.sensor.unit, noise, root_mean_square(rest)) for label, one, noise, rest in rows]
+
+    @property
+    def _noise(self) -> list[str]:
+        """Residuals and systematic error as notes of the report."""
+        systematic = f"the standard errors allow for a systematic error of {TRUST:.0e} of the travel of each channel"
+        if len(self.problem.weights.groups) == 1:
+            return [systematic]
+        rows = [
+            f"{label}: root mean square residual {rms:.3g} {unit}".rstrip() + f", weighted by 1/{noise:.3g}"
+            for label, unit, noise, rms in self._channels
+        ]
+        return [*rows, systematic]
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the motion, which the other process builds again."""

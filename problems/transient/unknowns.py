@@ -4,17 +4,22 @@
     width, thickness, density, elastic_modulus  factors on the properties, common to all elements
     base_amplitude_1, ...                       amplitude of the base motion of each record
     start_force_x_1, start_force_x_rate_1, ...  tip load that holds the beam at the start of each record, and its rate
+    release_1, camera_scale_1, ...              start of the motion, and view of the camera, of each record
+    offset_1_2, zero_1_2                        time offset and zero of the second channel of the first record
 
-The scale of an unknown is its guess.  The scale of a force is a tenth of E I/L^2, of a moment a tenth of E I/L, and of
-a rate this times the angular frequency of the first mode.
+The scale of an unknown of a sensor is half the distance of its bounds, that of any other its guess.  The scale of a
+force is a tenth of E I/L^2, of a moment a tenth of E I/L, and of a rate this times the angular frequency of the first
+mode.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import Any, Protocol
 
+import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, Parameter
@@ -25,7 +30,7 @@ from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import array, choices, shown
 from ancf_casadi.vibration.equilibrium import Equilibrium
-from problems.transient.marker_record import MarkerRecord
+from problems.transient.motion_record import Channel, MotionRecord
 
 NEAR = 0.10  # distance of the bounds of a property from its guess
 SLIGHT = 0.1  # scale of a load, relative to one that bends a beam by about its length
@@ -34,15 +39,30 @@ FIRST_MODE = 3.516  # angular frequency of a cantilever over (E I/(mu L^4))^1/2
 Bounds = Mapping[str, tuple[float, float]]
 
 
+class Evidence(Protocol):
+    """Further measurements of the same beam, such as static deflections, that enter a fit with its unknowns."""
+
+    @property
+    def size(self) -> int:
+        """Number of residuals."""
+
+    def unknowns(self) -> Sequence[Unknown]:
+        """Return the unknowns of these measurements; one of the same name as an unknown of the fit is that unknown."""
+
+    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+        """Return computed less measured values, in standard deviations of the latter, for unknowns by name."""
+
+
 def transient_unknowns(
     model: Model,
-    records: Sequence[MarkerRecord],
+    records: Sequence[MotionRecord],
     damping: DampingLaw,
     properties: Sequence[str],
     base_amplitude: bool,
     load: Sequence[str],
     fixed: Sequence[str],
     bounds: Bounds,
+    evidence: Sequence[Evidence] = (),
 ) -> list[Unknown]:
     """Return the unknowns; the arguments are those of ``fit_transient``.
 
@@ -54,41 +74,86 @@ def transient_unknowns(
     """
     choices(fixed, [parameter.name for parameter in damping.parameters], "fixed")
     choices(properties, PROPERTIES, "properties")
-    unknowns = []
-
-    def add(name: str, guess: float, usual: tuple[float, float], unit: str, scale: float = 0.0) -> None:
-        lower, upper = _pair(bounds[name], f"bounds: {name}") if name in bounds else usual
-        unknowns.append(Unknown(name, guess, scale or abs(guess) or 1.0, lower=lower, upper=upper, unit=unit))
-
-    def add_parameter(name: str, parameter: Parameter) -> None:
-        unit = "" if parameter.unit == "1" else parameter.unit
-        add(name, parameter.value, (parameter.lower, parameter.upper), unit)
-
-    for parameter in damping.parameters:
-        if parameter.name not in fixed:
-            add_parameter(parameter.name, parameter)
-    for name in properties:
-        add(name, 1.0, (1.0 - NEAR, 1.0 + NEAR), "")
+    found = [_of_parameter(own.name, own) for own in damping.parameters if own.name not in fixed]
+    found += [Unknown(name, 1.0, lower=1.0 - NEAR, upper=1.0 + NEAR) for name in properties]
     for k, record in enumerate(records):
         if base_amplitude:
-            for parameter in record.own_base.parameters:
-                add_parameter(amplitude_name(k, parameter.name), parameter)
+            found += [_of_parameter(amplitude_name(k, own.name), own) for own in record.own_base.parameters]
         if load:
-            if not (isinstance(record.start, Equilibrium) or record.start == "equilibrium"):
-                raise InputError("must be an equilibrium if its load is to be estimated", "start")
-            scales = _load_scales(model)
-            for name, value in loads(record):
-                if name in load:
-                    unit = f"N{' m' * ('moment' in name)}{'/s' * name.endswith('rate')}"
-                    add(load_name(k, name), value, (-math.inf, math.inf), unit, scales[name])
-    if not unknowns:
+            found += _of_load(k, record, load, model)
+        found += _of_sensors(k, record, model)
+    names = {unknown.name for unknown in found}
+    found += [unknown for one in evidence for unknown in one.unknowns() if unknown.name not in names]
+    if not found:
         raise InputError(
             "nothing is to be estimated; give a coefficient a guess above 0, or fix fewer of them", "damping"
         )
-    strange = set(bounds) - {unknown.name for unknown in unknowns}
+    strange = set(bounds) - {unknown.name for unknown in found}
     if strange:
         raise InputError(f"{', '.join(sorted(strange))}: not among the unknowns; remove these bounds", "bounds")
-    return unknowns
+    return [_within(unknown, bounds) for unknown in found]
+
+
+def _of_parameter(name: str, parameter: Parameter) -> Unknown:
+    unit = "" if parameter.unit == "1" else parameter.unit
+    guess, scale = parameter.value, abs(parameter.value) or 1.0
+    return Unknown(name, guess, scale, lower=parameter.lower, upper=parameter.upper, unit=unit)
+
+
+def _of_load(k: int, record: MotionRecord, load: Sequence[str], model: Model) -> list[Unknown]:
+    """Return the unknown components of the load at the start of a record, and of its rate."""
+    if not (isinstance(record.start, Equilibrium) or record.start == "equilibrium"):
+        raise InputError("must be an equilibrium if its load is to be estimated", "start")
+    if any(name.endswith("rate") for name in load) and record.earliest < 0.0:
+        raise InputError(
+            "samples are, or may be, before the release; while the load changes the beam is not at rest: cut the "
+            "record, or estimate no rates",
+            "load",
+        )
+    scales = _load_scales(model)
+    units = {name: f"N{' m' * ('moment' in name)}{'/s' * name.endswith('rate')}" for name in load}
+    values = [(name, value) for name, value in loads(record) if name in load]
+    return [Unknown(load_name(k, name), value, abs(value) or scales[name], unit=units[name]) for name, value in values]
+
+
+def _of_sensors(k: int, record: MotionRecord, model: Model) -> list[Unknown]:
+    """Return the unknown release of a record, view of its camera, and offset and zero of each channel."""
+    found = []
+    if isinstance(record.release, tuple):
+        found.append(_between(f"release_{k + 1}", record.release, "s"))
+    for name, limits, _, unit in record.camera.unknowns if record.camera else ():
+        if limits:
+            found.append(_between(f"{name}_{k + 1}", limits, unit))
+    for j, channel in enumerate(record.own_channels):
+        if channel.offset:
+            found.append(_between(f"offset_{k + 1}_{j + 1}", channel.offset, "s"))
+        if channel.zero:
+            found.append(_between(f"zero_{k + 1}_{j + 1}", channel.zero, channel.sensor.unit))
+        elif channel.sensor.quantity == "displacement":
+            guess = _origin_guess(channel, model)
+            found.append(Unknown(f"zero_{k + 1}_{j + 1}", guess, SLIGHT * model.beam.length, unit="m"))
+    return found
+
+
+def _between(name: str, limits: tuple[float, float], unit: str) -> Unknown:
+    """Return an unknown whose guess is the middle of its bounds."""
+    lower, upper = limits
+    return Unknown(name, (lower + upper) / 2, (upper - lower) / 2, lower=lower, upper=upper, unit=unit)
+
+
+def _origin_guess(channel: Channel, model: Model) -> float:
+    """Return the zero of a displacement whose mean is that of the straight beam, m."""
+    point = model.beam.length if channel.sensor.point is None else channel.sensor.point
+    straight = np.array(channel.sensor.unit_direction) @ model.interpolation(point) @ model.straight
+    return float(channel.measurement.values.mean() - straight)
+
+
+def _within(unknown: Unknown, bounds: Bounds) -> Unknown:
+    """Return an unknown with the bounds that the user gave."""
+    if unknown.name not in bounds:
+        return unknown
+    lower, upper = _pair(bounds[unknown.name], f"bounds: {unknown.name}")
+    return replace(unknown, lower=lower, upper=upper)
 
 
 def amplitude_name(record: int, name: str) -> str:
@@ -101,7 +166,7 @@ def load_name(record: int, name: str) -> str:
     return f"start_{name}_{record + 1}"
 
 
-def loads(record: MarkerRecord) -> list[tuple[str, float]]:
+def loads(record: MotionRecord) -> list[tuple[str, float]]:
     """Return the load at the start of a record, zero where it is unknown, and zero for its rate, by name."""
     start = record.start
     known = (*start.tip_force, start.tip_moment) if isinstance(start, Equilibrium) else (0.0,) * len(LOAD)

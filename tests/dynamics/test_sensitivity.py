@@ -230,6 +230,6 @@ def test_no_step_is_longer_than_the_largest(model):
     largest = max(step.length for step in free.passages[0].steps) / 10
     limited = Problem(equations=equations, **settings, largest_step=largest).solve(at)
     assert max(step.length for step in limited.passages[0].steps) <= largest * (1 + 1e-12)
-    assert abs(limited.coordinates - free.coordinates).max() < 1e-6 * model.beam.length
+    assert abs(limited.samples - free.samples).max() < 1e-6 * model.beam.length
     with pytest.raises(InputError, match="largest_step: must be positive"):
         motion(model, **SETTINGS, largest_step=0.0)

@@ -114,7 +114,7 @@ run = partial(simulate, MODEL, duration=0.1)
         (lambda: match_frequencies(BEAM, targets=FIRST, preference="x"), "preference: must be a LeastChange or a Smoo"),
         (lambda: match_frequencies(BEAM, targets=FIRST, starts=10**400), "starts: must be a whole number, 1 to 10000"),
         (lambda: fit_transient(BEAM, RECORD, LAW), "model: must be a Model, got a Beam; use Model(beam)"),
-        (lambda: fit_transient(MODEL, POSITIONS, LAW), "records: must be a MarkerRecord, got"),
+        (lambda: fit_transient(MODEL, POSITIONS, LAW), "records: must be a MotionRecord, a MarkerRecord or a Measu"),
         (lambda: fit_transient(MODEL, RECORD, [LAW]), "damping: must be a DampingLaw, got a list; use the sum of the"),
         (lambda: fit_transient(MODEL, RECORD, LAW, fixed="alpha"), "fixed: must be a sequence of names, got 'alpha'"),
         (lambda: fit_transient(MODEL, RECORD, LAW, bounds=[1]), "bounds: must be a mapping, got a list"),

@@ -12,14 +12,15 @@ from __future__ import annotations
 import numpy as np
 
 from ancf_casadi.dynamics.derivatives.linearised import Linearisation
-from ancf_casadi.dynamics.derivatives.run import Run, sample_weights
+from ancf_casadi.dynamics.derivatives.run import Run
+from ancf_casadi.dynamics.derivatives.sampling import clamp_jacobians, sample_weights
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 
 
 def forward(linearisation: Linearisation, run: Run, start: Array, b: Array, parameters: Array) -> Array:
-    """Return the derivatives of the coordinates along d directions, (k, 4 n + 4, d).
+    """Return the derivatives of the samples along d directions, (k, orders, 4 n + 4, d), at fixed instants.
 
     Parameters
     ----------
@@ -32,7 +33,11 @@ def forward(linearisation: Linearisation, run: Run, start: Array, b: Array, para
     """
     free, d = len(start) // 2, start.shape[1]
     dq, dv = start[:free], start[free:]
-    result = np.zeros((*run.coordinates.shape, d))
+    orders = run.samples.shape[1]
+    result = np.zeros((*run.samples.shape, d))
+    first = run.passages[0]
+    result[run.rest, 0, :NODE] = first.excitation.jacobian(first.begin)[:NODE] @ b
+    result[run.rest, 0, NODE:] = dq
     for passage in run.passages:
         excitation = passage.excitation
         da = passage.acceleration_jacobian @ np.vstack([dq, dv, excitation.jacobian(passage.begin) @ b, parameters])
@@ -43,9 +48,9 @@ def forward(linearisation: Linearisation, run: Run, start: Array, b: Array, para
             dV = np.einsum("ij,jkl->ikl", RADAU.inverse, dZ) / step.length
             accelerations = np.tensordot(RADAU.inverse[-1], dV - dv, 1) / step.length
             ends = np.array([dq, dv, da, dq + dZ[-1], dV[-1], accelerations])
-            for sample in linear.samples:
-                time = float(run.times[sample])
-                result[sample, :NODE] = excitation.jacobian(time)[:NODE] @ b
-                result[sample, NODE:] = np.tensordot(sample_weights(step, time), ends, 1)
+            if linear.samples.size:
+                times = run.times[linear.samples]
+                result[linear.samples, :, :NODE] = clamp_jacobians(excitation, times, orders) @ b
+                result[linear.samples, :, NODE:] = np.tensordot(sample_weights(step, times, orders), ends, 1)
             dq, dv, da = ends[3:]
     return result

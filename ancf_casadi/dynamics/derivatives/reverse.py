@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from ancf_casadi.dynamics.derivatives.linearised import Linearisation, LinearisedStep
-from ancf_casadi.dynamics.derivatives.run import Passage, Run, sample_weights
+from ancf_casadi.dynamics.derivatives.run import Passage, Run
+from ancf_casadi.dynamics.derivatives.sampling import clamp_jacobians, sample_weights
 from ancf_casadi.dynamics.equations import EXCITATION
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
@@ -18,9 +19,9 @@ from ancf_casadi.support.layout import Layout
 
 
 def reverse(linearisation: Linearisation, run: Run, weights: Array) -> tuple[Array, Array, Array]:
-    """Return the derivatives of d sums of the coordinates with respect to the first q and v, b, and the parameters.
+    """Return the derivatives of d sums of the samples with respect to the first q and v, b, and the parameters.
 
-    Each is an array (..., d).
+    Each is an array (..., d).  The instants of the samples are fixed.
 
     Parameters
     ----------
@@ -28,10 +29,10 @@ def reverse(linearisation: Linearisation, run: Run, weights: Array) -> tuple[Arr
         The Functions of linearised steps.
     run : Run
         The motion.
-    weights : array (k, 4 n + 4, d)
-        Weights of the coordinates in the sums.
+    weights : array (k, orders, 4 n + 4, d)
+        Weights of the samples in the sums.
     """
-    d, given_layout = weights.shape[2], linearisation.tangent.layout
+    d, given_layout = weights.shape[3], linearisation.tangent.layout
     free = given_layout["q"].stop
     first_layout = Layout.of(q=free, v=free, excitation=EXCITATION, parameters=run.parameters.size)
     p, b = np.zeros((run.parameters.size, d)), np.zeros((run.passages[0].excitation.b.size, d))
@@ -58,14 +59,16 @@ def reverse(linearisation: Linearisation, run: Run, weights: Array) -> tuple[Arr
         q, v = q + by_q, v + by_v
         b += excitation.jacobian(passage.begin).T @ given
         p += parameters
-    return np.vstack([q, v]), b, p
+    first, still = run.passages[0], weights[run.rest, 0].sum(axis=0)
+    b += first.excitation.jacobian(first.begin)[:NODE].T @ still[:NODE]
+    return np.vstack([q + still[NODE:], v]), b, p
 
 
 def _sampled(run: Run, passage: Passage, linear: LinearisedStep, weights: Array, b: Array) -> Array:
     """Return the weights (6, N, d) of q, v and a at both ends of a step from its samples; add those of b to ``b``."""
-    ends = np.zeros((6, weights.shape[1] - NODE, weights.shape[2]))
-    for sample in linear.samples:
-        time = float(run.times[sample])
-        b += passage.excitation.jacobian(time)[:NODE].T @ weights[sample, :NODE]
-        ends += np.multiply.outer(sample_weights(linear.step, time), weights[sample, NODE:])
-    return ends
+    samples = linear.samples
+    if not samples.size:
+        return np.zeros((6, weights.shape[2] - NODE, weights.shape[3]))
+    times, own, orders = run.times[samples], weights[samples], weights.shape[1]
+    b += np.einsum("soim,soid->md", clamp_jacobians(passage.excitation, times, orders), own[:, :, :NODE])
+    return np.asarray(np.tensordot(sample_weights(linear.step, times, orders), own[:, :, NODE:], ((0, 1), (0, 1))))

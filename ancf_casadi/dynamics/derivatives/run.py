@@ -10,9 +10,9 @@ import numpy as np
 
 from ancf_casadi.dynamics.equations import ExcitationPiece
 from ancf_casadi.dynamics.radau.stepper import Step
-from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU
+from ancf_casadi.dynamics.radau.tableau import RADAU
 from ancf_casadi.exceptions import SimulationError
-from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.interrupts import interrupted
 
@@ -49,10 +49,20 @@ class Excitation:
         """Return the derivatives of the excitation with respect to b, (15, m), at a time."""
         return np.asarray(self._jacobian(time, self.b).full())
 
+    def derivatives(self, time: float) -> Array:
+        """Return the clamped node and the time derivative of its acceleration, (16,), at a time."""
+        return np.asarray(self._derivatives(time, self.b).full().ravel())
+
     @cached_property
     def _jacobian(self) -> cs.Function:
         t, b, values = self._symbols
         return cs.Function("excitation_jacobian", [t, b], [cs.jacobian(values, b)])
+
+    @cached_property
+    def _derivatives(self) -> cs.Function:
+        t, b, values = self._symbols
+        jerk = cs.densify(cs.jacobian(values[2 * NODE : 3 * NODE], t))
+        return cs.Function("clamp_derivatives", [t, b], [cs.vertcat(values[: 3 * NODE], jerk)])
 
     @cached_property
     def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
@@ -95,20 +105,29 @@ class Run:
     parameters : array
         The parameters of the equation of motion.
     times : array (k,)
-        The samples, s.
+        The samples, s, on the clock of the base motion.
+    clocks : array (k,) or (0,)
+        Index of the unknown shift of each sample; empty if there are none.
+    rest : array
+        Indices of the samples before the motion, at rest.
     start_jacobian : array (2 N, ...)
         Derivatives of the first q and v with respect to theta, b, P and s.
     passages : list of Passage
         Its smooth pieces.
-    coordinates : array (k, 4 n + 4)
-        The nodal coordinates at the samples.
+    samples : array (k, orders, 4 n + 4)
+        The nodal coordinates and their time derivatives at the samples.
+    rates : array, the same shape or (0,)
+        Time derivatives of ``samples``, if there are shifts.
     """
 
     parameters: Array
     times: Array
+    clocks: Index
+    rest: Index
     start_jacobian: Array
     passages: list[Passage]
-    coordinates: Array
+    samples: Array
+    rates: Array
 
     @property
     def steps(self) -> int:
@@ -120,13 +139,6 @@ def end_of(step: Step) -> tuple[Array, Array, Array]:
     """Return q, v and a at the end of a step."""
     velocities = RADAU.inverse @ step.increments / step.length
     return step.q + step.increments[-1], velocities[-1], RADAU.inverse[-1] @ (velocities - step.v) / step.length
-
-
-def sample_weights(step: Step, time: float) -> Array:
-    """Return the weights (6,) of q, v and a at the start and at the end of a step in the coordinates at a time."""
-    h = step.length
-    units = np.array([1.0, h, h**2, 1.0, h, h**2])
-    return np.asarray(units * (QUINTIC @ ((time - step.start) / h) ** np.arange(6)))
 
 
 def stop_if_interrupted() -> None:

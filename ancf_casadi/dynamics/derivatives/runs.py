@@ -47,7 +47,7 @@ class Runs:
         self._last_forward: tuple[Run, Array, Array] | None = None
 
     def function(self) -> cs.Function:
-        """Return the motion as a Function (damping, base, properties, [start]) -> coordinates."""
+        """Return the motion as a Function (damping, base, properties, [start], [shifts]) -> samples (orders N, k)."""
         return _kept(_Motion(self), "motion")
 
     @property
@@ -55,8 +55,8 @@ class Runs:
         """Shapes of the inputs and of the output."""
         sizes, model = dict(self.problem.layout.sizes), self.problem.equations.model
         shapes = [(sizes["damping"], 1), (sizes["base"], 1), model.properties.shape]
-        shapes += [(sizes["start"], 1)] * self.problem.held
-        shapes.append((model.size, self.problem.times.size))
+        shapes += [(sizes[name], 1) for name in ("start", "shifts") if sizes[name]]
+        shapes.append((self.problem.orders * model.size, self.problem.times.size))
         return [cs.Sparsity.dense(*shape) for shape in shapes]
 
     def run(self, inputs: Sequence[cs.DM]) -> Run:
@@ -140,16 +140,18 @@ class _Motion(_Callback):
 
     def get_name_in(self, i: int) -> str:
         """Return the name of an input."""
-        return ("damping", "base", "properties", "start")[i]
+        sizes = dict(self.runs.problem.layout.sizes)
+        return ["damping", "base", "properties", *(name for name in ("start", "shifts") if sizes[name])][i]
 
     def get_name_out(self, i: int) -> str:
         """Return the name of an output."""
         return "coordinates"
 
     def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
-        """Return the coordinates; if there is no motion, nan with a warning that says why."""
+        """Return the samples; if there is no motion, nan with a warning that says why."""
         try:
-            return [cs.DM(self.runs.run(arg).coordinates.T)]
+            samples = self.runs.run(arg).samples
+            return [cs.DM(samples.reshape(len(samples), -1).T)]
         except AncfError as error:
             if not interrupted():
                 warnings.warn(str(error), RuntimeWarning, stacklevel=2)
@@ -197,16 +199,18 @@ class _Derivative(_Callback):
         return [self._stacked(part) for part in found]
 
     def _along(self, run: Run, seeds: Sequence[Array]) -> list[Array]:
-        """Return the derivatives of the coordinates along directions of the inputs."""
+        """Return the derivatives of the samples along directions of the inputs."""
         directions = np.vstack([part.reshape(-1, self._count) for part in seeds])
-        return [self.runs.forward(run, directions)]
+        return [self.runs.forward(run, directions).reshape(len(run.samples), -1, self._count)]
 
     def _of_sums(self, run: Run, weights: Array) -> list[Array]:
-        """Return the derivatives of weighted sums of the coordinates with respect to the inputs."""
+        """Return the derivatives of weighted sums of the samples with respect to the inputs."""
         problem = self.runs.problem
-        parts = problem.layout.split(problem.reverse(run, weights))
+        found = problem.reverse(run, weights.reshape(*run.samples.shape, self._count))
+        parts = problem.layout.split(found)
+        parts = parts[:3] + [part for part in parts[3:] if len(part)]
         sizes = [(shape.size2(), shape.size1(), self._count) for shape in self._parts]
-        return [part.reshape(size) for part, size in zip(parts, sizes, strict=False)]
+        return [part.reshape(size) for part, size in zip(parts, sizes, strict=True)]
 
     def _unstacked(self, matrix: cs.DM) -> Array:
         """Return d matrices (r, c) side by side, (r, d c), as an array (c, r, d)."""

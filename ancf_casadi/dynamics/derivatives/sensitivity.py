@@ -1,14 +1,15 @@
 """A motion that depends on parameters, and its exact derivatives, forward and in reverse.
 
-The parameters are theta of the law, b of the base motion, the properties P of the elements and, for a beam released
-from an unknown load, this load and its rate, s.  The derivatives are those of the Radau steps that were taken, with
-fixed lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the linearised
-steps (``tangent``),
+The parameters are theta of the law, b of the base motion, the properties P of the elements, for a beam released from an
+unknown load, this load and its rate, s, and the shifts d of the clocks by which the motion was sampled.  The
+derivatives are those of the Radau steps that were taken, with fixed lengths: exact for the computed motion, and as
+accurate as this motion.  They are chained through the linearised steps (``tangent``),
 
     G dZ + R_u du = 0,    G = dR/dZ,    u = (q, v, excitations, parameters),
 
 by ``forward`` for few parameters and by ``reverse`` for few results.  Samples are the quintic polynomials through the
-ends of the steps; the correction that ``simulate`` makes there for the axial forces is below the tolerance.
+ends of the steps, and their time derivatives (``sampling``); the correction that ``simulate`` makes there for the axial
+forces is below the tolerance.
 
 References
 ----------
@@ -18,7 +19,7 @@ E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import casadi as cs
@@ -31,7 +32,8 @@ from ancf_casadi.dynamics.derivatives.forward import forward
 from ancf_casadi.dynamics.derivatives.linearised import Linearisation
 from ancf_casadi.dynamics.derivatives.release_load import START
 from ancf_casadi.dynamics.derivatives.reverse import reverse
-from ancf_casadi.dynamics.derivatives.run import Excitation, Passage, Run, end_of, sample_weights, stop_if_interrupted
+from ancf_casadi.dynamics.derivatives.run import Excitation, Passage, Run, stop_if_interrupted
+from ancf_casadi.dynamics.derivatives.sampling import before, sampled, samples_of, shift_weights, shifted
 from ancf_casadi.dynamics.equations import EXCITATION, Equations, ExcitationPiece, excitation_pieces
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import Step, Stepper
@@ -52,7 +54,7 @@ MOST_KEPT_STEPS = 100_000  # these take a minute or two, and 0.4 GB at 20 elemen
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A motion that depends on theta, b, P and s.
+    """A motion that depends on theta, b, P, s and d.
 
     Parameters
     ----------
@@ -63,7 +65,7 @@ class Problem:
     start : str, Equilibrium or State
         The start.
     times : array (k,)
-        The samples, s.
+        The samples, s, in any order.
     tolerance : float
         Tolerance of the steps.
     largest_step : float
@@ -74,6 +76,12 @@ class Problem:
         Largest number of steps, which are all kept in memory.
     load : TipLoad, optional
         Load at the tip, a given function of time.
+    orders : int
+        Number of time derivatives to sample: 1 for the coordinates alone, 2 with velocities, 3 with accelerations.
+    clocks : array (k,), optional
+        Index of the shift that is added to each sample; none if not given.
+    span : (float, float), optional
+        First and last instant of the motion, s; those of the samples if not given.
 
     Raises
     ------
@@ -90,6 +98,9 @@ class Problem:
     held: bool = False
     most_steps: int = MOST_KEPT_STEPS
     load: TipLoad | None = None
+    orders: int = 1
+    clocks: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    span: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -101,47 +112,69 @@ class Problem:
 
     @cached_property
     def layout(self) -> Layout:
-        """Layout of the values: theta, b, P, one element after the other, and s."""
+        """Layout of the values: theta, b, P, one element after the other, s and d."""
         return Layout.of(
             damping=len(self.equations.law.parameters),
             base=len(self.base.parameters),
             properties=self.equations.model.properties.size,
             start=len(START) * self.held,
+            shifts=int(self.clocks.max(initial=-1)) + 1,
         )
 
     def solve(self, values: Array, most_steps: int | None = None) -> Run:
-        """Compute the motion for the values of theta, b, P and s.
+        """Compute the motion for the values of theta, b, P, s and d.
 
         Raises
         ------
         AncfError
-            If there is no equilibrium to start from, the integrator fails or needs more than ``most_steps``, or
-            ``noted_interrupts`` has noted a Ctrl-C.
+            If there is no equilibrium to start from, the integrator fails or needs more than ``most_steps``, a shifted
+            sample is after the last instant, or ``noted_interrupts`` has noted a Ctrl-C.
         """
-        theta, b, properties, start_load = self.layout.split(values)
+        theta, b, properties, start_load, shifts = self.layout.split(values)
         model, parameters = self._model(properties), self.equations.parameters.copy()
         parameters[self.equations.layout["law"]] = theta
         parameters[self.equations.layout["properties"]] = properties
-        pieces = excitation_pieces(self.base, self.load, float(self.times[0]), float(self.times[-1]))
+        first, last = self.span or (float(self.times[0]), float(self.times[-1]))
+        times = self.times + shifts[self.clocks] if shifts.size else self.times
+        if times.max() > last + CLOSE * (last - first):
+            raise SimulationError(f"a sample at {times.max():g} s is after the end of the motion", last)
+        pieces = excitation_pieces(self.base, self.load, first, last)
         state, jacobian = self._start.state(model, self._excitation(pieces[0], b), start_load)
-        passages, left = [], self.most_steps if most_steps is None else most_steps
+        passages: list[Passage] = []
+        left = self.most_steps if most_steps is None else most_steps
         for piece in pieces:
             passage, state = self._pass(self._excitation(piece, b), state, parameters, max(left, 1))
-            passages.append(passage)
+            samples = samples_of(times, passage.steps, piece.begin, piece.end, first=not passages)
+            passages.append(replace(passage, samples=samples))
             left -= len(passage.steps)
-        return Run(parameters, self.times, jacobian, passages, self._coordinates(passages))
+        rest = before(times, first, last)
+        orders = self.orders + bool(shifts.size)
+        found = sampled(passages, times, rest, model.size, orders)
+        return Run(
+            parameters=parameters,
+            times=times,
+            clocks=self.clocks,
+            rest=rest,
+            start_jacobian=jacobian,
+            passages=passages,
+            samples=found[:, : self.orders],
+            rates=found[:, 1:] if shifts.size else np.zeros(0),
+        )
 
     def forward(self, run: Run, directions: Array) -> Array:
-        """Return the derivatives of the coordinates, (k, 4 n + 4, d), along directions of the values, (..., d)."""
-        theta, b, properties, _ = self.layout.split(directions)
+        """Return the derivatives of the samples, (k, orders, 4 n + 4, d), along directions of the values, (..., d)."""
+        theta, b, properties, _, shifts = self.layout.split(directions)
         parameters = self.equations.layout.join(directions.shape[1], properties=properties, law=theta)
-        return forward(self._linearisation, run, run.start_jacobian @ directions, b, parameters)
+        found = forward(self._linearisation, run, run.start_jacobian @ directions, b, parameters)
+        return found + shifted(run, shifts) if shifts.size else found
 
     def reverse(self, run: Run, weights: Array) -> Array:
-        """Return the derivatives (..., d), by the values, of d sums of the coordinates with weights (k, 4 n + 4, d)."""
+        """Return the derivatives (..., d), by the values, of d sums of the samples, weights (k, orders, 4 n + 4, d)."""
         start, b, parameters = reverse(self._linearisation, run, weights)
         _, properties, theta, _ = self.equations.layout.split(parameters)
-        direct = self.layout.join(weights.shape[2], damping=theta, base=b, properties=properties)
+        direct = self.layout.join(weights.shape[3], damping=theta, base=b, properties=properties)
+        if run.clocks.size:
+            direct[self.layout["shifts"]] = shift_weights(run, weights, direct[self.layout["shifts"]].shape[0])
         return np.asarray(direct + run.start_jacobian.T @ start)
 
     @cached_property
@@ -167,7 +200,7 @@ class Problem:
         return Excitation(self.equations.model, piece, b)
 
     def _pass(self, excitation: Excitation, state: State, parameters: Array, most_steps: int) -> tuple[Passage, State]:
-        """Compute a smooth piece of the motion in at most ``most_steps``, and the state at its end."""
+        """Compute a smooth piece of the motion in at most ``most_steps``, and the state at its end; no samples yet."""
         begin, end = excitation.piece.begin, excitation.piece.end
         segments = [Segment(begin, end - begin, 1, 0)]
         problem = InitialValueProblem(
@@ -190,28 +223,8 @@ class Problem:
             stop_if_interrupted()
             stepper.advance()
             steps.append(stepper.last_step)
-        samples = self._samples_of(steps, begin, end)
         jacobian = self._acceleration_jacobian(steps[0], excitation.at(begin), parameters)
-        return Passage(excitation, begin, jacobian, steps, samples), stepper.state
-
-    def _samples_of(self, steps: list[Step], begin: float, end: float) -> list[Index]:
-        """Return the indices of the samples in each step of a piece."""
-        ends = np.array([step.start + step.length for step in steps])
-        inside = (self.times <= end * (1 + CLOSE)) & ((self.times > begin * (1 + CLOSE)) | (begin == self.times[0]))
-        owner = np.minimum(np.searchsorted(ends, self.times * (1 - CLOSE)), len(steps) - 1)
-        return [np.flatnonzero(inside & (owner == k)) for k in range(len(steps))]
-
-    def _coordinates(self, passages: list[Passage]) -> Array:
-        """Return the nodal coordinates at the samples, (k, 4 n + 4)."""
-        result = np.zeros((self.times.size, self.equations.model.size))
-        for passage in passages:
-            for step, samples in zip(passage.steps, passage.samples, strict=True):
-                ends = np.array([step.q, step.v, step.a, *end_of(step)])
-                for sample in samples:
-                    time = float(self.times[sample])
-                    result[sample, :NODE] = passage.excitation.at(time)[:NODE]
-                    result[sample, NODE:] = sample_weights(step, time) @ ends
-        return result
+        return Passage(excitation, begin, jacobian, steps, []), stepper.state
 
     def _acceleration_jacobian(self, first: Step, excitation: Array, parameters: Array) -> Array:
         """Return the derivatives of the first accelerations as in ``Passage``, under an excitation (15,)."""

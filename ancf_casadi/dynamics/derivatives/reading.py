@@ -1,0 +1,149 @@
+"""Readings of sensors on a beam, as expressions of its motion.
+
+With coordinates e, velocities e_t and accelerations e_tt, a sensor at the arc length s, with the unit vector d, reads
+
+    position            d . S e                       S interpolates positions, S' slopes, Eq. (2)
+    velocity            d . S e_t
+    acceleration        d . (S e_tt - g)              g only for an accelerometer that responds to gravity
+    slope               angle of S' e from the axis
+    surface strain      eps - z kappa                 z along the normal, half the thickness if not given
+    clamp force         d . sum of R over the nodes   R = M e_tt + Q_damp - Q_g - Q_tip
+    clamp moment        sum of (r - r_0) x R_r + tau x R_tau over the nodes
+
+In the body frame, d turns with the tangent at s.  The clamp force and moment are those of the whole beam in balance:
+elastic forces have no resultant.  The balance of the clamped node alone gives the same result in theory, but it
+contains the axial force E A eps, in which small errors of the positions are large forces.  It serves at rest before
+the start, where positions are those of an equilibrium, and a load that R does not contain may hold the beam.
+
+Measured accuracy, relative to the standard deviation of a signal, of strips of silicone (0.2 m) and steel (0.5 m) that
+swing by up to a third of their length, at the tolerances 1e-6 and 1e-8 of the motion: positions 1e-7 and 4e-9,
+velocities 1e-5 and 1e-7, accelerations 3e-4 and 2e-5, forces 2e-4 and 1e-5 (from the clamped node alone 2e-2 and 2e-4),
+moments 2e-5 and 4e-7.  Modes of the mesh that a stop of the base excites and no damping removes are an exception: the
+accelerations then have errors of 6e-2 and 1e-2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+
+from ancf_casadi.dynamics.equations import Balance, Equations
+from ancf_casadi.mechanics.accurate_strain import axial_strains_near, curvature_at
+from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.records.sensor import Sensor
+from ancf_casadi.support.arrays import Array
+
+ORDERS = {"velocity": 2, "acceleration": 3, "force": 3, "moment": 3}  # 1 for all others
+
+
+def orders_of(sensor: Sensor) -> int:
+    """Return the number of time derivatives that a sensor needs: 1 for the coordinates alone."""
+    return ORDERS.get(sensor.quantity, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class SampledMotion:
+    """Samples of a motion as expressions.
+
+    Parameters
+    ----------
+    equations : Equations
+        The equation of motion.
+    e, e_t, e_tt : MX (4 n + 4, s)
+        Coordinates, velocities and accelerations at s samples; without rows where no sensor needs them.
+    load : MX (3, s)
+        Load at the tip.
+    parameters : MX
+        The parameters of the equation of motion, in the order of ``Equations.parameters``.
+    """
+
+    equations: Equations
+    e: cs.MX
+    e_t: cs.MX
+    e_tt: cs.MX
+    load: cs.MX
+    parameters: cs.MX
+
+    def read(self, sensor: Sensor) -> cs.MX:
+        """Return the readings of a sensor, (1, s).
+
+        Raises
+        ------
+        InputError
+            If the sensor is not on the beam.
+        """
+        model = self.equations.model
+        s = model.beam.length if sensor.point is None else sensor.point
+        match sensor.quantity:
+            case "position" | "displacement":
+                return self._along(sensor, s, self._rows(model.interpolation(s), self.e))
+            case "velocity":
+                return self._along(sensor, s, self._rows(model.interpolation(s), self.e_t))
+            case "acceleration":
+                x, y = self._rows(model.interpolation(s), self.e_tt)
+                gx, gy = model.beam.gravity if sensor.gravity else (0.0, 0.0)
+                return self._along(sensor, s, (x - gx, y - gy))
+            case "slope":
+                (ax, ay), (x, y) = model.beam.axis, self._rows(model.slope_interpolation(s), self.e)
+                return cs.atan2(ax * y - ay * x, ax * x + ay * y)
+            case "strain":
+                return self._strain(s, sensor.distance)
+            case "force":
+                x, y = (self._of_clamp(cs.sum1(self._forces[k::NODE, :]), self._forces[k, :]) for k in range(2))
+                return self._along(sensor, 0.0, (x, y))
+            case _:
+                return self._moment
+
+    @cached_property
+    def _balance(self) -> Balance:
+        return self.equations.balance(self.parameters)
+
+    @cached_property
+    def _forces(self) -> cs.MX:
+        """R and the elastic forces at all nodes, (4 n + 4, s)."""
+        forces, *_ = self._balance.local(self.e, self.e_t, self.e_tt, self.load)
+        return forces + self._balance.of_low_rank(self.e, self.e_t) if self._balance.projection.numel() else forces
+
+    @cached_property
+    def _moment(self) -> cs.MX:
+        """The moment of the base on the beam about the clamp, (1, s)."""
+        x, y, slope_x, slope_y = (self.e[k::NODE, :] for k in range(NODE))
+        fx, fy, hx, hy = (self._forces[k::NODE, :] for k in range(NODE))
+        x, y = (part - cs.repmat(part[0, :], part.size1(), 1) for part in (x, y))
+        own = slope_x * hy - slope_y * hx
+        return self._of_clamp(cs.sum1(x * fy - y * fx + own), own[0, :])
+
+    def _of_clamp(self, whole: cs.MX, node: cs.MX) -> cs.MX:
+        """Return the balance of the whole beam or, at rest, where a load may hold the beam, of the clamped node."""
+        still: cs.MX = cs.sum1(self.e_t**2) + cs.sum1(self.e_tt**2) == 0.0
+        found: cs.MX = cs.if_else(still, node, whole)
+        return found
+
+    def _strain(self, s: float, distance: float | None) -> cs.MX:
+        """Return the strain on the surface, (1, s)."""
+        model = self.equations.model
+
+        def at(matrix: Array) -> tuple[cs.MX, cs.MX]:
+            return self._rows(matrix, self.e)
+
+        thickness = self._balance.properties[1, model.element_at(s)]
+        z = thickness / 2 if distance is None else distance
+        axial = sum(weight * strain for weight, _, strain in axial_strains_near(model, s, at))
+        strain: cs.MX = axial - z * curvature_at(model, s, at)
+        return strain
+
+    def _along(self, sensor: Sensor, s: float, components: tuple[cs.MX, cs.MX]) -> cs.MX:
+        """Return the component of a vector in the direction of a sensor at arc length ``s``, (1, s)."""
+        (dx, dy), (x, y) = sensor.unit_direction, components
+        if sensor.frame == "inertial":
+            return dx * x + dy * y
+        tx, ty = self._rows(self.equations.model.slope_interpolation(s), self.e)
+        return (dx * (tx * x + ty * y) + dy * (tx * y - ty * x)) / cs.sqrt(tx**2 + ty**2)
+
+    @staticmethod
+    def _rows(matrix: Array, vectors: cs.MX) -> tuple[cs.MX, cs.MX]:
+        """Return the x and the y components, (1, s), of an interpolation."""
+        x, y = cs.vertsplit(cs.DM(matrix) @ vectors)
+        return x, y

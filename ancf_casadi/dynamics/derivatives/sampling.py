@@ -1,0 +1,86 @@
+"""Samples of a computed motion: coordinates and their time derivatives at given instants, and the chain rule to them.
+
+Within a step of length h, the coordinates are the quintic polynomial through q, v and a at both ends, and its time
+derivatives are their velocities, accelerations and so on,
+
+    d^m q/dt^m = sum_k w_k^(m)(x) y_k,    x = (t - t_0)/h,    y = (q, v, a, q_1, v_1, a_1).
+
+The step is of order 5, so that for a smooth motion the error of the coordinates is of order h^5, that of velocities
+h^5, of accelerations h^4, and of the third derivative, which only serves the derivative by a shift, h^3.
+
+The clamped node follows the base motion exactly.  Before the first instant of the motion the beam is at rest in its
+first shape.  A sample at t + d, with an unknown shift d of its clock, changes with d by its own time derivative.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ancf_casadi.dynamics.derivatives.run import Excitation, Passage, Run, end_of
+from ancf_casadi.dynamics.radau.stepper import Step
+from ancf_casadi.dynamics.radau.tableau import QUINTIC
+from ancf_casadi.dynamics.segments import CLOSE
+from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.support.arrays import Array, Index
+
+
+def sample_weights(step: Step, times: Array, orders: int = 1) -> Array:
+    """Return the weights (s, orders, 6) of q, v and a at both ends of a step in the time derivatives at s instants."""
+    h, power = step.length, np.arange(6)
+    place, factor, parts = (times - step.start) / h, np.ones(6), []
+    for order in range(orders):
+        parts.append(factor * place[:, None] ** np.maximum(power - order, 0) / h**order)
+        factor = factor * (power - order)
+    return np.asarray(np.stack(parts, axis=1) @ QUINTIC.T * np.array([1.0, h, h**2, 1.0, h, h**2]))
+
+
+def clamp_samples(excitation: Excitation, times: Array, orders: int) -> Array:
+    """Return the clamped node and its time derivatives, (s, orders, 4), at s instants."""
+    return np.array([excitation.derivatives(time)[: orders * NODE].reshape(orders, NODE) for time in times.tolist()])
+
+
+def clamp_jacobians(excitation: Excitation, times: Array, orders: int) -> Array:
+    """Return the derivatives (s, orders, 4, m) of ``clamp_samples`` with respect to the m parameters of the base."""
+    found = [excitation.jacobian(time)[: orders * NODE].reshape(orders, NODE, -1) for time in times.tolist()]
+    return np.array(found)
+
+
+def before(times: Array, begin: float, end: float) -> Index:
+    """Return the indices of the samples before the first instant of a motion."""
+    return np.flatnonzero(times < begin - CLOSE * (end - begin))
+
+
+def samples_of(times: Array, steps: list[Step], begin: float, end: float, *, first: bool) -> list[Index]:
+    """Return the indices of the samples in each step of a piece; the ``first`` piece has its first instant too."""
+    ends = np.array([step.start + step.length for step in steps])
+    slack = CLOSE * (end - begin)
+    inside = (times <= end + slack) & (times > (begin - slack if first else begin + slack))
+    owner = np.minimum(np.searchsorted(ends, times - slack), len(steps) - 1)
+    return [np.flatnonzero(inside & (owner == k)) for k in range(len(steps))]
+
+
+def sampled(passages: list[Passage], times: Array, rest: Index, size: int, orders: int) -> Array:
+    """Return the coordinates and their time derivatives, (k, orders, 4 n + 4), at the samples ``times`` (k,)."""
+    result = np.zeros((times.size, orders, size))
+    first = passages[0]
+    result[rest, 0, :NODE] = first.excitation.at(first.begin)[:NODE]
+    result[rest, 0, NODE:] = first.steps[0].q
+    for passage in passages:
+        for step, samples in zip(passage.steps, passage.samples, strict=True):
+            if samples.size:
+                ends = np.array([step.q, step.v, step.a, *end_of(step)])
+                result[samples, :, :NODE] = clamp_samples(passage.excitation, times[samples], orders)
+                result[samples, :, NODE:] = sample_weights(step, times[samples], orders) @ ends
+    return result
+
+
+def shifted(run: Run, shifts: Array) -> Array:
+    """Return the derivatives (k, orders, 4 n + 4, d) of the samples along directions (c, d) of the shifts."""
+    return np.asarray(run.rates[..., None] * shifts[run.clocks][:, None, None, :])
+
+
+def shift_weights(run: Run, weights: Array, count: int) -> Array:
+    """Return the derivatives (c, d), by the shifts, of d sums of the samples with weights (k, orders, 4 n + 4, d)."""
+    result = np.zeros((count, weights.shape[-1]))
+    np.add.at(result, run.clocks, np.einsum("kon,kond->kd", run.rates, weights))
+    return result

@@ -1,0 +1,136 @@
+"""Sensor readings of a differentiable motion: accuracy, derivatives against differences, rest before the start."""
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from ancf_casadi import Beam, HarmonicBase, ModalDamping, Model, QuadraticDamping, natural_modes, static_equilibrium
+from ancf_casadi.dynamics.derivatives.reading import SampledMotion
+from ancf_casadi.dynamics.derivatives.runs import Runs
+from ancf_casadi.dynamics.derivatives.sensitivity import Problem
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.records.sensor import Sensor
+
+SENSORS = [
+    Sensor("position", 0.13, (1.0, 2.0)),
+    Sensor("velocity", None, (1.0, 0.0), "body"),
+    Sensor("acceleration", 0.1, (0.0, 1.0), "body", gravity=True),
+    Sensor("slope"),
+    Sensor("strain", 0.03),
+    Sensor("force"),
+    Sensor("force", direction=(0.0, 1.0), frame="body"),
+    Sensor("moment"),
+]
+BASE = HarmonicBase(0.02, 3.0, stop=0.15)
+TIMES = np.array([0.05, -0.03, 0.11, 0.1999, 0.17])
+
+
+@pytest.fixture(scope="module")
+def model():
+    strip = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 264e3}
+    return Model(Beam.uniform(**strip, elements=3, tip_mass=1e-4, clamp_stiffness=0.02))
+
+
+@pytest.fixture(scope="module")
+def readings(model):
+    """A Function (theta, b, P, load, shift) -> readings of all sensors at ``TIMES``, and the values."""
+    law = ModalDamping(natural_modes(model, count=2), (0.05, 0.03)) + QuadraticDamping(eta2=2.0)
+    equations = Equations(model, law)
+    problem = Problem(
+        equations=equations,
+        base=BASE,
+        start=static_equilibrium(model, tip_force=(0.001, 0.0)),
+        times=TIMES,
+        tolerance=1e-10,
+        held=True,
+        orders=3,
+        clocks=np.array([0, 0, 0, 1, 1]),
+        span=(0.0, 0.22),
+    )
+    motion = Runs(problem).function()
+    symbols = [cs.MX.sym(name, *motion.size_in(k)) for k, name in enumerate("abcde")]
+    parts = cs.vertsplit(motion(*symbols), model.size)
+    projection = cs.DM(equations.projection.T.ravel())
+    parameters = cs.vertcat(cs.DM(model.beam.gravity), cs.vec(symbols[2]), symbols[0], projection)
+    sampled = SampledMotion(equations, *parts, cs.MX.zeros(3, TIMES.size), parameters)
+    outputs = cs.vertcat(*(sampled.read(sensor) for sensor in SENSORS))
+    values = [np.array([own.value for own in law.parameters]), np.array([0.02]), model.properties]
+    values += [np.array([0.001, 0.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.004, 0.009])]
+    return cs.Function("readings", symbols, [outputs]), values
+
+
+@pytest.mark.parametrize("place", range(5))
+def test_derivatives_of_all_readings_are_those_of_differences(readings, place):
+    """Along one direction in the law, the base, the properties, the load and the shifts each."""
+    function, values = readings
+    rng = np.random.default_rng(place)
+    sizes = [1.0, 0.02, 1.0, 1e-3, 1.0]
+    seed = sizes[place] * rng.uniform(0.3, 1.0, size=values[place].shape)
+    if place in (0, 2):
+        seed *= values[place]
+    symbols = function.mx_in()
+    output = function(*symbols)
+    along = cs.Function("d", symbols, [cs.jtimes(output, symbols[place], cs.DM(seed))])(*values).full()
+    ends = []
+    step = 1e-5 if place == 4 else 1e-4
+    for sign in (1.0, -1.0):
+        moved = list(values)
+        moved[place] = values[place] + sign * step * seed
+        ends.append(function(*moved).full())
+    difference = (ends[0] - ends[1]) / (2 * step)
+    size = abs(difference).max(axis=1, keepdims=True)
+    assert (size > 0.0).all()
+    np.testing.assert_allclose(along / size, difference / size, atol=2e-3)
+
+
+def test_reverse_derivatives_are_the_transposed_of_the_forward_ones(readings):
+    function, values = readings
+    symbols, rng = function.mx_in(), np.random.default_rng(1)
+    output = function(*symbols)
+    weights = rng.normal(size=output.shape)
+    seeds = [cs.DM(rng.normal(size=part.shape) * np.maximum(abs(part), 1e-3)) for part in values]
+    forward = sum(cs.dot(cs.jtimes(output, x, seed), cs.DM(weights)) for x, seed in zip(symbols, seeds, strict=True))
+    reverse = sum(
+        cs.dot(cs.jtimes(cs.vec(output), x, cs.vec(cs.DM(weights)), True), seed)
+        for x, seed in zip(symbols, seeds, strict=True)
+    )
+    found = cs.Function("both", symbols, [forward, reverse])(*values)
+    assert float(found[0]) == pytest.approx(float(found[1]), rel=1e-7)
+
+
+def test_the_beam_rests_under_its_load_before_the_start(readings, model):
+    function, values = readings
+    held = static_equilibrium(model, tip_force=(0.001, 0.0))
+    read = dict(zip(SENSORS, function(*values).full()[:, 1], strict=True))
+    assert read[SENSORS[1]] == 0.0
+    place = model.interpolation(0.13) @ held.coordinates
+    assert read[SENSORS[0]] == pytest.approx(place @ [1.0, 2.0] / np.sqrt(5.0), rel=1e-9)
+    up = model.slope_interpolation(0.1) @ held.coordinates
+    normal = np.array([-up[1], up[0]]) / np.linalg.norm(up)
+    assert read[SENSORS[2]] == pytest.approx(9.81 * normal[1], rel=1e-6)
+    assert read[SENSORS[5]] == pytest.approx(-0.001, rel=1e-6)
+
+
+def test_the_clamp_carries_weight_and_load_at_rest():
+    """A lying beam with a small deflection, held by a load at its tip: closed forms."""
+    stiff = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 2e9}
+    model = Model(Beam.uniform(**stiff, elements=4, axis=(1.0, 0.0)))
+    equations = Equations(model, QuadraticDamping(eta2=0.1))
+    held = static_equilibrium(model, tip_force=(0.0, -0.01)).coordinates
+    still = cs.MX.zeros(model.size)
+    motion = SampledMotion(equations, cs.MX(cs.DM(held)), still, still, cs.MX.zeros(3), cs.MX(cs.DM(equations.parameters)))
+
+    def read(sensor):
+        return float(cs.evalf(motion.read(sensor)))
+
+    weight, inertia = 1070.0 * 0.01 * 2e-3 * 0.2 * 9.81, 0.01 * 2e-3**3 / 12
+    assert read(Sensor("force")) == pytest.approx(0.0, abs=1e-9)
+    assert read(Sensor("force", direction=(0.0, 1.0))) == pytest.approx(weight + 0.01, rel=1e-6)
+    assert read(Sensor("moment")) == pytest.approx(weight * 0.1 + 0.01 * 0.2, rel=2e-3)
+    place = 0.05 * (0.5 - 3**-0.5 / 2)
+    moment = weight * (0.2 - place) ** 2 / 0.4 + 0.01 * (0.2 - place)
+    assert read(Sensor("strain", place)) == pytest.approx(1e-3 * moment / (2e9 * inertia), rel=5e-3)
+    assert read(Sensor("strain", place, distance=-1e-3)) == pytest.approx(-read(Sensor("strain", place)), rel=2e-3)
+    assert read(Sensor("slope")) == pytest.approx(
+        -(weight * 0.2**2 / 6 + 0.01 * 0.2**2 / 2) / (2e9 * inertia), rel=5e-3
+    )

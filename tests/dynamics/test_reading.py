@@ -118,7 +118,9 @@ def test_the_clamp_carries_weight_and_load_at_rest():
     equations = Equations(model, QuadraticDamping(eta2=0.1))
     held = static_equilibrium(model, tip_force=(0.0, -0.01)).coordinates
     still = cs.MX.zeros(model.size)
-    motion = SampledMotion(equations, cs.MX(cs.DM(held)), still, still, cs.MX.zeros(3), cs.MX(cs.DM(equations.parameters)))
+    motion = SampledMotion(
+        equations, cs.MX(cs.DM(held)), still, still, cs.MX.zeros(3), cs.MX(cs.DM(equations.parameters))
+    )
 
     def read(sensor):
         return float(cs.evalf(motion.read(sensor)))

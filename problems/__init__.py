@@ -21,7 +21,7 @@ from problems.transient.comparison import compare_laws
 from problems.transient.fitting import fit_transient
 from problems.transient.marker_record import MarkerRecord
 from problems.transient.motion_record import Camera, Channel, MotionRecord
-from problems.transient.prediction import Prediction
+from problems.transient.prediction import MotionPrediction
 from problems.transient.result import TransientFit
 
 __all__ = [
@@ -37,6 +37,7 @@ __all__ = [
     "MarkerRecord",
     "MeasuredModes",
     "MonteCarlo",
+    "MotionPrediction",
     "MotionRecord",
     "PerElement",
     "Prediction",

@@ -33,7 +33,7 @@ BEYOND = 3.0  # rms error over noise and standard error above which there is a w
 
 
 @dataclass(frozen=True, eq=False)
-class Prediction:
+class MotionPrediction:
     """A record, and the readings that a fit to other records predicts for it.
 
     Parameters
@@ -123,7 +123,7 @@ class Prediction:
         return motion_figure([self.record], self.residuals)
 
 
-def predicted(fitted: TransientProblem, fit: Fit, record: MotionRecord, tip_mass: float | None) -> Prediction:
+def predicted(fitted: TransientProblem, fit: Fit, record: MotionRecord, tip_mass: float | None) -> MotionPrediction:
     """Return the prediction of a record.
 
     Parameters
@@ -160,7 +160,7 @@ def predicted(fitted: TransientProblem, fit: Fit, record: MotionRecord, tip_mass
         channel.noise or noise.get(channel.sensor, deviation)
         for channel, deviation in zip(record.own_channels, weights.deviations.tolist(), strict=True)
     ]
-    return Prediction(record, _with_origins(record, weights, readings), tuple(errors), tuple(own_noise))
+    return MotionPrediction(record, _with_origins(record, weights, readings), tuple(errors), tuple(own_noise))
 
 
 def _with_jacobian(problem: TransientProblem, names: Sequence[str], values: Array) -> tuple[Array, Array]:

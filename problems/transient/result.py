@@ -23,7 +23,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from problems.transient.marker_record import motion_record
-from problems.transient.prediction import Prediction, labels_of, predicted, root_mean_square
+from problems.transient.prediction import MotionPrediction, labels_of, predicted, root_mean_square
 from problems.transient.problem import OPTIONS, TransientProblem
 from problems.transient.tolerance import ALLOWED, TIGHTEST
 from problems.transient.unknowns import load_name, loads
@@ -118,7 +118,7 @@ class TransientFit:
         held = held_start(self.model, start_jacobians(self.model), np.array(load))
         return State(held.coordinates, held.velocities)
 
-    def predict(self, record: Any, *, tip_mass: float | None = None) -> Prediction:
+    def predict(self, record: Any, *, tip_mass: float | None = None) -> MotionPrediction:
         """Compute another record of the same beam with the estimates, without fitting, and compare.
 
         The base motion, the start and the sensors are those of the record.  Release, offsets and the view of a camera

@@ -28,7 +28,7 @@ from ancf_casadi.dynamics.dissipation import warn_of_energy_gain
 from ancf_casadi.dynamics.integration import Integration, Method
 from ancf_casadi.dynamics.segments import ENERGIES, SegmentSolution
 from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
-from ancf_casadi.dynamics.tip_load import TipLoad
+from ancf_casadi.dynamics.tip_load import LOAD, TipLoad
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import NODE, Model
@@ -205,7 +205,7 @@ class _Solution:
 
     def trajectory(self) -> Trajectory:
         """Return the motion up to the last segment."""
-        model, done = self.setup.equations.model, self.segments
+        model, load, done = self.setup.equations.model, self.setup.load, self.segments
         starts = np.cumsum([np.zeros(ENERGIES), *(solution.end_energies for solution in done)], axis=0)
         energies = [start + solution.energies for start, solution in zip(starts, done, strict=False)]
         lost, base_work, load_work = np.vstack([np.empty((0, ENERGIES)), *energies]).T
@@ -216,7 +216,7 @@ class _Solution:
             coordinates=np.vstack([none, *(solution.coordinates for solution in done)]),
             velocities=np.vstack([none, *(solution.velocities for solution in done)]),
             clamp_force=np.vstack([np.empty((0, NODE)), *(solution.forces for solution in done)]),
-            tip_load=self.setup.loads(times),
+            tip_load=np.zeros((times.size, LOAD)) if load is None else load.values(times),
             dissipated_energy=lost,
             base_work=base_work,
             load_work=load_work,

@@ -27,7 +27,7 @@ from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.equations import Equations, as_it_is, excitation_pieces
 from ancf_casadi.dynamics.segments import CLOSE
-from ancf_casadi.dynamics.tip_load import LOAD, TipLoad, equilibrium_under
+from ancf_casadi.dynamics.tip_load import TipLoad, equilibrium_under
 from ancf_casadi.dynamics.tolerance import expected_travel
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
@@ -118,14 +118,6 @@ class MotionSetup:
     def travel(self) -> float:
         """The expected travel, relative to the length of the beam."""
         return expected_travel(self.equations.model, self.checked.times, self.checked.values, self.start)
-
-    def loads(self, times: Array) -> Array:
-        """Return the tip load (k, 3) at samples (k,); at the end of a piece, the load in this piece."""
-        values, ends = np.zeros((times.size, LOAD)), np.array([piece.end for piece in self.pieces])
-        owners = np.minimum(np.searchsorted(ends, times), ends.size - 1)
-        for k in np.unique(owners).tolist():
-            values[owners == k] = self.pieces[k].excitation(times[None, owners == k]).full()[3 * NODE :].T
-        return values
 
 
 def set_up(

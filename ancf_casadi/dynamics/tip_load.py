@@ -50,6 +50,18 @@ class TipLoad(Piecewise):
     def pieces(self) -> tuple[Piece, ...]:
         """Return the smooth pieces in order, each with the load (N, N, N m); the last has no end."""
 
+    @final
+    def values(self, times: Array) -> Array:
+        """Return the load (k, 3) at instants (k,), s: before a jump there, but after a jump at the first of them."""
+        found = np.zeros((times.size, LOAD))
+        if times.size:
+            pieces, t = self.pieces_between(times.min(), times.max()), cs.MX.sym("t")
+            owners = np.minimum(np.searchsorted([last for *_, last in pieces], times), len(pieces) - 1)
+            for k in np.unique(owners).tolist():
+                load = cs.Function("load", [t], [cs.densify(pieces[k][0].at(t, cs.MX(0, 1)))])
+                found[owners == k] = load(times[None, owners == k]).full().T
+        return found
+
 
 @final
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.start import Start
+from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
@@ -37,7 +38,7 @@ class MarkerRecord:
         nan is missing.
     points : sequence of float
         Arc lengths of the points from the clamp, m; the tip if not given.
-    base, start, release, camera
+    base, start, release, camera, load
         As in ``MotionRecord``.
 
     Raises
@@ -54,6 +55,7 @@ class MarkerRecord:
     start: Start | Equilibrium | State = "equilibrium"
     release: float | Bounds = 0.0
     camera: Camera | None = None
+    load: TipLoad | None = None
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays."""
@@ -88,7 +90,7 @@ class MarkerRecord:
             for direction, values in zip(DIRECTIONS, np.asarray(self.positions)[:, k].T, strict=True):
                 sensor = Sensor("position", place, direction)
                 channels.append(Channel(Measurement(self.time, values, sensor=sensor)))
-        return MotionRecord(channels, self.base, self.start, self.release, self.camera)
+        return MotionRecord(channels, self.base, self.start, self.release, self.camera, self.load)
 
 
 Record = MotionRecord | MarkerRecord | Measurement

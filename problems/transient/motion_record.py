@@ -25,6 +25,7 @@ import numpy as np
 
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.start import Start
+from ancf_casadi.dynamics.tip_load import LOAD, TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
@@ -149,12 +150,14 @@ class MotionRecord:
         the bounds of an unknown release.  Samples before it show the beam at rest.
     camera : Camera, optional
         The unknown view of the camera that measured the positions; positions are those in the laboratory if not given.
+    load : TipLoad, optional
+        Measured force and moment at the tip, on the clock of the base motion; none if not given.
 
     Raises
     ------
     InputError
-        If there are fewer than 10 samples, nothing moves, bounds are not two numbers in order, or samples are before a
-        start within a motion.
+        If there are fewer than 10 samples, nothing moves, bounds are not two numbers in order, samples are before a
+        start within a motion, the load begins after the end, or the clamp carries a load at unknown times.
     """
 
     channels: Sequence[Channel | Measurement]
@@ -162,6 +165,7 @@ class MotionRecord:
     start: Start | Equilibrium | State = "equilibrium"
     release: float | Bounds = 0.0
     camera: Camera | None = None
+    load: TipLoad | None = None
 
     def __post_init__(self) -> None:
         """Validate, and keep channels."""
@@ -174,9 +178,11 @@ class MotionRecord:
         check_instance(self.base, "base", BaseMotion, NoneType)
         check_instance(self.start, "start", str, Equilibrium, State)
         check_instance(self.camera, "camera", Camera, NoneType)
+        check_instance(self.load, "load", TipLoad, NoneType)
         release = pair(self.release, "release") if is_sequence(self.release) else number(self.release, "release")
         object.__setattr__(self, "release", release)
         self._check_samples()
+        self._check_load()
         if self.camera and not any(one.sensor.quantity == "position" for one in channels):
             raise InputError("there are no positions for it; give the channels of the camera as positions", "camera")
 
@@ -217,6 +223,12 @@ class MotionRecord:
         begins = [one.measurement.time[0] - (one.offset or (0.0, 0.0))[1] for one in self.own_channels]
         return float(min(begins)) - self.release_bounds[1]
 
+    def loads(self, times: Array) -> Array:
+        """Return the load at the tip, (3, k), at known instants (k,) on the clock of the record, s."""
+        if self.load is None:
+            return np.zeros((LOAD, times.size))
+        return self.load.values(times - self.release_bounds[0] + self.origin).T
+
     def _check_samples(self) -> None:
         count = sum(one.measurement.time.size for one in self.own_channels)
         if count < FEWEST:
@@ -231,6 +243,22 @@ class MotionRecord:
             raise InputError(
                 "a State has no rest before it, but a sample is, or may be, before the release; cut the record there",
                 "start",
+            )
+
+    def _check_load(self) -> None:
+        if self.load is None:
+            return
+        if self.load.begin >= self.end:
+            raise InputError(
+                f"begins at {self.load.begin:g} s, after the end of the motion at {self.end:g} s; its times are "
+                "those of the motion",
+                "load",
+            )
+        if self.has_unknown_times and any(one.sensor.quantity in ("force", "moment") for one in self.own_channels):
+            raise InputError(
+                "a clamp force or moment under a load at the tip needs known times; give release and offsets, or leave "
+                "these channels out",
+                "load",
             )
 
 

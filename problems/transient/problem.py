@@ -26,7 +26,6 @@ from ancf_casadi.dynamics.derivatives.reading import SampledMotion, orders_of
 from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import Problem
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.tip_load import LOAD
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.sensor import Sensor
@@ -137,7 +136,8 @@ class TransientProblem:
         for k, (record, motion) in enumerate(zip(self.records, motions, strict=True)):
             clocks = Clocks.of(record)
             samples = cs.horzsplit(self._samples(k, record, motion, given), _offsets(clocks.times))
-            sampled = [self._sampled(part, cs.MX.zeros(LOAD, part.size2()), given) for part in samples]
+            seen = [record.loads(times) for times in clocks.times]
+            sampled = [self._sampled(part, cs.MX(cs.DM(p)), given) for part, p in zip(samples, seen, strict=True)]
             for j, (channel, series) in enumerate(zip(record.own_channels, clocks.channels, strict=True)):
                 zero = given.get(f"zero_{k + 1}_{j + 1}", cs.MX(0.0))
                 found.append((self._reading(k, channel, sampled[series], given) + zero).T)
@@ -206,6 +206,7 @@ class TransientProblem:
             orders=max(orders_of(channel.sensor) for channel in record.own_channels),
             clocks=clocks.index if record.has_unknown_times else clocks.index[:0],
             span=(record.origin, record.end),
+            load=record.load,
         )
 
     def _samples(self, k: int, record: MotionRecord, motion: cs.Function, given: Mapping[str, cs.MX]) -> cs.MX:

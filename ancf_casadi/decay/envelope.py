@@ -1,17 +1,18 @@
 """Damping against amplitude from the envelope of a free decay, without a damping law.
 
-The record is divided into successive windows of a few periods.  In a window, with tau from its middle, a decay is
+The record is divided into successive windows of a few periods, and the decay in each is fitted on its own
+(``local_decay``).  The damping ratio in the middle of a window is lambda/(omega^2 + lambda^2)^1/2.  The windows do not
+overlap.  Other oscillations, whose peaks stand out of the spectrum of the residuals, are fitted in each window too.
+The curve ends where noise hides the oscillation.
 
-    y = Re((z0 + z1 tau) exp((i omega - lambda) tau)) + d
+The estimates of a window depend on the noise within about half the frequency of the mode only.  The residuals of a
+window contain little of it, as the fit has absorbed it, and much that lies elsewhere.  The standard errors therefore
+come from longer pieces of several windows: with a decay times a polynomial M, the other oscillations N,
+and waves B at the frequencies around that of the mode, the variance of the noise there is
 
-and z0, z1, d follow from linear least squares.  To first order, Re(z1/z0) is the error of the decay rate lambda, and
--Im(z1/z0) that of the frequency omega.  Three rounds of
+    s^2 = sum over pieces |P y|^2 / sum over pieces rank P,
 
-    lambda <- lambda - Re(z1/z0),    omega <- omega + Im(z1/z0)
-
-make z1 vanish.  Then |z0| is the amplitude A in the middle of the window, and lambda/(omega^2 + lambda^2)^1/2 is the
-damping ratio there, whatever the law, because lambda = -d(ln A)/dt.  The windows do not overlap, so that their errors
-are independent; the noise is assumed to be white and equal in all.  The curve ends where noise hides the oscillation.
+with P the projector on the part of B that is orthogonal to M and N.  For white noise this is its variance.
 
 References
 ----------
@@ -21,6 +22,7 @@ M. Feldman, Hilbert Transform Applications in Mechanical Vibration, Wiley (2011)
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -28,6 +30,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.decay.local_decay import LocalDecay, local_decay, waves
+from ancf_casadi.decay.spectrum import outstanding_peak, typical_step
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
@@ -38,11 +42,19 @@ from ancf_casadi.support.tables import Table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ROUNDS = 3
-UNKNOWNS = 5  # per window
-MINIMUM_SAMPLES = 8  # in a window
+PERIODS = 2.0  # of a window, unless these have too few samples
+WINDOW_SAMPLES = 10  # in a window without dropped frames
+MINIMUM_SAMPLES = 8  # in a window; one with fewer is left out
+HOLE = 0.5  # of a window, beyond which it is left out
 VISIBLE = 5.0  # amplitude, in standard errors, below which noise hides the oscillation
-PLAUSIBLE = 0.5  # largest change of decay rate and frequency per round, relative to the frequency; beyond is noise
+HIDDEN = "shows no oscillation above the noise in its first window; use more periods per window"
+PIECE = 4  # windows of a piece for the noise
+DEGREE = 4  # of the polynomial in M
+BAND = (0.6, 1.4)  # of the frequency, in which the noise counts
+OUTSIDE = 0.5  # length of a wave of unit length that is left orthogonal to M and N, below which it is not counted
+MOST_OTHERS = 3  # other oscillations
+
+Window = tuple[float, LocalDecay]  # its middle, s, and the decay there
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +66,13 @@ class DampingCurve:
     time : ndarray
         Middle of each window (k,), s, in the times of the record.
     amplitude : ndarray
-        Amplitude in the middle of each window (k,), m.
+        Amplitude in the middle of each window (k,), in ``unit``.
     damping_ratio, damping_ratio_errors : ndarray
         Damping ratio (k,), and its standard error.
     frequency, frequency_errors : ndarray
         Natural frequency (k,), Hz, and its standard error.
+    unit : str
+        SI unit of the amplitude.
     """
 
     time: Array
@@ -67,6 +81,7 @@ class DampingCurve:
     damping_ratio_errors: Array
     frequency: Array
     frequency_errors: Array
+    unit: str = "m"
 
     def table(self) -> Table:
         """Return the curve, one row per window."""
@@ -96,15 +111,18 @@ class DampingCurve:
         return figure
 
 
-def damping_curve(record: Measurement, *, periods: float = 2.0, release_time: float | None = None) -> DampingCurve:
+def damping_curve(
+    record: Measurement, *, periods: float | None = None, release_time: float | None = None
+) -> DampingCurve:
     """Return damping ratio and frequency of a decaying mode against its amplitude.
 
     Parameters
     ----------
     record : Measurement
-        Record, which may begin at rest.
-    periods : float
-        Length of a window in periods, 1 or more; longer windows give smaller errors and fewer points.
+        Record at any times, which may begin at rest.
+    periods : float, optional
+        Length of a window in periods, 1 or more; longer windows give smaller errors and fewer points.  Two if not
+        given, or as many as have ten samples.
     release_time : float, optional
         Start of the free decay, s; detected in the record if not given.
 
@@ -113,66 +131,90 @@ def damping_curve(record: Measurement, *, periods: float = 2.0, release_time: fl
     InputError
         If the record is not usable, nothing in it oscillates, or a window has too few samples.
     """
-    if positive(periods, "periods") < 1.0:
+    if periods is not None and positive(periods, "periods") < 1.0:
         raise InputError(f"must be 1 or more, got {periods:g}", "periods")
     guess = first_guess(record, release_time=release_time)
     time, y = record.time[guess.release :], record.values[guess.release :]
-    width = periods * 2 * math.pi / guess.ω
-    edges = np.searchsorted(time, np.arange(time[0], time[-1], width))
-    λ, ω = guess.ζ * guess.ω, guess.ω
-    rows, squares, freedom = [], 0.0, 0
-    for begin, end in pairwise(edges.tolist()):
-        if end - begin < MINIMUM_SAMPLES:
-            raise InputError(
-                f"makes windows of {end - begin} samples, fewer than {MINIMUM_SAMPLES}; use more periods per window",
-                "periods",
-            )
-        middle = (time[begin] + time[end - 1]) / 2
-        fitted = _local_decay(time[begin:end] - middle, y[begin:end], λ, ω)
-        if fitted is None:
-            break
-        λ, ω, amplitude, spread, left = fitted
-        squares, freedom = squares + left, freedom + end - begin - UNKNOWNS
-        rows.append((middle, amplitude, λ, ω, *spread))
-        if amplitude < VISIBLE * spread[0] * math.sqrt(squares / freedom):
-            rows.pop()
-            break
-    if not rows:
+    period, step = 2 * math.pi / guess.ω, typical_step(time)
+    if periods is None:
+        periods = max(PERIODS, math.ceil(WINDOW_SAMPLES * step / period))
+    width = periods * period
+    if round(width / step) < MINIMUM_SAMPLES:
         raise InputError(
-            "shows no oscillation above the noise in its first window; use more periods per window", "record"
+            f"makes windows of {width / step:.0f} samples, fewer than {MINIMUM_SAMPLES}; use more periods per window",
+            "periods",
         )
-    middles, amplitudes, rates, frequencies, _, rate_spread, frequency_spread = np.array(rows).T
-    noise = math.sqrt(squares / freedom)
-    natural = np.hypot(rates, frequencies)
+    others: list[float] = []
+    while True:
+        windows = list(_windows(time, y, width, guess.ζ * guess.ω, guess.ω, others))
+        if not windows:
+            raise InputError(HIDDEN, "record")
+        noise, left = _noise(time, y, windows, width, others)
+        until = slice(int(np.searchsorted(time, windows[-1][0] + width / 2)))
+        apart = 1 / period + 1 / width  # a window separates frequencies that differ by the inverse of its length
+        other = outstanding_peak(time[until], left[until], apart) if len(others) < MOST_OTHERS else None
+        if other is None:
+            break
+        others.append(2 * math.pi * other)
+    windows = [one for one in windows if one[1].amplitude > VISIBLE * noise * one[1].amplitude_error]
+    if not windows:
+        raise InputError(HIDDEN, "record")
+    λ, ω, λ_errors, ω_errors = np.array([(one.λ, one.ω, one.λ_error, one.ω_error) for _, one in windows]).T
+    natural = np.hypot(λ, ω)
     return DampingCurve(
-        time=middles,
-        amplitude=amplitudes,
-        damping_ratio=rates / natural,
-        damping_ratio_errors=noise * rate_spread / natural,
+        time=np.array([middle for middle, _ in windows]),
+        amplitude=np.array([one.amplitude for _, one in windows]),
+        damping_ratio=λ / natural,
+        damping_ratio_errors=noise * λ_errors / natural,
         frequency=natural / (2 * math.pi),
-        frequency_errors=noise * frequency_spread / (2 * math.pi),
+        frequency_errors=noise * ω_errors / (2 * math.pi),
+        unit=record.sensor.unit,
     )
 
 
-def _local_decay(
-    τ: Array, y: Array, λ: float, ω: float
-) -> tuple[float, float, float, tuple[float, float, float], float] | None:
-    """Return decay rate, frequency, amplitude, their standard errors for unit noise, and the sum of squared residuals.
+def _windows(time: Array, y: Array, width: float, λ: float, ω: float, others: Sequence[float]) -> Iterator[Window]:
+    """Yield the windows, until noise hides the oscillation."""
+    unknowns, squares, freedom = 5 + 2 * len(others), 0.0, 0
+    step = typical_step(time)
+    edges = np.searchsorted(time, np.arange(time[0], time[-1] + step, width) - step / 2).tolist()
+    for begin, end in pairwise(edges):
+        if end - begin < max(MINIMUM_SAMPLES, unknowns + 1):
+            continue
+        if np.diff(time[begin:end]).max() > max(HOLE * width, 2 * step):
+            continue
+        middle = float(time[begin] + time[end - 1]) / 2
+        found = local_decay(time[begin:end] - middle, y[begin:end], λ, ω, others)
+        if found is None:
+            return
+        squares, freedom = squares + found.misfit, freedom + end - begin - unknowns
+        if found.amplitude < VISIBLE * found.amplitude_error * math.sqrt(squares / freedom):
+            return
+        λ, ω = found.λ, found.ω
+        yield middle, found
 
-    None if a round changes decay rate and frequency too much.
-    """
-    for _ in range(ROUNDS):
-        fading = np.exp(-λ * τ)
-        cosine, sine = fading * np.cos(ω * τ), -fading * np.sin(ω * τ)
-        basis = np.column_stack([cosine, sine, τ * cosine, τ * sine, np.ones(len(τ))])
-        root = np.linalg.pinv(basis)
-        a, b, a1, b1, _ = found = root @ y
-        correction = complex(a1, b1) / complex(a, b)
-        if not abs(correction) < PLAUSIBLE * ω:
-            return None
-        λ, ω = λ - correction.real, ω + correction.imag
-    amplitude = math.hypot(a, b)
-    size, rate = (a * root[0] + b * root[1]) / amplitude, (a * root[2] + b * root[3]) / amplitude**2
-    frequency = (a * root[3] - b * root[2]) / amplitude**2
-    spread = tuple(float(np.linalg.norm(row)) for row in (size, rate, frequency))
-    return λ, ω, amplitude, (spread[0], spread[1], spread[2]), float(np.sum((y - basis @ found) ** 2))
+
+def _noise(
+    time: Array, y: Array, windows: Sequence[Window], width: float, others: Sequence[float]
+) -> tuple[float, Array]:
+    """Return the standard deviation s of the noise around the frequency of the mode, and the residuals."""
+    squares, count, left = 0.0, 0, y - y.mean()
+    for piece in np.array_split(np.arange(len(windows)), max(1, len(windows) // PIECE)):
+        middles = [windows[k][0] for k in piece]
+        begin, end = np.searchsorted(time, [middles[0] - width / 2, middles[-1] + width / 2]).tolist()
+        one, length = windows[piece[len(piece) // 2]][1], middles[-1] - middles[0] + width
+        τ, values = time[begin:end] - (middles[0] + middles[-1]) / 2, y[begin:end]
+        found = local_decay(τ, values, one.λ, one.ω, others) or one
+        decay = np.exp(-found.λ * τ)[:, None] * waves(τ, [found.ω])
+        rest, u = waves(τ, others), (2 * τ / length)[:, None]
+        own = [u**power * decay for power in range(DEGREE + 1)]
+        model = np.linalg.qr(np.hstack([*own, np.ones((len(τ), 1)), rest, u * rest]))[0]
+        left[begin:end] = values - model @ (model.T @ values)
+        least, most = (edge * found.ω * length / (2 * math.pi) for edge in BAND)
+        near = waves(τ, 2 * math.pi / length * np.arange(math.ceil(least), math.floor(most) + 1))
+        near /= np.linalg.norm(near, axis=0)
+        directions, lengths, _ = np.linalg.svd(near - model @ (model.T @ near), full_matrices=False)
+        outside = directions[:, lengths > OUTSIDE]
+        squares, count = squares + float(np.sum((outside.T @ values) ** 2)), count + outside.shape[1]
+    if not count:
+        return float(left.std()), left
+    return math.sqrt(squares / count), left

@@ -43,6 +43,8 @@ class LocalDecay:
         Amplitude, m.
     λ_error, ω_error, amplitude_error : float
         Their standard errors for white noise of standard deviation 1 m.
+    misfit : float
+        Sum of the squared residuals, m^2.
     """
 
     λ: float
@@ -51,6 +53,7 @@ class LocalDecay:
     λ_error: float
     ω_error: float
     amplitude_error: float
+    misfit: float
 
 
 def local_decay(τ: Array, y: Array, λ: float, ω: float, others: Sequence[float] = ()) -> LocalDecay | None:
@@ -71,8 +74,9 @@ def local_decay(τ: Array, y: Array, λ: float, ω: float, others: Sequence[floa
     for _ in range(ROUNDS):
         fading = np.exp(-λ * τ)
         cosine, sine = fading * np.cos(ω * τ), -fading * np.sin(ω * τ)
-        root = np.linalg.pinv(np.column_stack([cosine, sine, τ * cosine, τ * sine, rest]))[:4]
-        a, b, a1, b1 = root @ y
+        basis = np.column_stack([cosine, sine, τ * cosine, τ * sine, rest])
+        root = np.linalg.pinv(basis)
+        a, b, a1, b1 = root[:4] @ y
         amplitude = math.hypot(a, b)
         if not amplitude > 0.0:
             return None
@@ -82,7 +86,8 @@ def local_decay(τ: Array, y: Array, λ: float, ω: float, others: Sequence[floa
         λ, ω = λ - correction.real, ω + correction.imag
     size, rate = (a * root[0] + b * root[1]) / amplitude, (a * root[2] + b * root[3]) / amplitude**2
     turn = (a * root[3] - b * root[2]) / amplitude**2
-    return LocalDecay(λ, ω, amplitude, *(float(np.linalg.norm(row)) for row in (rate, turn, size)))
+    errors = [float(np.linalg.norm(row)) for row in (rate, turn, size)]
+    return LocalDecay(λ, ω, amplitude, errors[0], errors[1], errors[2], float(np.sum((y - basis @ (root @ y)) ** 2)))
 
 
 def waves(τ: Array, frequencies: Sequence[float]) -> Array:

@@ -18,6 +18,7 @@ W. H. Press, G. B. Rybicki, Fast algorithm for spectral analysis of unevenly sam
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
@@ -30,6 +31,7 @@ PAUSE = 5.0  # median steps beyond which a step is a gap
 RIVAL = 0.5  # power of a candidate, relative to the highest peak
 MOST_CANDIDATES = 8
 SLOW = 6.0  # periods in a record, fewer of which may be the slow part of a step
+LEAST_BINS = 8  # of a spectrum with padding, in a half octave
 PIECE = 8  # samples of a piece
 NOISE_PEAK = 25.0  # power relative to that of the noise, which exceeds it in 1 of 3e7 bins or fewer
 
@@ -68,20 +70,28 @@ def peak_frequencies(time: Array, swing: Array) -> list[float]:
     list of float
         One frequency for even times, and up to eight for uneven times.
     """
+    frequency, power = _spectrum(time, swing)
     if is_even(time):
-        frequency, power = _even_spectrum((time[-1] - time[0]) / (len(time) - 1), swing)
         return [float(frequency[1 + np.argmax(power[1:])])]
-    step = float(np.median(np.diff(time)))
-    places = np.round((time - time[0]) / (step / FINER)).astype(int)
-    grid = np.zeros(places[-1] + 1)
-    np.add.at(grid, places, swing)
-    frequency, power = _even_spectrum(step / FINER, grid)
-    power = power[: max(3, int(np.searchsorted(frequency, 1 / (2 * step), side="right")))]
     peaks = 1 + np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] >= power[2:]))
     if not peaks.size:
         return [float(frequency[1 + np.argmax(power[1:])])]
     peaks = peaks[np.argsort(-power[peaks], kind="stable")][:MOST_CANDIDATES]
     return [float(one) for one in frequency[peaks[power[peaks] >= RIVAL * power[peaks[0]]]]]
+
+
+def outstanding_peak(time: Array, values: Array, lowest: float) -> float | None:
+    """Return the frequency (Hz) above the lowest whose power stands out most of that around it; None if none does."""
+    frequency, power = _spectrum(time, values)
+    best, found = NOISE_PEAK, None
+    edges = np.searchsorted(frequency, lowest * 2 ** np.arange(0.0, math.log2(max(frequency[-1] / lowest, 1.0)), 0.5))
+    for begin, end in pairwise([*edges.tolist(), len(frequency)]):
+        if end - begin > LEAST_BINS:
+            highest = begin + int(np.argmax(power[begin:end]))
+            around = float(np.median(power[max(begin - LEAST_BINS, 0) : end + LEAST_BINS]))
+            if power[highest] > best * around:
+                best, found = power[highest] / around, float(frequency[highest])
+    return found
 
 
 def step_frequency(time: Array, values: Array) -> float:
@@ -114,6 +124,19 @@ def _quiet_variance(values: Array) -> float:
     line = np.vander(np.linspace(-1.0, 1.0, PIECE), 2)
     rest = pieces - pieces @ np.linalg.pinv(line).T @ line.T
     return float(np.quantile(np.sum(rest**2, axis=1), 0.25)) / (PIECE - 2)
+
+
+def _spectrum(time: Array, values: Array) -> tuple[Array, Array]:
+    """Return the frequencies (Hz) and the power of values at any times, up to half the sampling rate."""
+    if is_even(time):
+        return _even_spectrum((time[-1] - time[0]) / (len(time) - 1), values)
+    step = float(np.median(np.diff(time)))
+    places = np.round((time - time[0]) / (step / FINER)).astype(int)
+    grid = np.zeros(places[-1] + 1)
+    np.add.at(grid, places, values)
+    frequency, power = _even_spectrum(step / FINER, grid)
+    end = max(3, int(np.searchsorted(frequency, 1 / (2 * step), side="right")))
+    return frequency[:end], power[:end]
 
 
 def _even_spectrum(step: float, values: Array) -> tuple[Array, Array]:

@@ -6,6 +6,8 @@ import casadi as cs
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio
 from ancf_casadi.decay.envelope import damping_curve
@@ -119,7 +121,48 @@ def test_unusable_windows_are_refused(periods, message):
 
 def test_unusable_records_are_refused():
     time = np.arange(0.0, 15.0, 0.2)
-    with pytest.raises(InputError, match="periods: makes windows of 6 samples"):
-        damping_curve(Measurement(time, np.cos(ω * time)))
+    with pytest.raises(InputError, match="periods: makes windows of 5 samples"):
+        damping_curve(Measurement(time, np.cos(ω * time)), periods=2.0)
+    assert damping_curve(Measurement(time, np.cos(ω * time))).frequency == pytest.approx(1.85, rel=1e-6)
     with pytest.raises(InputError, match="record: is constant"):
         damping_curve(Measurement(TIME, np.ones(len(TIME))))
+
+
+@pytest.mark.parametrize(
+    "kind", ["white", "autoregressive", "second mode", "frequency falls with amplitude", "dropped"]
+)
+def test_stated_errors_are_the_scatter_between_records(kind):
+    """Ratio of scatter to error over 30 records; a drifting frequency or another mode is not noise, colour is."""
+    t, Ω, rate = np.arange(0.0, 6.0, 1 / 200), 14 * math.pi, 0.35
+    A = 0.02 * np.exp(-rate * t)
+    curves = []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        phase, noise, keep = rng.uniform(0.0, 6.0), rng.standard_normal(len(t)), np.ones(len(t), dtype=bool)
+        turned = Ω * t
+        if kind == "autoregressive":
+            noise = lfilter([math.sqrt(1 - 0.9**2)], [1.0, -0.9], rng.standard_normal(len(t) + 200))[200:]
+        if kind == "frequency falls with amplitude":
+            turned = turned - 0.3 * Ω * (0.02 - A) / rate
+        if kind == "dropped":
+            keep = rng.random(len(t)) > 0.3
+        y = A * np.cos(turned + phase) + 2e-4 * noise
+        if kind == "second mode":
+            y += 0.001 * np.exp(-0.8 * t) * np.cos(6.27 * Ω * t + rng.uniform(0.0, 6.0))
+        curves.append(damping_curve(Measurement(t[keep], y[keep])))
+    count = min(len(curve.time) for curve in curves)
+    for name in ("damping_ratio", "frequency"):
+        values = np.array([getattr(curve, name)[:count] for curve in curves])
+        errors = np.array([getattr(curve, f"{name}_errors")[:count] for curve in curves])
+        ratio = math.sqrt(np.mean(np.var(values, axis=0, ddof=1) / np.mean(errors**2, axis=0)))
+        assert 0.8 < ratio < 1.25
+
+
+def test_interpolating_a_record_does_not_change_its_errors():
+    rng, t = np.random.default_rng(0), np.arange(0.0, 6.0, 1 / 100)
+    record = Measurement(t, 0.02 * np.exp(-0.35 * t) * np.cos(14 * math.pi * t) + 2e-4 * rng.standard_normal(len(t)))
+    fine = np.arange(0.0, t[-1], 1 / 1000)
+    dense = Measurement(fine, CubicSpline(t, record.values)(fine))
+    one, ten = damping_curve(record), damping_curve(dense)
+    count = min(len(one.time), len(ten.time)) - 1
+    np.testing.assert_allclose(ten.damping_ratio_errors[:count], one.damping_ratio_errors[:count], rtol=0.3)

@@ -7,24 +7,31 @@ Under linear damping the modes of a beam are independent, and a record is their 
 The strongest mode is fitted first and subtracted, then the strongest of the rest, and so on.  This gives the starting
 values of one problem in which all modes are fitted at once, so that no mode is in the residuals of another.
 
+A mode whose frequency depends on its amplitude leaves an oscillation close to its frequency, which is no other mode.
+Two close modes therefore count as one unless they explain the record better, by the criterion BIC, than one mode with
+quadratic damping and a frequency that is linear in amplitude.  What fades within a period is no mode either.
+
 References
 ----------
 "Comparison of external damping models in a large deformation problem", Eq. (9), (10).
 S. G. Mallat, Z. Zhang, Matching pursuits with time-frequency dictionaries, IEEE Transactions on Signal Processing 41
 (1993).
+G. Schwarz, Estimating the dimension of a model, Annals of Statistics 6 (1978).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+import math
+from collections.abc import Callable, Sequence
 
 import casadi as cs
+import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.least_squares import Unknown, least_squares
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import flag, number, whole
@@ -34,6 +41,11 @@ from problems.decay.result import DecayFit, decay_result
 from problems.decay.solution import RATIO_BOUNDS, fit_from
 
 SAMPLES = 5  # per mode at least: four unknowns and one degree of freedom
+MOST_MODES = 6  # if no count is given
+CLOSE = 0.1  # relative distance of two frequencies, below which the modes may be one
+FADING = 0.3  # damping ratio beyond which the rest of a record is no other mode
+LEAST_PERIODS = 2.0  # of a further mode in the record
+CLEAR = 10.0  # difference of BIC that leaves no doubt
 ADVICE = "fit fewer modes, or check the release (release_time)"
 
 
@@ -41,7 +53,7 @@ def fit_modes(
     time: Measurement | ArrayLike,
     displacement: ArrayLike | None = None,
     *,
-    count: int,
+    count: int | None = None,
     offset: bool = True,
     release_time: float | None = None,
 ) -> tuple[DecayFit, ...]:
@@ -53,8 +65,8 @@ def fit_modes(
         Times, s, increasing; or the whole record.
     displacement : array_like
         Displacement at each time, m.
-    count : int
-        Number of modes.
+    count : int, optional
+        Largest number of modes; as many as the record supports, up to six, if not given.
     offset : bool
         Whether the equilibrium may differ from 0.
     release_time : float, optional
@@ -63,58 +75,124 @@ def fit_modes(
     Returns
     -------
     tuple of DecayFit
-        Result for each mode, in ascending order of frequency.  ``displacement`` gives the contribution of the mode; the
-        strongest mode includes the offset.
+        Result for each mode, in ascending order of frequency; with a warning if the record supports fewer than
+        ``count``.  ``displacement`` gives the contribution of the mode; the strongest mode includes the offset.
 
     Raises
     ------
     InputError
-        If the record is not usable, or shows fewer modes.
+        If the record is not usable, or shows no mode.
     FitError
         If a fit does not converge.
     """
     record = as_record(time, displacement)
-    count, offset = whole(count, "count", 1, max(1, len(record.time) // SAMPLES)), flag(offset, "offset")
+    most = max(1, len(record.time) // SAMPLES)
+    limit = min(MOST_MODES, most) if count is None else whole(count, "count", 1, most)
     release = None if release_time is None else number(release_time, "release_time")
-    unknowns: list[Unknown] = []
-    parts: list[tuple[DecayModel, tuple[int, ...]]] = []
-    left, reason = record, ""
-    for mode in range(1, count + 1):
-        model = DecayModel("linear", offset and mode == 1, False)
-        try:
-            guess = first_guess(left, release_time=release, offset=model.offset)
-            (alone,) = fit_from([guess], [left], law="linear", offset=model.offset, drift=False)
-        except InputError as error:
-            if mode == 1:
-                raise
-            raise InputError(
-                f"shows {mode - 1} of {count} modes: the rest {str(error).removeprefix('record: ')}; fit fewer modes",
-                "record",
-            ) from None
-        release, reason = alone.release_time, reason or alone.release_reason
-        left = Measurement(alone.time, left.values[-alone.samples :] - alone.displacement(alone.time))
-        own = [*model.shared(guess, RATIO_BOUNDS), *model.own(guess)]
-        parts.append((model, tuple(range(len(unknowns), len(unknowns) + len(own)))))
-        values = alone.fit.values.tolist()
-        unknowns += [replace(u, name=f"{u.name}_{mode}", guess=x) for u, x in zip(own, values, strict=True)]
-
-    y, t = cs.DM(record.values[-len(left.time) :]), left.time - left.time[0]
-    fit = least_squares(_sum(parts, t, y), unknowns, series=[len(t)], times=t, advice=ADVICE)
+    modes, merged, ended = _found(record, limit, flag(offset, "offset"), release)
+    notes = [*merged, *([] if count is None or not ended else [ended])]
+    t, y = modes[0].time, record.values[-modes[0].samples :]
+    fit, columns = _together(modes, t, y)
     fits = [
         decay_result(
-            model, fit, left.time, indices=indices, rows=slice(0, len(t)), ratio_bounds=RATIO_BOUNDS, reason=reason
+            mode.model, fit, t, indices=indices, rows=slice(0, len(t)), ratio_bounds=RATIO_BOUNDS,
+            reason=modes[0].release_reason, notes=notes,
         )
-        for model, indices in parts
-    ]
+        for mode, indices in zip(modes, columns, strict=True)
+    ]  # fmt: skip
     return tuple(sorted(fits, key=lambda fit: fit.frequency))
 
 
-def _sum(parts: list[tuple[DecayModel, tuple[int, ...]]], t: Array, y: cs.DM) -> Callable[..., cs.MX]:
+def _found(
+    record: Measurement, limit: int, offset: bool, release: float | None
+) -> tuple[list[DecayFit], list[str], str]:
+    """Return up to ``limit`` modes, notes of modes that count as one, and the reason if there are fewer."""
+    modes, notes, merged = [_strongest(record, offset, release)], list[str](), list[DecayFit]()
+    t, y = modes[0].time, record.values[-modes[0].samples :]
+    rest = y - modes[0].displacement(t)
+    while len(modes) < limit:
+        missing = f"the record supports {len(modes)} of {limit} modes"
+        try:
+            mode = _strongest(Measurement(t, rest), False, float(t[0]))
+        except InputError as error:
+            return modes, notes, f"{missing}: the rest {str(error).removeprefix('record: ')}"
+        if mode.damping_ratio > FADING or mode.frequency * (t[-1] - t[0]) < LEAST_PERIODS:
+            return (
+                modes,
+                notes,
+                (
+                    f"{missing}: the rest, near {mode.frequency:.4g} Hz with a damping ratio of "
+                    f"{mode.damping_ratio:.2g}, is no mode; another law or a drift may explain it"
+                ),
+            )
+        near = min(modes, key=lambda other: abs(other.frequency - mode.frequency))
+        others = y - np.sum([np.zeros(len(t)), *(one.displacement(t) for one in modes if one is not near)], axis=0)
+        one = _single(near, mode, t, others)
+        if one is None:
+            modes.append(mode)
+            rest = rest - mode.displacement(t)
+            continue
+        note = (
+            f"one mode near {near.frequency:.4g} Hz: a second one at {mode.frequency:.4g} Hz would imitate a frequency "
+            'that depends on amplitude; fit the mode with frequency_law="linear" or "quadratic"'
+        )
+        if near in merged:
+            return modes, notes, f"{missing}: {note}"
+        merged.append(near)
+        notes.append(note)
+        rest = others - one.displacement(t)
+    return modes, notes, ""
+
+
+def _strongest(record: Measurement, offset: bool, release: float | None) -> DecayFit:
+    """Return the fit of the strongest mode alone."""
+    guess = first_guess(record, release_time=release, offset=offset)
+    return fit_from([guess], [record], law="linear", offset=offset, drift=False)[0]
+
+
+def _single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit | None:
+    """Return one mode with a frequency that depends on amplitude; None if two modes explain the record better."""
+    if abs(first.frequency - second.frequency) > CLOSE * first.frequency:
+        return None
+    record = Measurement(t, y)
+    try:
+        guess = first_guess(record, release_time=float(t[0]), offset=first.model.offset)
+        (one,) = fit_from(
+            [guess], [record], law="quadratic", frequency_law="linear", offset=first.model.offset, drift=False
+        )
+        two = _together([first, second], t, y)[0]
+    except (InputError, FitError):
+        return None
+    return one if _criterion(one.fit) < _criterion(two) + CLEAR else None
+
+
+def _criterion(fit: Fit) -> float:
+    """Return BIC of a fit, up to a constant."""
+    m = len(fit.residuals)
+    return m * math.log(max(fit.residual_rms, np.finfo(float).tiny) ** 2) + len(fit.names) * math.log(m)
+
+
+def _together(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[Fit, list[tuple[int, ...]]]:
+    """Return the fit of modes at once, and the positions of the unknowns of each."""
+    unknowns: list[Unknown] = []
+    columns = []
+    for position, mode in enumerate(modes, start=1):
+        alone = mode.fit
+        own = zip(alone.names, alone.values.tolist(), alone.scale.tolist(), alone.lower.tolist(), alone.upper.tolist(),
+                  alone.units, strict=True)  # fmt: skip
+        columns.append(tuple(range(len(unknowns), len(unknowns) + len(alone.names))))
+        unknowns += [Unknown(f"{name}_{position}", *rest) for name, *rest in own]
+    τ = t - t[0]
+    sum_of_modes = _sum([mode.model for mode in modes], columns, τ, y)
+    return least_squares(sum_of_modes, unknowns, series=[len(t)], times=τ, advice=ADVICE), columns
+
+
+def _sum(models: Sequence[DecayModel], columns: Sequence[tuple[int, ...]], t: Array, y: Array) -> Callable[..., cs.MX]:
     """Return a function of all unknowns: the sum of the modes, less the measured displacements."""
 
     def residuals(*x: cs.MX) -> cs.MX:
-        curve = -cs.MX(y)
-        for model, indices in parts:
+        curve = -cs.MX(cs.DM(y))
+        for model, indices in zip(models, columns, strict=True):
             curve += model.curve(t, *(x[i] for i in indices))
         return curve
 

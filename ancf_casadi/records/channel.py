@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from ancf_casadi.records.units import Unit
 from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.inputs import shown
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class Channel:
     @property
     def label(self) -> str:
         """Number and name, for messages."""
-        return f"{self.number} '{self.name}'"
+        return f"{self.number} {shown(self.name)}"
 
 
 @dataclass(frozen=True, eq=False)

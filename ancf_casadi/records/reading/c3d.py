@@ -7,14 +7,14 @@ the library allocates memory for them.
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Channel, Contents
-from ancf_casadi.records.reading.libraries import library, readable
+from ancf_casadi.records.reading.isolated import read_isolated
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array
 
@@ -30,57 +30,35 @@ def read_c3d(path: Path) -> Contents:
     InputError
         If ezc3d is missing, or the file is damaged.
     """
-    ezc3d = library("ezc3d", "C3D")
-    with readable(str(path), "C3D"):
-        _check_sizes(path)
-        file = ezc3d.c3d(str(path))
-        return Contents((*_markers(file, str(path)), *_analogs(file, str(path))))
+    _check_sizes(path)
+    arrays, properties = read_isolated("c3d", "ezc3d", path, "C3D")
+    points, analogs = arrays["points"], arrays["analogs"]
+    channels: list[Channel] = []
+    if points.size:
+        time = _time(points.shape[2], properties["POINT RATE"], str(path))
+        symbol = next((str(text).strip() for text in properties["POINT UNITS"]), "")
+        labels = _labels(properties["POINT LABELS"], points.shape[1], "marker")
+        for j, label in enumerate(labels):
+            for axis, values in zip("xyz", points[:, j], strict=True):
+                number = len(channels) + 1
+                channels.append(Channel(number, f"{label} {axis}", values, symbol, parse_unit(symbol), time))
+    if analogs.size:
+        time = _time(analogs.shape[1], properties["ANALOG RATE"], str(path))
+        labels = _labels(properties["ANALOG LABELS"], len(analogs), "analog")
+        symbols = [*(str(text).strip() for text in properties["ANALOG UNITS"]), *[""] * len(analogs)]
+        for label, values, symbol in zip(labels, analogs, symbols[: len(analogs)], strict=True):
+            channels.append(Channel(len(channels) + 1, label, values, symbol, parse_unit(symbol), time))
+    return Contents(tuple(channels))
 
 
-def _markers(file: Any, path: str) -> list[Channel]:
-    parameters = file["parameters"].get("POINT", {})
-    points = np.array(file["data"]["points"][:3], dtype=float)  # 3, markers, frames
-    count, frames = points.shape[1:]
-    if not count or not frames:
-        return []
-    points[:, file["data"]["meta_points"]["residuals"][0] < 0.0] = np.nan
-    time = _time(frames, parameters, path)
-    symbol = _first(parameters, "UNITS").strip()
-    labels = _labels(parameters, count, "marker")
-    pairs = [(f"{label} {axis}", points[k, j]) for j, label in enumerate(labels) for k, axis in enumerate("xyz")]
-    return [Channel(k, name, values, symbol, parse_unit(symbol), time) for k, (name, values) in enumerate(pairs, 1)]
+def _labels(given: Sequence[object], count: int, default: str) -> list[str]:
+    labels = [str(label).strip() for label in given][:count]
+    return [label or f"{default} {k + 1}" for k, label in enumerate([*labels, *[""] * (count - len(labels))])]
 
 
-def _analogs(file: Any, path: str) -> list[Channel]:
-    parameters = file["parameters"].get("ANALOG", {})
-    analogs = np.asarray(file["data"]["analogs"], dtype=float)[0]  # channels, samples
-    count, samples = analogs.shape
-    if not count or not samples:
-        return []
-    time = _time(samples, parameters, path)
-    symbols = [*map(str, parameters.get("UNITS", {}).get("value", [])), *[""] * count]
-    labels = _labels(parameters, count, "analog")
-    before = 3 * file["data"]["points"].shape[1]
-    return [
-        Channel(before + k + 1, label, values, symbol.strip(), parse_unit(symbol), time)
-        for k, (label, values, symbol) in enumerate(zip(labels, analogs, symbols[:count], strict=True))
-    ]
-
-
-def _labels(parameters: Any, count: int, default: str) -> list[str]:
-    given = [str(label).strip() for label in parameters.get("LABELS", {}).get("value", [])][:count]
-    return [label or f"{default} {k + 1}" for k, label in enumerate([*given, *[""] * (count - len(given))])]
-
-
-def _first(parameters: Any, name: str) -> str:
-    values = list(parameters.get(name, {}).get("value", []))
-    return str(values[0]) if values else ""
-
-
-def _time(samples: int, parameters: Any, path: str) -> Array | None:
+def _time(samples: int, rates: Sequence[float], path: str) -> Array | None:
     """Return the times of samples at the rate of the file; None if it has none."""
-    rates = np.ravel(parameters.get("RATE", {}).get("value", []))
-    rate = float(rates[0]) if len(rates) else 0.0
+    rate = float(rates[0]) if rates else 0.0
     if not np.isfinite(rate) or rate < 0.0:
         raise InputError(f"has the sampling rate {rate:g} 1/s; it is damaged", path)
     return np.arange(samples, dtype=float) / rate if rate > 1e-30 else None

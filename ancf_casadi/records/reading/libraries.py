@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
+import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
-
-LARGEST = 2**30  # bytes that one channel, or all of a compressed file, may take
-MOST_PACKED = 1100  # unpacked bytes per byte of a compressed file; deflate reaches 1032
+from ancf_casadi.records.reading.worker import Unusable
 
 
 def library(module: str, format_name: str) -> Any:
@@ -22,37 +21,42 @@ def library(module: str, format_name: str) -> Any:
     InputError
         If it is not installed.
     """
+    check_installed(module, format_name)
+    return importlib.import_module(module)
+
+
+def check_installed(module: str, format_name: str) -> None:
+    """Check that the module that reads a format is installed.
+
+    Raises
+    ------
+    InputError
+        If it is not.
+    """
     try:
-        return importlib.import_module(module)
-    except ImportError:
+        found = importlib.util.find_spec(module)
+    except ValueError:  # a module that was switched off
+        found = None
+    if found is None:
         raise InputError(
             f"is not installed, but {format_name} files need it; pip install 'ancf-casadi[records]'", module
-        ) from None
+        )
 
 
 @contextmanager
 def readable(path: str, format_name: str) -> Iterator[None]:
     """Turn every failure of a library into an ``InputError``: a damaged file may make it fail anywhere."""
+    logging.disable(logging.CRITICAL)  # nptdms logs what it doubts
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             yield
     except InputError:
         raise
+    except Unusable as error:
+        raise InputError(str(error), path) from None
     except Exception as error:
         reason = " ".join(str(error).split())[:80] or type(error).__name__
         raise InputError(f"is no readable {format_name} file ({reason})", path) from None
-
-
-def check_unpacked(size: int, packed: int, path: str) -> None:
-    """Check that data of ``size`` bytes can come from ``packed`` bytes of a file.
-
-    Raises
-    ------
-    InputError
-        If they cannot, or take more than 1 GiB.
-    """
-    if size > LARGEST:
-        raise InputError(f"unpacks to more than {LARGEST >> 20} MB; shorten the record", path)
-    if size > MOST_PACKED * packed:
-        raise InputError(f"declares {size} bytes of data, which its {packed} bytes cannot hold; it is damaged", path)
+    finally:
+        logging.disable(logging.NOTSET)

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents
 from ancf_casadi.records.reading.arrays import array_contents
-from ancf_casadi.records.reading.libraries import check_unpacked, readable
+from ancf_casadi.records.reading.libraries import readable
+from ancf_casadi.records.reading.worker import check_unpacked
 
 
 def read_npz(path: Path) -> Contents:
@@ -35,7 +36,7 @@ def read_npz(path: Path) -> Contents:
         members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
         if not members:
             raise InputError("is a ZIP archive without NumPy arrays; export the data as CSV", str(path))
-        check_unpacked(sum(member.file_size for member in members), path.stat().st_size, str(path))
+        check_unpacked(sum(member.file_size for member in members), path.stat().st_size)
         for member in members:
             name = member.filename.removesuffix(".npy")
             with archive.open(member) as file:

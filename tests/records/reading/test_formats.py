@@ -349,9 +349,14 @@ def test_damaged_files_are_refused_in_one_line(tmp_path, name, content, message)
     assert "\n" not in str(caught.value)
 
 
+C3D_HEADER = (
+    b"\x02\x50" + bytes([0, 0, 0, 0, 1, 0, 1, 0]).ljust(14, b"\0") + b"\x03" + bytes(495) + b"\0\0\0\x54" + bytes(1020)
+)
+
+
 @pytest.mark.parametrize("module", ["pyuff", "h5py", "ezc3d", "nptdms", "lvm_read"])
 def test_a_missing_library_is_named_with_its_extra(tmp_path, monkeypatch, module):
-    starts = {"pyuff": b"    -1\n    58\n", "h5py": b"\x89HDF\r\n\x1a\n", "nptdms": b"TDSm", "ezc3d": b"\x02\x50"}
+    starts = {"pyuff": b"    -1\n    58\n", "h5py": b"\x89HDF\r\n\x1a\n", "nptdms": b"TDSm", "ezc3d": C3D_HEADER}
     path = tmp_path / ("a.c3d" if module == "ezc3d" else "a.dat")
     path.write_bytes(starts.get(module, b"LabVIEW Measurement") + bytes(50))
     monkeypatch.setitem(__import__("sys").modules, module, None)

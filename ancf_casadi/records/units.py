@@ -45,6 +45,7 @@ TIME = {
     "us": 1e-6, "usec": 1e-6, "microsecond": 1e-6, "microseconds": 1e-6,
     "ns": 1e-9, "nsec": 1e-9, "nanosecond": 1e-9, "nanoseconds": 1e-9,
     "min": 60.0, "minute": 60.0, "minutes": 60.0, "h": 3600.0, "hr": 3600.0, "hour": 3600.0, "hours": 3600.0,
+    "day": 86400.0, "days": 86400.0,
 }  # fmt: skip
 LENGTH = {
     "m": 1.0, "meter": 1.0, "meters": 1.0, "metre": 1.0, "metres": 1.0, "km": 1e3, "dm": 0.1,
@@ -92,10 +93,11 @@ def _table() -> Mapping[str, tuple[str, float]]:
         table |= {name: (quantity, factor) for name, factor in units.items()}
     for length, metres in LENGTH.items():
         for time, seconds in TIME.items():
-            for spelling in (f"{length}/{time}", f"{length}{time}-1"):
-                table.setdefault(spelling, ("velocity", metres / seconds))
-            for spelling in (f"{length}/{time}2", f"{length}/{time}/{time}", f"{length}{time}-2"):
+            table.setdefault(f"{length}/{time}", ("velocity", metres / seconds))
+            for spelling in (f"{length}/{time}2", f"{length}/{time}/{time}"):
                 table.setdefault(spelling, ("acceleration", metres / seconds**2))
+        table[f"{length}s-1"] = ("velocity", metres)  # only with s: mms-1 could be millimetres or metres
+        table[f"{length}s-2"] = ("acceleration", metres)
     return MappingProxyType(table)
 
 
@@ -103,7 +105,8 @@ UNITS = _table()  # plain spelling -> quantity, SI units per unit
 PLAIN = str.maketrans({"µ": "u", "μ": "u", "²": "2", "⁻": "-", "¹": "1", "\N{MINUS SIGN}": "-"})
 SILENT = str.maketrans(dict.fromkeys(" .·⋅*^_"))
 SCALED = re.compile(r"([+-]?\d+\.?\d*(?:[eE][+-]?\d+)?(?=[ *]))?[ *]*(\D.*)")
-BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]\s*$")
+SEPARATORS = re.compile(r"[_\s.\-]+")
+BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
 BEHIND = re.compile(r"\s*/\s*(\S.*)$|\s+in\s+(\S+)$|,\s*(\S+)$|\s(\S+)$")
 COUNTERS = {"min", "h", "in", "g", "gs", "grad", "mil"}  # as the whole name of a column, these are rarely units
 
@@ -141,10 +144,12 @@ def unit_in_name(name: str) -> tuple[str, Unit | None]:
 
     The text is empty if the name carries no unit; the meaning is None if the unit is not understood.
     """
-    bracketed = BRACKETS.search(name)
-    if bracketed:
-        text = bracketed[1].strip()
-        return text, parse_unit(text) if text else None
+    bracketed = [text.strip() for text in BRACKETS.findall(name)]
+    for text in bracketed:
+        if parse_unit(text):
+            return text, parse_unit(text)
+    if bracketed and name.rstrip()[-1] in ")]}>":
+        return bracketed[-1], None
     if parse_unit(name) and name not in COUNTERS:
         return name, parse_unit(name)
     behind = BEHIND.search(name)
@@ -152,7 +157,7 @@ def unit_in_name(name: str) -> tuple[str, Unit | None]:
         text = next(part for part in behind.groups() if part)
         if parse_unit(text):
             return text, parse_unit(text)
-    return _unit_in_parts(name.split("_"))
+    return _unit_in_parts(SEPARATORS.split(name))
 
 
 def _unit_in_parts(parts: list[str]) -> tuple[str, Unit | None]:
@@ -160,11 +165,10 @@ def _unit_in_parts(parts: list[str]) -> tuple[str, Unit | None]:
     if len(parts) > 3 and parts[-2] == "per":
         text = f"{parts[-3]}/{parts[-1]}"
         return text, parse_unit(text)
-    units = [(part, parse_unit(part)) for part in parts[1:]]
+    last = len(parts) - 1
+    certain = [k == last or (len(part) > 1 and part not in COUNTERS) for k, part in enumerate(parts)]
+    units = [(part, parse_unit(part)) for k, part in enumerate(parts) if k and certain[k]]
     found = [(part, unit) for part, unit in units if unit]
-    if not found:
-        return "", None
     if len(found) > 1:
         return "_".join(part for part, _ in found), None
-    text, unit = found[0]
-    return (text, unit) if units[-1][0] == text or (len(text) > 1 and text not in COUNTERS) else ("", None)
+    return found[0] if found else ("", None)

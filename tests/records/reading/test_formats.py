@@ -349,9 +349,7 @@ def test_damaged_files_are_refused_in_one_line(tmp_path, name, content, message)
     assert "\n" not in str(caught.value)
 
 
-C3D_HEADER = (
-    b"\x02\x50" + bytes([0, 0, 0, 0, 1, 0, 1, 0]).ljust(14, b"\0") + b"\x03" + bytes(495) + b"\0\0\0\x54" + bytes(1020)
-)
+C3D_HEADER = struct.pack("<2B8H", 2, 0x50, 0, 0, 1, 1, 0, 0, 0, 3).ljust(515, b"\0") + b"\x54" + bytes(1020)
 
 
 @pytest.mark.parametrize("module", ["pyuff", "h5py", "ezc3d", "nptdms", "lvm_read"])

@@ -29,6 +29,7 @@ from ancf_casadi.support.arrays import Array, Index
 HEAD_LINES, HEAD_CHARACTERS = 1000, 200_000  # looked at to recognise the table
 LEAST_LINES = 4
 MOST_JOINED = 3  # lines of one row with quoted line breaks
+CLOCKS = "; write times as 2024-05-17T09:30:00.125, as 09:30:00.125, or in s"
 DIGITS = b"0123456789+-eE \t\n"
 NUMBERS = {".": DIGITS + b".", ",": DIGITS + b","}
 
@@ -127,10 +128,15 @@ class _Reader:
         return values if usable and len(values) == text.count("\n") + 1 else None
 
     def _cells(self, block: bytes, line: int) -> None:
+        text = decoded(block)
+        columns = _columns(text, self.table.dialect, self.table.width)
+        if columns is not None:
+            self._add(columns, range(line, line + len(columns[0])))
+            return
         rows: list[list[str]] = []
         lines: list[int] = []
         width = self.table.width
-        for number, cells in _rows(decoded(block), self.table.dialect, line):
+        for number, cells in _rows(text, self.table.dialect, line):
             while len(cells) > width and not cells[-1]:
                 cells.pop()
             if len(cells) != width:
@@ -142,13 +148,16 @@ class _Reader:
             rows.append(cells)
             lines.append(number)
         if rows:
-            columns = [self._column(k, cells, lines) for k, cells in enumerate(zip(*rows, strict=True))]
-            self.blocks.append(np.column_stack(columns))
-            self.lines.append(np.array(lines, dtype=np.int32))
+            self._add(list(zip(*rows, strict=True)), lines)
+
+    def _add(self, columns: Sequence[Sequence[str]], lines: Sequence[int]) -> None:
+        self.blocks.append(np.column_stack([self._column(k, cells, lines) for k, cells in enumerate(columns)]))
+        self.lines.append(np.array(lines, dtype=np.int32))
 
     def _column(self, k: int, cells: Sequence[str], lines: Sequence[int]) -> Array:
         if self.table.kinds[k] == "word":
-            self.faults.setdefault(k, f"has words, such as {cells[0][:40]!r} in line {lines[0]}, not numbers")
+            advice = CLOCKS if ":" in cells[0] else ""
+            self.faults.setdefault(k, f"has words, such as {cells[0][:40]!r} in line {lines[0]}, not numbers{advice}")
             return np.full(len(cells), np.nan)
         if self.table.kinds[k] == "stamp":
             stamps = self._stamps(k, cells)
@@ -202,6 +211,18 @@ def _filled(block: bytes, delimiter: bytes) -> bytes:
     if block.startswith(delimiter):
         block = b"nan" + block
     return block + b"nan" if block.endswith(delimiter) else block
+
+
+def _columns(text: str, dialect: Dialect, width: int) -> list[list[str]] | None:
+    """Return the cells of each column of plain rows, much faster than row by row; None if any row is not plain."""
+    if '"' in text or dialect.delimiter == " ":
+        return None
+    lines = text.removesuffix("\n").split("\n")
+    between = width - 1
+    if any(line.count(dialect.delimiter) != between or not line.strip() or is_comment(line) for line in lines):
+        return None
+    cells = dialect.delimiter.join(lines).split(dialect.delimiter)
+    return [cells[k::width] for k in range(width)]
 
 
 def _rows(text: str, dialect: Dialect, line: int) -> Iterator[tuple[int, list[str]]]:

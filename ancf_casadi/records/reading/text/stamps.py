@@ -29,6 +29,9 @@ def is_stamp(cell: str) -> bool:
 
 def iso_nanoseconds(cells: Sequence[str]) -> Index | None:
     """Return nanoseconds since 1970 of ISO stamps; None if one is no valid stamp."""
+    alike = _alike(cells)
+    if alike is not None:
+        return alike
     found = [ISO.fullmatch(cell.strip()) for cell in cells]
     if not all(found):
         return None
@@ -42,6 +45,20 @@ def iso_nanoseconds(cells: Sequence[str]) -> Index | None:
     if len(offsets) > 1:  # the clock changed, or zones are mixed
         stamps = stamps - np.array([_offset(match[3] or "") for match in matched], dtype=np.int64)
     return stamps
+
+
+def _alike(cells: Sequence[str]) -> Index | None:
+    """Return nanoseconds since 1970 of stamps that are written alike, much faster; None if they are not."""
+    first = ISO.fullmatch(cells[0])
+    if not first or "," in cells[0]:
+        return None
+    length, end, size = first.end(2), cells[0][first.end(2) :], len(cells[0])
+    if any(len(cell) != size or not cell.endswith(end) for cell in cells):
+        return None
+    try:
+        return np.asarray(np.array([cell[:length] for cell in cells], dtype="datetime64[ns]").astype(np.int64))
+    except ValueError:
+        return None
 
 
 def clock_seconds(cells: Sequence[str]) -> Array | None:

@@ -8,6 +8,7 @@ one that falls by more than half a day belongs to the next day.
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -56,8 +57,10 @@ def _alike(cells: Sequence[str]) -> Index | None:
     if any(len(cell) != size or not cell.endswith(end) for cell in cells):
         return None
     try:
-        return np.asarray(np.array([cell[:length] for cell in cells], dtype="datetime64[ns]").astype(np.int64))
-    except ValueError:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # NumPy warns of an offset from UTC within a stamp
+            return np.asarray(np.array([cell[:length] for cell in cells], dtype="datetime64[ns]").astype(np.int64))
+    except (ValueError, UserWarning):
         return None
 
 

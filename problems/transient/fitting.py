@@ -45,7 +45,7 @@ from ancf_casadi.dynamics.derivatives.release_load import START
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.least_squares import Unknown, least_squares, restarted
 from ancf_casadi.estimation.loss import HUBER
-from ancf_casadi.exceptions import FitError
+from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import check_instance, choices, flag, positive
@@ -100,13 +100,14 @@ def fit_transient(
         Tolerance of the integration.  If not given, the fit selects one whose error shifts no estimate by more than a
         tenth of its standard error.  The result states the ``shifts``, and has a warning if one is too large.
     evidence : sequence of Evidence
-        Further measurements of the same beam, such as static deflections.
+        Further measurements of the same beam, such as a ``StaticRecord`` with standard deviations.  Its properties are
+        those of its own model, times the factors that are estimated here.
 
     Raises
     ------
     InputError
         If a name is unknown, a point is not on the beam, nothing is to be estimated, a guess is not within its bounds,
-        or a record whose load is to be estimated does not start from an equilibrium.
+        a record whose load is to be estimated does not start from an equilibrium, or evidence has no weight.
     FitError
         If the fit does not converge, or the records determine combinations of the unknowns only, which the message
         names.
@@ -117,9 +118,9 @@ def fit_transient(
     check_instance(bounds, "bounds", Mapping, NoneType)
     load = choices(load, START, "load")
     base_amplitude, robust = flag(base_amplitude, "base_amplitude"), flag(robust, "robust")
-    unknowns = transient_unknowns(
-        model, motions, damping, properties, base_amplitude, load, fixed, bounds or {}, evidence
-    )
+    unknowns = transient_unknowns(model, motions, damping, properties, base_amplitude, load, fixed, bounds or {})
+    if any(one.deviations is None for one in evidence):
+        raise InputError("needs a standard deviation for each value, to be weighed against the motions", "evidence")
     weights = first_weights(motions, robust=robust)
     chosen = first_tolerance(motions, weights, model.beam.length) if tolerance is None else tolerance
     problem = TransientProblem(model, motions, damping, load, positive(chosen, "tolerance"), weights, tuple(evidence))

@@ -25,7 +25,7 @@ import numpy as np
 
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.start import Start
-from ancf_casadi.dynamics.tip_load import LOAD, TipLoad
+from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
@@ -157,7 +157,7 @@ class MotionRecord:
     ------
     InputError
         If there are fewer than 10 samples, nothing moves, bounds are not two numbers in order, samples are before a
-        start within a motion, the load begins after the end, or the clamp carries a load at unknown times.
+        start within a motion, or the load begins after the end.
     """
 
     channels: Sequence[Channel | Measurement]
@@ -223,12 +223,6 @@ class MotionRecord:
         begins = [one.measurement.time[0] - (one.offset or (0.0, 0.0))[1] for one in self.own_channels]
         return float(min(begins)) - self.release_bounds[1]
 
-    def loads(self, times: Array) -> Array:
-        """Return the load at the tip, (3, k), at known instants (k,) on the clock of the record, s."""
-        if self.load is None:
-            return np.zeros((LOAD, times.size))
-        return self.load.values(times - self.release_bounds[0] + self.origin).T
-
     def _check_samples(self) -> None:
         count = sum(one.measurement.time.size for one in self.own_channels)
         if count < FEWEST:
@@ -252,12 +246,6 @@ class MotionRecord:
             raise InputError(
                 f"begins at {self.load.begin:g} s, after the end of the motion at {self.end:g} s; its times are "
                 "those of the motion",
-                "load",
-            )
-        if self.has_unknown_times and any(one.sensor.quantity in ("force", "moment") for one in self.own_channels):
-            raise InputError(
-                "a clamp force or moment under a load at the tip needs known times; give release and offsets, or leave "
-                "these channels out",
                 "load",
             )
 

@@ -26,6 +26,7 @@ from ancf_casadi.dynamics.derivatives.reading import SampledMotion, orders_of
 from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import Problem
 from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.tip_load import LOAD, TipLoad
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.sensor import Sensor
@@ -135,9 +136,10 @@ class TransientProblem:
         found = []
         for k, (record, motion) in enumerate(zip(self.records, motions, strict=True)):
             clocks = Clocks.of(record)
-            samples = cs.horzsplit(self._samples(k, record, motion, given), _offsets(clocks.times))
-            seen = [record.loads(times) for times in clocks.times]
-            sampled = [self._sampled(part, cs.MX(cs.DM(p)), given) for part, p in zip(samples, seen, strict=True)]
+            shifts = self._shifts(k, record, clocks, given)
+            samples = cs.horzsplit(self._samples(k, record, motion, shifts, given), _offsets(clocks.times))
+            pairs = zip(samples, shifts, clocks.times, strict=True)
+            sampled = [self._sampled(part, load_at(record.load, own, shift), given) for part, shift, own in pairs]
             for j, (channel, series) in enumerate(zip(record.own_channels, clocks.channels, strict=True)):
                 zero = given.get(f"zero_{k + 1}_{j + 1}", cs.MX(0.0))
                 found.append((self._reading(k, channel, sampled[series], given) + zero).T)
@@ -175,13 +177,18 @@ class TransientProblem:
     def series(self) -> list[int]:
         """Lengths of the series of residuals, in the order of ``residuals``; the values of the evidence are single."""
         sizes = [channel.measurement.time.size for channel in self.channels]
-        return sizes + [1] * sum(one.size for one in self.evidence)
+        return sizes + [1] * self._pieces_of_evidence
 
     @property
     def times(self) -> Array:
         """Times of the residuals on the clocks of their records, s; zero for the evidence."""
         own = [channel.measurement.time for channel in self.channels]
-        return np.concatenate([*own, np.zeros(sum(one.size for one in self.evidence))])
+        return np.concatenate([*own, np.zeros(self._pieces_of_evidence)])
+
+    @property
+    def _pieces_of_evidence(self) -> int:
+        """Number of values of the evidence."""
+        return sum(len(one.deviations) for one in self.evidence if one.deviations is not None)
 
     @property
     def channels(self) -> list[Channel]:
@@ -199,6 +206,7 @@ class TransientProblem:
         return Problem(
             equations=self.equations,
             base=record.own_base,
+            load=record.load,
             start=record.start,
             times=times if record.has_unknown_times else times - record.release_bounds[0] + record.origin,
             tolerance=self.tolerance,
@@ -206,10 +214,20 @@ class TransientProblem:
             orders=max(orders_of(channel.sensor) for channel in record.own_channels),
             clocks=clocks.index if record.has_unknown_times else clocks.index[:0],
             span=(record.origin, record.end),
-            load=record.load,
         )
 
-    def _samples(self, k: int, record: MotionRecord, motion: cs.Function, given: Mapping[str, cs.MX]) -> cs.MX:
+    def _shifts(self, k: int, record: MotionRecord, clocks: Clocks, given: Mapping[str, cs.MX]) -> list[cs.MX]:
+        """Return the times that lead from the clock of each series to that of the base motion, s."""
+        release = given.get(f"release_{k + 1}", cs.MX(sum(record.release_bounds) / 2))
+        shifts = [record.origin - release] * len(clocks.times)
+        for j, series in enumerate(clocks.channels):
+            if f"offset_{k + 1}_{j + 1}" in given:
+                shifts[series] = shifts[series] - given[f"offset_{k + 1}_{j + 1}"]
+        return shifts
+
+    def _samples(
+        self, k: int, record: MotionRecord, motion: cs.Function, shifts: Sequence[cs.MX], given: Mapping[str, cs.MX]
+    ) -> cs.MX:
         """Return coordinates, and velocities and accelerations where needed, at all samples of a record."""
         theta = [given.get(own.name, cs.MX(own.value)) for own in self.damping.parameters]
         b = [given.get(amplitude_name(k, own.name), cs.MX(own.value)) for own in record.own_base.parameters]
@@ -217,12 +235,7 @@ class TransientProblem:
         if self.load:
             inputs.append(cs.vertcat(*(given.get(load_name(k, name), cs.MX(p)) for name, p in loads(record))))
         if record.has_unknown_times:
-            release = given.get(f"release_{k + 1}", cs.MX(sum(record.release_bounds) / 2))
-            clocks = Clocks.of(record)
-            offsets = [cs.MX(0.0)] * len(clocks.times)
-            for j, series in enumerate(clocks.channels):
-                offsets[series] = given.get(f"offset_{k + 1}_{j + 1}", offsets[series])
-            inputs.append(record.origin - release - cs.vertcat(*offsets))
+            inputs.append(cs.vertcat(*shifts))
         return motion(*inputs)
 
     def _properties(self, given: Mapping[str, cs.MX]) -> cs.MX:
@@ -249,6 +262,18 @@ class TransientProblem:
         seen = scale * (cs.cos(turn) * x - cs.sin(turn) * y), scale * (cs.sin(turn) * x + cs.cos(turn) * y)
         dx, dy = channel.sensor.unit_direction
         return dx * (origin[0] + seen[0]) + dy * (origin[1] + seen[1])
+
+
+def load_at(load: TipLoad | None, times: Array, shift: cs.MX) -> cs.MX:
+    """Return a load at the tip, (3, s), at times that are shifted."""
+    if load is None:
+        return cs.MX.zeros(LOAD, times.size)
+    t = cs.MX.sym("t")
+    *others, last = load.pieces()
+    value = last.at(t, cs.MX(0, 1))
+    for piece in reversed(others):
+        value = cs.if_else(t <= piece.end, piece.at(t, cs.MX(0, 1)), value)
+    return cs.Function("load", [t], [cs.densify(value)]).map(times.size)(cs.DM(times).T + shift)
 
 
 def _offsets(series: Sequence[Array]) -> list[int]:

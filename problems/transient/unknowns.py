@@ -28,6 +28,7 @@ from ancf_casadi.estimation.least_squares import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, choices, shown
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.transient.motion_record import Channel, MotionRecord
@@ -40,17 +41,14 @@ Bounds = Mapping[str, tuple[float, float]]
 
 
 class Evidence(Protocol):
-    """Further measurements of the same beam, such as static deflections, that enter a fit with its unknowns."""
+    """Further measurements of the same beam, such as a ``StaticRecord``, that enter a fit with its unknowns."""
 
     @property
-    def size(self) -> int:
-        """Number of residuals."""
-
-    def unknowns(self) -> Sequence[Unknown]:
-        """Return the unknowns of these measurements; one of the same name as an unknown of the fit is that unknown."""
+    def deviations(self) -> Array | None:
+        """Standard deviations of the measured values; None if they are not known."""
 
     def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
-        """Return computed less measured values, in standard deviations of the latter, for unknowns by name."""
+        """Return computed less measured values over their standard deviations, (m,), for unknowns by name."""
 
 
 def transient_unknowns(
@@ -62,7 +60,6 @@ def transient_unknowns(
     load: Sequence[str],
     fixed: Sequence[str],
     bounds: Bounds,
-    evidence: Sequence[Evidence] = (),
 ) -> list[Unknown]:
     """Return the unknowns; the arguments are those of ``fit_transient``.
 
@@ -82,8 +79,6 @@ def transient_unknowns(
         if load:
             found += _of_load(k, record, load, model)
         found += _of_sensors(k, record, model)
-    names = {unknown.name for unknown in found}
-    found += [unknown for one in evidence for unknown in one.unknowns() if unknown.name not in names]
     if not found:
         raise InputError(
             "nothing is to be estimated; give a coefficient a guess above 0, or fix fewer of them", "damping"
@@ -104,6 +99,8 @@ def _of_load(k: int, record: MotionRecord, load: Sequence[str], model: Model) ->
     """Return the unknown components of the load at the start of a record, and of its rate."""
     if not (isinstance(record.start, Equilibrium) or record.start == "equilibrium"):
         raise InputError("must be an equilibrium if its load is to be estimated", "start")
+    if record.load is not None:
+        raise InputError("cannot be estimated for a record whose load is given", "load")
     if any(name.endswith("rate") for name in load) and record.earliest < 0.0:
         raise InputError(
             "samples are, or may be, before the release; while the load changes the beam is not at rest: cut the "

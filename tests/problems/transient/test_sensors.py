@@ -3,14 +3,24 @@
 import json
 from dataclasses import replace
 
-import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi import FitError, Measurement, Model, RayleighDamping, State, static_equilibrium
+from ancf_casadi import (
+    FitError,
+    InputError,
+    Measurement,
+    Model,
+    RayleighDamping,
+    SampledLoad,
+    State,
+    simulate,
+    static_equilibrium,
+)
+from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.plot import png
 from ancf_casadi.records.sensor import Sensor
-from problems import Camera, Channel, MarkerRecord, MotionRecord, fit_transient
+from problems import Camera, Channel, MarkerRecord, MotionRecord, StaticRecord, fit_transient
 from problems.transient.weights import first_weights
 from tests.problems.transient.conftest import EVERY, SENSORS
 
@@ -139,25 +149,45 @@ def test_markers_that_are_lost_for_a_while_are_gaps(swing):
     assert abs(found.fit["alpha"] - TRUTH) < 3.0 * found.standard_errors["alpha"]
 
 
-class Hanging:
-    """A scale for the beam as evidence: its mass, as a factor on the density."""
-
-    size = 1
-
-    def unknowns(self):
-        return []
-
-    def residuals(self, given):
-        return (given["density"] - 1.0) / cs.MX(1e-3)
-
-
-def test_further_evidence_enters_with_its_own_weight(swing):
-    record = MotionRecord([swing.measurement(X, 0.01)], start="equilibrium")
+def test_deflections_under_known_weights_fix_the_scale_of_a_motion(swing):
+    """Two side loads with known deflections of the tip, uncertain by 0.1 mm of up to 40 mm."""
+    model, sensor = swing.model, Sensor("displacement")
+    rest = static_equilibrium(model).tip[0]
+    forces = (0.002, 0.004)
+    moved = [static_equilibrium(model, tip_force=(force, 0.0)).tip[0] - rest for force in forces]
+    loads = [PointLoad((force, 0.0)) for force in forces]
+    table = StaticRecord(model, loads, moved, sensor, standard_deviation=1e-4)
+    record = MotionRecord([swing.measurement(X, 0.01)])
     unknown = {"properties": ("elastic_modulus", "density"), "load": ("force_x",)}
-    found = fitted(swing, record, evidence=[Hanging()], **unknown)
-    assert found.standard_errors["density"] == pytest.approx(1e-3, rel=0.2)
-    assert abs(found.fit["elastic_modulus"] - 1.0) < 3 * found.standard_errors["elastic_modulus"] < 0.03
-    assert found.fit.series == (80, 1) and len(found.residuals) == 1
+    found = fitted(swing, record, evidence=[table], **unknown)
+    score = (found.fit.values - [TRUTH, 1.0, 1.0, 0.004]) / found.fit.errors
+    assert abs(score).max() < 3.0 and found.fit.errors[1:3].max() < 0.02
+    assert found.fit.series == (80, 1, 1) and len(found.residuals) == 1
+    with pytest.raises(InputError, match="evidence: needs a standard deviation for each value"):
+        fitted(swing, record, evidence=[StaticRecord(model, loads, moved, sensor)], **unknown)
+
+
+def test_a_known_force_at_the_tip_fixes_the_scale_and_enters_the_force_at_the_clamp(swing):
+    """A push over 0.3 s on a beam at rest, with an unknown start of the record."""
+    model, push = swing.model, SampledLoad([0.0, 0.1, 0.3], [[0.0, 0.0], [0.004, 0.001], [0.0, 0.0]])
+    run = simulate(model, damping=RayleighDamping(alpha=0.5, beta=1e-3), load=push, duration=0.8, sample_rate=100.0,
+                   method="radau", tolerance=1e-9)  # fmt: skip
+    rng = np.random.default_rng(9)
+    channels = [
+        Measurement(run.time + 0.1, values + 0.01 * values.std() * rng.normal(size=values.size), sensor=sensor)
+        for sensor, values in ((X, run.tip[:, 0]), (Sensor("force"), run.clamp_force[:, 0]))
+    ]
+    settings = {"load": push, "release": (0.09, 0.12)}
+    both = fitted(swing, MotionRecord(channels, **settings))
+    assert abs(both.fit.values - [TRUTH, 0.1]).max() < 3.0 * both.fit.errors.max()
+    assert [np.sqrt(np.mean(one**2)) for one in both.residuals] == pytest.approx(
+        [0.01 * run.tip[:, 0].std(), 0.01 * run.clamp_force[:, 0].std()], rel=0.25
+    )
+    alone = fitted(swing, MotionRecord(channels[:1], **settings), properties=("elastic_modulus", "density"))
+    score = (alone.fit.values - [TRUTH, 1.0, 1.0, 0.1]) / alone.fit.errors
+    assert abs(score).max() < 3.0 and alone.fit.errors[1:3].max() < 0.02
+    with pytest.raises(InputError, match="load: cannot be estimated for a record whose load is given"):
+        fitted(swing, MotionRecord(channels, **settings), load=("force_x",))
 
 
 def test_a_prediction_of_another_start_agrees_within_noise_and_shows_a_wrong_model(swing):

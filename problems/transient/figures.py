@@ -39,7 +39,9 @@ def motion_figure(records: Sequence[MotionRecord], residuals: Sequence[Array]) -
         for unused in plots[2 * len(_quantities(record)) :, k]:
             unused.set_visible(False)
         plots[0, k].set_title(f"record {k + 1}" if len(records) > 1 else "")
-        plots[2 * len(_quantities(record)) - 1, k].set_xlabel("time, s")
+        lowest = plots[2 * len(_quantities(record)) - 1, k]
+        lowest.tick_params(labelbottom=True)
+        lowest.set_xlabel("time, s")
     return figure
 
 

@@ -19,6 +19,7 @@ from problems import (
     LawComparison,
     MeasuredModes,
     MonteCarlo,
+    MotionPrediction,
     RayleighFit,
     TransientFit,
     compare_decay_laws,
@@ -33,7 +34,7 @@ RECORD = 0.05 * np.exp(-0.2 * TIME) * np.cos(12.0 * TIME) + 1e-3 * np.random.def
 BEAM = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8e3, elastic_modulus=210e9, elements=4)
 UNKNOWNS = (Global("thickness"), Global("elastic_modulus"))
 
-CLASSES = [Fit, DecayFit, RayleighFit, MonteCarlo, LawComparison, TransientFit, FrequencyMatch]
+CLASSES = [Fit, DecayFit, RayleighFit, MonteCarlo, LawComparison, TransientFit, MotionPrediction, FrequencyMatch]
 MAKERS = {
     Fit: lambda: least_squares(lambda a: a * TIME - RECORD, [Unknown("a", 0.1, unit="m/s")]),
     DecayFit: lambda: fit_decay(TIME, RECORD),

@@ -14,6 +14,7 @@ from problems.properties.prediction import Prediction
 from problems.properties.records import StaticRecord
 
 MARKERS = "osD^v<>P"
+WIDE = 10.0  # ratio of the frequencies beyond which their axis is logarithmic
 
 
 def records_figure(predictions: Sequence[Prediction]) -> Figure:
@@ -33,9 +34,10 @@ def records_figure(predictions: Sequence[Prediction]) -> Figure:
         unit = group[0].record.units[0]
         upper.set(ylabel=f"reading{f', {unit}' * bool(unit)}" if static else "frequency, Hz")
         if not static:
-            upper.set_yscale("log")
-            modes = sorted({int(label.split()[-1]) for p in group for label in p.record.labels})
-            lower.set(xticks=modes)
+            modes = sorted({int(mode) for prediction in group for mode in _modes(prediction.record.labels)})
+            lower.set(xticks=modes, xlim=(modes[0] - 0.5, modes[-1] + 0.5))
+            values = np.concatenate([prediction.record.measured for prediction in group])
+            upper.set_yscale("log" if values.max() > WIDE * values.min() else "linear")
         upper.legend(frameon=False, fontsize=9)
         for axes in (upper, lower):
             axes.spines[["top", "right"]].set_visible(False)
@@ -44,13 +46,15 @@ def records_figure(predictions: Sequence[Prediction]) -> Figure:
 
 
 def _draw(upper: Axes, lower: Axes, prediction: Prediction, marker: str, k: int) -> None:
-    """Draw one record: measured values as markers, computed values as a line."""
+    """Draw one record: measured values as markers, computed ones as a line or, for modes, as bars."""
     record = prediction.record
     across = _loads(record) if isinstance(record, StaticRecord) else _modes(record.labels)
     order = np.argsort(across, kind="stable")
     shade = 0.35 + 0.65 / (1 + k)
     upper.plot(across, record.measured, marker, mfc="none", color=MEASURED, alpha=shade, label=record.name)
-    upper.plot(across[order], prediction.values[order], "-", lw=1, color=COMPUTED, alpha=shade)
+    line, size = ("-", 1.0) if isinstance(record, StaticRecord) else ("_", 22.0)
+    label = "computed" if k == 0 else None
+    upper.plot(across[order], prediction.values[order], line, ms=size, lw=1, color=COMPUTED, alpha=shade, label=label)
     lower.plot(across, 100 * prediction.relative_errors, marker, mfc="none", color=MEASURED, alpha=shade)
 
 

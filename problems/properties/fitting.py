@@ -55,7 +55,7 @@ WIDEST = 10.0  # factor on a property, either way, without other bounds
 VANISHING = 1e-3  # least factor on a property, whatever the bounds
 HEAVIEST = 100.0  # factor on a tip mass without other bounds
 STIFF = 10.0  # first clamp stiffness if the clamp is rigid, in units of E I/L
-RIGID, LOOSE = 1e6, 1e-2  # largest and least clamp stiffness without other bounds, in units of E I/L
+RIGID, LOOSE = 1e5, 1e-2  # largest and least clamp stiffness without other bounds, in units of E I/L
 SAME = 1e-9  # relative difference of properties that are the same
 ACCURACY = 1e-6  # relative accuracy of computed values; in standard deviations if these are given
 OPTIONS: Mapping[str, Any] = {
@@ -89,7 +89,7 @@ def fit_properties(
         stiffness of 10 E I/L as its first value.
     bounds : mapping, optional
         Bounds (lower, upper) of unknowns by name, SI units.  By default a tenth and ten times the first value; 0 and a
-        hundred times for a tip mass; 0.01 and 1e6 E I/L for a clamp.
+        hundred times for a tip mass; 0.01 and 1e5 E I/L for a clamp.
 
     Raises
     ------
@@ -189,6 +189,8 @@ def _settled(fit: Fit, stated: bool) -> Fit:
     low, high = seen * (fit.values - fit.lower) < 1.0, seen * (fit.upper - fit.values) < 1.0
     values, free = np.select([low, high], [fit.lower, fit.upper], fit.values), ~(low | high)
     residuals, jacobian = residuals_and_jacobian(fit.model, values / fit.scale)
+    if not np.isfinite(jacobian).all():
+        raise FitError(f"at the bounds that the estimates reach, a beam has no stable equilibrium; {ADVICE}")
     freedom = m - int(np.count_nonzero(free))
     noise = Noise(float(residuals @ residuals) / freedom if freedom else math.nan, freedom)
     if stated:

@@ -42,9 +42,9 @@ class Prediction:
 
     @property
     def relative_errors(self) -> Array:
-        """Residuals over the measured values, (m,); infinite for a value of 0."""
+        """Relative errors computed/measured - 1, (m,); infinite for a measured value of 0."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(self.residuals / np.abs(self.record.measured))
+            return np.asarray(self.residuals / self.record.measured)
 
     @property
     def rms(self) -> float:

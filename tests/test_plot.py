@@ -9,10 +9,7 @@ import pytest
 
 from ancf_casadi import Beam, HarmonicBase, Model, Trajectory, simulate
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.plot import FINE, decay_figure, motion_figure, png, properties_figure, rendered
-from ancf_casadi.records.measurement import Measurement
-
-RELEASE = 0.5
+from ancf_casadi.plot import motion_figure, png, properties_figure, rendered
 
 
 @pytest.fixture(scope="module")
@@ -20,24 +17,6 @@ def motion() -> Trajectory:
     beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8000.0, elastic_modulus=210e9, elements=3)
     base = HarmonicBase(amplitude=2e-3, frequency=2.0)
     return simulate(Model(beam), duration=0.2, base=base, sample_rate=200.0)
-
-
-def record() -> Measurement:
-    time = np.linspace(0.0, 2.0, 201)
-    return Measurement(time, np.where(time < RELEASE, 4e-3, 4e-3 * np.cos(20 * (time - RELEASE))))
-
-
-def test_a_decay_figure_shows_record_and_fit_from_the_release():
-    figure = decay_figure(record(), lambda time: 4e-3 * np.cos(20 * (np.asarray(time) - RELEASE)), RELEASE)
-    (axes,) = figure.axes
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time, s", "displacement, mm")
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["record", "fit"]
-    measured, fitted, release = axes.lines
-    assert np.asarray(measured.get_ydata()) == pytest.approx(1e3 * record().values)
-    assert len(fitted.get_xdata()) == FINE
-    assert (fitted.get_xdata()[0], fitted.get_xdata()[-1]) == (RELEASE, 2.0)
-    assert np.abs(fitted.get_ydata()).max() == pytest.approx(4.0, rel=1e-4)
-    assert list(release.get_xdata()) == [RELEASE, RELEASE]
 
 
 def test_a_motion_figure_shows_the_tip_relative_to_the_clamp_and_shapes_of_the_beam(motion):

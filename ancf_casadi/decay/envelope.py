@@ -35,11 +35,13 @@ from ancf_casadi.decay.spectrum import outstanding_peak, typical_step
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.colours import COMPUTED
+from ancf_casadi.support.colours import COMPUTED, MEASURED
 from ancf_casadi.support.inputs import positive
+from ancf_casadi.support.prefixes import prefixed
 from ancf_casadi.support.tables import Table
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 PERIODS = 2.0  # of a window, unless these have too few samples
@@ -100,15 +102,55 @@ class DampingCurve:
         return Table("damping_curve", "Damping against amplitude", columns, np.column_stack(series).tolist())
 
     def figure(self) -> Figure:
-        """Draw the damping ratio against the amplitude, with 95 % intervals."""
+        """Draw damping ratio and frequency against amplitude, with 95 % intervals."""
         from matplotlib.figure import Figure  # slow to import
 
-        figure = Figure(figsize=(6, 3.6), layout="constrained")
-        axes = figure.subplots()
-        ratio, error = 100 * self.damping_ratio, 196 * self.damping_ratio_errors
-        axes.errorbar(1e3 * self.amplitude, ratio, yerr=error, fmt="o", ms=3, lw=0.8, color=COMPUTED)
-        axes.set(xlabel="amplitude, mm", ylabel="damping ratio, %")
+        figure = Figure(figsize=(8, 3.4), layout="constrained")
+        draw_against_amplitude(figure.subplots(1, 2), self, None)
         return figure
+
+
+@dataclass(frozen=True, eq=False)
+class LawCurve:
+    """Damping ratio and frequency against amplitude under a law, with the bands of their intervals.
+
+    Parameters
+    ----------
+    amplitude : ndarray
+        Amplitudes (k,), in ``unit``.
+    damping_ratio, damping_ratio_band : ndarray
+        Equivalent damping ratio (k,), and the ends of its interval (k, 2).
+    frequency, frequency_band : ndarray
+        Natural frequency (k,), Hz, and the ends of its interval (k, 2).
+    unit : str
+        SI unit of the amplitude.
+    """
+
+    amplitude: Array
+    damping_ratio: Array
+    damping_ratio_band: Array
+    frequency: Array
+    frequency_band: Array
+    unit: str = "m"
+
+
+def draw_against_amplitude(axes: Sequence[Axes], points: DampingCurve | None, law: LawCurve | None) -> None:
+    """Draw damping ratio and frequency against amplitude: points with 95 % intervals, and a law with its band."""
+    curves = [curve for curve in (points, law) if curve is not None]
+    size, unit = prefixed(max(float(curve.amplitude.max()) for curve in curves), curves[0].unit)
+    for ax, name, scale, label in zip(
+        axes, ("damping_ratio", "frequency"), (100.0, 1.0), ("damping ratio, %", "frequency, Hz"), strict=True
+    ):
+        if law is not None:
+            low, high = scale * getattr(law, f"{name}_band").T
+            ax.fill_between(law.amplitude / size, low, high, color=COMPUTED, alpha=0.25, lw=0)
+            ax.plot(law.amplitude / size, scale * getattr(law, name), lw=1.2, color=COMPUTED, label="law, 95 % band")
+        if points is not None:
+            value, error = scale * getattr(points, name), 1.96 * scale * getattr(points, f"{name}_errors")
+            ax.errorbar(points.amplitude / size, value, yerr=error, fmt="o", ms=2.5, lw=0.7, color=MEASURED,
+                        label="windows", zorder=1)  # fmt: skip
+        ax.set(xlabel=f"amplitude, {unit}", ylabel=label, xlim=(0.0, None))
+        ax.ticklabel_format(axis="y", useOffset=False)
 
 
 def damping_curve(

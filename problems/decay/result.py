@@ -173,11 +173,10 @@ class DecayFit:
         return profile_interval(self.fit, lambda *x: self.model.quantities(*(x[i] for i in self.indices))[which], level)
 
     def figure(self) -> Figure:
-        """Draw the record and the fit, the residuals over time, and their autocorrelation."""
-        from ancf_casadi.plot import fit_figure  # matplotlib is slow to import
+        """Draw record and fit, the residuals, and damping ratio and frequency against amplitude (``law_curve``)."""
+        from problems.decay.figure import decay_fit_figure  # matplotlib is slow to import
 
-        fitted = self.displacement(self.time)
-        return fit_figure(self.time, fitted - self.residuals, fitted)
+        return decay_fit_figure(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""

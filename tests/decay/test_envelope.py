@@ -101,9 +101,10 @@ def test_the_curve_is_a_table():
 
 def test_the_curve_is_drawn_with_its_errors():
     curve = damping_curve(record(*TERMS[1], noise=2e-4))
-    (axes,) = curve.figure().axes
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("amplitude, mm", "damping ratio, %")
-    np.testing.assert_allclose(np.asarray(axes.lines[0].get_ydata()), 100 * curve.damping_ratio)
+    ratio, frequency = curve.figure().axes
+    assert (ratio.get_xlabel(), ratio.get_ylabel()) == ("amplitude, mm", "damping ratio, %")
+    assert frequency.get_ylabel() == "frequency, Hz"
+    np.testing.assert_allclose(np.asarray(ratio.lines[0].get_ydata()), 100 * curve.damping_ratio)
 
 
 @pytest.mark.parametrize(

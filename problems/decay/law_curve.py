@@ -1,0 +1,55 @@
+"""Damping ratio and frequency against amplitude under the law of a fit, with 95 % bands.
+
+The band at each amplitude is the interval of a derived quantity, to first order in the unknowns (``Estimates``); it
+holds for one amplitude at a time.
+"""
+
+from __future__ import annotations
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ancf_casadi.decay.envelope import LawCurve
+from ancf_casadi.estimation.estimates import LEVEL
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.inputs import array
+from problems.decay.result import DecayFit
+
+POINTS = 60
+LEAST = 0.01  # of the amplitude at the release, below which nothing is drawn
+
+
+def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: float = LEVEL) -> LawCurve:
+    """Return damping ratio and frequency against amplitude under the law of a fit.
+
+    Parameters
+    ----------
+    fit : DecayFit
+        The fit.
+    amplitudes : array_like, optional
+        Amplitudes (k,), in the unit of the record, positive; those between release and end of the record if not given.
+    level : float
+        Confidence level of the bands.
+
+    Raises
+    ------
+    InputError
+        If an amplitude is not positive, or the level is not between 0 and 1.
+    """
+    if amplitudes is None:
+        last = fit.displacement(fit.time[fit.time > fit.time[-1] - 1 / fit.frequency])
+        lowest = max(float(np.ptp(last)) / 2, fit.residual_rms, LEAST * fit.amplitude)
+        chosen = np.geomspace(min(lowest, fit.amplitude / 2), fit.amplitude, POINTS)
+    else:
+        chosen = array(amplitudes, "amplitudes").ravel()
+        if not (chosen > 0.0).all():
+            raise InputError(f"must be positive, got {chosen.min():g}", "amplitudes")
+
+    def both(*x: cs.MX) -> cs.MX:
+        return cs.vertcat(*fit.model.against_amplitude(chosen, *(x[i] for i in fit.indices)))
+
+    values, ends = fit.fit.derived(both)[0], fit.fit.derived_intervals(both, level)
+    ratio, frequency = np.split(values, 2)
+    ratio_band, frequency_band = np.split(ends, 2)
+    return LawCurve(chosen, ratio, ratio_band, frequency, frequency_band, fit.units["amplitude"])

@@ -1,0 +1,59 @@
+"""Damping ratio and frequency against amplitude under the fitted law, and the figure of a decay fit."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.plot import png
+from problems import fit_decay
+from problems.decay.law_curve import law_curve
+
+F, ETA2, A0 = 6.9, 0.4, 0.02
+
+
+def fitted(periods=60.0, seed=0, **options):
+    """Quadratic damping alone, and a frequency that falls by 3 % per cm of amplitude."""
+    time, ω = np.arange(0.0, periods / F, 1 / (25 * F)), 2 * math.pi * F
+    b = 4 * ω * ETA2 / (3 * math.pi)
+    amplitude = A0 / (1 + b * A0 * time)
+    phase = ω * time - 3.0 * ω * np.log(1 + b * A0 * time) / b
+    y = amplitude * np.cos(phase) + 1e-4 * np.random.default_rng(seed).standard_normal(len(time))
+    return fit_decay(time, y, **({"law": "quadratic", "frequency_law": "linear"} | options))
+
+
+def test_the_band_holds_the_truth_and_starts_at_the_reported_values():
+    inside = []
+    for seed in range(20):
+        fit = fitted(seed=seed)
+        curve = law_curve(fit, np.append(np.linspace(0.005, 0.018, 5), fit.amplitude))
+        assert curve.damping_ratio[-1] == pytest.approx(fit.damping_ratio, rel=1e-9)
+        low, high = curve.damping_ratio_band[2]
+        inside.append(low <= 4 * ETA2 * curve.amplitude[2] / (3 * math.pi) <= high)
+        low, high = curve.frequency_band[2]
+        inside.append(low <= F * (1 - 3.0 * curve.amplitude[2]) <= high)
+    assert np.mean(inside) >= 0.85
+
+
+def test_amplitudes_lie_between_the_release_and_the_end_of_the_record():
+    fit = fitted()
+    amplitude = law_curve(fit).amplitude
+    assert amplitude[-1] == pytest.approx(fit.amplitude)
+    assert amplitude[0] == pytest.approx(A0 / (1 + 8 * F * ETA2 / 3 * A0 * fit.time[-1]), rel=0.2)
+    with pytest.raises(InputError, match="amplitudes: must be positive"):
+        law_curve(fit, [0.0, 0.01])
+
+
+@pytest.mark.parametrize("periods", [5.0, 120.0])
+def test_the_figure_shows_record_residuals_and_both_curves(periods):
+    fit = fitted(periods, frequency_law="constant" if periods < 10 else "linear")
+    figure = fit.figure()
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert "record, mm" in labels
+    assert {"autocorrelation", "damping ratio, %", "frequency, Hz"} <= set(labels)
+    assert len(figure.axes) == (5 if periods < 10 else 6)  # the first periods beside a long record
+    assert "frequency (" in figure.subfigs[0].get_suptitle()
+    windows = figure.axes[-2].containers[0].lines[0].get_xdata()
+    assert 0 < len(np.asarray(windows)) <= 41
+    assert png(figure).startswith(b"\x89PNG")

@@ -43,18 +43,31 @@ class LawComparison(Generic[F]):
         Names of the unknowns that are the damping parameters of each law.
     failed : mapping of str to str
         Reason why a law could not be fitted, by its name; such laws are not among ``names``.
+    counted : mapping of str to tuple of str
+        Unknowns of a law, by its name, that the criteria count even at a bound.
+    priors : mapping of str to float
+        Prior probability of a law, by its name, relative to that of the others; 1 if not given.
     """
 
     names: tuple[str, ...]
     fits: tuple[F, ...]
     terms: tuple[tuple[str, ...], ...]
     failed: Mapping[str, str] = field(default_factory=dict)
+    counted: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    priors: Mapping[str, float] = field(default_factory=dict)
+
+    @cached_property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """The fits as the criteria see them."""
+        return tuple(
+            Candidate.of(name, one.fit, terms, self.counted.get(name, ()), self.priors.get(name, 1.0))
+            for name, one, terms in zip(self.names, self.fits, self.terms, strict=True)
+        )
 
     @cached_property
     def verdict(self) -> Verdict:
         """Information criteria, and the best law."""
-        laws = zip(self.names, self.fits, self.terms, strict=True)
-        return judge([Candidate.of(name, one.fit, terms) for name, one, terms in laws])
+        return judge(self.candidates)
 
     @property
     def best(self) -> F:
@@ -84,17 +97,17 @@ class LawComparison(Generic[F]):
         verdict = self.verdict
         numbered = max(map(len, self.names)) > LONGEST_NAME
         labels = [str(k) if numbered else name for k, name in enumerate(self.names, start=1)]
-        laws = zip(labels, self.fits, verdict.aicc, verdict.bic, strict=True)
+        laws = zip(labels, self.fits, self.candidates, verdict.aicc, verdict.bic, strict=True)
         rows = [
             (
                 label,
-                one.fit.rank + 1,
+                candidate.estimated,
                 one.fit.residual_rms,
                 known(aicc - min(verdict.aicc)),
                 bic - min(verdict.bic),
                 one.fit.autocorrelation,
             )
-            for label, one, aicc, bic in laws
+            for label, one, candidate, aicc, bic in laws
         ]
         columns = ("law", "estimated", "residual_rms_m", "delta_AICc", "delta_BIC", "autocorrelation")
         heads = [f"{label}: {name}" if numbered else name for label, name in zip(labels, self.names, strict=True)]
@@ -122,7 +135,7 @@ class LawComparison(Generic[F]):
             "laws": [
                 {
                     "law": name,
-                    "estimated": one.fit.rank + 1,
+                    "estimated": candidate.estimated,
                     "aicc": known(aicc),
                     "bic": bic,
                     "residual_rms_m": one.fit.residual_rms,
@@ -130,7 +143,9 @@ class LawComparison(Generic[F]):
                     "at_bound": list(one.fit.at_bound),
                     **one.to_dict(),
                 }
-                for name, one, aicc, bic in zip(self.names, self.fits, verdict.aicc, verdict.bic, strict=True)
+                for name, one, candidate, aicc, bic in zip(
+                    self.names, self.fits, self.candidates, verdict.aicc, verdict.bic, strict=True
+                )
             ],
             "failed": dict(self.failed),
             "warnings": list(self.warnings),

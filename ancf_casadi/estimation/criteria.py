@@ -6,10 +6,12 @@ quantities (the free unknowns and the variance of the noise), normal noise gives
     AICc = n ln(S/m) + 2 K + 2 K (K + 1)/(n - K - 1),    BIC = n ln(S/m) + K ln n.
 
 The lowest value is best.  Only differences have a meaning; a difference of 10 is clear.  A model with an unknown at its
-bound is judged as the smaller model without this term; of equal models the first is preferred.  AICc favours predictive
-accuracy and sometimes selects one term too many; BIC finds the true model, if it is among the candidates and the record
-is long.  A superfluous term raises BIC by ln n at most, which is rarely clear, so that only a model with no more free
-unknowns than the best counts as a rival.
+bound is judged as the smaller model without this term, unless this smaller model is a new one: friction and drag
+without linear damping have two terms chosen from three.  Of equal models the first is preferred.  A model with a lower
+prior probability P has -2 ln P added to its BIC, which approximates -2 ln of the probability of the data.  AICc favours
+predictive accuracy and sometimes selects one term too many; BIC finds the true model, if it is among the candidates and
+the record is long.  A superfluous term raises BIC by ln n at most, which is rarely clear, so that only a model with no
+more free unknowns than the best counts as a rival.
 
 Coloured residuals carry less information on the laws, and criteria that count all m of them overstate the differences.
 n is the number of residuals with white noise that would determine the unknowns as well
@@ -62,11 +64,13 @@ class Candidate:
     residual_rms : float
         Root mean square of the residuals.
     rank : int
-        Number of free unknowns.
+        Number of free unknowns, and of those at a bound that count.
     autocorrelation : float
         Correlation of successive residuals.
     vagueness : float
         Largest uncertainty of a damping term relative to the total damping (``vagueness``).
+    prior : float
+        Prior probability relative to that of other models.
     """
 
     name: str
@@ -76,19 +80,26 @@ class Candidate:
     rank: int
     autocorrelation: float
     vagueness: float = 0.0
+    prior: float = 1.0
 
     @classmethod
-    def of(cls, name: str, fit: Estimates, terms: Sequence[str]) -> Candidate:
-        """Return a fit as a candidate; ``terms`` are the names of its damping parameters."""
+    def of(
+        cls, name: str, fit: Estimates, terms: Sequence[str], counted: Sequence[str] = (), prior: float = 1.0
+    ) -> Candidate:
+        """Return a fit as a candidate.
+
+        ``terms`` are the names of its damping parameters, ``counted`` those of the unknowns that count even at a bound.
+        """
         m, narrow = len(fit.residuals), concentration(fit.residuals, fit.series, fit.times)
         return cls(
             name,
             m,
             min(fit.effective_samples, m / narrow if narrow > NOT_NOISE else m),
             fit.residual_rms,
-            fit.rank,
+            fit.rank + len(set(counted) & set(fit.at_bound)),
             fit.autocorrelation,
             vagueness(fit, terms),
+            prior,
         )
 
     @property
@@ -101,7 +112,7 @@ class Candidate:
         K = self.estimated
         misfit = n * math.log(max(self.residual_rms**2, np.finfo(float).tiny))
         small = 2 * K * (K + 1) / (n - K - 1) if n > K + 1 else math.inf
-        return misfit + 2 * K + small, misfit + K * math.log(n)
+        return misfit + 2 * K + small, misfit + K * math.log(n) - 2 * math.log(self.prior)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import product
 from typing import Any, get_args
@@ -19,6 +20,7 @@ from problems.decay.result import DecayFit
 from problems.decay.solution import RATIO_BOUNDS, fit_from
 
 LAWS_COMPARED: tuple[Law, ...] = ("linear", "quadratic", "friction", "power")
+EMPIRICAL = math.exp(-3)  # prior probability of the power law, an empirical one: its BIC must be lower by 6
 FREQUENCY_LAWS_COMPARED: tuple[FrequencyLaw, ...] = get_args(FrequencyLaw)
 
 
@@ -81,8 +83,14 @@ def compare_decay_laws(
             failed[name] = str(error)
     if not fits:
         raise FitError("no law can be fitted; " + "; ".join(f"{name}: {reason}" for name, reason in failed.items()))
-    terms = tuple(LAWS[fit.law].vague for fit in fits.values())
-    return LawComparison(tuple(fits), tuple(fits.values()), terms, failed)
+    return LawComparison(
+        names=tuple(fits),
+        fits=tuple(fits.values()),
+        terms=tuple(LAWS[fit.law].vague for fit in fits.values()),
+        failed=failed,
+        counted={name: LAWS[fit.law].counted for name, fit in fits.items()},
+        priors={name: EMPIRICAL for name, fit in fits.items() if fit.law == "power"},
+    )
 
 
 def _combinations(laws: Any, frequency_laws: Any) -> list[tuple[Law, FrequencyLaw]]:

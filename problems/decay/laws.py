@@ -119,6 +119,11 @@ class DecayLaw:
     coefficients: Callable[..., Symbols]
 
     @property
+    def counted(self) -> tuple[str, ...]:
+        """Unknowns that count in a choice even at a bound; without the others, the law is a simpler one."""
+        return ("zeta", "exponent") if "exponent" in self.terms else self.terms[:-1] or ("zeta",)
+
+    @property
     def vague(self) -> tuple[str, ...]:
         """Unknowns that are additive terms of the damping, whose uncertainty may leave the choice of a law open."""
         return tuple(name for name in self.terms if name.startswith("eta") and name != "eta_p") or ("zeta",)

@@ -1,7 +1,8 @@
 """Solution of decay fits: starting values, one least-squares problem for all records, robust rounds, integration.
 
 The fit starts from the first guess or from the track of amplitude and phase (``start``), whichever leaves the smaller
-residuals.  With several records, the one with the largest amplitude gives the starting values of the mode.
+residuals, and if it does not converge, from the other one.  With several records, the one with the largest amplitude
+gives the starting values of the mode.
 
 A robust fit replaces the squares by the pseudo-Huber loss (``ancf_casadi.estimation.loss``).  The residuals of the
 previous fit give the noise that sets its threshold.
@@ -27,6 +28,7 @@ from ancf_casadi.decay.one_mode import longest_step
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.least_squares import Unknown, least_squares, restarted
 from ancf_casadi.estimation.loss import HUBER, noise_of
+from ancf_casadi.exceptions import FitError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from problems.decay.laws import LAWS, DecayModel, FrequencyLaw, Law
@@ -141,20 +143,20 @@ def _match(
     """Return the fit, and the positions of the unknowns of each record.
 
     Unknowns named in ``start`` begin at the values given there, the others at the guesses.  If it is not given, the
-    starting values are the better of the guesses and those from the track of amplitude and phase.
+    fit starts from the guesses or from the track of amplitude and phase.
     """
     problem = _problem(model, records, guesses, ratio_bounds)
     if start is None:
-        unknowns = _better(problem, _started(problem.unknowns, _tracked(model, problem, guesses)))
+        starts = _ordered(problem, _started(problem.unknowns, _tracked(model, problem, guesses)))
     else:
-        unknowns = _started(problem.unknowns, start)
+        starts = [_started(problem.unknowns, start)]
     settings: dict[str, Any] = {
         "gauss_newton": LAWS[model.law].integrated,
         "series": [len(t) for t in problem.times],
         "times": np.concatenate(problem.times),
         "advice": ADVICE,
     }
-    fit = least_squares(problem.residuals, unknowns, **settings)
+    fit, unknowns = _first_fit(problem, starts, settings)
     for _ in range(ROBUST_ROUNDS * robust):
         noise = noise_of(fit.residuals)
         if noise <= ROUNDING * max(guess.amplitude for guess in guesses):
@@ -182,14 +184,26 @@ def _started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[U
     return [replace(u, guess=min(max(values.get(u.name, u.guess), u.lower), u.upper)) for u in unknowns]
 
 
-def _better(problem: _Problem, other: list[Unknown]) -> list[Unknown]:
-    """Return the unknowns of a problem, or others if these leave smaller residuals."""
+def _ordered(problem: _Problem, other: list[Unknown]) -> list[list[Unknown]]:
+    """Return the unknowns of a problem and others, those first that leave smaller residuals."""
     y = np.concatenate(problem.displacements)
-    left = [
-        float(np.sum((problem.curves([u.guess for u in start]).full().ravel() - y) ** 2))
-        for start in (problem.unknowns, other)
-    ]
-    return other if left[1] < left[0] else problem.unknowns
+    return sorted(
+        [problem.unknowns, other],
+        key=lambda start: float(np.sum((problem.curves([u.guess for u in start]).full().ravel() - y) ** 2)),
+    )
+
+
+def _first_fit(
+    problem: _Problem, starts: Sequence[list[Unknown]], settings: Mapping[str, Any]
+) -> tuple[Fit, list[Unknown]]:
+    """Return the fit from the first start that leads to one, and this start; if none does, raise its first error."""
+    errors: list[FitError] = []
+    for start in starts:
+        try:
+            return least_squares(problem.residuals, start, **settings), start
+        except FitError as error:
+            errors.append(error)
+    raise errors[0]
 
 
 def _integrate(

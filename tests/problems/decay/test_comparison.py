@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import casadi as cs
 import numpy as np
@@ -179,3 +180,30 @@ def test_the_result_reads_as_text_and_as_json():
 def test_unusable_laws_are_refused(laws, message):
     with pytest.raises(InputError, match=message):
         compare_decay_laws(TIME, record("linear"), laws=laws)
+
+
+def test_an_empirical_law_needs_strong_evidence():
+    """Of two laws with as many unknowns, the power law must have a BIC lower by 6."""
+    m = 2000
+    for better, best in ((5.0, 0), (7.0, 1)):
+        smaller = 1e-3 * math.exp(-better / (2 * m))
+        physical = Candidate("quadratic", m, m, 1e-3, 5, 0.0)
+        power = Candidate("power", m, m, smaller, 5, 0.0, prior=math.exp(-3))
+        assert judge([physical, power]).best == best
+        assert judge([physical, replace(power, prior=1.0)]).best == 1
+
+
+def test_a_term_at_its_bound_that_leaves_a_new_law_counts():
+    """Without eta1 the friction law is one of friction and drag, which is none of the laws."""
+    time = TIME
+    y = np.asarray(friction_decay(cs.DM(time), 2 * math.pi * 1.85, 0.1, 0.0, 0.5, 0.076, 0.2)).ravel()
+    for seed in range(20):
+        noise = 2e-4 * np.random.default_rng(seed).standard_normal(len(time))
+        comparison = compare_decay_laws(time, y + noise, laws=("quadratic", "friction"), frequency_laws=CONSTANT)
+        if comparison.fits[1].active_bounds == ("eta1",):
+            break
+    else:
+        pytest.fail("no seed has eta1 alone at its bound")
+    friction = comparison.candidates[1]
+    assert friction.rank == comparison.fits[1].fit.rank + 1
+    assert comparison.best.law == "friction"

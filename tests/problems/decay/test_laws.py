@@ -10,6 +10,7 @@ import pytest
 from ancf_casadi.exceptions import FitError, InputError
 from problems import compare_decay_laws, fit_decay
 from problems.decay import comparison as comparison_module
+from problems.decay import solution
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED
 from problems.decay.fitting import fit_decays
 from problems.decay.laws import DecayModel
@@ -190,3 +191,19 @@ def test_the_power_law_fits_a_mode_without_damping():
     assert fit.frequency == pytest.approx(F, rel=1e-8)
     low, high = fit.intervals["exponent"]
     assert (low, high) == (0.0, 4.0)
+
+
+def test_a_fit_that_does_not_converge_starts_again_elsewhere(monkeypatch):
+    """The frequency changes by many cycles, which leaves two starts: the peak of the spectrum, and the track."""
+    least_squares, starts = solution.least_squares, []
+
+    def failing_once(residuals, unknowns, **options):
+        starts.append([unknown.guess for unknown in unknowns])
+        if len(starts) == 1:
+            raise FitError("no minimum was found")
+        return least_squares(residuals, unknowns, **options)
+
+    monkeypatch.setattr(solution, "least_squares", failing_once)
+    y = record("quadratic", "linear", 1e-4, 6)
+    assert fit_decay(TIME, y, law="quadratic", frequency_law="linear").residual_rms == pytest.approx(1e-4, rel=0.05)
+    assert starts[0] != starts[1]

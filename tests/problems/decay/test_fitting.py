@@ -589,7 +589,7 @@ def test_nothing_is_printed(capfd):
         (
             (TIME, swing(1.85, 0.01, 0.05)),
             {"law": "cubic"},
-            "law: must be one of linear, quadratic, friction, power, one-mode, got 'cubic'",
+            "law: must be one of linear, quadratic, friction, power, one-mode, auto, got 'cubic'",
         ),
         ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": (0.0, 1.0)}, "ratio_bounds: must be in order and between"),
         ((TIME, swing(1.85, 0.01, 0.05)), {"ratio_bounds": (0.5, 0.1)}, "ratio_bounds: must be in order and between"),

@@ -167,7 +167,7 @@ def test_all_laws_are_combined():
     ("options", "message"),
     [
         ({"law": "one-mode", "frequency_law": "linear"}, "frequency_law: must be constant with law='one-mode'"),
-        ({"frequency_law": "cubic"}, "frequency_law: must be one of constant, linear, quadratic, got 'cubic'"),
+        ({"frequency_law": "cubic"}, "frequency_law: must be one of constant, linear, quadratic, auto, got 'cubic'"),
         ({"law": "auto", "robust": True}, "auto: compares sums of squares; name a law"),
         ({"law": "one-mode", "frequency_law": "cubic"}, "frequency_law: must be one of"),
         ({"law": "auto", "frequency_law": "cubic"}, "frequency_law: must be one of"),

@@ -19,6 +19,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.recording import Recording, read_recording
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.reduction import ReducedModel, ReducedTrajectory, reduce_model, simulate_reduced
 from ancf_casadi.support.parallel import run_all
@@ -46,6 +47,7 @@ __all__ = [
     "PointLoad",
     "QuadraticDamping",
     "RayleighDamping",
+    "Recording",
     "ReducedModel",
     "ReducedTrajectory",
     "SampledBase",
@@ -62,6 +64,7 @@ __all__ = [
     "mac",
     "motion",
     "natural_modes",
+    "read_recording",
     "reduce_model",
     "run_all",
     "simulate",

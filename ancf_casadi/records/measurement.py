@@ -115,6 +115,7 @@ class Measurement:
         return cls.from_recording(recording, column, unit=unit, sensor=sensor)
 
     @classmethod
+    @np.errstate(all="ignore")  # a value that overflows is refused as not finite
     def from_recording(
         cls,
         recording: Recording,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -104,6 +105,7 @@ def read_recording(
     return recording_of(read_contents(path, progress=progress), path, time=time, time_unit=time_unit, rate=rate)
 
 
+@np.errstate(all="ignore")  # a file may hold any numbers; what overflows is refused as not finite
 def recording_of(
     contents: Contents,
     path: str | Path,
@@ -120,9 +122,17 @@ def recording_of(
         If the times are not clear, or do not increase.
     """
     if time is None and rate is None and any(channel.time is not None for channel in contents.channels):
-        return Recording(str(path), tuple(map(_timed, contents.channels)), contents.notes)
+        channels = tuple(map(_timed, contents.channels))
+        return Recording(str(path), channels, contents.notes + _assumed(channels))
     axis = time_axis(contents, str(path), time=time, time_unit=time_unit, rate=rate)
-    return Recording(str(path), with_times(contents, axis), contents.notes + axis.notes)
+    channels = with_times(contents, axis)
+    return Recording(str(path), channels, contents.notes + axis.notes + _assumed(channels))
+
+
+def _assumed(channels: Sequence[Channel]) -> tuple[str, ...]:
+    """Return a note on the channels without a unit."""
+    bare = [channel for channel in channels if not (channel.symbol or channel.fault or is_counter(channel))]
+    return (f"no unit is given for {listed(bare)}; SI units are assumed",) if bare else ()
 
 
 def _timed(channel: Channel) -> Channel:
@@ -131,4 +141,4 @@ def _timed(channel: Channel) -> Channel:
         return replace(channel, fault=channel.fault or "has no times; give the sampling rate with --rate")
     steps = np.diff(channel.time)
     rising = len(channel.time) == len(channel.values) and np.isfinite(steps).all() and (steps > 0.0).all()
-    return channel if rising else replace(channel, fault=channel.fault or "has times that do not increase")
+    return channel if rising else replace(channel, time=None, fault=channel.fault or "has times that do not increase")

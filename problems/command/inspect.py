@@ -77,6 +77,7 @@ def add_inspect(commands: Subcommands) -> None:
     add_record_options(parser)
 
 
+@np.errstate(all="ignore")  # a file may hold any numbers
 def _run(options: argparse.Namespace) -> Output:
     new_files([options.file], options.plot)
     if options.rate is not None:

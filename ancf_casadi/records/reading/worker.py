@@ -24,7 +24,7 @@ MOST_PACKED = 1100  # unpacked bytes per byte of a compressed file; deflate reac
 MOST_ITEMS = 10_000
 MEMORY = 2**30  # bytes for the library, beside 64 per byte of the file
 MOST_MEMORY = 6 * 2**30
-SECONDS, BYTES_PER_SECOND = 4, 2**21  # processor time: a base, and what a slow library reads
+SECONDS, BYTES_PER_SECOND = 3, 2**21  # processor time: a base, and what a slow library reads
 NUMERIC = {
     "double": 8, "single": 4, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int32": 4, "uint32": 4, "int64": 8,
     "uint64": 8,

@@ -63,6 +63,7 @@ def test_the_text_ends_with_a_command_that_works(record, capsys):
     assert main(["inspect", name]) == 0
     text = capsys.readouterr().out
     assert "A fit needs more: has 2 columns of values, 2 'b', 3 'c'; choose with --column" in text
+    assert "no unit is given for 2 'b', 3 'c'; SI units are assumed" in " ".join(text.split())
     proposed = shlex.split(text.strip().splitlines()[-1].partition("ancf-casadi ")[2])
     assert proposed == ["inspect", "decay.csv", "--column", "b"]
     assert main([*proposed, "--unit", "mm"]) == 0
@@ -110,3 +111,17 @@ def test_unusable_arguments_are_refused_in_one_line(record, capsys, arguments, m
     assert main(["inspect", *arguments]) == 2
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert message in line
+
+
+def test_times_of_a_channel_that_do_not_increase_are_reported_as_its_fault(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    header = "LabVIEW Measurement\t\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n\nChannels\t1\t\n"
+    (tmp_path / "a.lvm").write_text(header + "***End_of_Header***\t\nX_Value\ttip\tComment\n0\t1\n0\t2\n0\t3\n")
+    data = inspected(capsys, "a.lvm")
+    assert data["channels"][0]["fault"] == data["fit"]["problem"].split(": ")[-1] == "has times that do not increase"
+
+
+def test_numbers_near_the_limit_of_the_computer_are_shown_without_a_warning(record, capsys):
+    name = record(columns=(1e3 * TIME, np.sign(MM) * 1e308))
+    assert main(["inspect", name]) == 0
+    assert capsys.readouterr().err == ""

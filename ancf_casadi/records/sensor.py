@@ -80,7 +80,8 @@ class Sensor:
             raise InputError(f"must be 0 or more, got {self.point:g}", "point")
         if self.point and self.quantity in AT_CLAMP:
             raise InputError(f"a {self.quantity} is that at the clamp, got a sensor at {self.point:g} m", "point")
-        if not any(vector(self.direction, "direction")):
+        object.__setattr__(self, "direction", vector(self.direction, "direction"))
+        if not any(self.direction):
             raise InputError("must have a length, got (0, 0)", "direction")
         if self.frame == "body" and self.quantity not in IN_BODY_FRAME:
             raise InputError(f"must be 'inertial' for a {self.quantity}", "frame")

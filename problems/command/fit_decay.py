@@ -7,7 +7,6 @@ each alone.  The curve of damping against amplitude is computed last: if it fail
 from __future__ import annotations
 
 import argparse
-import statistics
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -18,7 +17,6 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.files import check_file
 from ancf_casadi.support.inputs import located
-from ancf_casadi.support.tables import Table
 from problems.command.fit_modes import modes_output
 from problems.command.output import (
     Output,
@@ -144,18 +142,15 @@ def _fitted(
             "drift": options.drift,
             "robust": options.robust,
         }
-        alone = []
-        for path, record, time in zip(options.files, records, times, strict=True):
-            with located(path):
-                alone.append(fit_decay(record, release_time=time, **settings))
-        if len(alone) == 1:
-            fits, text = alone, alone[0].report()
+        if len(records) == 1:
+            with located(options.files[0]):
+                fits = [fit_decay(records[0], release_time=times[0], **settings)]
+            text = fits[0].report()
         else:
-            known = [fit.release_time for fit in alone]
-            fits = list(fit_decays(records, release_times=known, **settings))
-            text = f"{_takes(options.files, alone, fits[0]).text()}\n\n{fits[0].report()}"
-            extra["alone"] = [fit.to_dict() for fit in alone]
-            extra["records"] = [fit.to_dict() for fit in fits]
+            known = [time for time in times if time is not None]
+            with located(", ".join(options.files)):
+                takes = fit_decays(records, release_times=known or None, **settings)
+            fits, text, extra = list(takes), takes.report(), takes.to_dict()
     lines = [
         f"  subtracted from {path}: {', '.join(f'{other.frequency:.4g}' for other in one.others)} Hz"
         for path, one in zip(options.files, isolated, strict=bool(isolated))
@@ -202,17 +197,3 @@ def _numbered(path: Path | None, count: int) -> list[Path | None]:
         return [path] * count
     check_file(path)
     return [path.with_stem(f"{path.stem}-{k}") for k in range(1, count + 1)]
-
-
-def _takes(files: Sequence[str], alone: Sequence[DecayFit], joint: DecayFit) -> Table:
-    """Return the mode from each file alone and from all at once, and the scatter between the files."""
-    names = ("frequency", "damping_ratio")
-    columns = ("record", "frequency_Hz", "stderr", "damping_ratio", "stderr", "residual_rms")
-    shown = [*zip((Path(file).name[-40:] for file in files), alone, strict=True), ("all at once", joint)]
-    rows = [
-        (name, *(value for key in names for value in (getattr(fit, key), fit.standard_errors[key])), fit.residual_rms)
-        for name, fit in shown
-    ]
-    scatter = {name: statistics.stdev(getattr(fit, name) for fit in alone) for name in names}
-    note = f"between the records: {scatter['frequency']:.2g} Hz and {scatter['damping_ratio']:.2g} standard deviation"
-    return Table("takes", "The mode from each record alone and from all at once", columns, rows, (note,))

@@ -6,7 +6,9 @@ import argparse
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any, NoReturn
 
+from ancf_casadi.exceptions import AncfError
 from ancf_casadi.export import Document, write_document
 from ancf_casadi.support.inputs import located
 from problems.command.output import Output, Subcommands, add_plot, figure_writer, json_text, new_files
@@ -28,7 +30,7 @@ def add_fit_motion(commands: Subcommands) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="FILE.json", help="write the beam and the law that were found as a JSON document"
     )
-    add_plot(parser, "draw the measured and the fitted motion")
+    add_plot(parser, "draw the measured and the fitted motion, and each prediction in a file FILE-prediction-N")
 
 
 def _run(options: argparse.Namespace) -> Output:
@@ -36,9 +38,29 @@ def _run(options: argparse.Namespace) -> Output:
     motions = read_motions(options.file)
     with located(f"{options.file}: [fit]"):
         fit = fit_transient(motions.model, motions.records, motions.damping, **motions.settings)
+    result, texts = fit.to_dict(), [fit.report()]
     files: list[Callable[[], object]] = []
     if out is not None:
         files.append(partial(write_document, out, Document(fit.model, fit.law)))
     if plot is not None:
         files.append(figure_writer(plot, fit.figure))
-    return Output(json_text(fit.to_dict()) if options.json else fit.report(), files)
+    predictions: list[dict[str, Any] | None] = []
+    for k, (record, mass) in enumerate(motions.predictions, start=1):
+        try:
+            with located(f"{options.file}: [predictions]: {k}"):
+                prediction = fit.predict(record, tip_mass=mass)
+        except AncfError as error:  # the fit is reported nevertheless
+            predictions.append(None)
+            files.append(partial(_fail, error))
+            continue
+        predictions.append(prediction.to_dict())
+        texts.append(f"prediction {k}\n{prediction.report()}")
+        if plot is not None:
+            files.append(figure_writer(plot.with_stem(f"{plot.stem}-prediction-{k}"), prediction.figure))
+    if options.json:
+        return Output(json_text(result | ({"predictions": predictions} if predictions else {})), files)
+    return Output("\n\n".join(texts), files)
+
+
+def _fail(error: AncfError) -> NoReturn:
+    raise error

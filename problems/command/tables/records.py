@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.start import Start
@@ -20,19 +18,30 @@ from ancf_casadi.support.inputs import is_sequence, located, shown, whole
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.command.tables.base import read_base
 from problems.command.tables.damping import read_terms, total
+from problems.command.tables.load import read_load
 from problems.command.tables.release import read_release
 from problems.command.tables.study import Study, checked
-from problems.transient.marker_record import MarkerRecord
+from problems.transient.motion_record import Camera, Channel, MotionRecord
 
 KEYS = """\
-  [[records]]   file; channels = [{column = "x", direction = [1, 0]}, ...]: for
-                each its column (name or number), sensor ("position",
-                "displacement", "velocity", "acceleration", "slope", "strain",
-                "force", "moment"), point (m; default: the tip), direction,
-                frame ("inertial" or "body"), unit;
+  [[records]]   one table per measured motion; channels = [{column = "x",
+                direction = [1, 0]}, ...]: a list of sensors, each with file,
+                column (name or number), sensor ("position", "displacement",
+                "velocity", "acceleration", "slope", "strain", "force" or
+                "moment"), point (m; default: the tip), direction, frame
+                ("inertial" or "body"), gravity (true or false: whether an
+                accelerometer feels it), distance (m, of a strain gauge from
+                the neutral axis), unit, time, time_unit, rate, from, to (s),
+                noise (standard deviation), offset (bounds of an unknown time
+                offset, s), zero (bounds of an unknown reading at rest);
                 a key beside channels holds for all channels;
-                time, time_unit, rate; from, to (s);
-                base, release, start: if they differ from [base], [release]
+                release_time (s, or bounds [LOW, HIGH]): start of the motion
+                in the times of the file;
+                camera = {scale, rotation, origin}: bounds of an unknown view;
+                base, load, release, start: if they differ from the tables
+  [[predictions]]
+                records to predict with the estimates; the same keys, and
+                tip_mass (kg)
   [fit]         properties (of "width", "thickness", "density",
                 "elastic_modulus"), base_amplitude (true or false),
                 load (of "force_x", "force_y", "moment" and their _rate),
@@ -41,10 +50,12 @@ KEYS = """\
                 laws = [[1], [1, 2]]: for compare-laws, the tables [[damping]]
                 of each law (default: each alone, and all together)
 """
-SENSOR = {"point", "direction", "frame"}
-CHANNEL = {"column", "sensor", "unit", *SENSOR}
-READING = {"time", "time_unit", "rate"}
-RECORD = {"channels", "from", "to", "base", "release", "start", *CHANNEL, *READING}
+SENSOR = {"point", "direction", "frame", "gravity", "distance"}
+READING = {"unit", "time", "time_unit", "rate"}
+UNKNOWN = {"noise", "offset", "zero"}
+CHANNEL = {"file", "column", "sensor", "from", "to", *SENSOR, *READING, *UNKNOWN}
+RECORD = {"channels", "release_time", "camera", "base", "load", "release", "start", *CHANNEL}
+CAMERA = {"scale", "rotation", "origin"}
 FIT = {"properties", "base_amplitude", "load", "fixed", "bounds", "robust", "tolerance"}
 
 
@@ -60,8 +71,10 @@ class Motions:
         The law, with guesses of its parameters.
     laws : tuple of DampingLaw
         The laws to compare.
-    records : tuple of MarkerRecord
+    records : tuple of MotionRecord
         The measurements.
+    predictions : tuple of (MotionRecord, float or None)
+        Records to predict, each with the mass at the tip (kg) if it differs from that of the beam.
     settings : mapping
         Other arguments of ``fit_transient``.
     """
@@ -69,7 +82,8 @@ class Motions:
     model: Model
     damping: DampingLaw
     laws: tuple[DampingLaw, ...]
-    records: tuple[MarkerRecord, ...]
+    records: tuple[MotionRecord, ...]
+    predictions: tuple[tuple[MotionRecord, float | None], ...]
     settings: Mapping[str, Any]
 
 
@@ -88,13 +102,18 @@ def motions(study: Study, source: Document) -> Motions:
     law = total(terms) or source.damping
     if law is None:
         raise InputError("the table is missing; its parameters are the unknowns", study.where("damping"))
-    tables, where = study.several("records"), study.where("records")
-    if not tables:
-        raise InputError("there are none; name the files to fit", where)
-    records = tuple(_record(study, table, source.model, where) for table in tables)
+    if not study.several("records"):
+        raise InputError("there are none; name the files to fit", study.where("records"))
     with located(study.where("fit")):
         laws = _laws(fit["laws"], terms) if "laws" in fit else _usual_laws(terms, law)
-    return Motions(source.model, law, laws, records, {key: fit[key] for key in FIT & fit.keys()})
+    records = [_record(study, table, source.model, study.where("records")) for table in study.several("records")]
+    predictions = []
+    for table in study.several("predictions"):
+        own = {key: value for key, value in table.items() if key != "tip_mass"} if isinstance(table, dict) else table
+        mass = table["tip_mass"] if own != table else None
+        predictions.append((_record(study, own, source.model, study.where("predictions")), mass))
+    settings = {key: fit[key] for key in FIT & fit.keys()}
+    return Motions(source.model, law, laws, tuple(records), tuple(predictions), settings)
 
 
 def _laws(given: Any, terms: Sequence[DampingLaw]) -> tuple[DampingLaw, ...]:
@@ -109,31 +128,41 @@ def _usual_laws(terms: Sequence[DampingLaw], law: DampingLaw) -> tuple[DampingLa
     return (*terms, law) if len(terms) > 1 else (law,)
 
 
-def _record(study: Study, table: Any, model: Model, where: str) -> MarkerRecord:
-    given = checked(table, {"file"}, RECORD, where)
-    path = study.file(given["file"], f"{where}: file")
+def _record(study: Study, table: Any, model: Model, where: str) -> MotionRecord:
+    given = checked(table, set(), RECORD, where)
     shared = {key: given[key] for key in CHANNEL & given.keys()}
     listed = given.get("channels", [{}])
     if not is_sequence(listed) or not listed:
         raise InputError(f"must be a list of tables, got {shown(listed)}", f"{where}: channels")
-    reading = {key: given[key] for key in READING & given.keys()}
     channels = []
     for k, channel in enumerate(listed, start=1):
-        own = checked(channel, set(), CHANNEL, f"{where}: channels: {k}")
-        with located(f"{where}: channels: {k}" if "channels" in given else where):
-            channels.append(_channel(path, shared | own, reading, given))
+        place = f"{where}: channels: {k}" if "channels" in given else where
+        own = shared | checked(channel, set(), CHANNEL, place)
+        channels.append(_channel(study, checked(own, {"file"}, CHANNEL, place), place))
     base, start = _base(study, given, where), _start(study, given, model, where)
+    settings = {"release": given["release_time"]} if "release_time" in given else {}
+    if "load" in given:
+        settings["load"] = read_load(study, given["load"], f"{where}: load")
+    elif "load" in study.tables:
+        settings["load"] = read_load(study, study.tables["load"], study.where("load"))
+    if "camera" in given:
+        view = checked(given["camera"], set(), CAMERA, f"{where}: camera")
+        with located(f"{where}: camera"):
+            settings["camera"] = Camera(**view)
     with located(where):
-        return _motion(channels, base, start)
+        return MotionRecord(channels, base, start, **settings)
 
 
-def _channel(path: Any, given: Mapping[str, Any], reading: Mapping[str, Any], cut: Mapping[str, Any]) -> Measurement:
-    own = {key: given[key] for key in SENSOR & given.keys()}
-    sensor = Sensor(given.get("sensor", "position"), **own)
-    record = Measurement.from_file(
-        path, given.get("column"), unit=given.get("unit"), sensor=sensor, progress=True, **reading
-    )
-    return record.cut(cut.get("from"), cut.get("to"))
+def _channel(study: Study, given: Mapping[str, Any], where: str) -> Channel:
+    """Return a sensor with its record."""
+    path = study.file(given["file"], f"{where}: file")
+    settings = {key: given[key] for key in SENSOR & given.keys()}
+    reading = {key: given[key] for key in READING & given.keys()}
+    unknown = {key: given[key] for key in UNKNOWN & given.keys()}
+    with located(where):
+        sensor = Sensor(given.get("sensor", "position"), **settings)
+        record = Measurement.from_file(path, given.get("column"), sensor=sensor, progress=True, **reading)
+        return Channel(record.cut(given.get("from"), given.get("to")), **unknown)
 
 
 def _base(study: Study, given: Mapping[str, Any], where: str) -> BaseMotion | None:
@@ -153,13 +182,3 @@ def _start(study: Study, given: Mapping[str, Any], model: Model, where: str) -> 
     if "release" in study.tables:
         return read_release(study.tables["release"], model, study.where("release"))
     return "equilibrium"
-
-
-def _motion(channels: Sequence[Measurement], base: BaseMotion | None, start: Start | Equilibrium) -> MarkerRecord:
-    """Return the record of pairs of channels, x and y of each point."""
-    time = channels[0].time
-    points, pairs = [], []
-    for x, y in zip(channels[::2], channels[1::2], strict=True):
-        points += [] if x.sensor.point is None else [x.sensor.point]
-        pairs.append(np.column_stack([x.values, y.values]))
-    return MarkerRecord(time - time[0], np.stack(pairs, axis=1), points or None, base, start)

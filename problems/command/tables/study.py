@@ -21,6 +21,7 @@ TABLES = {
     "simulation",
     "markers",
     "records",
+    "predictions",
     "fit",
 }
 

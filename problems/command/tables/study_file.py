@@ -18,7 +18,7 @@ BEAM_KEYS = HEAD + beam.KEYS
 SOURCE_KEYS = HEAD + beam.KEYS + damping.KEYS
 MATCH_KEYS = HEAD + beam.KEYS + match.KEYS
 SIMULATION_KEYS = HEAD + beam.KEYS + damping.KEYS + base.KEYS + load.KEYS + release.KEYS + simulation.KEYS
-MOTION_KEYS = HEAD + beam.KEYS + damping.KEYS + base.KEYS + release.KEYS + records.KEYS
+MOTION_KEYS = HEAD + beam.KEYS + damping.KEYS + base.KEYS + load.KEYS + release.KEYS + records.KEYS
 
 
 def read_source(path: str) -> Document:

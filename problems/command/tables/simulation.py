@@ -12,7 +12,7 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document.model_document import Document
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import located, shown
+from ancf_casadi.support.inputs import located, physical, shown
 from problems.command.tables.base import read_base
 from problems.command.tables.load import read_load
 from problems.command.tables.release import read_release
@@ -24,7 +24,9 @@ KEYS = """\
                 start ("equilibrium", "straight" or "impact")
   [markers]     NAME = arc length from the clamp (m): points in the output
 """
+SAMPLE_RATE = 1000.0  # 1/s, the default of ``simulate``
 SETTINGS = {"sample_rate", "start", "method", "tolerance"}
+MOST_BYTES = 5e8  # of the coordinates and velocities of a motion
 TAKEN = ("time", "tip", "base")  # names of columns that are always there
 
 
@@ -64,6 +66,7 @@ def simulation(study: Study, source: Document) -> Simulation:
         If there is no equilibrium under the load of [release].
     """
     settings = dict(study.table("simulation", {"duration"}, SETTINGS))
+    _check_size(settings, source.model, study.where("simulation"))
     if "load" in study.tables:
         settings["load"] = read_load(study, study.tables["load"], study.where("load"))
     base = read_base(study, study.tables["base"], study.where("base")) if "base" in study.tables else None
@@ -73,6 +76,19 @@ def simulation(study: Study, source: Document) -> Simulation:
             raise InputError("is given by the table [release]; leave it out", f"{study.where('simulation')}: start")
         settings["start"] = read_release(study.tables["release"], source.model, study.where("release"))
     return Simulation(source.model, source.damping, base, settings, markers)
+
+
+def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:
+    """Refuse a motion that would fill the memory."""
+    rate = settings.get("sample_rate", SAMPLE_RATE)
+    with located(where):
+        samples = physical(settings["duration"], "duration") * physical(rate, "sample_rate")
+    if 2 * 8 * model.size * samples > MOST_BYTES:
+        raise InputError(
+            f"{samples:.3g} samples of {model.beam.elements} elements would take {16 * model.size * samples / 1e9:.2g} "
+            "GB; lower sample_rate or duration, or use fewer elements",
+            f"{where}: sample_rate",
+        )
 
 
 def _markers(study: Study, model: Model) -> dict[str, float]:

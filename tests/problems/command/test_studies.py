@@ -120,6 +120,13 @@ class TestSimulate:
         assert done.code == 2 and what in done.err
 
 
+def test_a_motion_that_would_fill_the_memory_is_refused(run, study):
+    study.write_text(study.read_text().replace("sample_rate = 200.0", "sample_rate = 1e7"))
+    done = run("simulate", "study.toml")
+    assert done.code == 2
+    assert "[simulation]: sample_rate: 5e+06 samples of 4 elements would take 1.6 GB; lower sample_rate" in done.err
+
+
 class TestCompareLaws:
     def test_on_a_decay(self, run, decay):
         decay("a.csv", (3.0, 0.02, 5e-3))

@@ -9,10 +9,11 @@ from ancf_casadi import (
     InputError,
     SampledBase,
     SampledLoad,
+    Sensor,
     SweepBase,
     static_equilibrium,
 )
-from problems.command.tables.study_file import read_simulation
+from problems.command.tables.study_file import read_motions, read_simulation
 
 BEAM = """
 [beam]
@@ -139,3 +140,76 @@ class TestLoad:
     def test_unusable(self, file, text, what):
         with pytest.raises(InputError, match=rf"study\.toml: \[load\]: {what}"):
             read_simulation(file(BEAM, SIMULATION, "[load]\n", text))
+
+
+class TestRecords:
+    RECORDS = """
+    [[records]]
+    file = "clamp.csv"
+    from = 0.2
+    channels = [
+        {column = "x_mm", direction = [2, 0]},
+        {column = 4, sensor = "slope", point = 0.25, offset = [-0.01, 0.01]},
+    ]
+    """
+
+    def test_channels_share_the_keys_beside_them(self, file):
+        (record,) = read_motions(file(BEAM, LAWS, self.RECORDS)).records
+        first, second = record.channels
+        assert first.sensor == Sensor("position", direction=(2.0, 0.0))
+        assert first.measurement.time[0] == pytest.approx(0.2)
+        assert first.measurement.values == pytest.approx(np.sin(TIME[20:]))
+        assert second.sensor == Sensor("slope", point=0.25)
+        assert second.offset == (-0.01, 0.01)
+        assert (record.base, record.start, record.release) == (None, "equilibrium", 0.0)
+
+    def test_tables_of_the_study_hold_unless_a_record_has_its_own(self, file):
+        base = "[base]\nrotation = 0.1\n[load]\nforce = [1e-3, 0]\nfrequency = 2\n[release]\ntip_force = [1e-2, 0]\n"
+        own = self.RECORDS + 'base = {rotation = 0.2}\nstart = "straight"\nrelease_time = [0.1, 0.3]\n'
+        first, second = read_motions(file(BEAM, LAWS, base, self.RECORDS, own)).records
+        assert (first.base, second.base) == (FixedBase(rotation=0.1), FixedBase(rotation=0.2))
+        assert first.load == second.load == HarmonicLoad((1e-3, 0.0), 2.0)
+        assert first.start.tip_force == (1e-2, 0.0)
+        assert (second.start, second.release) == ("straight", (0.1, 0.3))
+
+    def test_a_camera_and_a_prediction(self, file):
+        text = self.RECORDS + "camera = {scale = [0.9, 1.1]}\n"
+        predicted = self.RECORDS.replace("records", "predictions") + "tip_mass = 0.01\n"
+        study = read_motions(file(BEAM, LAWS, text, predicted))
+        assert study.records[0].camera.scale == (0.9, 1.1)
+        ((record, mass),) = study.predictions
+        assert mass == 0.01 and len(record.channels) == 2
+
+    def test_laws_to_compare(self, file):
+        named = read_motions(file(BEAM, LAWS, self.RECORDS, "[fit]\nlaws = [[2], [1, 2]]\n")).laws
+        names = [[own.name for own in law.parameters] for law in named]
+        assert names == [["eta2"], ["alpha", "eta2"]]
+        usual = read_motions(file(BEAM, LAWS, self.RECORDS)).laws
+        assert [len(law.parameters) for law in usual] == [1, 1, 2]
+
+    @pytest.mark.parametrize(
+        ("text", "what"),
+        [
+            ("", r"\[records\]: there are none"),
+            ("[[records]]\ncolumn = 2\n", r"\[records\]: the key 'file' is missing"),
+            ('[[records]]\nfile = "clamp.csv"\nchannels = []\n', r"\[records\]: channels: must be a list of tables"),
+            ('[[records]]\nfile = "clamp.csv"\nchannels = [{x = 2}]\n', r"channels: 1: unknown key 'x'"),
+            ('[[records]]\nfile = "clamp.csv"\ncolumn = 9\n', r"\[records\]: .*clamp\.csv"),
+            (
+                '[[records]]\nfile = "clamp.csv"\ncolumn = 2\nsensor = "smell"\n',
+                r"\[records\]: quantity: must be one of",
+            ),
+            ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\ncamera = {zoom = 1}\n', r"camera: unknown key 'zoom'"),
+            ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\nnoise = -1\n', r"\[records\]: noise: must be positive"),
+            ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\nfrom = 3\n', r"\[records\]: cut: from 3"),
+            ("records = 3\n", r"must be a table \[records\], or several"),
+        ],
+    )
+    def test_unusable(self, file, text, what):
+        with pytest.raises(InputError, match=what):
+            read_motions(file(text, BEAM, LAWS) if text.startswith("records =") else file(BEAM, LAWS, text))
+
+    @pytest.mark.parametrize("laws", ["3", "[]", "[1]", "[[]]", "[[3]]", "[[0]]", '[["a"]]'])
+    def test_laws_that_do_not_exist(self, file, laws):
+        with pytest.raises(InputError, match=r"\[fit\]: laws: must be"):
+            read_motions(file(BEAM, LAWS, self.RECORDS, f"[fit]\nlaws = {laws}\n"))

@@ -19,6 +19,16 @@ these means tell (Lepski's method).  Lines then end the band, and white or autor
 spectrum of all series, which leaves no more than the errors of s^2 and rho.  If no variance changes by more than a
 tenth, or than its random error, the noise counts as white, and the errors are those of an ordinary fit.
 
+The spectrum is that of noise which lasts.  A disturbance that dies away, such as another mode, acts while the columns
+of J are large, and may shift the estimates by more than J' R J says.  The sum of the products of r_i J_i and r_j J_j,
+which are near in time, shows this.  With an orthonormal basis q of the columns of J and the quadratic spectral kernel
+k,
+
+    M_ij = sum_t sum_u k(t - u) q_ti r_t q_uj r_u,
+
+and a width of the kernel of one mean period of the basis, so that other frequencies do not enter.  In directions in
+which M exceeds q' R q by more than four standard errors of M, it replaces q' R q.
+
 Samples that are missing leave zeros in an even grid of times.  E then is the expected power of the process with these
 zeros.  Samples between the times of the grid are assigned to the nearest one.
 
@@ -27,6 +37,8 @@ References
 O. V. Lepskii, On a problem of adaptive estimation in Gaussian white noise, Theory of Probability and Its Applications
 35 (1991).
 E. Parzen, On spectral analysis with missing observations and amplitude modulation, Sankhya A 25 (1963).
+D. W. K. Andrews, Heteroskedasticity and autocorrelation consistent covariance matrix estimation, Econometrica 59
+(1991), for M.
 H. White, A heteroskedasticity-consistent covariance matrix estimator, Econometrica 48 (1980), for the covariance of
 estimates whose residuals are not white.
 """
@@ -47,6 +59,7 @@ AGREE = 2.0  # difference of two means, in standard errors, up to which they agr
 SAME = 0.1  # change of a variance, relative to white noise, up to which the noise counts as white
 SPARSE = 16  # length of the grid over the number of samples, beyond which the samples are counted instead
 NOT_NOISE = 3.0  # concentration beyond which residuals are not noise; 1 for white noise
+EXCEEDS = 4.0  # standard errors of M by which it is larger than q' R q where it replaces it
 FEWEST = 8  # residuals, below which the noise counts as white
 
 
@@ -93,6 +106,10 @@ class Noise:
         Degrees of freedom of the estimated power, for Student's distribution.
     spectra : tuple of SeriesSpectrum
         Spectrum of each series; none if the noise is white.
+    passing : ndarray or None
+        Part of the covariance of q'r due to disturbances that die away (n, n), if it is significant.
+    basis : ndarray or None
+        Orthonormal basis q of the columns of the Jacobian (m, n), if ``passing`` is given.
     growth : float
         Mean variance in the directions of the fitted curve, relative to s^2.
     """
@@ -100,18 +117,23 @@ class Noise:
     variance: float
     freedom: float
     spectra: tuple[SeriesSpectrum, ...] = ()
+    passing: Array | None = None
+    basis: Array | None = None
     growth: float = 1.0
 
     @property
     def white(self) -> bool:
         """True if the noise is white as far as the residuals tell."""
-        return not self.spectra
+        return not self.spectra and self.passing is None
 
     def form(self, columns: Array) -> Array:
         """Return X' R X (n, n) of columns X (m, n)."""
-        if self.white:
-            return np.asarray(self.variance * (columns.T @ columns))
-        return np.asarray(sum(spectrum.form(columns) for spectrum in self.spectra))
+        lasting = sum(spectrum.form(columns) for spectrum in self.spectra) if self.spectra else None
+        form = self.variance * (columns.T @ columns) if lasting is None else lasting
+        if self.passing is None or self.basis is None:
+            return np.asarray(form)
+        inside = self.basis.T @ columns
+        return np.asarray(form + inside.T @ self.passing @ inside)
 
     def along(self, column: Array) -> float:
         """Return the variance of the noise in the direction of a column (m,); s^2 if the column is zero."""
@@ -157,9 +179,53 @@ def estimated_noise(residuals: Array, basis: Array, series: Sequence[int], times
     share = np.concatenate([part.leverage for part in parts])
     uncertainty = float(share @ (1 / np.concatenate([freedom for _, freedom in means])))
     coloured = Noise(white.variance, float(share.sum()) / uncertainty, spectra)
-    growth = np.linalg.eigvalsh(coloured.form(basis)) / white.variance
-    likely = max(SAME, AGREE * math.sqrt(2 / coloured.freedom))
-    return white if abs(growth - 1).max() < likely else replace(coloured, growth=float(growth.mean()))
+    change = abs(np.linalg.eigvalsh(coloured.form(basis)) / white.variance - 1).max()
+    lasting = white if change < max(SAME, AGREE * math.sqrt(2 / coloured.freedom)) else coloured
+    passing = _passing(residuals, basis, grids, parts, lasting.form(basis))
+    if lasting is white and passing is None:
+        return white
+    noise = replace(lasting, passing=passing, basis=None if passing is None else basis)
+    return replace(noise, growth=float(np.trace(noise.form(basis))) / (n * white.variance))
+
+
+def _passing(
+    residuals: Array,
+    basis: Array,
+    grids: Sequence[tuple[slice, Index]],
+    parts: Sequence[_RelativePower],
+    lasting: Array,
+) -> Array | None:
+    """Return the part of the covariance of q'r (n, n) due to disturbances that die away; None if not significant."""
+    m, n = basis.shape
+    products, cycles, energy = np.zeros((n, n)), 0.0, 0.0
+    for part in parts:
+        frequency = np.arange(len(part.leverage)) / (2 * (len(part.leverage) - 1))
+        cycles, energy = cycles + float(frequency @ part.leverage), energy + float(part.leverage.sum())
+    if not cycles > 0.0:
+        return None
+    period = energy / cycles
+    for (rows, places), part in zip(grids, parts, strict=True):
+        length = 2 * (len(part.leverage) - 1)
+        lags = np.arange(1, int(places[-1]) + 1)
+        angle = 1.2 * math.pi / period * lags
+        kernel = np.concatenate([[1.0], 3 / angle**2 * (np.sin(angle) / angle - np.cos(angle))])
+        window = np.fft.rfft(_even(kernel, length)).real
+        window[1:-1] *= 2
+        scores = transform(residuals[rows, None] * basis[rows], places, length)
+        products += (scores.conj().T @ (scores * window[:, None])).real / length
+    products *= m / (m - n)
+    slots_per_sample = sum(int(places[-1]) + 1 for _, places in grids) / m
+    root = np.linalg.cholesky(lasting)
+    inverse = np.linalg.inv(root)
+    ratios, directions = np.linalg.eigh(inverse @ products @ inverse.T)
+    columns = basis @ (inverse.T @ directions)
+    shares = columns**2 / np.sum(columns**2, axis=0)
+    freedom = 1.5 / np.sum(shares**2, axis=0) * slots_per_sample / period  # m slots/period for a sine
+    excess = np.where(ratios > 1 + EXCEEDS * np.sqrt(2 / freedom), ratios - 1, 0.0)
+    if not excess.any():
+        return None
+    axes = root @ directions
+    return np.asarray((axes * excess) @ axes.T)
 
 
 def autocorrelation(residuals: Array, series: Sequence[int] = (), times: Array | None = None) -> Array:

@@ -4,7 +4,7 @@ With r = S e at the arc length s of a sensor, unit direction d, and t = r'(s) th
 
     position, displacement    d . r;  a displacement is the change from rest without the loads,
     slope                     angle from the axis of the beam to t, positive counterclockwise,
-    strain                    eps - kappa h/2 on the surface to the left of the tangent, with the thickness h,
+    strain                    eps - z kappa at the distance z along the normal, half the thickness if not given,
     force, moment             d . F and M that the clamp exerts on the beam.
 
 F and M follow from the generalized forces f = Q_e - Q_g on the clamped coordinates (r_0, tau_0): F = (f_1, f_2) and
@@ -13,17 +13,16 @@ M = tau_0 x (f_3, f_4), because a rotation of the clamp by dtheta turns tau_0 by
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import casadi as cs
-import numpy as np
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.accurate_strain import axial_strains_near, curvature_at
 from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.mechanics.strain import axial_strain, curvature
 from ancf_casadi.records.sensor import Sensor
+from ancf_casadi.support.arrays import Array
 
 FACTORS = (*PROPERTIES, *LUMPED)  # order of the factors on the properties of a beam
 AT_REST = ("position", "displacement", "slope", "strain", "force", "moment")
@@ -57,7 +56,7 @@ def _reading(model: Model, sensor: Sensor, e: cs.MX, f: cs.MX, factors: cs.MX) -
     if sensor.frame != "inertial":
         raise InputError("the direction must be in the laboratory (frame='inertial') at rest", "sensors")
     s, axis = place(model, sensor), model.beam.axis
-    d = cs.DM(np.array(sensor.direction) / math.hypot(*sensor.direction))
+    d = cs.DM(sensor.unit_direction)
     match sensor.quantity:
         case "position" | "displacement":
             return cs.dot(d, cs.DM(model.interpolation(s)) @ e)
@@ -65,11 +64,16 @@ def _reading(model: Model, sensor: Sensor, e: cs.MX, f: cs.MX, factors: cs.MX) -
             return cs.dot(d, f[:2])
         case "moment":
             return axis[0] * f[3] - axis[1] * f[2]
-    x, y = cs.vertsplit(cs.DM(model.slope_interpolation(s)) @ e)
+
+    def at(matrix: Array) -> tuple[cs.MX, cs.MX]:
+        x, y = cs.vertsplit(cs.DM(matrix) @ e)
+        return x, y
+
     if sensor.quantity == "slope":
+        x, y = at(model.slope_interpolation(s))
         return cs.atan2(axis[0] * y - axis[1] * x, axis[0] * x + axis[1] * y)
-    second = cs.vertsplit(cs.DM(model.curvature_interpolation(s)) @ e)
-    kappa = curvature((x, y), second, model.measures.curvature)
-    h = factors[FACTORS.index("thickness")] * model.beam.thickness[model.element_at(s)]
-    strain: cs.MX = axial_strain((x, y), model.measures.axial) - kappa * h / 2
+    thickness = factors[FACTORS.index("thickness")] * model.beam.thickness[model.element_at(s)]
+    z = thickness / 2 if sensor.distance is None else sensor.distance
+    axial = sum(weight * eps for weight, _, eps in axial_strains_near(model, s, at))
+    strain: cs.MX = axial - z * curvature_at(model, s, at)
     return strain

@@ -74,8 +74,10 @@ class TestReadings:
         assert abs(weight.sum()) > 0.0
 
         straight = lying(elements=40)
-        (strain,) = reading(straight, PointLoad((0.0, 1e-3), 1e-4), Sensor("strain", s))
-        assert strain == pytest.approx(-1.5e-3 / 2 * (1e-4 + 1e-3 * (0.5 - s)) / 0.6, rel=1e-4)
+        gauges = Sensor("strain", s), Sensor("strain", s, distance=-2e-3)
+        kappa = (1e-4 + 1e-3 * (0.5 - s)) / 0.6
+        strains = reading(straight, PointLoad((0.0, 1e-3), 1e-4), *gauges)
+        assert strains == pytest.approx([-1.5e-3 / 2 * kappa, 2e-3 * kappa], rel=1e-4)
 
     def test_the_clamp_moment_of_a_bent_beam_is_that_of_its_loads(self, lying):
         """Force times the lever arm in the bent shape; without weight nothing else acts."""

@@ -69,6 +69,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="ancf-casadi",
         description="Identify the damping and the properties of very flexible beams, and predict their large motion.",
+        epilog="Start with 'inspect FILE' for a record, or 'init' for a study; 'COMMAND --help' explains each command.",
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
     commands = Subcommands(parser)

@@ -17,6 +17,7 @@ KEYS = """\
                 unknowns = {width = "element", density = "global",
                 thickness = {smooth = 3, bounds = 0.05}}
 """
+MOST_ELEMENTS = 1000  # a match with more takes minutes, and Ctrl-C does not end it at once
 MODES = ("frequency_std", "points", "shapes", "shape_std")  # keys that belong to MeasuredModes
 MATCH = ("bounds", "objective", "starts", "seed", "unknowns")
 

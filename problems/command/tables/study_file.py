@@ -57,6 +57,11 @@ def read_match(path: str) -> tuple[Beam, dict[str, Any]]:
         raise InputError(
             "the document has strain measures that a match does not support; use the defaults", study.where("beam")
         )
+    if model.beam.elements > match.MOST_ELEMENTS:
+        raise InputError(
+            f"a match takes {match.MOST_ELEMENTS} at most, got {model.beam.elements}; 20 to 100 are enough",
+            f"{study.where('beam')}: elements",
+        )
     return model.beam, match.read_request(study)
 
 

@@ -116,6 +116,11 @@ class TestMatch:
         with pytest.raises(InputError, match=rf"study\.toml: \[match\]: {message}"):
             read_match(file(BEAM, text))
 
+    def test_a_mesh_that_would_take_minutes_is_refused(self, file):
+        text = BEAM.replace("elements = 4", "elements = 1001") + "[match]\ntargets = [1.85]\n"
+        with pytest.raises(InputError, match=r"\[beam\]: elements: a match takes 1000 at most, got 1001"):
+            read_match(file(text))
+
     def test_table_that_is_none(self, file):
         with pytest.raises(InputError, match=r"\[match\]: must be a table, got 3"):
             read_match(file("match = 3\n", BEAM))

@@ -12,12 +12,16 @@ clock.  Before its start the beam is at rest under the load that holds it.  A ca
 
 in the laboratory frame with the clamp at rest as the origin.  Release, offsets, the view of the camera and the zero of
 a channel may be unknown within bounds; the guess is then the middle.
+
+Accelerations, forces and moments jump at the start, and where a base motion ends.  If its time is unknown, a sample of
+theirs that may be on either side of a jump is left out: otherwise the residuals would jump with the unknown.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import NoneType
 from typing import Any
 
@@ -35,6 +39,7 @@ from ancf_casadi.support.inputs import array, check_instance, is_sequence, numbe
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 FEWEST = 10  # samples of a record
+JUMPING = ("acceleration", "force", "moment")
 
 Bounds = tuple[float, float]
 
@@ -181,6 +186,7 @@ class MotionRecord:
         check_instance(self.load, "load", TipLoad, NoneType)
         release = pair(self.release, "release") if is_sequence(self.release) else number(self.release, "release")
         object.__setattr__(self, "release", release)
+        object.__setattr__(self, "channels", tuple(self._without_jumps(one) for one in channels))
         self._check_samples()
         self._check_load()
         if self.camera and not any(one.sensor.quantity == "position" for one in channels):
@@ -222,6 +228,19 @@ class MotionRecord:
         """First instant that a channel may see, s, from the start of the motion."""
         begins = [one.measurement.time[0] - (one.offset or (0.0, 0.0))[1] for one in self.own_channels]
         return float(min(begins)) - self.release_bounds[1]
+
+    def _without_jumps(self, channel: Channel) -> Channel:
+        """Return a channel without the samples that may be on either side of a jump of its readings."""
+        (early, late), (least, most) = self.release_bounds, channel.offset or (0.0, 0.0)
+        if channel.sensor.quantity not in JUMPING or late + most == early + least:
+            return channel
+        one = channel.measurement
+        ends = [piece.end for piece in self.own_base.pieces() if math.isfinite(piece.end)]
+        first, last = (one.time - shift + self.origin for shift in (late + most, early + least))
+        clear = np.all([(last < jump) | (first > jump) for jump in (self.origin, *ends)], axis=0)
+        if np.count_nonzero(clear) < 2:
+            raise InputError(f"leave too few samples of {channel.label} that are certain; narrow the bounds", "release")
+        return replace(channel, measurement=Measurement(one.time[clear], one.values[clear], one.name, one.sensor))
 
     def _check_samples(self) -> None:
         count = sum(one.measurement.time.size for one in self.own_channels)

@@ -72,6 +72,21 @@ def test_a_record_knows_the_span_of_its_motion():
     assert MotionRecord([ONE], start=later).end == pytest.approx(3.39)
 
 
+def test_samples_that_may_be_on_either_side_of_a_jump_are_left_out():
+    """Times from 0 to 0.39 s: the start is between 0.1 and 0.12 s, the base stops 0.125 s later."""
+    force = Measurement(TIME, np.sin(9 * TIME), sensor=Sensor("force"))
+    base = HarmonicBase(0.01, 2.0, stop=0.125)
+    left = MotionRecord([force, ONE], base=base, release=(0.095, 0.125)).own_channels
+    gone = [0.1, 0.11, 0.12, 0.22, 0.23, 0.24, 0.25]
+    assert sorted(set(TIME) - set(left[0].measurement.time)) == pytest.approx(gone)
+    assert left[1].measurement is ONE
+    late = MotionRecord([Channel(force, offset=(-0.015, 0.015))], release=0.1).own_channels
+    assert sorted(set(TIME) - set(late[0].measurement.time)) == pytest.approx([0.09, 0.1, 0.11])
+    assert MotionRecord([force], base=base, release=0.1).own_channels[0].measurement is force
+    with pytest.raises(InputError, match="release: leave too few samples of force x, clamp that are certain"):
+        MotionRecord([force], release=(-0.5, 0.385))
+
+
 def test_markers_are_channels_of_positions_with_one_standard_deviation():
     positions = np.random.default_rng(1).normal(size=(40, 2, 2))
     base = HarmonicBase(0.01, 2.0)

@@ -112,6 +112,16 @@ def test_an_offset_of_a_sensor_and_the_release_are_found_with_rest_before_it(swi
     assert abs(score).max() < 3.0 and found.fit.errors[1:].max() < 3e-4
 
 
+def test_a_release_at_a_sample_of_a_force_is_found_although_the_force_jumps_there(swing):
+    own = [swing.measurement(sensor, 0.02, seed) for seed, sensor in enumerate((X, Sensor("force")))]
+    time = own[0].time - own[0].time[0]
+    late = [Measurement(time + 0.1, one.values, sensor=one.sensor) for one in own]
+    found = fitted(swing, MotionRecord(late, start=swing.start, release=(0.081, 0.119)))
+    assert found.problem.channels[1].measurement.time[0] == pytest.approx(0.12)
+    score = (found.fit.values - [TRUTH, 0.1 - own[0].time[0]]) / found.fit.errors
+    assert abs(score).max() < 3.0
+
+
 def test_the_view_of_a_camera_is_found(swing):
     scale, turn, origin = 1.04, 0.05, (0.012, -0.007)
     tip, middle = swing.run.tip, swing.run.position(0.1)

@@ -13,8 +13,9 @@ clock.  Before its start the beam is at rest under the load that holds it.  A ca
 in the laboratory frame with the clamp at rest as the origin.  Release, offsets, the view of the camera and the zero of
 a channel may be unknown within bounds; the guess is then the middle.
 
-Accelerations, forces and moments jump at the start, and where a base motion ends.  If its time is unknown, a sample of
-theirs that may be on either side of a jump is left out: otherwise the residuals would jump with the unknown.
+Accelerations, forces and moments jump at the start, and where a base motion ends; velocities have a kink there.  If its
+time is unknown, a sample of theirs that may be on either side of a jump is left out: otherwise the residuals, or their
+derivatives, would jump with the unknown.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from ancf_casadi.support.inputs import array, check_instance, is_sequence, numbe
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 FEWEST = 10  # samples of a record
-JUMPING = ("acceleration", "force", "moment")
+JUMPING = ("velocity", "acceleration", "force", "moment")
 
 Bounds = tuple[float, float]
 

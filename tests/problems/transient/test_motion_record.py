@@ -34,7 +34,7 @@ MOVING = State(MODEL.straight, np.zeros(MODEL.size))
         (lambda: MotionRecord([ONE], camera=Camera(scale=(0.9, 1.1))), "camera: there are no positions for it"),
         (lambda: MotionRecord([ONE], release=0.4), "release: must be before the last sample"),
         (lambda: MotionRecord([ONE], release=(0.1, 0.0)), "release: the lower bound 0.1 is not below"),
-        (lambda: MotionRecord([ONE], release=(0.0, 0.1), start=MOVING), "start: a State has no rest before it"),
+        (lambda: MotionRecord([SEEN], release=(0.0, 0.1), start=MOVING), "start: a State has no rest before it"),
         (lambda: MotionRecord([Measurement(TIME, 0 * TIME)]), "channels: are constant; nothing moves"),
         (lambda: MotionRecord([Measurement(TIME[:5], TIME[:5])]), "channels: needs at least 10 samples, got 5"),
     ],
@@ -76,10 +76,10 @@ def test_samples_that_may_be_on_either_side_of_a_jump_are_left_out():
     """Times from 0 to 0.39 s: the start is between 0.1 and 0.12 s, the base stops 0.125 s later."""
     force = Measurement(TIME, np.sin(9 * TIME), sensor=Sensor("force"))
     base = HarmonicBase(0.01, 2.0, stop=0.125)
-    left = MotionRecord([force, ONE], base=base, release=(0.095, 0.125)).own_channels
+    left = MotionRecord([force, SEEN], base=base, release=(0.095, 0.125)).own_channels
     gone = [0.1, 0.11, 0.12, 0.22, 0.23, 0.24, 0.25]
     assert sorted(set(TIME) - set(left[0].measurement.time)) == pytest.approx(gone)
-    assert left[1].measurement is ONE
+    assert left[1].measurement is SEEN
     late = MotionRecord([Channel(force, offset=(-0.015, 0.015))], release=0.1).own_channels
     assert sorted(set(TIME) - set(late[0].measurement.time)) == pytest.approx([0.09, 0.1, 0.11])
     assert MotionRecord([force], base=base, release=0.1).own_channels[0].measurement is force

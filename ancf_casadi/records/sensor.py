@@ -27,6 +27,7 @@ UNITS: Mapping[Quantity, str] = {
 }
 
 
+DERIVATIVES: Mapping[str, int] = {"velocity": 1, "acceleration": 2}  # by time; 0 for the other quantities
 IN_BODY_FRAME = ("velocity", "acceleration", "force")
 AT_CLAMP = ("force", "moment")
 
@@ -114,3 +115,13 @@ class Sensor:
         x, y = self.unit_direction
         simple = {(1.0, 0.0): first, (0.0, 1.0): second, (-1.0, 0.0): f"-{first}", (0.0, -1.0): f"-{second}"}
         return f"{simple.get((x, y), f'{x:.3g} {first} {y:+.3g} {second}')}, {place}"
+
+    @property
+    def derivatives(self) -> int:
+        """Number of time derivatives from the motion to the record: 1 for velocity, 2 for acceleration."""
+        return DERIVATIVES.get(self.quantity, 0)
+
+    @property
+    def motion_unit(self) -> str:
+        """Unit of the motion whose derivative is measured: m for velocity and acceleration."""
+        return "m" if self.derivatives else self.unit

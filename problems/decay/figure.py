@@ -22,7 +22,8 @@ def decay_fit_figure(fit: DecayFit) -> Figure:
     try:
         periods = fit.frequency * (fit.time[-1] - fit.time[0]) / MOST_POINTS
         longer = periods if periods > PERIODS else None
-        points = damping_curve(Measurement(fit.time, measured), periods=longer, release_time=fit.release_time)
+        record = Measurement(fit.time, measured, sensor=fit.model.sensor)
+        points = damping_curve(record, periods=longer, release_time=fit.release_time)
     except InputError:  # too short, or hidden by noise
         points = None
     values = f"{fit.law} damping, {_value(fit, 'frequency', 1.0, 'Hz')}, {_value(fit, 'damping_ratio', 100.0, '%')}"

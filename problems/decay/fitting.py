@@ -27,7 +27,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import choice, flag, instances, number, numbers
 from problems.decay.arguments import as_record, check_laws, checked_ratios
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED, compare_decay_laws
-from problems.decay.laws import FrequencyLaw, Law
+from problems.decay.laws import LAWS, FrequencyLaw, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import RATIO_BOUNDS, fit_from
 from problems.decay.takes import DecayFits, decay_fits
@@ -147,6 +147,13 @@ def fit_decays(
     offset, drift, robust = flag(offset, "offset"), flag(drift, "drift"), flag(robust, "robust")
     bounds = checked_ratios(ratio_bounds)
     records = instances(records, "records", Measurement)
+    sensors = {record.sensor.quantity for record in records}
+    if len(sensors) > 1:
+        raise InputError(f"must have one quantity, got {', '.join(sorted(sensors))}; fit them apart", "records")
+    if LAWS[law].integrated and records[0].sensor.derivatives:
+        raise InputError(
+            f"integrates the displacement, which the {records[0].sensor.quantity} is not; use the quadratic law", "law"
+        )
     releases = [None] * len(records) if release_times is None else numbers(release_times, "release_times")
     if len(releases) != len(records):
         raise InputError(f"has {len(releases)} values for {len(records)} records", "release_times")

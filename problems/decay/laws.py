@@ -30,6 +30,7 @@ References
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -43,6 +44,7 @@ from ancf_casadi.decay.one_mode import one_mode_decay
 from ancf_casadi.decay.power import power_coefficient, power_flow, power_ratio
 from ancf_casadi.decay.slow_flow import Flow
 from ancf_casadi.estimation.least_squares import Unknown
+from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 
 Law = Literal["linear", "quadratic", "friction", "power", "one-mode"]
@@ -212,6 +214,8 @@ LAWS: Mapping[Law, DecayLaw] = {
     "one-mode": DecayLaw(("eta1", "eta2"), lambda guess, _: _terms(guess, 2), None, _three_terms_ratio, _three_terms),
 }
 
+DISPLACEMENT = Sensor()
+AT_REST = 1e-12  # amplitude relative to the one of reference, below which rates are those of this amplitude
 POWERS: Mapping[FrequencyLaw, int] = {"constant": 0, "linear": 1, "quadratic": 2}  # of the amplitude
 
 
@@ -233,6 +237,9 @@ class DecayModel:
         Amplitude to which the damping ratio of the power law refers, m.
     longest_step : float
         Longest integration step of an integrated law, s.
+    sensor : Sensor
+        Sensor of the record.  For a velocity or an acceleration, the curve is differentiated; offset and drift belong
+        to the sensor.
     """
 
     law: Law
@@ -241,6 +248,7 @@ class DecayModel:
     frequency_law: FrequencyLaw = "constant"
     reference: float = 1.0
     longest_step: float = math.inf
+    sensor: Sensor = DISPLACEMENT
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -270,30 +278,66 @@ class DecayModel:
 
     def own(self, guess: DecayGuess) -> list[Unknown]:
         """Return the unknowns of a release and its record."""
-        A = guess.amplitude
+        A, swing = guess.amplitude, guess.amplitude * guess.ω**self.sensor.derivatives
         if self.from_motion:
             release = [Unknown("r0", guess.r0, A, unit="m"), Unknown("v0", guess.v0, A * guess.ω, unit="m/s")]
         else:
             release = [Unknown("e0", A, A, lower=0.0, unit="m"), Unknown("phase", guess.phase, unit="rad")]
         baseline = [
-            Unknown("offset", guess.offset, A, unit="m"),
-            Unknown("drift", guess.drift, A / guess.length, unit="m/s"),
+            Unknown("offset", guess.offset, swing, unit=self.sensor.unit),
+            Unknown("drift", guess.drift, swing / guess.length, unit=self.unit("drift")),
         ]
         return release + baseline[:1] * self.offset + baseline[1:] * self.drift
 
     def curve(self, time: Array, *x: cs.MX) -> cs.MX:
-        """Return the displacement (m) at times (s) after the release."""
+        """Return the record, in the unit of its sensor, at times (s) after the release."""
         ω, damping, k, release, offset, drift = self._split(x)
         t, law = _column(time), LAWS[self.law]
         if law.flow is None:
             motion = one_mode_decay(time, ω, *damping, *release, longest_step=self.longest_step)
         elif self.from_motion:
-            motion = linear_decay(t, ω, *damping, *release)
+            motion = self._differentiated(t, lambda instant: linear_decay(instant, ω, *damping, *release))
         else:
             flow = law.flow(time, release[0], self.reference, ω, *damping)
             turned = t + k * (0, flow.first, flow.second)[self.power]
-            motion = flow.amplitude * cs.cos(self._damped(ω, damping) * turned + release[1])
+            phase = self._damped(ω, damping) * turned + release[1]
+            motion = self._swing(flow.amplitude, phase, ω, damping, k)
         return motion + offset + drift * t
+
+    def _differentiated(self, time: cs.MX, motion: Callable[[cs.MX], cs.MX]) -> cs.MX:
+        """Return the derivative by time that the sensor measures, of a motion without integrals over time."""
+        t = cs.MX.sym("t", time.shape[0])
+        curve = motion(t)
+        for _ in range(self.sensor.derivatives):
+            curve = cs.jtimes(curve, t, cs.DM.ones(t.shape))
+        return cs.substitute(curve, t, time)
+
+    def _swing(self, amplitude: cs.MX, phase: cs.MX, ω: cs.MX, damping: Symbols, k: cs.MX) -> cs.MX:
+        """Return the derivative by time that the sensor measures, of A cos(phi).
+
+        With A' = -zeta(A) omega A and phi' = omega (1 + k A^n),
+
+            velocity        A' cos(phi) - A phi' sin(phi)
+            acceleration    (A'' - A phi'^2) cos(phi) - (2 A' phi' + A phi'') sin(phi).
+        """
+        if not self.sensor.derivatives:
+            return amplitude * cs.cos(phase)
+        A, one = cs.MX.sym("A", amplitude.shape[0]), cs.DM.ones(amplitude.shape[0])
+        rate = -LAWS[self.law].ratio(A, self.reference, ω, *damping) * ω * A
+        turn = self._damped(ω, damping) * (1 + k * A**self.power)
+        second, turn_rate = cs.jtimes(rate, A, one) * rate, cs.jtimes(turn, A, one) * rate
+        held = cs.fmax(amplitude, AT_REST * self.reference)  # friction divides by the amplitude
+        rate, turn, second, turn_rate = cs.substitute([rate, turn, second, turn_rate], [A], [held])
+        if self.sensor.derivatives == 1:
+            return rate * cs.cos(phase) - amplitude * turn * cs.sin(phase)
+        across = 2 * rate * turn + amplitude * turn_rate
+        return (second - amplitude * turn**2) * cs.cos(phase) - across * cs.sin(phase)
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a quantity: a motion in m takes the unit of the sensor; offset and drift are its zero."""
+        if name in ("offset", "drift"):
+            return self.sensor.unit + "/s" * (name == "drift")
+        return re.sub(r"\bm\b", self.sensor.motion_unit or "strain", QUANTITIES[name].unit)
 
     def quantities(self, *x: cs.MX) -> cs.MX:
         """Return the quantities of the decay, in the order of ``QUANTITIES``."""

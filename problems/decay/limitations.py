@@ -27,6 +27,7 @@ from scipy.special import chdtrc
 from ancf_casadi.estimation.agreement import DISAGREE, parts
 from ancf_casadi.estimation.fit import Fit, colour_warning
 from ancf_casadi.support.arrays import Array
+from problems.decay.laws import DecayModel
 
 ROUNDING = 1e-6  # residual relative to the amplitude, below which there is no noise
 FEW_PERIODS = 5  # of free decay, below which there is a warning
@@ -36,6 +37,7 @@ RELEASE = ("r0", "v0", "e0", "phase", "offset", "drift")  # unknowns of a releas
 
 
 def limitations(
+    model: DecayModel,
     fit: Fit,
     indices: tuple[int, ...],
     rows: slice,
@@ -47,6 +49,8 @@ def limitations(
 
     Parameters
     ----------
+    model : DecayModel
+        Fitted curve.
     fit : Fit
         Unknowns of all records.
     indices : tuple of int
@@ -58,7 +62,7 @@ def limitations(
     values, errors : mapping
         Quantities of the decay by name, and their standard errors.
     """
-    noise_free = ROUNDING * values["amplitude"]
+    noise_free = ROUNDING * values["amplitude"] * (2 * math.pi * values["frequency"]) ** model.sensor.derivatives
     noisy = math.sqrt(np.mean(fit.residuals[rows] ** 2)) > noise_free
     found = [
         _short(time, values),

@@ -113,7 +113,7 @@ def _found(
     while len(modes) < limit:
         missing = f"the record supports {len(modes)} of {limit} modes"
         try:
-            mode = _strongest(Measurement(t, rest), False, float(t[0]))
+            mode = _strongest(Measurement(t, rest, sensor=record.sensor), False, float(t[0]))
         except InputError as error:
             return modes, notes, f"{missing}: the rest {str(error).removeprefix('record: ')}"
         if mode.damping_ratio > FADING or mode.frequency * (t[-1] - t[0]) < LEAST_PERIODS:
@@ -154,7 +154,7 @@ def _single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit |
     """Return one mode with a frequency that depends on amplitude; None if two modes explain the record better."""
     if abs(first.frequency - second.frequency) > CLOSE * first.frequency:
         return None
-    record = Measurement(t, y)
+    record = Measurement(t, y, sensor=first.model.sensor)
     try:
         guess = first_guess(record, release_time=float(t[0]), offset=first.model.offset)
         (one,) = fit_from(

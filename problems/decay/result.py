@@ -126,7 +126,7 @@ class DecayFit:
     @property
     def units(self) -> dict[str, str]:
         """Unit of each estimated quantity."""
-        return {name: QUANTITIES[name].unit for name in self.estimates}
+        return {name: self.model.unit(name) for name in self.estimates}
 
     def refit(self, noise: Array) -> Array:
         """Return the estimated quantities from a fit to the fitted curve plus noise (m)."""
@@ -145,7 +145,7 @@ class DecayFit:
         return self.fit.at_bound
 
     def displacement(self, time: ArrayLike) -> Array:
-        """Return the fitted displacement (m) at times (s) of the record, from the release on."""
+        """Return the fitted record, in the unit of its sensor, at times (s) of the record, from the release on."""
         t = array(time, "time").ravel() - self.release_time
         curve = self.model.curve(t, *(cs.MX(self.fit.values[i]) for i in self.indices))
         return np.asarray(cs.evalf(curve)).ravel()
@@ -183,14 +183,17 @@ class DecayFit:
         table: dict[str, Any] = {"law": self.law, "frequency_law": self.frequency_law}
         for name, quantity in QUANTITIES.items():
             low, high = self.intervals[name]
-            table[f"{name}{quantity.suffix}"] = known(getattr(self, name))
-            table[f"{name}_stderr{quantity.suffix}"] = known(self.standard_errors[name])
-            table[f"{name}_interval{quantity.suffix}"] = [known(low), known(high)]
+            suffix = quantity.suffix if self.model.unit(name) == quantity.unit else ""  # then ``units`` has the unit
+            table[f"{name}{suffix}"] = known(getattr(self, name))
+            table[f"{name}_stderr{suffix}"] = known(self.standard_errors[name])
+            table[f"{name}_interval{suffix}"] = [known(low), known(high)]
         table |= {
             "correlation": known(self.correlation),
             "release_time_s": self.release_time,
             "release_reason": self.release_reason,
-            "residual_rms_m": self.residual_rms,
+            f"residual_rms{'_m' * (self.model.sensor.unit == 'm')}": self.residual_rms,
+            "sensor": self.model.sensor.quantity,
+            "units": self.units,
             "samples": self.samples,
             "at_bound": list(self.active_bounds),
             "warnings": list(self.warnings),
@@ -206,7 +209,7 @@ class DecayFit:
         lines = [f"{self.law} decay{bent}, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
         lines += [f"  {name:<20}{getattr(self, name):>13.6g} {self._uncertainty(name)}" for name in shown]
         lines.append(f"  {'release':<20}{self.release_time:>13.6g} s  ({self.release_reason})")
-        lines.append(f"  {'residual_rms':<20}{self.residual_rms:>13.3g} m")
+        lines.append(f"  {'residual_rms':<20}{self.residual_rms:>13.3g} {self.model.sensor.unit}".rstrip())
         lines.append(
             f"  {'solution':<20}{self.fit.rank} of {len(self.fit.names)} unknowns free of bounds, condition number "
             f"{self.fit.condition:.3g}; {self.fit.status} after {self.fit.iterations} iterations"
@@ -215,7 +218,7 @@ class DecayFit:
 
     def _uncertainty(self, name: str) -> str:
         """Return standard error, unit and interval of a quantity as text."""
-        error, interval, unit = self.standard_errors[name], self.intervals[name], QUANTITIES[name].unit
+        error, interval, unit = self.standard_errors[name], self.intervals[name], self.model.unit(name)
         if name not in self.estimates:
             return f"{unit}  (fixed)".lstrip()
         ends = ", ".join(_precise(end, interval) for end in interval)
@@ -276,7 +279,7 @@ def decay_result(
         correlation=_correlation(fit, "eta1", "eta2"),
         standard_errors=errors,
         intervals={name: (low, high) for name, (low, high) in zip(QUANTITIES, ends.tolist(), strict=True)},
-        warnings=(*notes, *fit.warnings, *limitations(fit, indices, rows, time, values, errors)),
+        warnings=(*notes, *fit.warnings, *limitations(model, fit, indices, rows, time, values, errors)),
         time=time,
         residuals=residuals,
         model=model,

@@ -62,8 +62,10 @@ def fit_from(
     FitError
         If the fit does not converge.
     """
+    sensor = records[0].sensor
+    guesses = [_of_motion(guess, sensor.derivatives) for guess in guesses]
     largest = max(guess.amplitude for guess in guesses)
-    model = DecayModel(law, offset, drift, frequency_law, reference=largest)
+    model = DecayModel(law, offset, drift, frequency_law, reference=largest, sensor=sensor)
     if LAWS[law].integrated:
         model, fit, columns = _integrate(model, records, guesses, ratio_bounds, robust)
     else:
@@ -83,6 +85,12 @@ def fit_from(
         )
         for time, indices, rows, guess in zip(times, columns, pairwise(ends), guesses, strict=True)
     )
+
+
+def _of_motion(guess: DecayGuess, derivatives: int) -> DecayGuess:
+    """Return the guess of the motion from that of its velocity or acceleration, with offset and drift as measured."""
+    amplitude, phase = guess.amplitude / guess.ω**derivatives, guess.phase - derivatives * math.pi / 2
+    return replace(guess, amplitude=amplitude, phase=phase)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,7 +167,7 @@ def _match(
     fit, unknowns = _first_fit(problem, starts, settings)
     for _ in range(ROBUST_ROUNDS * robust):
         noise = noise_of(fit.residuals)
-        if noise <= ROUNDING * max(guess.amplitude for guess in guesses):
+        if noise <= ROUNDING * max(guess.amplitude * guess.ω**model.sensor.derivatives for guess in guesses):
             break
         fit = least_squares(problem.residuals, restarted(unknowns, fit), huber=HUBER * noise, **settings)
     return fit, problem.columns

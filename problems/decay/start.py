@@ -36,15 +36,17 @@ def starting_values(model: DecayModel, time: Array, displacement: Array, guess: 
     model : DecayModel
         Laws to be fitted.
     time, displacement : ndarray
-        Times after the release (m,), s, and displacements, m.
+        Times after the release (m,), s, and measured values, in the unit of the sensor.
     guess : DecayGuess
         First guess.
     """
-    about = displacement - guess.offset - guess.drift * time
+    derivatives = model.sensor.derivatives  # each multiplies the amplitude by about omega and turns the phase
+    about = (displacement - guess.offset - guess.drift * time) / guess.ω**derivatives
     found = track(time, about, guess.ω * math.sqrt(1 - guess.ζ**2))
     if len(found.time) < SPARE + 3:
         return {}
     ω, slope, φ = _phase(found, model)
+    φ -= derivatives * math.pi / 2
     e0, damping = _damping(found, model, ω)
     if not ω > 0.0:
         return {}

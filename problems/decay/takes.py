@@ -10,7 +10,7 @@ import numpy as np
 
 from ancf_casadi.estimation.agreement import Agreement, agreement
 from ancf_casadi.support.tables import Table
-from problems.decay.laws import LAWS, QUANTITIES
+from problems.decay.laws import LAWS
 from problems.decay.result import DecayFit
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class DecayFits(Sequence[DecayFit]):
     def table(self) -> Table:
         """Return each quantity of the mode from each record alone, from all at once, and their mean with scatter."""
         names = [one.name for one in self.agreements]
-        columns = ("record", *(part for name in names for part in (_labelled(name), "stderr")), "residual_rms")
+        columns = ("record", *(part for one in self.agreements for part in (_labelled(one), "stderr")), "residual_rms")
         named = [*zip(range(1, len(self) + 1), self.alone, strict=True), ("all at once", self.fits[0])]
         rows: list[tuple[str | float | None, ...]] = [
             (str(label), *(value for name in names for value in (getattr(fit, name), fit.standard_errors[name])),
@@ -104,7 +104,7 @@ class DecayFits(Sequence[DecayFit]):
         """Draw the quantities of the mode from each record with 95 % intervals, and their mean."""
         from ancf_casadi.estimation.figures import agreement_figure  # matplotlib is slow to import
 
-        return agreement_figure([(_labelled(one.name), one) for one in self.agreements])
+        return agreement_figure([(_labelled(one), one) for one in self.agreements])
 
 
 def decay_fits(fits: Sequence[DecayFit], alone: Sequence[DecayFit]) -> DecayFits:
@@ -117,7 +117,7 @@ def decay_fits(fits: Sequence[DecayFit], alone: Sequence[DecayFit]) -> DecayFits
             for column in zip(*((getattr(fit, name), fit.standard_errors[name]) for fit in alone), strict=True)
         )
         if len(alone) > 1 and (errors > 0.0).all():
-            agreements.append(agreement(name, QUANTITIES[name].unit, values, errors))
+            agreements.append(agreement(name, fits[0].model.unit(name), values, errors))
     return DecayFits(tuple(fits), tuple(alone), tuple(agreements))
 
 
@@ -126,6 +126,5 @@ def _listed(one: Agreement) -> str:
     return ", ".join(f"{value:.4g} +- {error:.2g}" for value, error in pairs)
 
 
-def _labelled(name: str) -> str:
-    unit = QUANTITIES[name].unit
-    return f"{name}, {unit}" if unit else name
+def _labelled(one: Agreement) -> str:
+    return f"{one.name}, {one.unit}" if one.unit else one.name

@@ -1,0 +1,85 @@
+"""Decays measured as velocity, acceleration or slope: the model is differentiated, never the record integrated."""
+
+import math
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.sensor import Sensor
+from problems.decay.fitting import fit_decay, fit_decays
+from problems.decay.laws import DecayModel
+from problems.decay.mode_separation import fit_modes
+
+TIME = np.arange(0.0, 6.0, 0.002)
+OMEGA, AMPLITUDE, PHASE = 2 * math.pi * 3.0, 0.04, 0.7
+DAMPING = {"linear": (0.01,), "quadratic": (0.2, 0.3), "friction": (0.2, 0.2, 0.1), "power": (0.01, 1.5)}
+BENDING = {"constant": (), "linear": (-0.5,), "quadratic": (-10.0,)}
+
+
+def curve(law, frequency_law, sensor, time=TIME):
+    model = DecayModel(law, False, False, frequency_law, reference=AMPLITUDE, sensor=sensor)
+    release = (AMPLITUDE, PHASE)
+    if model.from_motion:
+        release = (AMPLITUDE * math.cos(PHASE), -AMPLITUDE * OMEGA * (0.01 * math.cos(PHASE) + math.sin(PHASE)))
+    x = (OMEGA, *DAMPING[law], *BENDING[frequency_law], *release)
+    return np.asarray(cs.evalf(model.curve(time, *map(cs.MX, x)))).ravel()
+
+
+@pytest.mark.parametrize("law", DAMPING)
+@pytest.mark.parametrize("frequency_law", BENDING)
+def test_velocity_and_acceleration_are_the_derivatives_of_the_displacement(law, frequency_law):
+    h = 1e-4
+    before, now, after = (curve(law, frequency_law, Sensor(), TIME[100:2000] + shift) for shift in (-h, 0.0, h))
+    velocity = curve(law, frequency_law, Sensor("velocity"), TIME[100:2000])
+    acceleration = curve(law, frequency_law, Sensor("acceleration"), TIME[100:2000])
+    assert abs((after - before) / (2 * h) - velocity).max() < 1e-5 * abs(velocity).max()
+    assert abs((after - 2 * now + before) / h**2 - acceleration).max() < 1e-5 * abs(acceleration).max()
+
+
+@pytest.mark.parametrize("law", ["linear", "quadratic"])
+@pytest.mark.parametrize(("quantity", "noise"), [("velocity", 3e-3), ("acceleration", 0.1), ("slope", 2e-4)])
+def test_the_law_is_recovered_from_any_sensor(law, quantity, noise):
+    """The sensor has a zero of its own."""
+    sensor = Sensor(quantity)
+    measured = curve(law, "linear", sensor) + 5 * noise + noise * np.random.default_rng(1).standard_normal(len(TIME))
+    fit = fit_decay(Measurement(TIME, measured, sensor=sensor), law=law, frequency_law="linear", release_time=0.0)
+    truth = {"frequency": 3.0, "amplitude": AMPLITUDE, "offset": 5 * noise, "frequency_slope": -0.5}
+    truth |= {"damping_ratio": 0.01} if law == "linear" else {"eta1": 0.2, "eta2": 0.3}
+    for name, value in truth.items():
+        assert abs(getattr(fit, name) - value) < 4 * fit.standard_errors[name], name
+    assert fit.residual_rms == pytest.approx(noise, rel=0.1)
+    assert not any("not noise" in text for text in fit.warnings)
+
+
+def test_the_units_are_those_of_the_sensor():
+    shaken = Measurement(TIME, curve("linear", "constant", Sensor("acceleration")), sensor=Sensor("acceleration"))
+    fit = fit_decay(shaken, law="quadratic", release_time=0.0)
+    assert (fit.units["amplitude"], fit.units["offset"], fit.units["eta2"]) == ("m", "m/s^2", "1/m")
+    table = fit.to_dict()
+    assert "amplitude_m" in table and "offset" in table and "offset_m" not in table
+    assert table["units"]["offset"] == "m/s^2"
+    turned = Measurement(TIME, shaken.values, sensor=Sensor("slope"))
+    assert fit_decay(turned, law="quadratic", release_time=0.0).units["eta2"] == "1/rad"
+
+
+def test_modes_are_separated_in_an_acceleration():
+    sensor = Sensor("acceleration")
+    other = 2 * math.pi * 19.0
+    y = curve("linear", "constant", sensor) + 3.0 * np.exp(-0.005 * other * TIME) * np.cos(other * TIME)
+    y += 0.05 * np.random.default_rng(2).standard_normal(len(TIME))
+    first, second = fit_modes(Measurement(TIME, y, sensor=sensor), count=2, release_time=0.0)
+    assert first.frequency == pytest.approx(3.0, abs=4 * first.standard_errors["frequency"])
+    assert second.damping_ratio == pytest.approx(0.005, abs=4 * second.standard_errors["damping_ratio"])
+    assert first.amplitude == pytest.approx(AMPLITUDE, rel=0.02)
+
+
+def test_records_of_different_quantities_and_an_integrated_law_are_refused():
+    records = [Measurement(TIME, curve("linear", "constant", Sensor(name)), sensor=Sensor(name)) for name in
+               ("displacement", "velocity")]  # fmt: skip
+    with pytest.raises(InputError, match="records: must have one quantity, got displacement, velocity"):
+        fit_decays(records)
+    with pytest.raises(InputError, match="law: integrates the displacement, which the velocity is not"):
+        fit_decay(records[1], law="one-mode")

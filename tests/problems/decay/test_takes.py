@@ -43,7 +43,8 @@ def test_takes_that_differ_are_told_of_and_their_scatter_is_in_the_error():
     ratio = fits.agreements[1]
     assert not ratio.agrees
     assert ratio.scatter == pytest.approx(np.std(ratios, ddof=1), rel=0.1)
-    assert fits.standard_errors["damping_ratio"] > 5 * fits[0].standard_errors["damping_ratio"]
+    assert fits.standard_errors["damping_ratio"] > 5 * max(one.standard_errors["damping_ratio"] for one in fits.alone)
+    assert fits.standard_errors["damping_ratio"] > 2 * fits[0].standard_errors["damping_ratio"]
     assert any(text.startswith("the records do not agree on damping_ratio: 0.01") for text in fits.warnings)
     assert "the 4 records do not agree" in fits.report()
     table = json.loads(json.dumps(fits.to_dict(), allow_nan=False))
@@ -68,7 +69,7 @@ def test_a_law_that_does_not_hold_over_the_record_is_told_of():
     ω = 2 * math.pi * 2.0
     envelope = 0.05 / (1 + 4 * ω * 0.3 * 0.05 * TIME / (3 * math.pi))
     y = envelope * np.cos(ω * TIME) + 2e-4 * np.random.default_rng(1).standard_normal(len(TIME))
-    whole, later = (fit_decay(TIME, y, release_time=start) for start in (0.0, 1.5))
+    whole, later = (fit_decay(TIME, y, release_time=start) for start in (0.0, 2.5))
     errors = math.hypot(whole.standard_errors["damping_ratio"], later.standard_errors["damping_ratio"])
     assert whole.damping_ratio - later.damping_ratio > 4 * errors
     (warning,) = [text for text in whole.warnings if "does not hold over the record" in text]

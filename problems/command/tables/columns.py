@@ -9,12 +9,26 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.recording import Recording, read_recording
 from ancf_casadi.records.sensor import Quantity, Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import located
 from problems.command.tables.study import Study, checked
 
-READING = {"time", "unit", "time_unit", "rate"}
+READING = ("time", "time_unit", "rate")  # keys that say how to read a file
+
+
+def read_file(study: Study, given: Mapping[str, Any], where: str) -> Recording:
+    """Read the file that a table names, with its keys ``READING``.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    path = study.file(given["file"], f"{where}: file")
+    with located(where):
+        return read_recording(path, progress=True, **{key: given.get(key) for key in READING})
 
 
 def read_columns(
@@ -39,18 +53,19 @@ def read_columns(
     InputError
         If no column is named, a column cannot be read, or their times differ.
     """
-    given = checked(table, {"file"}, {*quantities, *READING}, where)
-    path = study.file(given["file"], f"{where}: file")
+    given = checked(table, {"file"}, {*quantities, "unit", *READING}, where)
     named = [name for name in quantities if name in given]
     if not named:
         raise InputError(f"name at least one of the columns {', '.join(quantities)}", where)
-    settings = {key: given[key] for key in READING & given.keys()}
+    recording = read_file(study, given, where)
     first = next(iter(quantities.values()))
     columns = {}
     for name in named:
-        own = {key: value for key, value in settings.items() if key != "unit" or quantities[name] == first}
+        unit = given.get("unit") if quantities[name] == first else None
         with located(f"{where}: {name}"):
-            columns[name] = Measurement.from_file(path, given[name], sensor=Sensor(quantities[name]), **own)
+            columns[name] = Measurement.from_recording(
+                recording, given[name], unit=unit, sensor=Sensor(quantities[name])
+            )
     time = columns[named[0]].time
     for name in named[1:]:
         if not np.array_equal(columns[name].time, time):

@@ -13,10 +13,12 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document.model_document import Document
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.recording import Recording
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import is_sequence, located, shown, whole
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.command.tables.base import read_base
+from problems.command.tables.columns import READING, read_file
 from problems.command.tables.damping import read_terms, total
 from problems.command.tables.load import read_load
 from problems.command.tables.release import read_release
@@ -51,9 +53,8 @@ KEYS = """\
                 of each law (default: each alone, and all together)
 """
 SENSOR = {"point", "direction", "frame", "gravity", "distance"}
-READING = {"unit", "time", "time_unit", "rate"}
 UNKNOWN = {"noise", "offset", "zero"}
-CHANNEL = {"file", "column", "sensor", "from", "to", *SENSOR, *READING, *UNKNOWN}
+CHANNEL = {"file", "column", "unit", "sensor", "from", "to", *SENSOR, *READING, *UNKNOWN}
 RECORD = {"channels", "release_time", "camera", "base", "load", "release", "start", *CHANNEL}
 CAMERA = {"scale", "rotation", "origin"}
 FIT = {"properties", "base_amplitude", "load", "fixed", "bounds", "robust", "tolerance"}
@@ -135,10 +136,14 @@ def _record(study: Study, table: Any, model: Model, where: str) -> MotionRecord:
     if not is_sequence(listed) or not listed:
         raise InputError(f"must be a list of tables, got {shown(listed)}", f"{where}: channels")
     channels = []
+    files: dict[str, Recording] = {}
     for k, channel in enumerate(listed, start=1):
         place = f"{where}: channels: {k}" if "channels" in given else where
         own = shared | checked(channel, set(), CHANNEL, place)
-        channels.append(_channel(study, checked(own, {"file"}, CHANNEL, place), place))
+        key = repr([own.get(name) for name in ("file", *READING)])  # channels of one file are read at once
+        if key not in files:
+            files[key] = read_file(study, checked(own, {"file"}, CHANNEL, place), place)
+        channels.append(_channel(files[key], own, place))
     base, start = _base(study, given, where), _start(study, given, model, where)
     settings = {"release": given["release_time"]} if "release_time" in given else {}
     if "load" in given:
@@ -153,15 +158,13 @@ def _record(study: Study, table: Any, model: Model, where: str) -> MotionRecord:
         return MotionRecord(channels, base, start, **settings)
 
 
-def _channel(study: Study, given: Mapping[str, Any], where: str) -> Channel:
+def _channel(recording: Recording, given: Mapping[str, Any], where: str) -> Channel:
     """Return a sensor with its record."""
-    path = study.file(given["file"], f"{where}: file")
     settings = {key: given[key] for key in SENSOR & given.keys()}
-    reading = {key: given[key] for key in READING & given.keys()}
     unknown = {key: given[key] for key in UNKNOWN & given.keys()}
     with located(where):
         sensor = Sensor(given.get("sensor", "position"), **settings)
-        record = Measurement.from_file(path, given.get("column"), sensor=sensor, progress=True, **reading)
+        record = Measurement.from_recording(recording, given.get("column"), unit=given.get("unit"), sensor=sensor)
         return Channel(record.cut(given.get("from"), given.get("to")), **unknown)
 
 

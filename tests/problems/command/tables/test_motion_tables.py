@@ -11,8 +11,10 @@ from ancf_casadi import (
     SampledLoad,
     Sensor,
     SweepBase,
+    read_recording,
     static_equilibrium,
 )
+from problems.command.tables import columns
 from problems.command.tables.study_file import read_motions, read_simulation
 
 BEAM = """
@@ -72,7 +74,7 @@ class TestBase:
             ("amplitude = 1e-3\nfrequencies = [1, -3]\nstop = 5\n", r"frequencies: must be positive"),
             ("amplitude = 1e-3\nfrequencies = 1\nstop = 5\n", r"frequencies: must be a pair"),
             ('file = "clamp.csv"\n', r"name at least one of the columns x, y, rotation"),
-            ('file = "none.csv"\nx = 2\n', r"x: .*none\.csv"),
+            ('file = "none.csv"\nx = 2\n', r".*none\.csv: is not a file"),
             ('file = "clamp.csv"\nx = "z"\n', r"x: .*clamp\.csv"),
             ("file = 3\nx = 2\n", r"file: must be the name of a file, got 3"),
             ('file = "clamp.csv"\nx = 2\nspeed = 1\n', r"unknown key 'speed'"),
@@ -162,6 +164,19 @@ class TestRecords:
         assert second.sensor == Sensor("slope", point=0.25)
         assert second.offset == (-0.01, 0.01)
         assert (record.base, record.start, record.release) == (None, "equilibrium", 0.0)
+
+    def test_channels_of_one_file_are_read_at_once(self, file, monkeypatch):
+        read = []
+        monkeypatch.setattr(columns, "read_recording", lambda *a, **k: read.append(a) or read_recording(*a, **k))
+        other = self.RECORDS.replace("column = 4,", "column = 4, time_unit = 'ms',").replace("from = 0.2", "")
+        text = "[base]\nfile = 'clamp.csv'\nx = 2\ny = 3\nrotation = 4\n"
+        assert len(read_motions(file(BEAM, LAWS, self.RECORDS)).records[0].channels) == 2
+        assert len(read) == 1
+        both = read_motions(file(BEAM, LAWS, other)).records[0].channels
+        assert len(read) == 3
+        assert both[1].measurement.time[-1] == pytest.approx(1e-3 * both[0].measurement.time[-1])
+        assert read_simulation(file(BEAM, SIMULATION, text)).base.rotation.any()
+        assert len(read) == 4
 
     def test_tables_of_the_study_hold_unless_a_record_has_its_own(self, file):
         base = "[base]\nrotation = 0.1\n[load]\nforce = [1e-3, 0]\nfrequency = 2\n[release]\ntip_force = [1e-2, 0]\n"

@@ -67,6 +67,7 @@ def decay_figure(
     measured: Array,
     curve: Callable[[ArrayLike], Array],
     *,
+    unit: str,
     values: str,
     law: LawCurve,
     points: DampingCurve | None,
@@ -79,19 +80,21 @@ def decay_figure(
         Times (m,), s, from the release on, and the record at each.
     curve : callable
         Times, s -> fitted curve.
+    unit : str
+        SI unit of the record.
     values : str
         Title with the estimates.
     law : LawCurve
-        Damping ratio and frequency under the fitted law, with the unit of the record.
+        Damping ratio and frequency under the fitted law.
     points : DampingCurve, optional
         Damping ratio and frequency in windows of the record.
     """
     figure = Figure(figsize=(9, 9), layout="constrained")
     over_time, below, lowest = figure.subfigures(3, 1, squeeze=False, height_ratios=(1.2, 1, 1)).ravel()
     fitted = curve(time)
-    _draw_record(over_time, time, measured, curve, values, law.unit)
+    _draw_record(over_time, time, measured, curve, values, unit)
     remainder, correlation = below.subplots(1, 2)
-    _draw_residuals(remainder, time, measured - fitted, law.unit)
+    _draw_residuals(remainder, time, measured - fitted, unit)
     draw_autocorrelation(correlation, measured - fitted)
     axes = lowest.subplots(1, 2)
     draw_against_amplitude(axes, points, law)

@@ -1,9 +1,11 @@
 """Damping against amplitude from the envelope of a free decay, without a damping law.
 
 The record is divided into successive windows of a few periods, and the decay in each is fitted on its own
-(``local_decay``).  The damping ratio in the middle of a window is lambda/(omega^2 + lambda^2)^1/2.  The windows do not
-overlap.  Other oscillations, whose peaks stand out of the spectrum of the residuals, are fitted in each window too.
-The curve ends where noise hides the oscillation.
+(``local_decay``).  The damping ratio in the middle of a window is lambda/omega_n with the natural frequency
+omega_n = (omega^2 + lambda^2)^1/2.  If velocity (n = 1) or acceleration (n = 2) was measured, the amplitude of the
+record is divided by omega_n^n, and n d(ln omega)/dt is added to lambda; both are then those of the displacement.  The
+windows do not overlap.  Other oscillations, whose peaks stand out of the spectrum of the residuals, are fitted in each
+window too.  The curve ends where noise hides the oscillation.
 
 The estimates of a window depend on the noise within about half the frequency of the mode only.  The residuals of a
 window contain little of it, as the fit has absorbed it, and much that lies elsewhere.  The standard errors therefore
@@ -68,7 +70,8 @@ class DampingCurve:
     time : ndarray
         Middle of each window (k,), s, in the times of the record.
     amplitude : ndarray
-        Amplitude in the middle of each window (k,), in ``unit``.
+        Amplitude of the motion in the middle of each window (k,), in ``unit``; of the displacement if velocity or
+        acceleration was measured.
     damping_ratio, damping_ratio_errors : ndarray
         Damping ratio (k,), and its standard error.
     frequency, frequency_errors : ndarray
@@ -89,7 +92,7 @@ class DampingCurve:
         """Return the curve, one row per window."""
         columns = (
             "time_s",
-            "amplitude_m",
+            "amplitude_m" if self.unit == "m" else "amplitude",
             "damping_ratio",
             "damping_ratio_stderr",
             "frequency_hz",
@@ -201,16 +204,21 @@ def damping_curve(
     windows = [one for one in windows if one[1].amplitude > VISIBLE * noise * one[1].amplitude_error]
     if not windows:
         raise InputError(HIDDEN, "record")
-    λ, ω, λ_errors, ω_errors = np.array([(one.λ, one.ω, one.λ_error, one.ω_error) for _, one in windows]).T
+    λ, ω, λ_errors, ω_errors, measured = np.array(
+        [(one.λ, one.ω, one.λ_error, one.ω_error, one.amplitude) for _, one in windows]
+    ).T
+    middle, derivatives = np.array([middle for middle, _ in windows]), record.sensor.derivatives
+    if derivatives and len(windows) > 1:
+        λ = λ + derivatives * np.gradient(np.log(ω), middle)
     natural = np.hypot(λ, ω)
     return DampingCurve(
-        time=np.array([middle for middle, _ in windows]),
-        amplitude=np.array([one.amplitude for _, one in windows]),
+        time=middle,
+        amplitude=measured / natural**derivatives,
         damping_ratio=λ / natural,
         damping_ratio_errors=noise * λ_errors / natural,
         frequency=natural / (2 * math.pi),
         frequency_errors=noise * ω_errors / (2 * math.pi),
-        unit=record.sensor.unit,
+        unit=record.sensor.motion_unit,
     )
 
 

@@ -109,7 +109,7 @@ class LawComparison(Generic[F]):
             )
             for label, one, candidate, aicc, bic in laws
         ]
-        columns = ("law", "estimated", "residual_rms_m", "delta_AICc", "delta_BIC", "autocorrelation")
+        columns = ("law", "estimated", "residual_rms", "delta_AICc", "delta_BIC", "autocorrelation")
         heads = [f"{label}: {name}" if numbered else name for label, name in zip(labels, self.names, strict=True)]
         listed = [
             f"{head}: {_parameters(one.fit, terms)}"
@@ -138,7 +138,7 @@ class LawComparison(Generic[F]):
                     "estimated": candidate.estimated,
                     "aicc": known(aicc),
                     "bic": bic,
-                    "residual_rms_m": one.fit.residual_rms,
+                    "residual_rms": one.fit.residual_rms,
                     "autocorrelation": known(one.fit.autocorrelation),
                     "at_bound": list(one.fit.at_bound),
                     **one.to_dict(),

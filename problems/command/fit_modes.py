@@ -62,16 +62,17 @@ def modes_output(
 
 def _table(fits: Sequence[DecayFit]) -> Table:
     """Return one row per mode with 95 % intervals, and the remarks that concern all."""
-    columns = ("mode", "f_Hz", "f_low", "f_high", "damping_ratio", "low", "high", "amplitude_m")
+    first = fits[0]
+    amplitude = "amplitude_m" if first.units["amplitude"] == "m" else "amplitude"
+    columns = ("mode", "f_Hz", "f_low", "f_high", "damping_ratio", "low", "high", amplitude)
     rows = []
     for k, fit in enumerate(fits, start=1):
         frequency, ratio = fit.intervals["frequency"], fit.intervals["damping_ratio"]
         rows.append((k, fit.frequency, *frequency, fit.damping_ratio, *ratio, fit.amplitude))
-    first = fits[0]
     notes = [
         "low and high are the ends of 95 % intervals",
         f"{first.samples} samples from {first.release_time:g} s on ({first.release_reason})",
-        f"the residuals have an rms of {first.residual_rms:.3g} {first.units['amplitude']}",
+        f"the residuals have an rms of {first.residual_rms:.3g} {first.model.sensor.unit}".rstrip(),
     ]
     notes += [f"note: {text}" for text in dict.fromkeys(text for fit in fits for text in fit.warnings)]
     return Table("modes", "Modes of the record under linear damping", columns, rows, notes)
@@ -82,4 +83,4 @@ def _figure(record: Measurement, fits: Sequence[DecayFit]) -> Figure:
 
     first = fits[0]
     fitted = np.sum([fit.displacement(first.time) for fit in fits], axis=0)
-    return fit_figure(first.time, record.values[-first.samples :], fitted)
+    return fit_figure(first.time, record.values[-first.samples :], fitted, first.model.sensor.unit)

@@ -27,7 +27,15 @@ def decay_fit_figure(fit: DecayFit) -> Figure:
     except InputError:  # too short, or hidden by noise
         points = None
     values = f"{fit.law} damping, {_value(fit, 'frequency', 1.0, 'Hz')}, {_value(fit, 'damping_ratio', 100.0, '%')}"
-    return decay_figure(fit.time, measured, fit.displacement, values=values, law=law_curve(fit), points=points)
+    return decay_figure(
+        fit.time,
+        measured,
+        fit.displacement,
+        unit=fit.model.sensor.unit,
+        values=values,
+        law=law_curve(fit),
+        points=points,
+    )
 
 
 def _value(fit: DecayFit, name: str, scale: float, unit: str) -> str:

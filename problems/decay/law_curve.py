@@ -28,7 +28,8 @@ def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: floa
     fit : DecayFit
         The fit.
     amplitudes : array_like, optional
-        Amplitudes (k,), in the unit of the record, positive; those between release and end of the record if not given.
+        Amplitudes (k,), in the unit of ``fit.amplitude``, positive; those between release and end of the record if not
+        given.
     level : float
         Confidence level of the bands.
 
@@ -39,7 +40,9 @@ def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: floa
     """
     if amplitudes is None:
         last = fit.displacement(fit.time[fit.time > fit.time[-1] - 1 / fit.frequency])
-        lowest = max(float(np.ptp(last)) / 2, fit.residual_rms, LEAST * fit.amplitude)
+        per_amplitude = (2 * np.pi * fit.frequency) ** fit.model.sensor.derivatives  # of the record
+        visible = max(float(np.ptp(last)) / 2, fit.residual_rms) / per_amplitude
+        lowest = max(visible, LEAST * fit.amplitude)
         chosen = np.geomspace(min(lowest, fit.amplitude / 2), fit.amplitude, POINTS)
     else:
         chosen = array(amplitudes, "amplitudes").ravel()

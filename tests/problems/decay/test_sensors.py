@@ -6,10 +6,12 @@ import casadi as cs
 import numpy as np
 import pytest
 
+from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from problems.decay.fitting import fit_decay, fit_decays
+from problems.decay.law_curve import law_curve
 from problems.decay.laws import DecayModel
 from problems.decay.mode_separation import fit_modes
 
@@ -63,6 +65,30 @@ def test_the_units_are_those_of_the_sensor():
     assert table["units"]["offset"] == "m/s^2"
     turned = Measurement(TIME, shaken.values, sensor=Sensor("slope"))
     assert fit_decay(turned, law="quadratic", release_time=0.0).units["eta2"] == "1/rad"
+
+
+@pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
+def test_curves_against_amplitude_are_those_of_the_displacement(quantity):
+    """Windows and law give the decay rate eta1/2 + 4 eta2 omega A/(3 pi), as from a measured displacement."""
+    sensors = Sensor(), Sensor(quantity)
+    records = [Measurement(TIME, curve("quadratic", "linear", sensor), sensor=sensor) for sensor in sensors]
+    moved, derived = (damping_curve(record, release_time=0.0) for record in records)
+    assert derived.unit == moved.unit == "m"
+    assert derived.amplitude == pytest.approx(moved.amplitude, rel=2e-3)
+    for found in (moved, derived):
+        rate = 0.2 / 2 + 4 * 0.3 * OMEGA / (3 * math.pi) * found.amplitude
+        assert 2 * math.pi * found.frequency * found.damping_ratio == pytest.approx(rate, rel=0.01)
+    fits = [fit_decay(record, law="quadratic", frequency_law="linear", release_time=0.0) for record in records]
+    assert law_curve(fits[1]).amplitude == pytest.approx(law_curve(fits[0]).amplitude, rel=0.02)
+    laws = [law_curve(fit, [0.01, 0.02, 0.03]) for fit in fits]
+    assert laws[1].damping_ratio == pytest.approx(laws[0].damping_ratio, rel=1e-3)
+
+
+def test_the_figure_shows_the_record_in_its_unit_and_the_amplitude_in_that_of_the_displacement():
+    y = curve("linear", "constant", Sensor("acceleration")) + 0.02 * np.random.default_rng(1).standard_normal(len(TIME))
+    figure = fit_decay(Measurement(TIME, y, sensor=Sensor("acceleration")), release_time=0.0).figure()
+    labels = [axes.get_ylabel() for axes in figure.axes] + [axes.get_xlabel() for axes in figure.axes]
+    assert "record, m/s²" in labels and "record less fit, mm/s²" in labels and "amplitude, mm" in labels
 
 
 def test_modes_are_separated_in_an_acceleration():

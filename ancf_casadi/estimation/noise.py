@@ -215,7 +215,8 @@ def _passing(
         products += (scores.conj().T @ (scores * window[:, None])).real / length
     products *= m / (m - n)
     slots_per_sample = sum(int(places[-1]) + 1 for _, places in grids) / m
-    root = np.linalg.cholesky(lasting)
+    least = np.finfo(float).eps * (float(np.trace(lasting)) + float(residuals @ residuals) / m)
+    root = np.linalg.cholesky(lasting + least * np.eye(n))
     inverse = np.linalg.inv(root)
     ratios, directions = np.linalg.eigh(inverse @ products @ inverse.T)
     columns = basis @ (inverse.T @ directions)

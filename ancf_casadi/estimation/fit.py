@@ -58,7 +58,7 @@ class Fit(Estimates):
         notes = [
             f"{len(self.residuals)} residuals, root mean square {self.residual_rms:.3g}; successive residuals "
             f"correlate at {self.autocorrelation:.2f}, effective number of independent "
-            f"residuals {self.effective_samples:.0f}; {self._colour()}",
+            f"residuals {self.effective_samples:.0f}; {self.colour()}",
             f"{self.rank} of {len(self.names)} unknowns free of bounds, condition number {self.condition:.3g}",
             f"{self.status} after {self.iterations} iterations",
         ]
@@ -106,12 +106,13 @@ class Fit(Estimates):
 
         return residual_figure(self.residuals, self.series)
 
-    def _colour(self) -> str:
-        """Return the relation of the standard errors to those for white noise as text."""
+    def colour(self) -> str:
+        """Return the colour of the noise, and the ratio of the standard errors to those for white noise, as text."""
         if self.noise.white or not self.rank:
             return "white noise"
         ratio = self.errors / self.white_errors
-        return f"coloured noise: standard errors {np.nanmin(ratio):.2g} to {np.nanmax(ratio):.2g} times those for white"
+        ends = dict.fromkeys(f"{end:.2g}" for end in (np.nanmin(ratio), np.nanmax(ratio)))
+        return f"coloured noise: standard errors {' to '.join(ends)} times those for white noise"
 
     def _rows(self) -> list[tuple[str, str, float, float, list[float], bool]]:
         """Return name, unit, value, standard error, interval and active bound of each unknown."""
@@ -129,7 +130,8 @@ def colour_warning(fit: Estimates, *, noise_free: float = 0.0) -> str | None:
     worth = f" and determine the unknowns as well as {n:.0f} independent ones would" if n < m else ""
     return (
         f"the {m} residuals are not noise{worth}: the standard errors allow for their colour, but the law "
-        "does not explain all of the motion; another law, or more modes, may explain the rest"
+        "does not explain all of the motion, unless the sensor colours its noise; another law, or more modes, may "
+        "explain the rest"
     )
 
 

@@ -210,6 +210,7 @@ class DecayFit:
         lines += [f"  {name:<20}{getattr(self, name):>13.6g} {self._uncertainty(name)}" for name in shown]
         lines.append(f"  {'release':<20}{self.release_time:>13.6g} s  ({self.release_reason})")
         lines.append(f"  {'residual_rms':<20}{self.residual_rms:>13.3g} {self.model.sensor.unit}".rstrip())
+        lines.append(f"  {'noise':<20}{self.fit.colour()}")
         lines.append(
             f"  {'solution':<20}{self.fit.rank} of {len(self.fit.names)} unknowns free of bounds, condition number "
             f"{self.fit.condition:.3g}; {self.fit.status} after {self.fit.iterations} iterations"

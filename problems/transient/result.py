@@ -32,6 +32,8 @@ from problems.transient.weights import TRUST
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+INTEGRATED = 3.0  # systematic errors of a record, up to which residuals may be integration errors
+
 
 @dataclass(frozen=True, eq=False)
 class TransientFit:
@@ -60,7 +62,7 @@ class TransientFit:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
-        coloured = colour_warning(self.fit, noise_free=self.fit.systematic)
+        coloured = colour_warning(self.fit, noise_free=INTEGRATED * self.fit.systematic)
         notes = [*self.fit.warnings, coloured]
         tolerance, worst = self.problem.tolerance, float(np.abs(self.shifts).max())
         if math.isnan(worst):

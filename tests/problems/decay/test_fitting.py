@@ -522,12 +522,13 @@ def test_a_fit_survives_the_way_to_another_process():
     assert copy.profile_interval("damping_ratio") == pytest.approx(fit.profile_interval("damping_ratio"), rel=1e-12)
 
 
-def test_the_figure_shows_record_residuals_and_their_autocorrelation():
-    y = swing(1.85, 0.01, 0.05) + 1e-3 * noise(33)
-    fit = fit_decay(TIME, y)
-    record, left, repeated = fit.figure().axes
+def test_the_figure_shows_record_residuals_their_autocorrelation_and_the_law():
+    y = (swing(1.85, 0.01, 0.05) + 1e-3 * noise(33))[:800]
+    fit = fit_decay(TIME[:800], y)
+    record, left, repeated, ratio, frequency = fit.figure().axes
     np.testing.assert_allclose(np.asarray(record.lines[0].get_ydata()), 1e3 * y, atol=1e-9)
     np.testing.assert_allclose(np.asarray(left.lines[0].get_ydata()), -1e3 * fit.residuals, atol=1e-9)
+    assert "damping ratio" in ratio.get_ylabel() and "frequency" in frequency.get_ylabel()
     correlation = np.asarray(repeated.lines[0].get_ydata())
     assert correlation[:2] == pytest.approx([1.0, fit.fit.autocorrelation])
     assert np.mean(np.abs(correlation[1:]) < repeated.lines[2].get_ydata()[0]) > 0.9

@@ -22,7 +22,7 @@ from problems.command.output import (
     positive_count,
 )
 from problems.command.record_options import add_part_options, add_record_options, read_record, releases
-from problems.decay.mode_separation import fit_modes
+from problems.decay.mode_separation import MOST_MODES, fit_modes
 from problems.decay.result import DecayFit
 
 if TYPE_CHECKING:
@@ -34,7 +34,10 @@ def add_fit_modes(commands: Subcommands) -> None:
     parser = commands.add("fit-modes", _run, "estimate frequency and damping of several modes from one measured decay")
     parser.add_argument("file", metavar="FILE", help="the record; inspect FILE shows its columns and units")
     parser.add_argument(
-        "--count", type=positive_count, required=True, metavar="N", help="number of modes, the strongest of the record"
+        "--count",
+        type=positive_count,
+        metavar="N",
+        help=f"largest number of modes (default: as many as the record supports, up to {MOST_MODES})",
     )
     add_plot(parser, "draw the record, the sum of the modes, and what remains")
     add_record_options(parser)
@@ -49,9 +52,9 @@ def _run(options: argparse.Namespace) -> Output:
 
 
 def modes_output(
-    file: str, record: Measurement, count: int, release: float | None, plot: Path | None, as_json: bool
+    file: str, record: Measurement, count: int | None, release: float | None, plot: Path | None, as_json: bool
 ) -> Output:
-    """Return the output of a fit of several modes to the record of a file."""
+    """Return the output of a fit of up to ``count`` modes to the record of a file."""
     with located(file):
         fits = fit_modes(record, count=count, release_time=release)
     files = [] if plot is None else [figure_writer(plot, lambda: _figure(record, fits))]

@@ -107,7 +107,7 @@ def _isolated(record: Measurement, mode: DecayFit, fits: Sequence[DecayFit]) -> 
     rest = Measurement(mode.time, values, record.name, record.sensor)
     close = [
         f"the modes at {mode.frequency:.4g} and {other.frequency:.4g} Hz are close, and the latter is subtracted as if "
-        "it were known: the standard errors are too small; fit both with fit_modes"
+        "it were known: the standard errors are too small; fit all modes at once"
         for other in others
         if _rate(mode) + _rate(other) > CLOSE * 2 * math.pi * abs(mode.frequency - other.frequency)
     ]

@@ -4,8 +4,9 @@ Under linear damping the modes of a beam are independent, and a record is their 
 
     y(t) = d + sum_k r_k(t),    r_k of Eq. (9) with omega_k, zeta_k, r0_k, v0_k.
 
-The strongest mode is fitted first and subtracted, then the strongest of the rest, and so on.  This gives the starting
-values of one problem in which all modes are fitted at once, so that no mode is in the residuals of another.
+The strongest mode is fitted first.  The strongest oscillation in its residuals is the next mode; both are fitted at
+once, the residuals give the third mode, and so on.  If modes were subtracted one by one, a mode fitted beside stronger
+ones would leave a rest at its own frequency.
 
 A mode whose frequency depends on its amplitude leaves an oscillation close to its frequency, which is no other mode.
 Two close modes therefore count as one unless they explain the record better, by the criterion BIC, than one mode with
@@ -14,8 +15,8 @@ quadratic damping and a frequency that is linear in amplitude.  What fades withi
 References
 ----------
 "Comparison of external damping models in a large deformation problem", Eq. (9), (10).
-S. G. Mallat, Z. Zhang, Matching pursuits with time-frequency dictionaries, IEEE Transactions on Signal Processing 41
-(1993).
+Y. C. Pati, R. Rezaiifar, P. S. Krishnaprasad, Orthogonal matching pursuit, 27th Asilomar Conference on Signals, Systems
+and Computers (1993).
 G. Schwarz, Estimating the dimension of a model, Annals of Statistics 6 (1978).
 """
 
@@ -46,7 +47,7 @@ CLOSE = 0.1  # relative distance of two frequencies, below which the modes may b
 FADING = 0.3  # damping ratio beyond which the rest of a record is no other mode
 LEAST_PERIODS = 2.0  # of a further mode in the record
 CLEAR = 10.0  # difference of BIC that leaves no doubt
-ADVICE = "fit fewer modes, or check the release (release_time)"
+ADVICE = "fit fewer modes, or check the time of the release"
 
 
 def fit_modes(
@@ -130,11 +131,11 @@ def _found(
         one = _single(near, mode, t, others)
         if one is None:
             modes.append(mode)
-            rest = rest - mode.displacement(t)
+            rest = rest - mode.displacement(t) if merged else -_together(modes, t, y)[0].residuals
             continue
         note = (
             f"one mode near {near.frequency:.4g} Hz: a second one at {mode.frequency:.4g} Hz would imitate a frequency "
-            'that depends on amplitude; fit the mode with frequency_law="linear" or "quadratic"'
+            "that depends on amplitude; fit the mode with a linear or quadratic frequency law"
         )
         if near in merged:
             return modes, notes, f"{missing}: {note}"

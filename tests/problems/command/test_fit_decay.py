@@ -21,6 +21,25 @@ class TestModes:
         for found, (frequency, ratio, _) in ((slow, SLOW), (fast, FAST)):
             assert near(found, "frequency", frequency) and near(found, "damping_ratio", ratio)
 
+    def test_without_a_count_the_modes_of_the_record_are_found(self, run, decay):
+        decay("three.csv", SLOW, FAST, (50.0, 0.01, 1e-3))
+        done = run("fit-modes", "three.csv", "--json")
+        modes = json.loads(done.out)["modes"]
+        assert [mode["frequency_hz"] for mode in modes] == [pytest.approx(f, rel=1e-3) for f in (3.0, 19.0, 50.0)]
+        assert not any(mode["warnings"] for mode in modes)
+
+    def test_an_acceleration_has_its_own_unit(self, run, tmp_path):
+        time = np.arange(0.0, 5.0, 0.002)
+        swing = np.exp(-0.5 * time) * np.cos(20 * time) + 0.4 * np.exp(-time) * np.cos(120 * time)
+        swing += 1e-3 * np.random.default_rng(1).standard_normal(len(time))
+        np.savetxt(
+            tmp_path / "a.csv", np.column_stack([time, swing]), delimiter=",", header="t_s,a (m/s^2)", comments=""
+        )
+        done = run("fit-modes", "a.csv", "--plot", "a.svg")
+        assert "the residuals have an rms of 0.001 m/s^2" in done.out
+        assert run("fit-decay", "a.csv", "--curve", "curve.csv").code == 0
+        assert (tmp_path / "curve.csv").read_text().splitlines()[1].split(",")[1].startswith("0.002")
+
     def test_fit_decay_with_modes_is_the_same(self, run, decay):
         decay("two.csv", SLOW, FAST)
         assert run("fit-modes", "two.csv", "--count", "2").out == run("fit-decay", "two.csv", "--modes", "2").out

@@ -89,7 +89,7 @@ def test_a_frequency_that_depends_on_amplitude_is_not_split_into_two_modes():
     y = A * np.cos(turned) + 2e-5 * np.random.default_rng(6).standard_normal(len(time))
     (fit,) = fit_modes(time, y, count=2)
     assert 6.86 < fit.frequency < 6.92
-    assert any("one mode near 6.8" in note and "frequency_law" in note for note in fit.warnings)
+    assert any("one mode near 6.8" in note and "frequency law" in note for note in fit.warnings)
 
 
 def test_two_close_modes_that_beat_are_kept():

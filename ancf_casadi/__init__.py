@@ -1,6 +1,7 @@
 """Identification of damping and properties of very flexible beams, and simulation of their large motion."""
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
+from ancf_casadi.decay.envelope import DampingCurve, LawCurve, damping_curve
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
 from ancf_casadi.dynamics.derivatives.differentiable import motion
 from ancf_casadi.dynamics.simulation import simulate
@@ -31,6 +32,7 @@ __all__ = [
     "AncfError",
     "BaseMotion",
     "Beam",
+    "DampingCurve",
     "DampingLaw",
     "Equilibrium",
     "EquilibriumError",
@@ -39,6 +41,7 @@ __all__ = [
     "HarmonicBase",
     "HarmonicLoad",
     "InputError",
+    "LawCurve",
     "Measurement",
     "ModalDamping",
     "Model",
@@ -61,6 +64,7 @@ __all__ = [
     "TipLoad",
     "Trajectory",
     "__version__",
+    "damping_curve",
     "mac",
     "motion",
     "natural_modes",

@@ -2,8 +2,10 @@
 
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.estimation.resampling import MonteCarlo, monte_carlo
+from problems.decay.band import IsolatedMode, isolate_mode
 from problems.decay.comparison import compare_decay_laws
 from problems.decay.fitting import fit_decay, fit_decays
+from problems.decay.law_curve import law_curve
 from problems.decay.mode_separation import fit_modes
 from problems.decay.proportional import RayleighFit, fit_rayleigh
 from problems.decay.result import DecayFit
@@ -32,6 +34,7 @@ __all__ = [
     "FrequencyMatch",
     "FrequencyRecord",
     "Global",
+    "IsolatedMode",
     "LawComparison",
     "LeastChange",
     "MarkerRecord",
@@ -55,6 +58,8 @@ __all__ = [
     "fit_properties",
     "fit_rayleigh",
     "fit_transient",
+    "isolate_mode",
+    "law_curve",
     "match_frequencies",
     "monte_carlo",
 ]

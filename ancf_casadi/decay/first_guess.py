@@ -135,7 +135,7 @@ def first_guess(
     if best.ω_d * t[-1] < 2 * math.pi * MINIMUM_PERIODS:
         raise InputError(
             f"has fewer than two periods of free decay in the {t[-1]:.3g} s from {time[begin]:g} s on "
-            f"({found.reason}), or nothing oscillates; record longer, or give the release (release_time)",
+            f"({found.reason}), or nothing oscillates; record longer, or give the time of the release",
             "record",
         )
     _check_oscillation(y, line, best)
@@ -238,6 +238,4 @@ def _drift_note(length: float, level: _Candidate, drifting: _Candidate, unit: st
     moved = abs(drifting.linear[3]) * length
     if drifting.misfit > (1 - DRIFTS) * level.misfit or moved < DRIFTED * math.hypot(*level.linear[:2]):
         return []
-    return [
-        f"the equilibrium drifts by about {moved:.2g} {unit} over the record; fit the drift too (drift=True, --drift)"
-    ]
+    return [f"the equilibrium drifts by about {moved:.2g} {unit} over the record; fit the drift too (option drift)"]

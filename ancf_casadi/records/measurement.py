@@ -27,7 +27,7 @@ SHORTEST = 30  # new samples of a record that can be decimated: the length of th
 
 @dataclass(frozen=True, eq=False, init=False)
 class Measurement:
-    """What one sensor measured over time.
+    """Record of one sensor over time.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Measurement:
     name : str
         Source of the record, for reports.
     sensor : Sensor
-        What the sensor measures, and where; a displacement of the tip if not given.
+        Quantity and place of the sensor; a displacement of the tip if not given.
 
     Raises
     ------
@@ -101,7 +101,8 @@ class Measurement:
         rate : float, optional
             Samples per second, for a file without times; ``time`` may then name a column of frame numbers.
         sensor : Sensor, optional
-            What the sensor measures; if not given, the unit tells the quantity, which is a displacement without a unit.
+            Quantity and place of the sensor; if not given, the unit tells the quantity, and values without a unit are
+            displacements.
         progress : bool
             Whether to show a progress bar on a terminal if reading takes more than a second.
 

@@ -23,7 +23,7 @@ def check_laws(law: Any, frequency_law: Any = "constant") -> None:
     choice(law, get_args(Law), "law")
     choice(frequency_law, get_args(FrequencyLaw), "frequency_law")
     if not combines(law, frequency_law):
-        raise InputError(f"must be constant with law={law!r}; use the quadratic law instead", "frequency_law")
+        raise InputError(f"must be constant under the {law} law; use the quadratic law instead", "frequency_law")
 
 
 def combines(law: Law, frequency_law: FrequencyLaw) -> bool:

@@ -262,7 +262,7 @@ class DecayModel:
 
     @property
     def from_motion(self) -> bool:
-        """Whether displacement and velocity at the release are unknown, in place of amplitude and phase."""
+        """True if displacement and velocity at the release are unknown, in place of amplitude and phase."""
         return self.law == "one-mode" or (self.law == "linear" and self.frequency_law == "constant")
 
     def shared(self, guess: DecayGuess, ratio_bounds: Interval) -> list[Unknown]:

@@ -41,7 +41,7 @@ INTEGRATION_ERROR = 0.5  # standard errors, if all samples had the same error; e
 INTEGRATIONS = 3  # most fits of an integrated law, until its step settles
 REFINED = 0.7  # ratio of the required step to the last one, below which the fit is repeated
 ROBUST_ROUNDS = 3  # robust fits, in which the estimate of the noise settles
-ADVICE = "check the release (release_time), or fit a law with fewer terms"
+ADVICE = "check the time of the release, or fit a law with fewer terms"
 
 
 def fit_from(

@@ -141,7 +141,7 @@ class Camera:
 
 @dataclass(frozen=True, eq=False)
 class MotionRecord:
-    """What several sensors measured in one experiment.
+    """Records of several sensors in one experiment.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ class MotionRecord:
 
     @property
     def has_unknown_times(self) -> bool:
-        """Whether the release, or an offset of a channel, is unknown."""
+        """True if the release, or an offset of a channel, is unknown."""
         return isinstance(self.release, tuple) or any(one.offset for one in self.own_channels)
 
     @property

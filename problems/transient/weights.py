@@ -90,7 +90,7 @@ class Weights:
 
     @property
     def improvable(self) -> bool:
-        """Whether residuals would change the ratios of the standard deviations."""
+        """True if residuals would change the ratios of the standard deviations."""
         return len(self.groups) > 1 and not all(self.known)
 
     def root_mean_square(self, sizes: Array) -> float:

@@ -77,7 +77,7 @@ def script(tmp_path, guard, seconds):
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGKILL", "SIGHUP"])
 def test_processes_end_with_their_parent(tmp_path, name):
-    """However the parent ends, the pipe to which all processes write closes once the last one has ended."""
+    """The pipe to which all processes write closes when the last one has ended, however the parent ends."""
     path = script(tmp_path, 'if __name__ == "__main__"', 600)
     with subprocess.Popen([sys.executable, path], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         assert process.stderr is not None

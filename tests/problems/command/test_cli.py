@@ -255,7 +255,7 @@ class TestSimulate:
 
 
 def test_reproduce_writes_and_prints(files, capsys, monkeypatch):
-    """What the command adds to the study, which has its own tests."""
+    """The command writes and prints the study, which has its own tests."""
     calls = {}
 
     def study(**arguments):

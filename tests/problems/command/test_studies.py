@@ -16,7 +16,7 @@ SHORT = {"duration = 2.0 ": "duration = 0.5 ", "stop = 1.0 ": "stop = 0.2 ", "el
 
 @pytest.fixture
 def study(run, tmp_path):
-    """What ``init`` writes, with a shorter motion."""
+    """Write the file of ``init``, with a shorter motion."""
     assert run("init", "study.toml").code == 0
     path = tmp_path / "study.toml"
     text = path.read_text()

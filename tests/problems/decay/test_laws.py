@@ -166,7 +166,7 @@ def test_all_laws_are_combined():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"law": "one-mode", "frequency_law": "linear"}, "frequency_law: must be constant with law='one-mode'"),
+        ({"law": "one-mode", "frequency_law": "linear"}, "frequency_law: must be constant under the one-mode law"),
         ({"frequency_law": "cubic"}, "frequency_law: must be one of constant, linear, quadratic, auto, got 'cubic'"),
         ({"law": "auto", "robust": True}, "auto: compares sums of squares; name a law"),
         ({"law": "one-mode", "frequency_law": "cubic"}, "frequency_law: must be one of"),

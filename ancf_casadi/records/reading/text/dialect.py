@@ -39,11 +39,11 @@ class Table:
     Parameters
     ----------
     dialect : Dialect
-        How it is written.
+        Separators and marks of its cells.
     first : int
         Index of its first row among the lines.
     kinds : tuple of str
-        What most cells of each column hold.
+        Content of most cells of each column.
     """
 
     dialect: Dialect

@@ -21,9 +21,10 @@ import numpy as np
 
 from ancf_casadi.decay.local_decay import local_decay
 from ancf_casadi.decay.release import MINIMUM_SAMPLES, Release, find_release
-from ancf_casadi.decay.spectrum import peak_frequencies, typical_step, without_line
+from ancf_casadi.decay.spectrum import peak_frequencies, typical_step
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.processing import without_line
 from ancf_casadi.support.arrays import Array
 
 MINIMUM_PERIODS = 1.5  # counted from the peak of the spectrum, which may be too low by half a period

@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ancf_casadi.decay.excitation import end_of_excitation
-from ancf_casadi.decay.spectrum import PAUSE, step_frequency, typical_step, without_line
+from ancf_casadi.decay.spectrum import PAUSE, step_frequency, typical_step
+from ancf_casadi.records.processing import without_line
 from ancf_casadi.support.arrays import Array, Index
 
 MINIMUM_SAMPLES = 10

@@ -48,13 +48,6 @@ def is_even(time: Array) -> bool:
     return bool(np.abs(time - even).max() <= UNEVEN * (even[1] - even[0]))
 
 
-def without_line(time: Array, values: Array) -> Array:
-    """Return the values minus a straight line fitted by least squares."""
-    t: Array = time - time.mean()
-    rest: Array = values - values.mean() - t * (t @ values) / (t @ t)
-    return rest
-
-
 def peak_frequencies(time: Array, swing: Array) -> list[float]:
     """Return the candidates for the frequency of an oscillation (Hz), the highest peak of the spectrum first.
 

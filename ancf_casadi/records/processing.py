@@ -1,4 +1,4 @@
-"""Preparation of a record: a part of it, fewer samples per second, and no straight line.
+"""Preparation of a record: fewer samples per second, and no straight line.
 
 Fewer samples.  Frequencies above half the new sampling rate would appear as lower ones (aliasing), so that a low-pass
 filter precedes the selection of every n-th sample.  The filter is a symmetric finite impulse response with a Kaiser

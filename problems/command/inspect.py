@@ -14,7 +14,7 @@ import numpy as np
 from ancf_casadi.decay.release import find_release
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.channel import Channel
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import Recording, recording_of
@@ -97,8 +97,8 @@ def _run(options: argparse.Namespace) -> Output:
     if options.plot is not None:
         files.append(figure_writer(options.plot, lambda: _figure(recording, plan)))
     if options.json:
-        return Output(json_text(_data(options.file, contents, recording, summaries, plan)), files)
-    return Output(_text(options, contents, recording, summaries, plan), files)
+        return Output(json_text(_data(options.file, recording, summaries, plan)), files)
+    return Output(_text(options, recording, summaries, plan), files)
 
 
 def _summary(channel: Channel) -> ChannelSummary:
@@ -191,7 +191,6 @@ def _ranges(numbers: Sequence[int]) -> str:
 
 def _text(
     options: argparse.Namespace,
-    contents: Contents,
     recording: Recording,
     summaries: Sequence[ChannelSummary],
     plan: FitPlan,
@@ -264,9 +263,7 @@ def _command(name: str, options: argparse.Namespace, column: str | int | None) -
     return shlex.join(words)
 
 
-def _data(
-    path: str, contents: Contents, recording: Recording, summaries: Sequence[ChannelSummary], plan: FitPlan
-) -> dict[str, Any]:
+def _data(path: str, recording: Recording, summaries: Sequence[ChannelSummary], plan: FitPlan) -> dict[str, Any]:
     return {
         "file": path,
         "times": [{"columns": numbers, **asdict(found)} for numbers, found in _times(recording)],

@@ -19,10 +19,9 @@ from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import physical
-from problems.decay.mode_separation import fit_modes
+from problems.decay.mode_separation import MOST_MODES, fit_modes
 from problems.decay.result import DecayFit
 
-MOST_MODES = 6  # fitted at once until one is in the band
 CLOSE = 0.3  # correlation of two modes beyond which there is a warning; the errors are then 5 % too small
 
 

@@ -42,7 +42,7 @@ from problems.decay.result import DecayFit, decay_result
 from problems.decay.solution import RATIO_BOUNDS, fit_from
 
 SAMPLES = 5  # per mode at least: four unknowns and one degree of freedom
-MOST_MODES = 6  # if no count is given
+MOST_MODES = 6  # fitted at once if no count is given
 CLOSE = 0.1  # relative distance of two frequencies, below which the modes may be one
 FADING = 0.3  # damping ratio beyond which the rest of a record is no other mode
 LEAST_PERIODS = 2.0  # of a further mode in the record

@@ -9,11 +9,10 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.reading.arrays import MOST_CHANNELS
 from ancf_casadi.records.reading.libraries import library, readable
 from ancf_casadi.records.reading.worker import LARGEST
 from ancf_casadi.records.units import parse_unit, unit_in_name
-
-MOST_CHANNELS = 10_000
 
 
 def read_tdms(path: Path) -> Contents:

@@ -38,7 +38,7 @@ def text_blocks(path: Path, *, progress: bool = False) -> Iterator[bytes]:
             unit="B", unit_scale=True, desc=path.name,
         ) as bar,
     ):  # fmt: skip
-        encoding, mark = _encoding(file.read(4096), path)
+        encoding, mark = _encoding(file.read(4096))
         file.seek(mark)
         decoder = None if encoding == "utf-8" else codecs.getincrementaldecoder(encoding)(errors="replace")
         rest = b""
@@ -65,7 +65,7 @@ def decoded(block: bytes) -> str:
         return block.decode("latin-1")
 
 
-def _encoding(start: bytes, path: Path) -> tuple[str, int]:
+def _encoding(start: bytes) -> tuple[str, int]:
     """Return the encoding of a file, and the length of its byte-order mark."""
     for mark, encoding in MARKS:
         if start.startswith(mark):

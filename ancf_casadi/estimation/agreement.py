@@ -89,9 +89,10 @@ class Agreement:
         """Return the agreement as one line."""
         low, high = self.interval
         unit = f" {self.unit}" if self.unit else ""
+        chance = f"p = {self.probability:.2g}" if self.probability >= 1e-4 else "p < 0.0001"
         return (
             f"{self.name}: {self.mean:.5g} +- {self.error:.2g}{unit}, 95 % interval [{low:.5g}, {high:.5g}]; the "
-            f"{len(self.values)} records {'agree' if self.agrees else 'do not agree'} (p = {self.probability:.2g}), "
+            f"{len(self.values)} records {'agree' if self.agrees else 'do not agree'} ({chance}), "
             f"scatter between them {self.scatter:.2g}{unit}"
         )
 

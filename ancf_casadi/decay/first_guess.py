@@ -58,13 +58,13 @@ class DecayGuess:
     ζ : float
         Damping ratio.
     amplitude : float
-        Amplitude at the release, m.
+        Amplitude at the release, in the unit of the record.
     phase : float
-        Phase at the release, rad; 0 at the highest displacement.
+        Phase at the release, rad; 0 at the highest value.
     offset : float
-        Equilibrium, m; with drift, the one at the release.
+        Equilibrium, in the unit of the record; with drift, the one at the release.
     drift : float
-        Velocity of the equilibrium, m/s.
+        Rate of the equilibrium, in this unit per s.
     notes : tuple of str
         Limitations of the record that make the release or the frequency uncertain.
     """

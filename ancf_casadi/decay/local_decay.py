@@ -40,11 +40,11 @@ class LocalDecay:
     λ, ω : float
         Decay rate (1/s) and damped natural frequency (rad/s).
     amplitude : float
-        Amplitude, m.
+        Amplitude, in the unit of the record.
     λ_error, ω_error, amplitude_error : float
-        Their standard errors for white noise of standard deviation 1 m.
+        Their standard errors for white noise of standard deviation 1.
     misfit : float
-        Sum of the squared residuals, m^2.
+        Sum of the squared residuals.
     """
 
     λ: float
@@ -64,7 +64,7 @@ def local_decay(τ: Array, y: Array, λ: float, ω: float, others: Sequence[floa
     τ : ndarray
         Times from the middle of the piece, s.
     y : ndarray
-        Displacement at each, m.
+        Value at each, in any unit.
     λ, ω : float
         First guess of decay rate (1/s) and frequency (rad/s).
     others : sequence of float

@@ -54,23 +54,23 @@ class Release:
     notes: tuple[str, ...] = ()
 
 
-def find_release(time: Array, displacement: Array) -> Release:
+def find_release(time: Array, measured: Array) -> Release:
     """Return the start of the free decay; the first sample unless rest or an excitation precedes it.
 
     Parameters
     ----------
     time : ndarray
         Increasing times, s.
-    displacement : ndarray
-        Displacement at each, m.
+    measured : ndarray
+        Value at each, of any sensor.
     """
-    if len(time) < MINIMUM_SAMPLES or np.ptp(displacement) == 0.0:
+    if len(time) < MINIMUM_SAMPLES or np.ptp(measured) == 0.0:
         return Release(0, "the first sample")
-    period = 1 / step_frequency(time, without_line(time, displacement))
-    rest, grows = _end_of_rest(time, displacement, period)
-    forced = rest + end_of_excitation(time[rest:], displacement[rest:])
+    period = 1 / step_frequency(time, without_line(time, measured))
+    rest, grows = _end_of_rest(time, measured, period)
+    forced = rest + end_of_excitation(time[rest:], measured[rest:])
     if forced == rest and grows:
-        forced = end_of_excitation(time, displacement)  # the rest may be a weak excitation
+        forced = end_of_excitation(time, measured)  # the rest may be a weak excitation
     begin = _after_gaps(time, max(rest, forced), period)
     gap = float(time[begin] - time[begin - 1]) if begin else 0.0
     reason = "the end of an excitation" if forced > rest else "the end of rest" if rest else "the first sample"

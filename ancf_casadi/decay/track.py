@@ -33,7 +33,7 @@ class Track:
     time : ndarray
         Middle of each window (k,), s.
     amplitude : ndarray
-        Amplitude there (k,), m.
+        Amplitude there (k,), in the unit of the record.
     phase : ndarray
         Phase there (k,), rad; that of the release differs from it by the whole turns since.
     """
@@ -48,15 +48,15 @@ class Track:
         return np.asarray(self.time[0] * rate[0] + np.concatenate([[0.0], np.cumsum(steps)]))
 
 
-def track(time: Array, displacement: Array, ω: float) -> Track:
+def track(time: Array, measured: Array, ω: float) -> Track:
     """Return amplitude and phase of a decay.
 
     Parameters
     ----------
     time : ndarray
         Times after the release (m,), s, ascending.
-    displacement : ndarray
-        Displacement at each (m,), m.
+    measured : ndarray
+        Value at each (m,), in any unit.
     ω : float
         Frequency of the carrier, rad/s.
     """
@@ -68,7 +68,7 @@ def track(time: Array, displacement: Array, ω: float) -> Track:
     full = counts >= max(LEAST_SAMPLES / 2, FULL * np.median(counts)) if len(counts) else np.zeros(0, dtype=bool)
     if not full.any():
         return Track(np.zeros(0), np.zeros(0), np.zeros(0))
-    columns = np.array([np.cos(ω * time), -np.sin(ω * time), np.ones(len(time)), displacement])
+    columns = np.array([np.cos(ω * time), -np.sin(ω * time), np.ones(len(time)), measured])
     products = columns[:, None] * columns
 
     def sums(values: Array) -> Array:

@@ -26,7 +26,7 @@ def add_record_options(parser: argparse.ArgumentParser) -> None:
         "--sensor",
         choices=get_args(Quantity),
         metavar="QUANTITY",
-        help=f"what was measured: {', '.join(get_args(Quantity))} (default: displacement)",
+        help=f"what was measured: {', '.join(get_args(Quantity))} (default: as the unit tells)",
     )
 
 

@@ -1,13 +1,13 @@
 """Frequency and damping from measured free decays, Eq. (10).
 
 With a free decay r under a damping law and a frequency law (``laws``), and an equilibrium d + d' t, the fit to the
-measured displacements y_i at the times t_i after the release is
+measured values y_i at the times t_i after the release is
 
     minimise    R = (1/m sum_i (r(t_i) + d + d' t_i - y_i)^2)^1/2
 
-over the unknowns of the law, d, and d' if it is requested.  Several records of the same mode are fitted at once: they
-share the unknowns of the mode, and each has its own amplitude, phase and equilibrium; their noise is assumed to be
-equal.  ``solution`` solves the problem.
+over the unknowns of the law, d, and d' if it is requested.  If velocity or acceleration was measured, r is replaced by
+its derivative.  Several records of the same mode are fitted at once: they share the unknowns of the mode, and each has
+its own amplitude, phase and equilibrium; their noise is assumed to be equal.  ``solution`` solves the problem.
 
 References
 ----------

@@ -189,7 +189,7 @@ def _together(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[Fit, list[
 
 
 def _sum(models: Sequence[DecayModel], columns: Sequence[tuple[int, ...]], t: Array, y: Array) -> Callable[..., cs.MX]:
-    """Return a function of all unknowns: the sum of the modes, less the measured displacements."""
+    """Return a function of all unknowns: the sum of the modes, less the measured values."""
 
     def residuals(*x: cs.MX) -> cs.MX:
         curve = -cs.MX(cs.DM(y))

@@ -37,7 +37,7 @@ class DecayFit:
     """A mode identified from a free decay.
 
     The linear law has eta1 = 2 zeta omega and eta2 = 0; only the friction law has an eta0 other than 0, only the power
-    law an eta_p.
+    law an eta_p.  The units below are those for a record in m; ``units`` gives the units of this fit.
 
     Parameters
     ----------
@@ -57,11 +57,12 @@ class DecayFit:
     eta_p, exponent : float
         Coefficient (m^(1-p) s^(p-2)) and exponent p of the force per mass eta_p |v|^p; 0 and nan under the other laws.
     amplitude : float
-        Amplitude about the offset at the release, m: of the envelope of Eq. (9), e0 of Eq. (27), or of r0 and v0.
+        Amplitude about the offset at the release, m: of the envelope of Eq. (9), e0 of Eq. (27), or of r0 and v0; of
+        the displacement if velocity or acceleration was measured.
     offset : float
-        Equilibrium, m; with drift, the one at the release.
+        Equilibrium, in the unit of the sensor; with drift, the one at the release.
     drift : float
-        Velocity of the equilibrium, m/s; 0 if it was not fitted.
+        Rate of the equilibrium, in this unit per s; 0 if it was not fitted.
     release_time : float
         Start of the decay in the times of the record, s.
     release_reason : str
@@ -78,7 +79,7 @@ class DecayFit:
     time : ndarray
         Times of the fitted samples (m,), s.
     residuals : ndarray
-        Fitted less measured displacement at these times (m,), m.
+        Fitted less measured values at these times (m,), in the unit of the sensor.
     model : DecayModel
         Fitted curve.
     indices : tuple of int
@@ -129,14 +130,14 @@ class DecayFit:
         return {name: self.model.unit(name) for name in self.estimates}
 
     def refit(self, noise: Array) -> Array:
-        """Return the estimated quantities from a fit to the fitted curve plus noise (m)."""
+        """Return the estimated quantities from a fit to the fitted curve plus noise, in the unit of the sensor."""
         x = refit(self.fit, noise, gauss_newton=LAWS[self.law].integrated)
         found = self.model.values(x[list(self.indices)])
         return np.array([found[name] for name in self.estimates])
 
     @property
     def residual_rms(self) -> float:
-        """Root mean square R of the residuals, Eq. (10), m."""
+        """Root mean square R of the residuals, Eq. (10), in the unit of the sensor."""
         return math.sqrt(np.mean(self.residuals**2))
 
     @property

@@ -105,21 +105,21 @@ class _Problem:
         Positions of the unknowns of each record.
     times : list of ndarray
         Times of each record after the release, s.
-    displacements : list of ndarray
-        Displacements at these times, m.
+    measured : list of ndarray
+        Measured values at these times, in the unit of the sensor.
     curves : Function
-        Unknowns -> displacements of all records.
+        Unknowns -> fitted values of all records.
     """
 
     unknowns: list[Unknown]
     columns: list[tuple[int, ...]]
     times: list[Array]
-    displacements: list[Array]
+    measured: list[Array]
     curves: cs.Function
 
     def residuals(self, *x: cs.MX) -> cs.MX:
         """Return the residuals of all records."""
-        return self.curves(cs.vertcat(*x)) - cs.DM(np.concatenate(self.displacements))
+        return self.curves(cs.vertcat(*x)) - cs.DM(np.concatenate(self.measured))
 
 
 def _problem(
@@ -133,11 +133,11 @@ def _problem(
         columns.append((*shared, *range(len(unknowns), len(unknowns) + len(own))))
         unknowns += [replace(u, name=u.name + suffix) for u in own]
     times = [record.time[g.release :] - record.time[g.release] for record, g in zip(records, guesses, strict=True)]
-    displacements = [record.values[g.release :] for record, g in zip(records, guesses, strict=True)]
+    measured = [record.values[g.release :] for record, g in zip(records, guesses, strict=True)]
     x = cs.MX.sym("x", len(unknowns))
     curves = [model.curve(t, *(x[i] for i in own)) for t, own in zip(times, columns, strict=True)]
     function = cs.Function("curves", [x], [cs.vertcat(*curves)], {"always_inline": True})
-    return _Problem(unknowns, columns, times, displacements, function)
+    return _Problem(unknowns, columns, times, measured, function)
 
 
 def _match(
@@ -179,7 +179,7 @@ def _tracked(model: DecayModel, problem: _Problem, guesses: Sequence[DecayGuess]
     largest = max(range(len(guesses)), key=lambda k: guesses[k].amplitude)
     values: dict[str, float] = {}
     for k, guess in enumerate(guesses):
-        found = starting_values(model, problem.times[k], problem.displacements[k], guess)
+        found = starting_values(model, problem.times[k], problem.measured[k], guess)
         suffix = f"_{k + 1}" if len(guesses) > 1 else ""
         values |= {name + suffix: value for name, value in found.items()}
         if k == largest:
@@ -194,7 +194,7 @@ def _started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[U
 
 def _ordered(problem: _Problem, other: list[Unknown]) -> list[list[Unknown]]:
     """Return the unknowns of a problem and others, those first that leave smaller residuals."""
-    y = np.concatenate(problem.displacements)
+    y = np.concatenate(problem.measured)
     return sorted(
         [problem.unknowns, other],
         key=lambda start: float(np.sum((problem.curves([u.guess for u in start]).full().ravel() - y) ** 2)),

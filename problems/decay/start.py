@@ -28,20 +28,20 @@ LEAST_SHARE = 0.02  # of the damping, with which a term starts that the regressi
 MOST_CHANGE = 0.3  # of the frequency with amplitude; a larger one is taken for noise
 
 
-def starting_values(model: DecayModel, time: Array, displacement: Array, guess: DecayGuess) -> dict[str, float]:
+def starting_values(model: DecayModel, time: Array, measured: Array, guess: DecayGuess) -> dict[str, float]:
     """Return values of unknowns by name; none if noise hides the decay too early.
 
     Parameters
     ----------
     model : DecayModel
         Laws to be fitted.
-    time, displacement : ndarray
+    time, measured : ndarray
         Times after the release (m,), s, and measured values, in the unit of the sensor.
     guess : DecayGuess
         First guess.
     """
     derivatives = model.sensor.derivatives  # each multiplies the amplitude by about omega and turns the phase
-    about = (displacement - guess.offset - guess.drift * time) / guess.ω**derivatives
+    about = (measured - guess.offset - guess.drift * time) / guess.ω**derivatives
     found = track(time, about, guess.ω * math.sqrt(1 - guess.ζ**2))
     if len(found.time) < SPARE + 3:
         return {}

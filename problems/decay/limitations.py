@@ -125,5 +125,5 @@ def _changing(fit: Fit, indices: tuple[int, ...], rows: slice, time: Array) -> s
     before, after = (f"{one.values[worst]:.5g} +- {one.covariance[worst, worst] ** 0.5:.2g}" for one in (first, second))
     return (
         f"the law does not hold over the record: {name} is {before}{unit} up to {time[split]:.4g} s, and {after}{unit} "
-        "later; compare laws (law='auto'), or show damping and frequency against amplitude (damping_curve)"
+        "later; compare laws, or show damping and frequency against amplitude"
     )

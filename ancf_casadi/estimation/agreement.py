@@ -85,6 +85,18 @@ class Agreement:
         """True if the estimates scatter as their standard errors say."""
         return self.probability >= DISAGREE
 
+    @property
+    def warning(self) -> str | None:
+        """Warning if the estimates do not agree; None if they do."""
+        if self.agrees:
+            return None
+        pairs = zip(self.values.tolist(), self.errors.tolist(), strict=True)
+        listed = ", ".join(f"{value:.4g} +- {error:.2g}" for value, error in pairs)
+        return (
+            f"the records do not agree on {self.name}: {listed}; the fit to all of them understates its error; "
+            f"use the mean with its scatter, {self.mean:.5g} +- {self.error:.2g}"
+        )
+
     def text(self) -> str:
         """Return the agreement as one line."""
         low, high = self.interval
@@ -156,6 +168,29 @@ class Part:
 
     values: Array
     covariance: Array
+
+
+def agreement_of_parts(fit: Estimates, masks: Sequence[Mask]) -> tuple[Agreement, ...]:
+    """Return the agreement of parts of the residuals of a fit on each unknown that two or more of them determine.
+
+    Parameters
+    ----------
+    fit : Fit
+        The fit.
+    masks : sequence of ndarray of bool
+        Rows of each part (m,).
+    """
+    if len(masks) < 2:
+        return ()
+    found = parts(fit, masks)
+    values = np.array([part.values for part in found])
+    errors = np.sqrt([np.diag(part.covariance) for part in found])
+    own = [np.flatnonzero(errors[:, k] > 0.0) for k in range(len(fit.names))]
+    return tuple(
+        agreement(fit.names[k], fit.units[k], values[rows, k], errors[rows, k])
+        for k, rows in enumerate(own)
+        if len(rows) > 1
+    )
 
 
 def parts(fit: Estimates, masks: Sequence[Mask]) -> list[Part]:

@@ -61,12 +61,7 @@ class DecayFits(Sequence[DecayFit]):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Disagreements of the records, then the warnings of the fit to each record."""
-        own = [
-            f"the records do not agree on {one.name}: {_listed(one)}; the fit to all of them understates its error; "
-            f"use the mean with its scatter, {one.mean:.5g} +- {one.error:.2g}"
-            for one in self.agreements
-            if not one.agrees
-        ]
+        own = [one.warning for one in self.agreements if one.warning]
         return (*own, *dict.fromkeys(text for fit in self.fits for text in fit.warnings))
 
     def table(self) -> Table:
@@ -119,11 +114,6 @@ def decay_fits(fits: Sequence[DecayFit], alone: Sequence[DecayFit]) -> DecayFits
         if len(alone) > 1 and (errors > 0.0).all():
             agreements.append(agreement(name, fits[0].model.unit(name), values, errors))
     return DecayFits(tuple(fits), tuple(alone), tuple(agreements))
-
-
-def _listed(one: Agreement) -> str:
-    pairs = zip(one.values.tolist(), one.errors.tolist(), strict=True)
-    return ", ".join(f"{value:.4g} +- {error:.2g}" for value, error in pairs)
 
 
 def _labelled(one: Agreement) -> str:

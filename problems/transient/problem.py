@@ -30,7 +30,7 @@ from ancf_casadi.dynamics.tip_load import LOAD, TipLoad
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.interrupts import delayed_interrupts
 from problems.transient.motion_record import Channel, MotionRecord
 from problems.transient.unknowns import Evidence, amplitude_name, load_name, loads
@@ -184,6 +184,13 @@ class TransientProblem:
         """Times of the residuals on the clocks of their records, s; zero for the evidence."""
         own = [channel.measurement.time for channel in self.channels]
         return np.concatenate([*own, np.zeros(self._pieces_of_evidence)])
+
+    @property
+    def rows(self) -> list[Mask]:
+        """Residuals of each record among all."""
+        sizes = [sum(one.measurement.time.size for one in record.own_channels) for record in self.records]
+        owner = np.repeat(np.arange(len(sizes) + 1), [*sizes, self._pieces_of_evidence])
+        return [owner == k for k in range(len(sizes))]
 
     @property
     def _pieces_of_evidence(self) -> int:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import casadi as cs
@@ -16,6 +17,7 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.derivatives.release_load import held_start, start_jacobians
 from ancf_casadi.dynamics.trajectory import State
+from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts
 from ancf_casadi.estimation.fit import Fit, colour_warning
 from ancf_casadi.estimation.least_squares import residual_function
 from ancf_casadi.estimation.resampling import refit
@@ -63,7 +65,7 @@ class TransientFit:
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
         coloured = colour_warning(self.fit, noise_free=INTEGRATED * self.fit.systematic)
-        notes = [*self.fit.warnings, coloured]
+        notes = [*self.fit.warnings, coloured, *(one.warning for one in self.agreements)]
         tolerance, worst = self.problem.tolerance, float(np.abs(self.shifts).max())
         if math.isnan(worst):
             notes.append(
@@ -78,6 +80,11 @@ class TransientFit:
                 f"{advice}"
             )
         return tuple(note for note in notes if note)
+
+    @cached_property
+    def agreements(self) -> tuple[Agreement, ...]:
+        """Agreement of the records, to first order, on each unknown that several determine; empty for one record."""
+        return agreement_of_parts(self.fit, self.problem.rows)
 
     @property
     def estimates(self) -> dict[str, float]:
@@ -149,7 +156,7 @@ class TransientFit:
             f"integrated at the tolerance {self.problem.tolerance:.1e}; the integration error shifts no estimate by "
             f"more than {np.abs(self.shifts).max():.2g} standard errors"
         )
-        notes = (*table.notes, integration, *self._noise)
+        notes = (*table.notes, integration, *self._noise, *(one.text() for one in self.agreements))
         return "\n".join([replace(table, notes=notes).text(), *(f"  note: {note}" for note in self.warnings)])
 
     def figure(self) -> Figure:
@@ -167,6 +174,7 @@ class TransientFit:
                 {"channel": label, "unit": unit, "noise": noise, "rms_error": rms}
                 for label, unit, noise, rms in self._channels
             ],
+            "agreements": [one.to_dict() for one in self.agreements],
             "tolerance": self.problem.tolerance,
             "integration_shifts": [float(shift) if math.isfinite(shift) else None for shift in self.shifts],
             "warnings": list(self.warnings),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ancf_casadi.estimation.agreement import agreement, parts
+from ancf_casadi.estimation.agreement import agreement, agreement_of_parts, parts
 from ancf_casadi.estimation.least_squares import Unknown, least_squares
 
 
@@ -70,3 +70,22 @@ def test_a_part_leaves_out_unknowns_that_it_does_not_determine():
     assert math.isfinite(first.values[0]) and math.isnan(first.values[1])
     assert np.isfinite(second.values).all()
     assert np.isnan(parts(fit, [x < 0.01])[0].values).all()
+
+
+def test_the_parts_of_a_fit_agree_or_not_on_what_several_of_them_determine():
+    """The slope is shared; in the second part it is another, or the same.  Each part has its own level."""
+    x = np.tile(np.linspace(0.0, 1.0, 50), 2)
+    second = np.arange(100) >= 50
+    noise = 0.05 * np.random.default_rng(4).standard_normal(100)
+
+    def compared(slope):
+        y = cs.DM(np.where(second, 3 + slope * x, 1 + 2 * x) + noise)
+        levels = cs.DM(np.column_stack([~second, second]).astype(float))
+        unknowns = [Unknown("slope", 0.0), Unknown("first", 0.0), Unknown("second", 0.0)]
+        fit = least_squares(lambda a, b, c: a * cs.DM(x) + levels @ cs.vertcat(b, c) - y, unknowns)
+        return agreement_of_parts(fit, [~second, second])
+
+    (same,), (other,) = compared(2.0), compared(2.4)
+    assert same.name == "slope" and same.agrees and same.warning is None
+    assert not other.agrees and other.values == pytest.approx([2.0, 2.4], abs=0.1)
+    assert other.warning.startswith("the records do not agree on slope: ")

@@ -232,6 +232,21 @@ def test_residuals_that_are_not_noise_give_a_warning_for_each_law(model):
     assert comparison.to_dict()["warnings"] == list(comparison.warnings)
 
 
+def test_records_that_disagree_are_told_of_and_their_scatter_is_in_the_interval(model):
+    """The damping of the second record is 10 % higher, or the same."""
+    law = RayleighDamping(alpha=1.0)
+    first, same, other = (record(model, RayleighDamping(alpha=alpha), seed) for alpha, seed in
+                          ((1.0, 1), (1.0, 2), (1.1, 3)))  # fmt: skip
+    (agreed,) = fit_transient(model, [first, same], law).agreements
+    assert agreed.name == "alpha" and agreed.agrees
+    differing = fit_transient(model, [first, other], law)
+    (alpha,) = differing.agreements
+    assert not alpha.agrees and alpha.values == pytest.approx([1.0, 1.1], abs=4 * alpha.errors.max())
+    assert alpha.scatter == pytest.approx(0.1 / math.sqrt(2), rel=0.2)
+    assert any("the records do not agree on alpha" in text for text in differing.warnings)
+    assert fit_transient(model, first, law).agreements == ()
+
+
 def test_without_damping_none_is_found(model):
     """A fit with a bias towards damping would fail here."""
     found = fit_transient(model, record(model, None, 2), RayleighDamping(alpha=0.3))

@@ -490,7 +490,7 @@ def test_a_quantity_the_law_does_not_estimate_has_no_interval():
 
 def test_a_fit_that_does_not_converge_recommends_what_the_caller_can_change(monkeypatch):
     monkeypatch.setitem(TIGHT, "ipopt.max_iter", 1)
-    with pytest.raises(FitError, match=r"Maximum_Iterations_Exceeded.*release_time") as caught:
+    with pytest.raises(FitError, match=r"Maximum_Iterations_Exceeded.*time of the release") as caught:
         fit_decay(TIME, swing(1.85, 0.01, 0.05) + 1e-4 * noise(29))
     assert "max_iter" not in str(caught.value)
 

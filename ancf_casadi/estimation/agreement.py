@@ -217,5 +217,6 @@ def _part(fit: Estimates, mask: Mask) -> Part:
     series = [int(np.count_nonzero(part)) for part in np.split(mask, np.cumsum(fit.series))[: len(fit.series)]]
     times = None if fit.times is None else fit.times[mask]
     noise = estimated_noise(r - basis @ (basis.T @ r), basis, series, times)
-    covariance[np.ix_(free, free)] = inverse @ noise.form(basis) @ inverse.T
+    allowance = len(rows) * fit.systematic**2 * np.eye(len(free))
+    covariance[np.ix_(free, free)] = inverse @ (noise.form(basis) + allowance) @ inverse.T
     return Part(values, covariance)

@@ -128,8 +128,10 @@ class Noise:
 
     def form(self, columns: Array) -> Array:
         """Return X' R X (n, n) of columns X (m, n)."""
-        lasting = sum(spectrum.form(columns) for spectrum in self.spectra) if self.spectra else None
-        form = self.variance * (columns.T @ columns) if lasting is None else lasting
+        if self.spectra:
+            form = sum(spectrum.form(columns) for spectrum in self.spectra)
+        else:
+            form = self.variance * (columns.T @ columns)
         if self.passing is None or self.basis is None:
             return np.asarray(form)
         inside = self.basis.T @ columns

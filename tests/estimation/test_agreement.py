@@ -89,3 +89,14 @@ def test_the_parts_of_a_fit_agree_or_not_on_what_several_of_them_determine():
     assert same.name == "slope" and same.agrees and same.warning is None
     assert not other.agrees and other.values == pytest.approx([2.0, 2.4], abs=0.1)
     assert other.warning.startswith("the records do not agree on slope: ")
+
+
+def test_parts_allow_for_a_systematic_error_as_the_whole_fit_does():
+    """Without noise, the errors of a part are those of the systematic error alone."""
+    x = np.linspace(0.0, 1.0, 60)
+    unknowns = [Unknown("a", 0.0), Unknown("b", 0.0)]
+    fit = least_squares(lambda a, b: a + b * cs.DM(x) - cs.DM(1 + 2 * x), unknowns, systematic=1e-3)
+    half = x < 0.5
+    columns = np.column_stack([np.ones(30), x[half]])
+    (part,) = parts(fit, [half])
+    np.testing.assert_allclose(part.covariance, 30 * 1e-6 * np.linalg.inv(columns.T @ columns), rtol=1e-6)

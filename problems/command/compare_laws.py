@@ -17,8 +17,8 @@ from problems.command.record_options import (
     read_record,
     releases,
 )
-from problems.command.tables.study_file import MOTION_KEYS, read_motions
 from problems.decay.comparison import compare_decay_laws
+from problems.tables.study_file import MOTION_KEYS, read_motions
 from problems.transient.comparison import compare_laws
 
 

@@ -10,7 +10,7 @@ from ancf_casadi.support.files import check_folder
 from ancf_casadi.support.inputs import located
 from problems.command.exporting import FORMATS, export, read_identifications
 from problems.command.output import Output, Subcommands, comma_numbers, json_text, new_files, positive_count
-from problems.command.tables.study_file import SOURCE_KEYS, read_source
+from problems.tables.study_file import SOURCE_KEYS, read_source
 
 
 def add_export(commands: Subcommands) -> None:

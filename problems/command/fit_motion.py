@@ -12,7 +12,7 @@ from ancf_casadi.exceptions import AncfError
 from ancf_casadi.export import Document, write_document
 from ancf_casadi.support.inputs import located
 from problems.command.output import Output, Subcommands, add_plot, figure_writer, json_text, new_files
-from problems.command.tables.study_file import MOTION_KEYS, read_motions
+from problems.tables.study_file import MOTION_KEYS, read_motions
 from problems.transient.fitting import fit_transient
 
 

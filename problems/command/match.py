@@ -11,8 +11,8 @@ from ancf_casadi.export import Document, Identification, write_document
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import located
 from problems.command.output import Output, Subcommands, add_plot, figure_writer, json_text, new_files
-from problems.command.tables.study_file import MATCH_KEYS, read_match
 from problems.matching.frequency_matching import match_frequencies
+from problems.tables.study_file import MATCH_KEYS, read_match
 
 
 def add_match(commands: Subcommands) -> None:

@@ -21,7 +21,7 @@ from problems.command.output import (
     new_files,
     positive_count,
 )
-from problems.command.tables.study_file import BEAM_KEYS, read_model
+from problems.tables.study_file import BEAM_KEYS, read_model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

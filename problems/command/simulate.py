@@ -14,7 +14,7 @@ from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import Table
 from problems.command.output import Output, Subcommands, add_plot, figure_writer, file_writer, json_text, new_files
-from problems.command.tables.study_file import SIMULATION_KEYS, read_simulation
+from problems.tables.study_file import SIMULATION_KEYS, read_simulation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -42,13 +42,13 @@ from problems.command import fit_decay as fit_decay_command
 from problems.command import match as match_command
 from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
-from problems.command.tables import records
-from problems.command.tables.base import AXES
-from problems.command.tables.columns import READING
-from problems.command.tables.match import MATCH, MODES
-from problems.command.tables.simulation import SETTINGS
-from problems.command.tables.study_file import read_simulation
 from problems.study import report, reproduction, tables, transients
+from problems.tables import records
+from problems.tables.base import AXES
+from problems.tables.columns import READING
+from problems.tables.match import MATCH, MODES
+from problems.tables.simulation import SETTINGS
+from problems.tables.study_file import read_simulation
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 RECORD = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam" / "beam_gravity_tip.csv"

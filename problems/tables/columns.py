@@ -13,7 +13,7 @@ from ancf_casadi.records.recording import Recording, read_recording
 from ancf_casadi.records.sensor import Quantity, Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import located
-from problems.command.tables.study import Study, checked
+from problems.tables.study import Study, checked
 
 READING = ("time", "time_unit", "rate")  # keys that say how to read a file
 

@@ -10,7 +10,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import located, numbers, shown
 from ancf_casadi.vibration.modes import natural_modes
-from problems.command.tables.study import Study, checked
+from problems.tables.study import Study, checked
 
 KEYS = """\
   [[damping]]   law = "rayleigh": alpha (1/s), beta (s),

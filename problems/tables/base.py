@@ -9,8 +9,8 @@ import numpy as np
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
 from ancf_casadi.records.sensor import Quantity
 from ancf_casadi.support.inputs import located, vector
-from problems.command.tables.columns import read_columns
-from problems.command.tables.study import Study, checked
+from problems.tables.columns import read_columns
+from problems.tables.study import Study, checked
 
 KEYS = """\
   [base]        harmonic: amplitude (m), frequency (Hz), stop (s), direction,

@@ -10,8 +10,8 @@ from ancf_casadi.export.document.model_document import Document, read_document
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
-from problems.command.tables import base, beam, damping, load, match, records, release, simulation
-from problems.command.tables.study import Study, is_document
+from problems.tables import base, beam, damping, load, match, records, release, simulation
+from problems.tables.study import Study, is_document
 
 HEAD = "tables of a TOML file:\n"
 BEAM_KEYS = HEAD + beam.KEYS

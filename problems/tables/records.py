@@ -17,12 +17,12 @@ from ancf_casadi.records.recording import Recording
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import is_sequence, located, shown, whole
 from ancf_casadi.vibration.equilibrium import Equilibrium
-from problems.command.tables.base import read_base
-from problems.command.tables.columns import READING, read_file
-from problems.command.tables.damping import read_terms, total
-from problems.command.tables.load import read_load
-from problems.command.tables.release import read_release
-from problems.command.tables.study import Study, checked
+from problems.tables.base import read_base
+from problems.tables.columns import READING, read_file
+from problems.tables.damping import read_terms, total
+from problems.tables.load import read_load
+from problems.tables.release import read_release
+from problems.tables.study import Study, checked
 from problems.transient.motion_record import Camera, Channel, MotionRecord
 
 KEYS = """\

@@ -14,8 +14,8 @@ from ancf_casadi import (
     read_recording,
     static_equilibrium,
 )
-from problems.command.tables import columns
-from problems.command.tables.study_file import read_motions, read_simulation
+from problems.tables import columns
+from problems.tables.study_file import read_motions, read_simulation
 
 BEAM = """
 [beam]

@@ -13,10 +13,10 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document.model_document import Document
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import located, physical, shown
-from problems.command.tables.base import read_base
-from problems.command.tables.load import read_load
-from problems.command.tables.release import read_release
-from problems.command.tables.study import Study
+from problems.tables.base import read_base
+from problems.tables.load import read_load
+from problems.tables.release import read_release
+from problems.tables.study import Study
 
 KEYS = """\
   [simulation]  duration (s), sample_rate (1/s), tolerance,

@@ -6,7 +6,7 @@ from ancf_casadi.export.document.model_document import Document, read_document
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import located
-from problems.command.tables.study import Study, checked
+from problems.tables.study import Study, checked
 
 KEYS = """\
   [beam]        length (m), elements; width, thickness (m), density (kg/m^3),

@@ -7,7 +7,7 @@ from typing import Any
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import located
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
-from problems.command.tables.study import checked
+from problems.tables.study import checked
 
 KEYS = """\
   [release]     the load that holds the beam until time 0: tip_force (N),

@@ -6,9 +6,9 @@ from typing import Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located, numbers, shown
-from problems.command.tables.study import Study
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.unknowns import Global, PerElement, PropertyUnknown, Smooth
+from problems.tables.study import Study
 
 KEYS = """\
   [match]       targets (Hz), frequency_std (Hz), bounds, starts, seed,

@@ -9,8 +9,8 @@ import numpy as np
 from ancf_casadi.dynamics.tip_load import HarmonicLoad, SampledLoad, TipLoad
 from ancf_casadi.records.sensor import Quantity
 from ancf_casadi.support.inputs import located
-from problems.command.tables.columns import read_columns
-from problems.command.tables.study import Study, checked
+from problems.tables.columns import read_columns
+from problems.tables.study import Study, checked
 
 KEYS = """\
   [load]        force and moment at the tip, in the laboratory frame

@@ -235,7 +235,7 @@ def test_numbers_refuse_what_is_no_number(value):
 
 @pytest.mark.parametrize("name", ["beam.toml", "study.toml"])
 def test_examples_can_be_read(name):
-    path = str(Path(__file__).parents[4] / "examples" / name)
+    path = str(Path(__file__).parents[3] / "examples" / name)
     assert read_model(path).beam.elements == 20
     if name == "beam.toml":
         assert read_match(path)[1]["targets"] == [1.85, 10.19, 26.84, 53.20, 88.60]

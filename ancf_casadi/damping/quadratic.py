@@ -39,7 +39,7 @@ DRAG_CONSTANT = 1183 / 876  # exact in Eqs. (24) and (25), where the paper round
 @final
 @dataclass(frozen=True)
 class QuadraticDamping(DampingLaw):
-    """Air drag along the beam, linear and quadratic in the velocity: gamma1 v + gamma2 |v| v, Eq. (19).
+    """Air drag along the beam, linear and quadratic in the velocity: ``gamma1 v + gamma2 |v| v``, Eq. (19).
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class QuadraticDamping(DampingLaw):
         return replace(self, **values_by_name(self, values))
 
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
-        """Return eta1 int S^T mu v dp + eta2 1183/876 int S^T mu |v| v dp, Eq. (23)."""
+        """Return ``eta1 int S^T mu v dp + eta2 1183/876 int S^T mu |v| v dp``, Eq. (23)."""
         forces = []
         if self.eta1:
             forces.append(body.line_inertia_force(e_t, properties))
@@ -83,7 +83,7 @@ class QuadraticDamping(DampingLaw):
         return weighted_sum(forces, parameters, e_t)
 
     def damping_ratios(self, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
-        """Return zeta = b eta1/(2 omega) + 4 eta2 c A/(3 pi), with c = 1183/876 int mu |phi|^3 dp / phi^T M phi.
+        """Return ``b eta1/(2 omega) + 4 eta2 c A/(3 pi)``, ``c = 1183/876 int mu |phi|^3 dp / phi^T M phi``.
 
         The mode shape phi is 1 at the tip.  The constant c is 1 for the shape of Eq. (21), and smaller for the higher
         modes; b = int mu phi^2 dp / phi^T M phi is 1 unless the tip carries a mass.

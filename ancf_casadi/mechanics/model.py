@@ -160,7 +160,7 @@ class Model:
 
     @cached_property
     def drag_force(self) -> cs.Function:
-        """(e_t, P) -> int S^T mu |v| v dp, the integral in Eq. (23)."""
+        """``(e_t, P) -> int S^T mu |v| v dp``, the integral in Eq. (23)."""
         return self._force("drag_force", "e_t")
 
     @cached_property

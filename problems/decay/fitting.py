@@ -55,7 +55,7 @@ def fit_decay(
         Displacement at each time, m.
     law : {"linear", "quadratic", "friction", "power", "one-mode", "auto"}
         ``linear``: Eq. (9).  ``quadratic``: Eq. (27).  ``friction``: Eq. (27) with friction as a third term.
-        ``power``: a force eta_p |v|^p with a free exponent p.  ``one-mode``: Eq. (26), integrated numerically, for
+        ``power``: a force ``eta_p |v|^p`` with a free exponent p.  ``one-mode``: Eq. (26), integrated numerically, for
         damping so strong that Eq. (27) is not accurate enough.  ``auto``: the best of ``compare_decay_laws``.
     frequency_law : {"constant", "linear", "quadratic", "auto"}, optional
         Change of the frequency with the amplitude A: none, omega (1 + k1 A), omega (1 + k2 A^2), or the best of these.

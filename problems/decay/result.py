@@ -55,7 +55,8 @@ class DecayFit:
     eta1, eta2, eta0 : float
         Linear (1/s) and quadratic (1/m) damping coefficient; friction force per mass (m/s^2).
     eta_p, exponent : float
-        Coefficient (m^(1-p) s^(p-2)) and exponent p of the force per mass eta_p |v|^p; 0 and nan under the other laws.
+        Coefficient (m^(1-p) s^(p-2)) and exponent p of the force per mass ``eta_p |v|^p``; 0 and nan under the other
+        laws.
     amplitude : float
         Amplitude about the offset at the release, m: of the envelope of Eq. (9), e0 of Eq. (27), or of r0 and v0; of
         the displacement if velocity or acceleration was measured.

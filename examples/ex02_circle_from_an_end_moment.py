@@ -1,4 +1,8 @@
-"""A cantilever bent to a full circle by the moment M = 2 pi E I/L at its end.
+"""
+A circle from an end moment
+===========================
+
+A cantilever bent to a full circle by the moment M = 2 pi E I/L at its end.
 
 The curvature is M/(E I) everywhere, so the tip returns to the clamp.  With 20 elements the gap is 8e-5 L.
 """

@@ -1,4 +1,8 @@
-"""A large swing under the sum of three damping laws: modal, quadratic, and a little strain-rate damping.
+"""
+A large swing under added laws
+==============================
+
+A large swing under the sum of three damping laws: modal, quadratic, and a little strain-rate damping.
 
 The hanging strip is released from a static tip force and swings 0.3 L to either side.  The energy lost to damping
 equals the decrease of kinetic, strain and potential energy, so the energy balance closes.  The strain-rate damping, a

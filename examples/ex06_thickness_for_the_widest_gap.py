@@ -1,4 +1,8 @@
-"""Widest gap between the first two frequencies at a given mass: the thickness profile found by IPOPT.
+"""
+Thickness for the widest gap between frequencies
+================================================
+
+Widest gap between the first two frequencies at a given mass: the thickness profile found by IPOPT.
 
 The thickness of each of 8 elements may change by a factor of 2.  The frequencies are a CasADi Function of the
 parameters that includes the equilibrium under gravity and has exact derivatives.
@@ -32,5 +36,13 @@ before = natural_modes(Model(beam), count=2).frequencies
 after = natural_modes(Model(beam.with_(thickness=profile)), count=2).frequencies  # not by the exported Functions
 
 if __name__ == "__main__":
+    import matplotlib.pyplot as plt
+
     print("thickness", *(f"{1e3 * h:.3f}" for h in profile), "mm")
     print("gap", f"{before[1] - before[0]:.3f} Hz before, {after[1] - after[0]:.3f} Hz after")
+    ends = np.linspace(0.0, beam.length, beam.elements + 1)
+    plt.stairs(1e3 * np.array(beam.thickness), ends, label="before", linestyle="--")
+    plt.stairs(1e3 * profile, ends, label="after", linewidth=2)
+    plt.gca().set(xlabel="distance from the clamp, m", ylabel="thickness, mm", ylim=(0.0, None))
+    plt.legend()
+    plt.show()

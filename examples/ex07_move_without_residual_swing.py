@@ -1,4 +1,8 @@
-"""Optimal base motion: move a hanging strip 0.1 m sideways in 0.9 s and leave it at rest, by shooting and IPOPT.
+"""
+A move without residual swing
+=============================
+
+Optimal base motion: move a hanging strip 0.1 m sideways in 0.9 s and leave it at rest, by shooting and IPOPT.
 
 The base follows x = 0.1 m (t'^3 (10 - 15 t' + 6 t'^2) + t'^4 (1 - t')^4 c(t')), t' = t/0.9 s: a smooth step with four
 free coefficients in c.  The exported time step integrates the motion.  IPOPT minimises the mean square acceleration of
@@ -84,5 +88,13 @@ runs = [simulate(model, damping=damping, base=base, duration=TIME + 1.0, method=
 swings = [float(np.ptp(run.tip[run.time >= TIME, 0])) for run in runs]
 
 if __name__ == "__main__":
+    import matplotlib.pyplot as plt
+
     print("coefficients", *(f"{value:.4f}" for value in planned.coefficients))
     print(f"residual swing of the tip: {1e3 * swings[0]:.2f} mm (smooth step), {1e3 * swings[1]:.4f} mm (optimised)")
+    for run, label in zip(runs, ("smooth step", "optimised"), strict=True):
+        plt.plot(run.time, 1e3 * (run.tip[:, 0] - run.position(0.0)[:, 0]), label=label)
+    plt.axvline(TIME, color="gray", linestyle=":", label="end of the motion of the base")
+    plt.gca().set(xlabel="time, s", ylabel="tip relative to base, mm")
+    plt.legend()
+    plt.show()

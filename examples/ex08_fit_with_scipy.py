@@ -1,4 +1,8 @@
-"""The thickness profile of a strip from its measured frequencies, with the optimiser of SciPy.
+"""
+A fit with the optimiser of SciPy
+=================================
+
+The thickness profile of a strip from its measured frequencies, with the optimiser of SciPy.
 
 Five frequencies determine three unknown factors, on the thickness at the clamp, in the middle and at the tip, with
 linear interpolation between.  The exported Function gives frequencies and their exact Jacobian, through equilibrium and
@@ -33,4 +37,13 @@ fit = least_squares(
 )
 
 if __name__ == "__main__":
+    import matplotlib.pyplot as plt
+
     print("found", *(f"{x:.9f}" for x in fit.x), "of", *truth, f"in {fit.nfev} evaluations")
+    middles = s * guess.length
+    plt.plot(middles, 1e3 * np.array(guess.thickness), "--", label="guess")
+    plt.plot(middles, 1e3 * np.array(strip.thickness), "o", label="truth")
+    plt.plot(middles, 1e3 * guess.thickness[0] * lines @ fit.x, label="found")
+    plt.gca().set(xlabel="distance from the clamp, m", ylabel="thickness, mm")
+    plt.legend()
+    plt.show()

@@ -1,4 +1,8 @@
-"""A hammer blow on the tip of a hanging strip, and the damping of mode 1 from the decay that follows.
+"""
+A hammer blow
+=============
+
+A hammer blow on the tip of a hanging strip, and the damping of mode 1 from the decay that follows.
 
 The force is a half sine of 5 ms, sampled at 5 kHz as by a load cell.  All the energy of the motion is the work of this
 force, until damping takes it.  The sensor is at the node of mode 2, 0.78 L from the clamp, so that its record shows
@@ -23,12 +27,9 @@ modes = natural_modes(model, count=1)
 truth = float(modes.frequencies[0]), float(law.damping_ratios(modes, np.zeros(1))[0])
 
 if __name__ == "__main__":
-    import matplotlib.pyplot as plt
-
     print(
         f"work of the blow {1e6 * run.load_work[-1]:.3f} uJ, lost to damping {1e6 * run.dissipated_energy[-1]:.3f} uJ"
     )
     print(f"mode 1 of the model: {truth[0]:.5f} Hz, damping ratio {truth[1]:.5f}")
     print(fit.report())
-    fit.figure()
-    plt.show()
+    fit.figure().savefig("blow.png")

@@ -1,0 +1,205 @@
+"""Every code block of every page of the documentation runs, and the site names every public thing.
+
+The blocks of a page run in their order, in one namespace and one folder, in which ``examples`` is at hand:
+
+- ``python`` runs.  If its first line is a comment with a file name, ``# swing.py``, it is written to this file, and
+  runs as a script of its own.
+- ``toml`` and ``csv`` are written to the file that their first line names, ``# beam.toml``; a block without a name
+  is only parsed.
+- ``sh``: lines that begin with ``ancf-casadi`` run and succeed.  Lines that set up an environment are left out, and
+  ``python NAME.py`` names a file that a block has written and run.
+- ``text``, ``json``, ``c`` and ``matlab`` are for reading.
+"""
+
+import re
+import runpy
+import shlex
+import shutil
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+import ancf_casadi
+import ancf_casadi.export
+import problems
+from problems.cli import main
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted(path for path in DOCS.rglob("*.md") if not {"_build", "gallery"} & set(path.relative_to(DOCS).parts))
+SLOW = ("export.md",)  # pages that take more than ten seconds
+READ = ("text", "json", "c", "matlab")
+SET_UP = ("python3 -m venv ", "python -m venv ", "pip install ", ". .venv/bin/activate", ".venv/bin/pip install ")
+FENCE = re.compile(r"(?P<indent> *)(?P<fence>`{3,}|~{3,})(?P<language>.*)")
+FILE_NAME = re.compile(r"# ([\w-]+\.(?:py|toml|csv))")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block: its language, its lines, and its first line in the page."""
+
+    language: str
+    code: str
+    line: int
+
+    @property
+    def file_name(self):
+        """The file that its first line names, if any."""
+        found = FILE_NAME.fullmatch(self.code.partition("\n")[0])
+        return found and found[1]
+
+
+def blocks(text):
+    """Yield the fenced blocks of a page, without directives such as ``{toctree}``."""
+    fence = None
+    for number, line in enumerate(text.splitlines(), start=1):
+        found = FENCE.fullmatch(line)
+        if fence is None:
+            if found:
+                fence, language, lines, start = found, found["language"].strip(), [], number + 1
+        elif found and found["fence"].startswith(fence["fence"]) and not found["language"].strip():
+            if not language.startswith("{") or language.startswith("{code"):
+                yield Block(language, "\n".join(lines) + "\n", start)
+            fence = None
+        else:
+            lines.append(line.removeprefix(fence["indent"]))
+    assert fence is None, f"the block in line {start - 1} has no end"
+
+
+def run_page(path, folder):
+    """Run the blocks of a page."""
+    names = {"__name__": "__main__"}
+    for block in blocks(path.read_text()):
+        where = f"{path.name}, line {block.line}"
+        if block.file_name and block.language in ("python", "toml", "csv"):
+            (folder / block.file_name).write_text(block.code)
+        if block.language == "python" and block.file_name:
+            runpy.run_path(str(folder / block.file_name), run_name="__main__")
+        elif block.language == "python":
+            exec(compile("\n" * (block.line - 1) + block.code, str(path), "exec"), names)
+        elif block.language == "sh":
+            for line in block.code.replace("\\\n", " ").splitlines():
+                run_line(line.strip(), folder, where)
+        elif block.language == "toml":
+            tomllib.loads(block.code)
+        elif block.language != "csv":
+            assert block.language in READ, f"{where}: no rule for blocks in {block.language or 'no language'!r}"
+
+
+def run_line(line, folder, where):
+    """Run a line of a shell."""
+    words = shlex.split(line, comments=True)
+    if not words or line.startswith(SET_UP):
+        return
+    if words[0] == "python" and len(words) == 2:
+        assert (folder / words[1]).is_file(), f"{where}: no block has written {words[1]}"
+        return
+    assert words[0] == "ancf-casadi", f"{where}: no rule for {line!r}"
+    try:
+        code = main(words[1:])
+    except SystemExit as ended:  # as --help and wrong options end
+        code = ended.code
+    assert code == 0, f"{where}: {line!r} ends with exit code {code}"
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(path, id=name, marks=[pytest.mark.slow] if name in SLOW else [])
+        for path in PAGES
+        for name in [str(path.relative_to(DOCS))]
+    ],
+)
+@pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
+def test_the_code_of_a_page_runs(page, tmp_path, monkeypatch):
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(ROOT / "examples", "examples")
+    run_page(page, tmp_path)
+
+
+def test_slow_pages_exist():
+    assert all((DOCS / name).is_file() for name in SLOW)
+
+
+PAGE = """
+```{toctree}
+theory
+```
+
+- In a list:
+
+  ```python
+  # swing.py
+  if __name__ == "__main__":
+      open("made", "w").close()
+  ```
+
+````python
+text = '''
+```
+'''
+````
+
+```sh
+python3 -m venv .venv
+ancf-casadi modes \\
+    examples/beam.toml  # a comment
+python swing.py
+```
+"""
+
+
+def test_blocks_of_all_kinds_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(ROOT / "examples", "examples")
+    page = tmp_path / "page.md"
+    page.write_text(PAGE)
+    assert [block.language for block in blocks(PAGE)] == ["python", "python", "sh"]
+    run_page(page, tmp_path)
+    assert (tmp_path / "made").exists()
+    assert "1.87613" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        "```python\nraise ValueError\n```",
+        "```python\n# wrong.py\nif __name__ == '__main__':\n    raise ValueError\n```",
+        "```sh\nancf-casadi modes missing.toml\n```",
+        "```sh\nancf-casadi modes --no-such-option\n```",
+        "```sh\npython missing.py\n```",
+        "```sh\nrm file\n```",
+        "```toml\nkey = \n```",
+        "```\nancf-casadi modes\n```",
+        "```{code-block} python\nraise ValueError\n```",
+        "```python\n",
+    ],
+)
+def test_a_block_that_fails_is_found(block, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    page = tmp_path / "page.md"
+    page.write_text(block)
+    with pytest.raises((AssertionError, ValueError)):
+        run_page(page, tmp_path)
+
+
+def test_the_api_reference_holds_every_public_name_once():
+    documented = []
+    for path in (DOCS / "api").glob("*.rst"):
+        module = None
+        for directive, name in re.findall(r"^\.\. (currentmodule|auto\w+):: (\S+)$", path.read_text(), re.M):
+            if directive == "currentmodule":
+                module = name
+            else:
+                documented.append(f"{module}.{name}")
+    packages = (ancf_casadi, ancf_casadi.export, problems)
+    public = [f"{package.__name__}.{name}" for package in packages for name in package.__all__]
+    assert sorted(documented) == sorted(public)
+
+
+def test_the_citation_has_the_version_of_the_package():
+    (version,) = re.findall(r'^version: "?([^"\s]+)"?$', (ROOT / "CITATION.cff").read_text(), re.M)
+    assert version == ancf_casadi.__version__

@@ -12,7 +12,17 @@ from typing import Any
 
 
 class AncfError(Exception):
-    """Base class of all exceptions of this package."""
+    """Base class of all exceptions of this package.
+
+    Examples
+    --------
+    >>> from ancf_casadi import AncfError, Section
+    >>> try:
+    ...     Section(width=-5e-3, thickness=0.5e-3)
+    ... except AncfError as error:
+    ...     print(error)
+    width: must be positive, got -0.005
+    """
 
 
 class InputError(AncfError):
@@ -24,6 +34,17 @@ class InputError(AncfError):
         The fault and the values that are allowed.
     where : str, optional
         Name of the argument, key or file; the message begins with it.
+
+    Examples
+    --------
+    >>> from ancf_casadi import HarmonicBase, InputError
+    >>> try:
+    ...     HarmonicBase(amplitude=1e-3, frequency=0.0)
+    ... except InputError as error:
+    ...     print(error.where)
+    ...     print(error)
+    frequency
+    frequency: must be positive, got 0
     """
 
     def __init__(self, message: str, where: str = "") -> None:
@@ -40,6 +61,17 @@ class NumericsError(AncfError):
         The failure, and advice.
     stats : mapping, optional
         Statistics of the solver.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, NumericsError, static_equilibrium
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> try:
+    ...     static_equilibrium(Model(beam), tip_moment=10.0)
+    ... except NumericsError as error:
+    ...     print(type(error).__name__)
+    EquilibriumError
     """
 
     def __init__(self, message: str, stats: Mapping[str, Any] | None = None) -> None:
@@ -48,7 +80,19 @@ class NumericsError(AncfError):
 
 
 class EquilibriumError(NumericsError):
-    """No static equilibrium was found."""
+    """No static equilibrium was found.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, EquilibriumError, Model, natural_modes
+    >>> standing = Beam.uniform(length=1.0, width=5e-3, thickness=0.5e-3, axis=(0.0, 1.0),
+    ...                         density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> try:
+    ...     natural_modes(Model(standing))
+    ... except EquilibriumError as error:
+    ...     print(error)
+    the equilibrium is unstable, so it has no modes; ...
+    """
 
 
 class SimulationError(NumericsError):
@@ -65,6 +109,18 @@ class SimulationError(NumericsError):
     ----------
     partial : Trajectory or None
         The motion up to that time.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, SimulationError, simulate
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> base = HarmonicBase(amplitude=1e-3, frequency=2.0)
+    >>> try:
+    ...     simulate(Model(beam), base=base, duration=1.0, most_steps=100, method="radau")
+    ... except SimulationError as error:
+    ...     print(0.0 < error.time < 1.0, error.partial.time[-1] <= error.time)
+    True True
     """
 
     def __init__(self, message: str, time: float = math.nan, stats: Mapping[str, Any] | None = None) -> None:
@@ -74,4 +130,18 @@ class SimulationError(NumericsError):
 
 
 class FitError(NumericsError):
-    """An estimation problem did not converge."""
+    """An estimation problem did not converge.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, FitError, Model
+    >>> from problems import FrequencyRecord, fit_properties
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> record = FrequencyRecord(Model(beam), frequencies=[1.9, 10.6, 29.3])
+    >>> try:
+    ...     fit_properties(record, ["elastic_modulus", "density"])
+    ... except FitError as error:
+    ...     print(error)
+    of elastic_modulus, density, the records determine only elastic_modulus density^-1. ...
+    """

@@ -50,6 +50,18 @@ class ModalDamping(DampingLaw):
     ------
     InputError
         If a ratio is negative, 1 or more, a frequency is not positive, or the numbers of values do not fit.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, ModalDamping, Model, natural_modes
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> modes = natural_modes(Model(beam), count=3)
+    >>> law = ModalDamping(modes, ratios=(0.01, 0.003, 0.003))
+    >>> [parameter.name for parameter in law.parameters]
+    ['ratio1', 'ratio2', 'ratio3']
+    >>> law.damping_ratios(modes, [0.01, 0.01, 0.01]).round(4)
+    array([0.01 , 0.003, 0.003])
     """
 
     modes: Modes

@@ -80,7 +80,20 @@ class Forces(Protocol):
 
 
 class DampingLaw(ABC):
-    """Base class of the damping laws."""
+    """Base class of the damping laws; ``+`` adds the forces of two laws.
+
+    Examples
+    --------
+    Laws add up:
+
+    >>> from ancf_casadi import QuadraticDamping, RayleighDamping
+    >>> law = RayleighDamping(alpha=0.2) + QuadraticDamping(eta2=0.1)
+    >>> for parameter in law.parameters:
+    ...     print(parameter.name, parameter.value, parameter.unit)
+    alpha 0.2 1/s
+    eta2 0.1 1/m
+    >>> stronger = law.with_parameters([0.3, 0.1])
+    """
 
     @property
     @abstractmethod

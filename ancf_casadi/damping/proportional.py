@@ -44,14 +44,24 @@ class RayleighDamping(DampingLaw):
     stiffness : {"strain-rate", "tangent", "reference"}
         The meaning of K in large motion.  ``strain-rate``: a Kelvin-Voigt force from the rates of axial strain and
         curvature.  It is objective, and about the straight beam its linearisation is the elastic K.  ``tangent``: the
-        current tangent stiffness.  Where this is indefinite, as in a beam that buckles, the force may add energy, of
-        which ``simulate`` warns.  ``reference``: the constant K of the straight beam, as in the paper.  It is not
+        current tangent stiffness.  Where this stiffness is indefinite, as in a buckling beam, the force may add energy;
+        ``simulate`` then warns.  ``reference``: the constant K of the straight beam, as in the paper.  It is not
         objective: in elements that have rotated, its axial part resists transverse motion.
 
     Raises
     ------
     InputError
         If a coefficient is negative or not finite, or the name is unknown.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, RayleighDamping, natural_modes
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> modes = natural_modes(Model(beam), count=3)
+    >>> law = RayleighDamping(alpha=0.2, beta=1e-5)
+    >>> law.damping_ratios(modes, [0.0, 0.0, 0.0]).round(4)
+    array([0.0085, 0.0018, 0.0015])
     """
 
     alpha: float = 0.0

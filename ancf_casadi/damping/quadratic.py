@@ -52,6 +52,18 @@ class QuadraticDamping(DampingLaw):
     ------
     InputError
         If a coefficient is negative or not finite.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, QuadraticDamping, natural_modes
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> modes = natural_modes(Model(beam), count=1)
+    >>> air = QuadraticDamping(eta1=0.1, eta2=0.2)
+    >>> for amplitude in (0.01, 0.05):  # of the tip, m
+    ...     print(air.damping_ratios(modes, [amplitude]).round(4))
+    [0.0051]
+    [0.0085]
     """
 
     eta1: float = 0.0

@@ -78,6 +78,19 @@ class DampingCurve:
         Natural frequency (k,), Hz, and its standard error.
     unit : str
         SI unit of the amplitude.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement, damping_curve
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
+    >>> curve = damping_curve(record, periods=5)
+    >>> curve.amplitude.round(3)
+    array([0.018, 0.013, 0.01 ])
+    >>> curve.frequency.round(2)
+    array([1.91, 1.91, 1.91])
     """
 
     time: Array
@@ -127,6 +140,19 @@ class LawCurve:
         Natural frequency (k,), Hz, and the ends of its interval (k, 2).
     unit : str
         SI unit of the amplitude.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import fit_decay, law_curve
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> y = 0.02 / (1.0 + 0.2 * time) * np.cos(12.0 * time) + noise  # quadratic damping
+    >>> curve = law_curve(fit_decay(time, y, law="quadratic"), amplitudes=[0.005, 0.010, 0.020])
+    >>> [f"{100 * ratio:.2f} %" for ratio in curve.damping_ratio]
+    ['0.42 %', '0.83 %', '1.67 %']
+    >>> curve.damping_ratio_band.shape
+    (3, 2)
     """
 
     amplitude: Array
@@ -175,6 +201,17 @@ def damping_curve(
     ------
     InputError
         If the record is not usable, nothing in it oscillates, or a window has too few samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement, damping_curve
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
+    >>> curve = damping_curve(record, periods=5)
+    >>> print(f"{100 * curve.damping_ratio.mean():.2f} % in {curve.time.size} windows")
+    0.84 % in 3 windows
     """
     if periods is not None and positive(periods, "periods") < 1.0:
         raise InputError(f"must be 1 or more, got {periods:g}", "periods")

@@ -73,7 +73,22 @@ class Piecewise(ABC):
 
 
 class BaseMotion(Piecewise):
-    """Base class of the base motions."""
+    """Base class of the base motions.
+
+    Examples
+    --------
+    A motion of your own returns its smooth pieces as CasADi expressions of the time; here the clamp turns to 0.5 rad:
+
+    >>> import math
+    >>> import casadi as cs
+    >>> from ancf_casadi import BaseMotion
+    >>> from ancf_casadi.dynamics.base_motion import Piece
+    >>> class Turn(BaseMotion):
+    ...     def pieces(self):
+    ...         return (Piece(math.inf, lambda t, parameters: cs.vertcat(0, 0, 0.5 * cs.tanh(t**3))),)
+    >>> len(Turn().pieces())
+    1
+    """
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -97,6 +112,19 @@ class FixedBase(BaseMotion):
     ------
     InputError
         If a value is not a finite number.
+
+    Examples
+    --------
+    Hold the clamp where an earlier run has left it:
+
+    >>> from ancf_casadi import Beam, FixedBase, HarmonicBase, Model, simulate
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> model, base = Model(beam), HarmonicBase(amplitude=5e-3, frequency=2.0, stop=0.1)
+    >>> driven = simulate(model, base=base, duration=0.2)
+    >>> held = simulate(model, base=FixedBase((5e-3, 0.0)), start=driven.state(-1), duration=0.1)
+    >>> held.base[-1].round(4)
+    array([0.005, 0.   ])
     """
 
     displacement: tuple[float, float] = (0.0, 0.0)
@@ -187,6 +215,13 @@ class HarmonicBase(_Oscillation):
     ------
     InputError
         If a value is not a number in its range.
+
+    Examples
+    --------
+    >>> from ancf_casadi import HarmonicBase
+    >>> base = HarmonicBase(amplitude=1e-3, frequency=2.0, stop=4.0)
+    >>> base.stop_time  # the first instant of rest after 4 s
+    4.125
     """
 
     amplitude: float
@@ -229,6 +264,15 @@ class SweepBase(_Oscillation):
     ------
     InputError
         If a value is not a number in its range.
+
+    Examples
+    --------
+    >>> from ancf_casadi import SweepBase
+    >>> base = SweepBase(amplitude=1e-3, frequencies=(1.0, 12.0), stop=30.0, direction=(3.0, 4.0))
+    >>> base.direction
+    (0.6, 0.8)
+    >>> 30.0 <= base.stop_time < 30.1
+    True
     """
 
     amplitude: float
@@ -268,6 +312,16 @@ class SampledBase(BaseMotion):
     ------
     InputError
         If there are fewer than 6 samples, the shapes differ, a value is not finite or the times do not increase.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import SampledBase
+    >>> time = np.linspace(0.0, 1.0, 101)
+    >>> x = 0.05 * (1.0 - np.cos(np.pi * time))
+    >>> base = SampledBase(time, np.column_stack([x, np.zeros_like(x)]))
+    >>> base.displacement[-1].round(3)
+    array([0.1, 0. ])
     """
 
     time: ArrayLike

@@ -47,6 +47,16 @@ class Signal:
         Meaning.
     value : float
         Value of a parameter, or start value of a state or an input.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, reduce_model
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> reduced = reduce_model(Model(beam), modes=2)
+    >>> signal = reduced.parameters[1]
+    >>> signal.name, signal.unit, signal.value
+    ('gravity_y', 'm/s2', -9.81)
     """
 
     name: str
@@ -73,6 +83,19 @@ class MotionFunctions:
         (q, base) -> r, the positions of the markers (2, k), m.
     energies : Function
         (q, v, base, p) -> T kinetic, U strain, V gravitational, J.
+
+    Examples
+    --------
+    ``beam_functions`` and ``reduce_model`` return them:
+
+    >>> from ancf_casadi import Beam, Model, reduce_model
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> reduced = reduce_model(Model(beam), modes=2)
+    >>> reduced.free, list(reduced.named)
+    (2, ['rhs', 'step', 'tip', 'markers', 'energies', 'mass', 'coordinates'])
+    >>> reduced.rhs.name_in()
+    ['q', 'v', 'base', 'p']
     """
 
     parameters: tuple[Signal, ...]
@@ -102,7 +125,20 @@ class MotionFunctions:
 
 
 def values(signals: Sequence[Signal]) -> Array:
-    """Return the values of signals."""
+    """Return the values of signals, each in its SI unit, (k,).
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, reduce_model
+    >>> from ancf_casadi.export import values
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> reduced = reduce_model(Model(beam), modes=2)
+    >>> values(reduced.parameters)  # gravity, x and y
+    array([ 0.  , -9.81])
+    >>> values(reduced.states)
+    array([0., 0., 0., 0.])
+    """
     return np.array([signal.value for signal in signals], dtype=float)
 
 

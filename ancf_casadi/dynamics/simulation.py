@@ -80,14 +80,14 @@ def simulate(
         as in ``equilibrium`` even if the base starts with a velocity, which is an impact on the clamp.  A ``State``: as
         given, at its own time; ``start=run.state(-1)`` continues another run, from any of its samples.
     method : {"auto", "idas", "radau"}
-        The integrator.  ``auto``: IDAS, and Radau from the time at which IDAS takes too many steps, which a warning
-        and ``integrators`` of the result report.  ``idas`` and ``radau`` never change.
+        The integrator.  ``auto``: IDAS, and Radau from the time at which IDAS takes too many steps; a warning and
+        ``integrators`` of the result report the change.  ``idas`` and ``radau`` never change.
     tolerance : float, optional
         Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.  The default
         depends on the expected motion (``ancf_casadi.dynamics.tolerance``).
     largest_step : float
-        Largest step, s: for a base motion with short events, or for even steps, which follow a steady vibration better
-        than the tolerance alone.
+        Largest step, s.  Limit the step if the base motion has short events.  Even steps also follow a steady vibration
+        better than the tolerance alone.
     options : mapping, optional
         Options of CasADi's IDAS interface; they override the defaults.
     most_steps : int
@@ -99,9 +99,8 @@ def simulate(
     ------
     InputError
         If a number is not positive, the method or the start is unknown, the base motion is not finite, the load begins
-        after the end of the motion, the start
-        belongs to another model, or is a state that stretches the beam by more than 1 % or whose clamp disagrees with
-        the base motion, or IDAS refuses an option.
+        after the end of the motion, or IDAS refuses an option; if the start belongs to another model, or is a state
+        that stretches the beam by more than 1 %, or whose clamp disagrees with the base motion.
     EquilibriumError
         If there is no equilibrium to start from.
     SimulationError
@@ -116,6 +115,16 @@ def simulate(
     -----
     Ctrl-C does not raise during the integration.  The run ends with the current time segment, at most a 25th of the
     run, and returns the finished part with ``interrupted`` set.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, simulate
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> base = HarmonicBase(amplitude=5e-3, frequency=2.0)
+    >>> run = simulate(Model(beam), damping=RayleighDamping(alpha=0.2), base=base, duration=0.25)
+    >>> print(f"the tip swings {1e3 * abs(run.tip[:, 0]).max():.0f} mm")
+    the tip swings 14 mm
     """
     began = time.perf_counter()
     choice(method, get_args(Method), "method")

@@ -39,7 +39,19 @@ MOST_BLOWS = 50  # with more, the whole record is one piece
 
 
 class TipLoad(Piecewise):
-    """Base class of the loads at the tip."""
+    """Base class of the loads at the tip.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import HarmonicLoad, SampledLoad, TipLoad
+    >>> blow = SampledLoad([0.10, 0.11, 0.12], [[0.0, 0.0], [2.0, 0.0], [0.0, 0.0]])
+    >>> isinstance(blow, TipLoad), blow.begin
+    (True, 0.1)
+    >>> blow.values(np.array([0.05, 0.11]))
+    array([[0., 0., 0.],
+           [2., 0., 0.]])
+    """
 
     @property
     def begin(self) -> float:
@@ -66,7 +78,7 @@ class TipLoad(Piecewise):
 @final
 @dataclass(frozen=True)
 class HarmonicLoad(TipLoad):
-    """A load with the time function sin(2 pi frequency t), which may end.
+    """A harmonic load, proportional to sin(2 pi frequency t), which may end.
 
     Parameters
     ----------
@@ -83,6 +95,15 @@ class HarmonicLoad(TipLoad):
     ------
     InputError
         If a value is not a number in its range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import HarmonicLoad
+    >>> load = HarmonicLoad(force=(0.1, 0.0), frequency=2.0, stop=1.0)
+    >>> load.values(np.array([0.125, 2.0])).round(3)
+    array([[0.1, 0. , 0. ],
+           [0. , 0. , 0. ]])
     """
 
     force: tuple[float, float]
@@ -132,6 +153,16 @@ class SampledLoad(TipLoad):
     References
     ----------
     Fritsch and Butland 1984, "A method for constructing local monotone piecewise cubic interpolants".
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, SampledLoad, simulate
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> blow = SampledLoad([0.0, 0.005, 0.01], [[0.0, 0.0], [0.2, 0.0], [0.0, 0.0]])
+    >>> run = simulate(Model(beam), load=blow, duration=0.1, sample_rate=1000.0)
+    >>> bool(run.tip[-1, 0] > 0.0)
+    True
     """
 
     time: ArrayLike

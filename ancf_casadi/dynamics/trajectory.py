@@ -34,9 +34,28 @@ class State:
     Parameters
     ----------
     coordinates, velocities : array (4 n + 4,)
-        Nodal coordinates and velocities in the laboratory frame, beginning with those of the clamped node.
+        Nodal coordinates and velocities in the laboratory frame, beginning with those of the clamped node: positions,
+        m, and dimensionless slopes, and their rates per second.
     time : float
         Time on the clock of the base motion and the load, s.
+
+    Raises
+    ------
+    InputError
+        If a value is not a number.
+
+    Examples
+    --------
+    Continue a run from its last sample:
+
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, simulate
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> model, base = Model(beam), HarmonicBase(amplitude=5e-3, frequency=2.0)
+    >>> first = simulate(model, base=base, duration=0.1)
+    >>> second = simulate(model, base=base, duration=0.1, start=first.state(-1))
+    >>> second.time[[0, -1]].round(3)
+    array([0.1, 0.2])
     """
 
     coordinates: Array
@@ -101,7 +120,21 @@ class Trajectory:
     integrators : tuple of IntegratorUse
         The integrators used; more than one if the default changed from IDAS to Radau.
     interrupted : bool
-        Whether Ctrl-C stopped the run before its end, so that only the finished part is here.
+        True if Ctrl-C stopped the run before its end; the trajectory then holds the finished part.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, simulate
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> run = simulate(Model(beam), base=HarmonicBase(amplitude=5e-3, frequency=2.0), duration=0.2)
+    >>> run.tip.shape  # at the instants run.time
+    (201, 2)
+    >>> middle, moment = run.position(0.25), run.bending_moment(0.0)
+    >>> print(f"{1e3 * middle[-1, 0]:.1f} mm, {1e3 * moment[-1]:.1f} N mm")
+    6.7 mm, 1.8 N mm
+    >>> bool(abs(run.balance_error).max() < 1e-3 * run.kinetic_energy.max())
+    True
     """
 
     model: Model
@@ -232,13 +265,13 @@ class Trajectory:
 
     @cached_property
     def kinetic_energy(self) -> Array:
-        """T, (k,), J."""
+        """Kinetic energy T, (k,), J."""
         mass = self.model.mass(self.model.properties).sparse()
         return np.asarray((self.velocities * (self.velocities @ mass)).sum(axis=1) / 2)
 
     @cached_property
     def strain_energy(self) -> Array:
-        """U, (k,), J."""
+        """Strain energy U, (k,), J."""
         e = cs.MX.sym("e", self.model.size)
         energy = cs.Function("U", [e], [self.model.strain_energy(e, self.model.properties)])
         parts = np.array_split(self.coordinates, len(self.time) // AT_ONCE + 1)
@@ -246,13 +279,13 @@ class Trajectory:
 
     @cached_property
     def potential_energy(self) -> Array:
-        """V of gravity, (k,), J; 0 at the origin."""
+        """Potential energy V of gravity, (k,), J; 0 at the origin."""
         force = self.model.gravity_force(self.model.properties, self.model.beam.gravity).full().ravel()
         return np.asarray(-self.coordinates @ force)
 
     @property
     def energy(self) -> Array:
-        """T + U + V, (k,), J."""
+        """Mechanical energy T + U + V, (k,), J."""
         return self.kinetic_energy + self.strain_energy + self.potential_energy
 
     @property

@@ -42,11 +42,24 @@ class LawComparison(Generic[F]):
     terms : tuple of tuple of str
         Names of the unknowns that are the damping parameters of each law.
     failed : mapping of str to str
-        Reason why a law could not be fitted, by its name; such laws are not among ``names``.
+        Reason for the failure of each law that could not be fitted, by its name; such laws are not among ``names``.
     counted : mapping of str to tuple of str
         Unknowns of a law, by its name, that the criteria count even at a bound.
     priors : mapping of str to float
         Prior probability of a law, by its name, relative to that of the others; 1 if not given.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import compare_decay_laws
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> y = 0.02 / (1.0 + 0.2 * time) * np.cos(12.0 * time) + noise  # quadratic damping
+    >>> comparison = compare_decay_laws(time, y, laws=["linear", "quadratic"], frequency_laws=["constant"])
+    >>> comparison.names, comparison.best.law
+    (('linear', 'quadratic'), 'quadratic')
+    >>> print(f"{comparison.best.eta2:.1f} 1/m")
+    2.0 1/m
     """
 
     names: tuple[str, ...]

@@ -108,6 +108,20 @@ class MonteCarlo:
         Kind of noise in the records.
     block : int
         Number of successive residuals that were drawn together; 1 for parametric records.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement
+    >>> from problems import fit_decay, monte_carlo
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
+    >>> scatter = monte_carlo(fit_decay(record), runs=20)
+    >>> scatter.names
+    ('frequency', 'damping_ratio', 'eta1', 'amplitude', 'offset')
+    >>> scatter.samples.shape, scatter.intervals(0.9).shape
+    ((20, 5), (5, 2))
     """
 
     names: tuple[str, ...]
@@ -240,6 +254,20 @@ def monte_carlo(
         If a number is not usable, the method is unknown, or the fit has no scatter.
     FitError
         If fewer than two runs converge.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement
+    >>> from problems import fit_decay, monte_carlo
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
+    >>> fit = fit_decay(record)
+    >>> scatter = monte_carlo(fit, runs=20, seed=1)
+    >>> deviations = dict(zip(scatter.names, scatter.deviations))
+    >>> bool(0.5 < deviations["damping_ratio"] / fit.standard_errors["damping_ratio"] < 2.0)
+    True
     """
     runs, seed = whole(runs, "runs", MINIMUM_RUNS, MOST_RUNS), whole(seed, "seed", 0)
     choice(method, get_args(Method), "method")

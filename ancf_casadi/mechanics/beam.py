@@ -55,6 +55,13 @@ class Section:
     ------
     InputError
         If a side is not a positive number, or exceeds 1e100 m.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Section
+    >>> section = Section(width=5e-3, thickness=0.5e-3)
+    >>> print(f"{section.area:.3g} m^2, {section.second_moment:.3g} m^4")
+    2.5e-06 m^2, 5.21e-14 m^4
     """
 
     width: float
@@ -108,6 +115,15 @@ class Beam:
         If a value is not finite and positive (gravity: not finite; tip mass: negative), the axis is zero, the tuples
         differ in length, there are fewer than 2 or more than 10000 elements, or the mass or a stiffness of an element
         is beyond the range of numbers.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=20)
+    >>> print(f"{1e3 * beam.mass:.1f} g, elements of {1e3 * beam.element_length:.0f} mm")
+    10.0 g, elements of 25 mm
+    >>> standing = beam.with_(axis=(0.0, 1.0), tip_mass=2e-3)
     """
 
     length: float
@@ -179,7 +195,17 @@ class Beam:
         Raises
         ------
         InputError
-            As in ``Beam``, and if a sequence does not have ``elements`` values.
+            As in ``Beam``; or if a sequence does not have ``elements`` values.
+
+        Examples
+        --------
+        >>> from ancf_casadi import Beam
+        >>> taper = Beam.uniform(length=0.3, width=0.02, thickness=(2e-3, 1.5e-3, 1e-3),
+        ...                      density=1200.0, elastic_modulus=2e9, elements=3)
+        >>> taper.thickness
+        (0.002, 0.0015, 0.001)
+        >>> taper.density
+        (1200.0, 1200.0, 1200.0)
         """
         elements = whole(elements, "elements", MINIMUM_ELEMENTS, MAXIMUM_ELEMENTS)
         given = {"width": width, "thickness": thickness, "density": density, "elastic_modulus": elastic_modulus}
@@ -195,6 +221,21 @@ class Beam:
         ------
         InputError
             If the file cannot be read, a key is missing or unknown, or a value is unusable.
+
+        Examples
+        --------
+        >>> from pathlib import Path
+        >>> from ancf_casadi import Beam
+        >>> _ = Path("beam.toml").write_text('''[beam]
+        ... length = 0.5
+        ... width = 5e-3
+        ... thickness = 0.5e-3
+        ... density = 8000.0
+        ... elastic_modulus = 210e9
+        ... elements = 20
+        ... ''')
+        >>> Beam.from_toml("beam.toml").elements
+        20
         """
         return cls.from_table(read_toml(path).get("beam"), str(path))
 
@@ -205,7 +246,7 @@ class Beam:
         Raises
         ------
         InputError
-            As ``from_toml``.
+            As in ``from_toml``.
         """
         if not isinstance(table, dict):
             raise InputError("has no table [beam]", where)
@@ -241,6 +282,17 @@ class Beam:
         ------
         InputError
             If a name is not a field of ``Beam``, or a value is unusable.
+
+        Examples
+        --------
+        >>> from ancf_casadi import Beam
+        >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+        ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+        >>> thicker = beam.with_(thickness=0.6e-3, tip_mass=1e-3)
+        >>> thicker.thickness
+        (0.0006, 0.0006, 0.0006, 0.0006)
+        >>> beam.tip_mass, thicker.tip_mass
+        (0.0, 0.001)
         """
         names = {field.name for field in fields(self)}
         for name, value in changes.items():

@@ -57,6 +57,17 @@ class Model:
     ------
     InputError
         If ``beam`` is not a Beam, or ``measures`` are not StrainMeasures.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> model = Model(beam)
+    >>> model.size
+    20
+    >>> model.interpolation(0.25) @ model.straight
+    array([ 0.  , -0.25])
     """
 
     beam: Beam

@@ -30,6 +30,16 @@ class PointLoad:
     ------
     InputError
         If a value is not finite, or the point is negative.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, PointLoad, static_equilibrium
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> push = PointLoad(force=(0.02, 0.0), point=0.25)
+    >>> rest = static_equilibrium(Model(beam), loads=[push])
+    >>> print(f"{1e3 * rest.position(0.25)[0]:.1f} mm")
+    7.6 mm
     """
 
     force: tuple[float, float] = (0.0, 0.0)
@@ -51,6 +61,12 @@ class PointLoad:
         ------
         InputError
             If the mass is not positive, or the gravity is zero.
+
+        Examples
+        --------
+        >>> from ancf_casadi import PointLoad
+        >>> PointLoad.hung(0.1, point=0.45)
+        PointLoad(force=(0.0, -0.9810000000000001), moment=0.0, point=0.45)
         """
         x, y = vector(gravity, "gravity")
         if not (x or y):

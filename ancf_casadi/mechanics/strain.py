@@ -46,6 +46,15 @@ class StrainMeasures:
     ------
     InputError
         If a name is unknown or a number of points is not 1 to 9.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, StrainMeasures, natural_modes
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> linear = Model(beam, StrainMeasures(curvature="small"))
+    >>> natural_modes(linear, count=2).frequencies.round(2)
+    array([ 1.88, 10.59])
     """
 
     axial: AxialStrain = "engineering"

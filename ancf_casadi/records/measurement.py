@@ -45,6 +45,16 @@ class Measurement:
     ------
     InputError
         If the arrays are not vectors of finite numbers of one length, at least 2, or the times do not increase.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement, Sensor
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time), name="laser")
+    >>> record.sensor.quantity, record.sensor.unit
+    ('displacement', 'm')
+    >>> strain = Measurement(time, 1e-4 * np.cos(12.0 * time), sensor=Sensor("strain", point=0.01))
     """
 
     time: Array
@@ -94,7 +104,7 @@ class Measurement:
         column : str or int, optional
             Name or number (from 1) of the column with the values; not needed if there is only one.
         time : str or int, optional
-            Name or number of the column with the times; not needed if it is clear.
+            Name or number of the column with the times; needed only if the reader cannot find it.
         unit, time_unit : str, optional
             Units of the values and the times, such as ``mm`` and ``ms``, in place of those in the file.  Without any
             unit, values are in the SI unit of the sensor, and times in s.
@@ -109,8 +119,20 @@ class Measurement:
         Raises
         ------
         InputError
-            As ``read_recording``, if the column is not clear, if its unit is not understood or does not fit the sensor,
-            or as ``Measurement``.
+            As in ``read_recording`` and ``Measurement``; or if the column is not clear, or its unit is unknown or does
+            not fit the sensor.
+
+        Examples
+        --------
+        >>> from pathlib import Path
+        >>> from ancf_casadi import Measurement
+        >>> _ = Path("decay.csv").write_text('''time [s],tip [mm]
+        ... 0.00,12.1
+        ... 0.01,11.8
+        ... 0.02,10.9
+        ... ''')
+        >>> Measurement.from_file("decay.csv").values.round(4)  # m
+        array([0.0121, 0.0118, 0.0109])
         """
         recording = read_recording(path, time=time, time_unit=time_unit, rate=rate, progress=progress)
         return cls.from_recording(recording, column, unit=unit, sensor=sensor)
@@ -130,7 +152,7 @@ class Measurement:
         Raises
         ------
         InputError
-            As ``from_file``.
+            As in ``from_file``.
         """
         check_instance(recording, "recording", Recording)
         check_instance(sensor, "sensor", Sensor, NoneType)
@@ -150,6 +172,13 @@ class Measurement:
         ------
         InputError
             If fewer than two samples remain.
+
+        Examples
+        --------
+        >>> from ancf_casadi import Measurement
+        >>> record = Measurement([0.0, 0.1, 0.2, 0.3], [0.0, 0.01, 0.02, 0.01])
+        >>> record.cut(0.1, 0.2).values
+        array([0.01, 0.02])
         """
         first = self.time[0] if begin is None else number(begin, "begin")
         last = self.time[-1] if end is None else number(end, "end")
@@ -171,6 +200,15 @@ class Measurement:
         ------
         InputError
             If the record is not evenly sampled, or has fewer than 30 samples per unit of the factor.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from ancf_casadi import Measurement
+        >>> time = np.arange(10_000) / 5000.0
+        >>> record = Measurement(time, 0.02 * np.cos(12.0 * time))
+        >>> record.decimated(10).time.size
+        1000
         """
         whole(factor, "factor", 1)
         if factor == 1:
@@ -182,7 +220,15 @@ class Measurement:
         return Measurement(self.time[::factor], decimated(self.values, factor), self.name, self.sensor)
 
     def detrended(self) -> Measurement:
-        """Return the record without its best straight line, such as the drift of a sensor."""
+        """Return the record without its best straight line, such as the drift of a sensor.
+
+        Examples
+        --------
+        >>> from ancf_casadi import Measurement
+        >>> record = Measurement([0.0, 1.0, 2.0, 3.0], [0.1, 0.3, 0.1, 0.3])
+        >>> record.detrended().values.round(2)
+        array([-0.04,  0.12, -0.12,  0.04])
+        """
         return Measurement(self.time, without_line(self.time, self.values), self.name, self.sensor)
 
     def figure(self) -> Figure:

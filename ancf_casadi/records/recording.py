@@ -27,6 +27,20 @@ class Recording:
         The channels without the time, each with its values as written, its unit and its times.
     notes : tuple of str
         Decisions of the reader that the user should know.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from ancf_casadi import Measurement, read_recording
+    >>> _ = Path("run.csv").write_text('''t (s);x (mm);force (N)
+    ... 0,0;1,5;0,20
+    ... 0,1;1,4;0,18
+    ... ''')
+    >>> recording = read_recording("run.csv")
+    >>> recording.channel("x (mm)").values
+    array([1.5, 1.4])
+    >>> Measurement.from_recording(recording, "force (N)").sensor.quantity
+    'force'
     """
 
     path: str
@@ -89,7 +103,7 @@ def read_recording(
     path : str or Path
         The file.
     time : str or int, optional
-        Name or number (from 1) of the column with the times; needed only if it is not clear.
+        Name or number (from 1) of the column with the times; needed only if the reader cannot find it.
     time_unit : str, optional
         Unit of the times, such as ``ms``, in place of that in the file.
     rate : float, optional
@@ -101,6 +115,19 @@ def read_recording(
     ------
     InputError
         If the file cannot be read, or its times are not clear or do not increase; the message names the remedy.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from ancf_casadi import read_recording
+    >>> _ = Path("run.txt").write_text('''frame  x_mm  y_mm
+    ... 1  1.5  -2.0
+    ... 2  1.4  -2.1
+    ... 3  1.2  -2.3
+    ... ''')
+    >>> recording = read_recording("run.txt", time="frame", rate=100.0)
+    >>> [channel.name for channel in recording.channels], recording.time
+    (['x_mm', 'y_mm'], array([0.  , 0.01, 0.02]))
     """
     return recording_of(read_contents(path, progress=progress), path, time=time, time_unit=time_unit, rate=rate)
 

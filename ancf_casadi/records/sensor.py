@@ -63,6 +63,15 @@ class Sensor:
     InputError
         If a name is unknown, the point is negative or away from the clamp of a force, the direction has no length, or a
         setting does not belong to the quantity.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Sensor
+    >>> laser = Sensor("displacement", point=0.4, direction=(1.0, 0.0))
+    >>> accelerometer = Sensor("acceleration", frame="body", direction=(0.0, 1.0), gravity=True)
+    >>> gauge = Sensor("strain", point=0.02)
+    >>> laser.unit, accelerometer.unit, laser.label
+    ('m', 'm/s^2', 'x, 400 mm')
     """
 
     quantity: Quantity = "displacement"

@@ -74,6 +74,17 @@ class ReducedFunctions(MotionFunctions):
         (q) -> M.
     coordinates : Function
         (q, v, base) -> e, e_t, nodal coordinates and velocities of the full model, (4 n + 4,).
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, reduce_model
+    >>> from ancf_casadi.export import load_functions, save_functions
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> save_functions(reduce_model(Model(beam), modes=2), "reduced.casadi")
+    >>> functions = load_functions("reduced.casadi")
+    >>> type(functions).__name__, functions.mass([0.0, 0.0]).shape
+    ('ReducedFunctions', (2, 2))
     """
 
     mass: cs.Function
@@ -82,7 +93,7 @@ class ReducedFunctions(MotionFunctions):
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel(ReducedFunctions):
-    """A beam in a few modes, with the modes and the damping law behind it; ``reduce_model`` returns it.
+    """A beam in a few modes, with these modes and its damping law; ``reduce_model`` returns it.
 
     Parameters
     ----------
@@ -92,6 +103,17 @@ class ReducedModel(ReducedFunctions):
         The damping law.
     parameters, states, base, outputs, rhs, step, mass, energies, tip, markers, coordinates
         As in ``ReducedFunctions``.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, RayleighDamping, reduce_model
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> reduced = reduce_model(Model(beam), modes=2, damping=RayleighDamping(alpha=0.2))
+    >>> [state.name for state in reduced.states]
+    ['q_1', 'q_2', 'velocity_q_1', 'velocity_q_2']
+    >>> reduced.rhs.name_in()
+    ['q', 'v', 'base', 'p']
     """
 
     modes: Modes
@@ -148,6 +170,18 @@ def reduce_model(
         not on the beam, or the damping law needs a force that the reduced model does not have.
     EquilibriumError
         If there is no stable equilibrium under gravity.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, ModalDamping, Model, natural_modes, reduce_model
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> model = Model(beam)
+    >>> modes = natural_modes(model, count=3)
+    >>> law = ModalDamping(modes, ratios=(0.01, 0.003, 0.003))
+    >>> reduced = reduce_model(model, modes=modes, damping=law)
+    >>> reduced.count, model.size
+    (3, 20)
     """
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)

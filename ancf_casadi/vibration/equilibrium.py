@@ -62,6 +62,17 @@ class Equilibrium:
         The part of the coordinates lost by rounding; zero if not given.
     loads : tuple of PointLoad
         Further loads.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, static_equilibrium
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> rest = static_equilibrium(Model(beam.with_(axis=(1.0, 0.0))))
+    >>> rest.tip.round(3)
+    array([ 0.48 , -0.132])
+    >>> round(rest.tip_angle, 3), rest.is_stable
+    (-0.357, True)
     """
 
     model: Model
@@ -140,6 +151,15 @@ def static_equilibrium(
         If a load is not finite, or not on the beam.
     EquilibriumError
         If the path of equilibria cannot be followed to the full load.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, static_equilibrium
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> rest = static_equilibrium(Model(beam), tip_force=(0.02, 0.0))
+    >>> print(f"{1e3 * rest.tip[0]:.0f} mm sideways, {1e3 * (rest.tip[1] + beam.length):.0f} mm up")
+    59 mm sideways, 4 mm up
     """
     check_instance(model, "model", Model)
     force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")

@@ -41,6 +41,17 @@ class Modes:
     shapes : array (4 n + 4, m)
         Mass-normalised mode shapes Phi in all nodal coordinates, zero at the clamp.  The larger component of the tip
         displacement is positive.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, natural_modes
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> modes = natural_modes(Model(beam), count=3)
+    >>> modes.count, modes.shapes.shape
+    (3, (20, 3))
+    >>> modes.frequencies.round(2)
+    array([ 1.88, 10.59, 29.47])
     """
 
     equilibrium: Equilibrium
@@ -88,6 +99,16 @@ class Modes:
         ------
         InputError
             If the coordinates do not fit the model, or there is no such mode.
+
+        Examples
+        --------
+        >>> from ancf_casadi import Beam, Model, natural_modes, static_equilibrium
+        >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+        ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+        >>> modes = natural_modes(Model(beam), count=3)
+        >>> pulled = static_equilibrium(modes.model, tip_force=(1e-4, 0.0))
+        >>> [f"{1e3 * modes.modal_coordinate(pulled.coordinates, k):.2f} mm" for k in range(3)]
+        ['0.29 mm', '0.01 mm', '0.00 mm']
         """
         mode, coordinates = whole(mode, "mode", 0, self.count - 1), array(coordinates, "coordinates")
         if coordinates.shape[-1:] != (self.model.size,):
@@ -115,6 +136,18 @@ def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | No
         If ``count`` is not a whole number in this range, or the equilibrium belongs to another model.
     EquilibriumError
         If the equilibrium is unstable, or none is found.
+
+    Examples
+    --------
+    The frequencies of a strip that hangs, and of the same strip standing:
+
+    >>> from ancf_casadi import Beam, Model, natural_modes
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> natural_modes(Model(beam), count=3).frequencies.round(2)
+    array([ 1.88, 10.59, 29.47])
+    >>> natural_modes(Model(beam.with_(axis=(0.0, 1.0))), count=3).frequencies.round(2)
+    array([ 1.4 , 10.18, 29.07])
     """
     check_instance(model, "model", Model)
     check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
@@ -154,6 +187,17 @@ def mac(first: Array, second: Array) -> Array:
     ------
     InputError
         If the shapes are not finite numbers in columns of equal length.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, mac, natural_modes
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> modes = natural_modes(Model(beam), count=2)
+    >>> heavy = natural_modes(Model(beam.with_(tip_mass=5e-3)), count=2)
+    >>> mac(modes.shapes, heavy.shapes).round(2)
+    array([[1.  , 0.24],
+           [0.47, 0.94]])
     """
     first, second = array(first, "first"), array(second, "second")
     if first.ndim != 2 or second.ndim != 2 or len(first) != len(second):

@@ -39,6 +39,19 @@ class IsolatedMode:
         The record from the release on, less the other modes.
     warnings : tuple of str
         Modes that are too close to be told apart with correct errors.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement
+    >>> from problems import isolate_mode
+    >>> time = np.linspace(0.0, 10.0, 2001)
+    >>> y = 0.020 * np.exp(-0.1 * time) * np.cos(12.0 * time)
+    >>> y += 0.005 * np.exp(-0.3 * time) * np.cos(60.0 * time)
+    >>> y += np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> found = isolate_mode(Measurement(time, y), band=(1.0, 3.0))
+    >>> [round(mode.frequency, 2) for mode in (found.mode, *found.others)]
+    [1.91, 9.55]
     """
 
     mode: DecayFit
@@ -65,6 +78,19 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
         If the band is not in order, the record is not usable, or it shows no mode in the band.
     FitError
         If a fit does not converge.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement
+    >>> from problems import fit_decay, isolate_mode
+    >>> time = np.linspace(0.0, 10.0, 2001)
+    >>> y = 0.020 * np.exp(-0.1 * time) * np.cos(12.0 * time)
+    >>> y += 0.005 * np.exp(-0.3 * time) * np.cos(60.0 * time)
+    >>> y += np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> found = isolate_mode(Measurement(time, y), band=(8.0, 12.0))
+    >>> round(fit_decay(found.record).frequency, 2)
+    9.55
     """
     low, high = physical(band[0], "band"), physical(band[1], "band")
     if not low < high:

@@ -59,6 +59,17 @@ def compare_decay_laws(
         If the record is not usable, nothing in it oscillates, a law is unknown, or no law is given.
     FitError
         If no fit converges.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import compare_decay_laws
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> y = 0.02 / (1.0 + 0.2 * time) * np.cos(12.0 * time) + noise  # quadratic damping
+    >>> comparison = compare_decay_laws(time, y, frequency_laws=["constant"])
+    >>> comparison.best.law
+    'quadratic'
     """
     pairs = _combinations(laws, frequency_laws)
     offset, drift, bounds = flag(offset, "offset"), flag(drift, "drift"), checked_ratios(ratio_bounds)

@@ -77,6 +77,20 @@ def fit_decay(
         If the record is not usable, nothing in it oscillates, or an option is unknown.
     FitError
         If the fit does not converge.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement
+    >>> from problems import fit_decay
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
+    >>> fit = fit_decay(record)
+    >>> print(f"{fit.frequency:.3f} Hz, {100 * fit.damping_ratio:.2f} %")
+    1.910 Hz, 0.83 %
+    >>> fit.warnings
+    ()
     """
     record = as_record(time, displacement)
     choice(law, (*get_args(Law), "auto"), "law")
@@ -142,6 +156,18 @@ def fit_decays(
         If a record is not usable, nothing in it oscillates, or an option is unknown.
     FitError
         If the fit does not converge.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement
+    >>> from problems import fit_decays
+    >>> time, rng = np.linspace(0.0, 10.0, 1001), np.random.default_rng(0)
+    >>> y = np.exp(-0.1 * time) * np.cos(12.0 * time)
+    >>> takes = [Measurement(time, a * y + rng.normal(scale=1e-4, size=time.size)) for a in (0.02, 0.03)]
+    >>> fits = fit_decays(takes)
+    >>> [round(fit.amplitude, 3) for fit in fits], round(fits[0].frequency, 2)
+    ([0.02, 0.03], 1.91)
     """
     check_laws(law, frequency_law)
     offset, drift, robust = flag(offset, "offset"), flag(drift, "drift"), flag(robust, "robust")

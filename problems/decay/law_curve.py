@@ -37,6 +37,17 @@ def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: floa
     ------
     InputError
         If an amplitude is not positive, or the level is not between 0 and 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import fit_decay, law_curve
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> y = 0.02 / (1.0 + 0.2 * time) * np.cos(12.0 * time) + noise  # quadratic damping
+    >>> curve = law_curve(fit_decay(time, y, law="quadratic"), amplitudes=[0.010, 0.020])
+    >>> [f"{100 * ratio:.2f} %" for ratio in curve.damping_ratio]
+    ['0.83 %', '1.67 %']
     """
     if amplitudes is None:
         last = fit.displacement(fit.time[fit.time > fit.time[-1] - 1 / fit.frequency])

@@ -76,8 +76,9 @@ def fit_modes(
     Returns
     -------
     tuple of DecayFit
-        Result for each mode, in ascending order of frequency; with a warning if the record supports fewer than
-        ``count``.  ``displacement`` gives the contribution of the mode; the strongest mode includes the offset.
+        Result for each mode, in ascending order of frequency; the results have a warning if the record supports fewer
+        modes than ``count``.  ``displacement`` returns the contribution of the mode; that of the strongest mode
+        includes the offset.
 
     Raises
     ------
@@ -85,6 +86,19 @@ def fit_modes(
         If the record is not usable, or shows no mode.
     FitError
         If a fit does not converge.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import fit_modes
+    >>> time = np.linspace(0.0, 10.0, 2001)
+    >>> y = 0.020 * np.exp(-0.1 * time) * np.cos(12.0 * time)
+    >>> y += 0.005 * np.exp(-0.3 * time) * np.cos(60.0 * time)
+    >>> y += np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> for fit in fit_modes(time, y, count=2):
+    ...     print(f"{fit.frequency:.2f} Hz, {100 * fit.damping_ratio:.2f} %")
+    1.91 Hz, 0.83 %
+    9.55 Hz, 0.50 %
     """
     record = as_record(time, displacement)
     most = max(1, len(record.time) // SAMPLES)

@@ -46,8 +46,8 @@ class DecayFit:
     frequency_law : {"constant", "linear", "quadratic"}
         Fitted frequency law.
     frequency : float
-        Natural frequency f, Hz, at zero amplitude if it depends on the amplitude A; the undamped one under the linear
-        law.
+        Natural frequency f, Hz, at zero amplitude if it depends on the amplitude A; the undamped frequency under the
+        linear law.
     frequency_slope, frequency_curvature : float
         k1 (1/m) and k2 (1/m^2) in f (1 + k1 A) and f (1 + k2 A^2); 0 under the other frequency laws.
     damping_ratio : float
@@ -58,8 +58,8 @@ class DecayFit:
         Coefficient (m^(1-p) s^(p-2)) and exponent p of the force per mass ``eta_p |v|^p``; 0 and nan under the other
         laws.
     amplitude : float
-        Amplitude about the offset at the release, m: of the envelope of Eq. (9), e0 of Eq. (27), or of r0 and v0; of
-        the displacement if velocity or acceleration was measured.
+        Amplitude about the offset at the release, m: that of the envelope in Eq. (9), e0 in Eq. (27), and that of the
+        initial state in Eq. (26).  If velocity or acceleration was measured, it is that of the displacement.
     offset : float
         Equilibrium, in the unit of the sensor; with drift, the one at the release.
     drift : float
@@ -87,6 +87,21 @@ class DecayFit:
         Positions in ``fit`` of the unknowns of the curve; not all if several records or modes were fitted at once.
     fit : Fit
         All unknowns, with covariance, bounds and condition number, and the status of the solver.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement
+    >>> from problems import fit_decay
+    >>> time = np.linspace(0.0, 10.0, 1001)
+    >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+    >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
+    >>> fit = fit_decay(record)
+    >>> print(f"{fit.damping_ratio:.5f} +- {fit.standard_errors['damping_ratio']:.5f}")
+    0.00834 +- 0.00001
+    >>> low, high = fit.intervals["frequency"]
+    >>> print(f"{low:.4f} to {high:.4f} Hz")
+    1.9099 to 1.9100 Hz
     """
 
     law: Law
@@ -147,7 +162,19 @@ class DecayFit:
         return self.fit.at_bound
 
     def displacement(self, time: ArrayLike) -> Array:
-        """Return the fitted record, in the unit of its sensor, at times (s) of the record, from the release on."""
+        """Return the fitted record, in the unit of its sensor, at times (s) of the record, from the release on.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from ancf_casadi import Measurement
+        >>> from problems import fit_decay
+        >>> time = np.linspace(0.0, 10.0, 1001)
+        >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+        >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
+        >>> fit_decay(record).displacement([0.0, 5.0]).round(3)
+        array([ 0.02 , -0.012])
+        """
         t = array(time, "time").ravel() - self.release_time
         curve = self.model.curve(t, *(cs.MX(self.fit.values[i]) for i in self.indices))
         return np.asarray(cs.evalf(curve)).ravel()
@@ -168,6 +195,17 @@ class DecayFit:
             If the law has no such quantity, the level is not between 0 and 1, or there is no scatter.
         FitError
             If a nonlinear program for an end does not converge.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from ancf_casadi import Measurement
+        >>> from problems import fit_decay
+        >>> time = np.linspace(0.0, 10.0, 1001)
+        >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+        >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
+        >>> [f"{end:.4f}" for end in fit_decay(record).profile_interval("damping_ratio")]
+        ['0.0083', '0.0084']
         """
         if name not in self.estimates:
             raise InputError(f"is not estimated by this fit; it has {', '.join(self.estimates)}", name)
@@ -204,7 +242,20 @@ class DecayFit:
         return table
 
     def report(self) -> str:
-        """Return the result as text, one line per quantity."""
+        """Return the result as text, one line per quantity.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from ancf_casadi import Measurement
+        >>> from problems import fit_decay
+        >>> time = np.linspace(0.0, 10.0, 1001)
+        >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+        >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
+        >>> print(fit_decay(record).report())
+        linear decay, 1001 samples from 0 s on; 95 % intervals
+          frequency ...
+        """
         drift = ["drift"] * self.model.drift
         shown = ["frequency", "damping_ratio", *self.model.terms, "amplitude", "offset", *drift]
         bent = "" if self.frequency_law == "constant" else f", frequency {self.frequency_law} in the amplitude"

@@ -29,6 +29,18 @@ class DecayFits(Sequence[DecayFit]):
         Result for each record from a fit to this record alone.
     agreements : tuple of Agreement
         Agreement of the records on each quantity of the mode; empty for one record.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement
+    >>> from problems import fit_decays
+    >>> time, rng = np.linspace(0.0, 10.0, 1001), np.random.default_rng(0)
+    >>> y = np.exp(-0.1 * time) * np.cos(12.0 * time)
+    >>> takes = [Measurement(time, a * y + rng.normal(scale=1e-4, size=time.size)) for a in (0.02, 0.03)]
+    >>> fits = fit_decays(takes)
+    >>> len(fits), [one.name for one in fits.agreements]
+    (2, ['frequency', 'damping_ratio'])
     """
 
     fits: tuple[DecayFit, ...]

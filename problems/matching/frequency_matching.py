@@ -102,6 +102,17 @@ def match_frequencies(
         If the beam has no stable equilibrium.
     FitError
         If IPOPT converges from no start.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam
+    >>> from problems import match_frequencies
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> match = match_frequencies(beam, targets=(1.85, 10.3), bounds=0.10)
+    >>> [round(frequency, 3) for frequency in match.frequencies]
+    [1.85, 10.3]
+    >>> matched = match.beam
     """
     check_instance(beam, "beam", Beam)
     measured = MeasuredModes.of(targets)

@@ -49,6 +49,18 @@ class MeasuredModes:
     InputError
         If frequencies or deviations are not positive, sizes do not match, frequencies without shapes do not ascend, a
         shape has fewer than two points or is zero, or a deviation is outside 1e-12 to 1e12 times its value.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam
+    >>> from problems import Global, MeasuredModes, match_frequencies
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> targets = MeasuredModes((1.90, 10.8), frequency_std=(0.01, 0.05))
+    >>> match = match_frequencies(beam, targets=targets, unknowns=[Global("elastic_modulus")])
+    >>> modulus, error = match.beam.elastic_modulus[0], match.standard_errors["elastic_modulus"]
+    >>> print(f"{modulus / 1e9:.0f} +- {error / 1e9:.0f} GPa")
+    218 +- 2 GPa
     """
 
     frequencies: tuple[float, ...]

@@ -50,6 +50,17 @@ class LeastChange:
     ------
     InputError
         If the weight is not positive.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam
+    >>> from problems import LeastChange, PerElement, match_frequencies
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> widths = [PerElement("width")]
+    >>> match = match_frequencies(beam, targets=[1.95], unknowns=widths, preference=LeastChange())
+    >>> [round(1e3 * width, 2) for width in match.beam.width]
+    [5.3, 5.09, 4.91, 4.66]
     """
 
     weight: float | None = None
@@ -83,6 +94,17 @@ class Smoothness:
     ------
     InputError
         If the weight is not positive.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam
+    >>> from problems import PerElement, Smoothness, match_frequencies
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> widths = [PerElement("width")]
+    >>> match = match_frequencies(beam, targets=[1.95], unknowns=widths, preference=Smoothness())
+    >>> [round(1e3 * width, 2) for width in match.beam.width]
+    [5.1, 4.92, 4.69, 4.5]
     """
 
     weight: float | None = None

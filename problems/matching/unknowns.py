@@ -56,6 +56,21 @@ class Global:
         ``width``, ``thickness``, ``density``, ``elastic_modulus``, ``tip_mass`` or ``clamp_stiffness``.
     bounds : float, optional
         Largest relative change, above 0 and at most 1; if not given, the ``bounds`` of ``match_frequencies``.
+
+    Raises
+    ------
+    InputError
+        If the property is unknown, or the bounds are not in this range.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam
+    >>> from problems import Global, match_frequencies
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> match = match_frequencies(beam, targets=[1.95], unknowns=[Global("thickness", bounds=0.2)])
+    >>> print(f"{1e3 * match.beam.thickness[0]:.3f} mm")
+    0.525 mm
     """
 
     name: str
@@ -76,7 +91,31 @@ class Global:
 
 @dataclass(frozen=True)
 class PerElement:
-    """One factor on a property for each element; parameters as in ``Global``."""
+    """One factor on a property for each element.
+
+    Parameters
+    ----------
+    name : str
+        ``width``, ``thickness``, ``density`` or ``elastic_modulus``.
+    bounds : float, optional
+        Largest relative change of any element, above 0 and at most 1; if not given, that of ``match_frequencies``.
+
+    Raises
+    ------
+    InputError
+        If the property is unknown, or the bounds are not in this range.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam
+    >>> from problems import PerElement, match_frequencies
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> widths = PerElement("width", bounds=0.2)
+    >>> match = match_frequencies(beam, targets=[1.85, 10.4], unknowns=[widths])
+    >>> [round(1e3 * width, 2) for width in match.beam.width]
+    [4.77, 5.31, 4.67, 5.19]
+    """
 
     name: str
     bounds: float | None = None
@@ -103,9 +142,26 @@ class Smooth:
     name : str
         ``width``, ``thickness``, ``density`` or ``elastic_modulus``.
     terms : int
-        Number of Legendre polynomials, from 1 to the number of elements: 1 for a constant, 2 for a linear taper, ...
+        Number of Legendre polynomials, from 1 to the number of elements: 1 for a constant, 2 for a linear taper, and so
+        on.
     bounds : float, optional
         Largest relative change of any element, above 0 and at most 1; if not given, that of ``match_frequencies``.
+
+    Raises
+    ------
+    InputError
+        If the property is unknown, or the number of terms or the bounds are not in their ranges.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam
+    >>> from problems import Smooth, match_frequencies
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> taper = Smooth("thickness", terms=2)
+    >>> match = match_frequencies(beam, targets=[1.95, 10.4], unknowns=[taper])
+    >>> [round(1e3 * thickness, 3) for thickness in match.beam.thickness]
+    [0.509, 0.49, 0.471, 0.452]
     """
 
     name: str

@@ -100,6 +100,19 @@ def fit_properties(
         If a beam has no stable equilibrium.
     FitError
         If the records do not determine the unknowns, or the fit does not converge.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model
+    >>> from problems import FrequencyRecord, fit_properties
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> errors = [0.01, 0.05, 0.15]  # Hz
+    >>> record = FrequencyRecord(Model(beam), [1.90, 10.8, 30.1], standard_deviation=errors)
+    >>> fit = fit_properties(record, ["elastic_modulus"])
+    >>> value, error = fit["elastic_modulus"], fit.standard_errors["elastic_modulus"]
+    >>> print(f"{value / 1e9:.0f} +- {error / 1e9:.0f} GPa")
+    219 +- 1 GPa
     """
     given = [records] if isinstance(records, PropertyRecord) else records
     own = instances(given, "records", PropertyRecord)

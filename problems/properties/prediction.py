@@ -29,6 +29,17 @@ class Prediction:
         Computed values, SI units.
     errors : array (m,)
         Standard errors of the computed values, from those of the properties.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model
+    >>> from problems import FrequencyRecord, fit_properties
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> fit = fit_properties(FrequencyRecord(Model(beam), [1.90, 10.8, 30.1]), ["elastic_modulus"])
+    >>> loaded = FrequencyRecord(Model(beam.with_(tip_mass=2e-3)), [1.5, 9.1])
+    >>> [f"{100 * error:.0f} %" for error in fit.predict(loaded).relative_errors]
+    ['0 %', '-1 %']
     """
 
     record: PropertyRecord
@@ -48,7 +59,7 @@ class Prediction:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the residuals; SI units, which makes sense if all values have the same."""
+        """Root mean square of the residuals, SI units; meaningful only if all values have the same unit."""
         return math.sqrt(float(np.mean(self.residuals**2)))
 
     @property

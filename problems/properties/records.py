@@ -124,6 +124,22 @@ class StaticRecord(PropertyRecord):
     InputError
         If sizes do not match, a value is infinite, none is measured, a standard deviation is not positive, a value is
         zero although no standard deviation is given, or a load or a sensor is not on the beam.
+
+    Examples
+    --------
+    Tip deflections of a level strip under weights, and the modulus that explains them:
+
+    >>> from ancf_casadi import Beam, Model, PointLoad, Sensor
+    >>> from problems import StaticRecord, fit_properties
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> weights = [PointLoad.hung(mass, point=0.4) for mass in (1e-3, 2e-3, 4e-3)]  # kg
+    >>> down = Sensor("displacement", direction=(0.0, -1.0))
+    >>> level = Model(beam.with_(axis=(1.0, 0.0)))
+    >>> record = StaticRecord(level, weights, [0.0210, 0.0405, 0.0753], down)
+    >>> fit = fit_properties(record, ["elastic_modulus"])
+    >>> print(f"{fit['elastic_modulus'] / 1e9:.0f} GPa")
+    215 GPa
     """
 
     model: Model
@@ -174,7 +190,7 @@ class StaticRecord(PropertyRecord):
 
     @cached_property
     def present(self) -> Index:
-        """Places of the measured values among all, case by case."""
+        """Indices of the measured values among all values, case by case."""
         return np.flatnonzero(np.isfinite(np.asarray(self.values)).ravel())
 
     @cached_property
@@ -235,6 +251,16 @@ class FrequencyRecord(PropertyRecord):
     InputError
         If a frequency is not positive, the modes are not ascending or not as many as the frequencies, or a standard
         deviation is not positive.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model
+    >>> from problems import FrequencyRecord
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> record = FrequencyRecord(Model(beam), [1.85, 10.4], standard_deviation=[0.01, 0.05])
+    >>> record.labels
+    ('mode 1', 'mode 2')
     """
 
     model: Model

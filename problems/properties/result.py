@@ -49,11 +49,24 @@ class PropertyFit:
     records : tuple of PropertyRecord
         The measurements, with the first values of the properties.
     first : mapping
-        These first values by name, SI units.
+        The first values of the properties by name, SI units.
     fit : Fit
         The unknowns of the solver: factors on the first values, reciprocal ones for stiffnesses (``quantities``).
-    others: tuple of Fit
+    others : tuple of Fit
         Other optima that fit the records as well within the 95 % level.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model
+    >>> from problems import FrequencyRecord, fit_properties
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> record = FrequencyRecord(Model(beam), [1.90, 10.8, 30.1])
+    >>> fit = fit_properties(record, ["elastic_modulus"])
+    >>> [f"{end / 1e9:.0f} GPa" for end in fit.intervals()["elastic_modulus"]]
+    ['216 GPa', '221 GPa']
+    >>> list(fit.values)
+    ['elastic_modulus', 'bending_stiffness']
     """
 
     records: tuple[PropertyRecord, ...]
@@ -141,6 +154,17 @@ class PropertyFit:
             If ``record`` is not a record.
         EquilibriumError
             If the beam has no stable equilibrium.
+
+        Examples
+        --------
+        >>> from ancf_casadi import Beam, Model
+        >>> from problems import FrequencyRecord, fit_properties
+        >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+        ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+        >>> fit = fit_properties(FrequencyRecord(Model(beam), [1.90, 10.8, 30.1]), ["elastic_modulus"])
+        >>> loaded = FrequencyRecord(Model(beam.with_(tip_mass=2e-3)), [1.5, 9.1])
+        >>> fit.predict(loaded).values.round(1)
+        array([1.5, 9. ])
         """
         check_instance(record, "record", PropertyRecord)
         record = record.with_model(self._started(record.model))

@@ -47,6 +47,19 @@ def compare_laws(
         If there is no law, or as in ``fit_transient``.
     FitError
         If a fit does not converge.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, QuadraticDamping, RayleighDamping, simulate
+    >>> from problems import MarkerRecord, compare_laws
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> model, base = Model(beam), HarmonicBase(amplitude=5e-3, frequency=1.9)
+    >>> true, laws = QuadraticDamping(eta2=2.0), [RayleighDamping(alpha=0.2), QuadraticDamping(eta2=1.0)]
+    >>> run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0, method="radau")
+    >>> comparison = compare_laws(model, MarkerRecord(run.time, run.tip, base=base), laws)
+    >>> type(comparison.best.law).__name__, round(comparison.best.estimates["eta2"], 2)
+    ('QuadraticDamping', 2.0)
     """
     laws = instances(laws, "laws", DampingLaw)
     tasks = [partial(fit_transient, model, records, law, **settings) for law in laws]

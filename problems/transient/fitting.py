@@ -111,6 +111,21 @@ def fit_transient(
     FitError
         If the fit does not converge, or the records determine combinations of the unknowns only, which the message
         names.
+
+    Examples
+    --------
+    Recover a damping coefficient from a motion of the tip; ``simulate`` stands in for the measurement here:
+
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, simulate
+    >>> from problems import MarkerRecord, fit_transient
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> model, base = Model(beam), HarmonicBase(amplitude=5e-3, frequency=1.9)
+    >>> true, guess = RayleighDamping(alpha=0.5), RayleighDamping(alpha=0.2)
+    >>> run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0, method="radau")
+    >>> fit = fit_transient(model, MarkerRecord(run.time, run.tip, base=base), guess)
+    >>> print(f"{fit.estimates['alpha']:.3f} {fit.units['alpha']}")
+    0.500 1/s
     """
     check_instance(model, "model", Model)
     motions = motion_records(records)

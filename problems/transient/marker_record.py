@@ -46,6 +46,17 @@ class MarkerRecord:
     InputError
         If there are fewer than 10 samples, the times do not increase, the sizes of the arrays do not match, a value is
         not finite, nothing moves, or as in ``MotionRecord``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import MarkerRecord
+    >>> time = np.linspace(0.0, 1.0, 101)
+    >>> x = 0.02 * np.cos(12.0 * time)
+    >>> middle, tip = (np.column_stack([a * x, 0 * x - y]) for a, y in ((0.4, 0.25), (1.0, 0.5)))
+    >>> record = MarkerRecord(time, np.stack([middle, tip], axis=1), points=[0.25, 0.5])
+    >>> [channel.label for channel in record.motion_record.own_channels]
+    ['position x, 250 mm', 'position y, 250 mm', 'position x, 500 mm', 'position y, 500 mm']
     """
 
     time: ArrayLike

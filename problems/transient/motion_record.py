@@ -56,7 +56,8 @@ class Channel:
     noise : float, optional
         Standard deviation of its noise, in the unit of the sensor; if not given, the fit finds it.
     offset : (float, float), optional
-        Bounds of the unknown time by which the clock of the sensor is ahead of the record's, s; no offset if not given.
+        Bounds of the unknown time by which the clock of the sensor is ahead of that of the record, s; no offset if not
+        given.
     zero : (float, float), optional
         Bounds of the unknown reading of the sensor for a true value of 0.  If not given, this is 0; for a displacement,
         whose origin is not known, it is estimated without bounds.
@@ -65,6 +66,17 @@ class Channel:
     ------
     InputError
         If the noise is not positive, or bounds are not two numbers in order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement, Sensor
+    >>> from problems import Channel
+    >>> time = np.linspace(0.0, 1.0, 101)
+    >>> sensor = Sensor("acceleration", point=0.25, direction=(1.0, 0.0))
+    >>> record = Measurement(time, 3.0 * np.cos(12.0 * time), sensor=sensor)
+    >>> Channel(record, offset=(-5e-3, 5e-3)).label  # the clock may be 5 ms ahead or behind
+    'acceleration x, 250 mm'
     """
 
     measurement: Measurement
@@ -108,6 +120,15 @@ class Camera:
     ------
     InputError
         If bounds are not two numbers in order, or a scale is not positive.
+
+    Examples
+    --------
+    >>> import math
+    >>> from problems import Camera
+    >>> tilt = math.radians(1)
+    >>> camera = Camera(scale=(0.98, 1.02), rotation=(-tilt, tilt))
+    >>> [name for name, bounds, *_ in camera.unknowns if bounds]
+    ['camera_scale', 'camera_rotation']
     """
 
     scale: Bounds | None = None
@@ -164,6 +185,19 @@ class MotionRecord:
     InputError
         If there are fewer than 10 samples, nothing moves, bounds are not two numbers in order, samples are before a
         start within a motion, or the load begins after the end.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import HarmonicBase, Measurement, Sensor
+    >>> from problems import MotionRecord
+    >>> time = np.linspace(0.0, 1.0, 101)
+    >>> laser, gauge = Sensor("displacement", point=0.4), Sensor("strain", point=0.01)
+    >>> swing = np.sin(12.0 * time)
+    >>> records = [Measurement(time, 0.02 * swing, sensor=laser), Measurement(time, 1e-4 * swing, sensor=gauge)]
+    >>> record = MotionRecord(records, base=HarmonicBase(amplitude=5e-3, frequency=1.9))
+    >>> [channel.label for channel in record.own_channels]
+    ['displacement x, 400 mm', 'strain 10 mm']
     """
 
     channels: Sequence[Channel | Measurement]

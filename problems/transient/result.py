@@ -53,6 +53,21 @@ class TransientFit:
         The measurements and the fitted model, with the tolerance of the integration.
     shifts : ndarray
         Shift of each estimate by the integration error, in standard errors (n,); nan if unknown.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, simulate
+    >>> from problems import MarkerRecord, fit_transient
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> model, base = Model(beam), HarmonicBase(amplitude=5e-3, frequency=1.9)
+    >>> true, guess = RayleighDamping(alpha=0.5), RayleighDamping(alpha=0.2)
+    >>> run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0, method="radau")
+    >>> fit = fit_transient(model, MarkerRecord(run.time, run.tip, base=base), guess)
+    >>> type(fit.law).__name__, round(fit.law.alpha, 2), fit.units
+    ('RayleighDamping', 0.5, {'alpha': '1/s'})
+    >>> [channel.size for channel in fit.residuals]  # x and y of the tip
+    [13, 13]
     """
 
     law: DampingLaw
@@ -146,6 +161,21 @@ class TransientFit:
             If a sensor is not on the beam, or the mass is not usable.
         FitError
             If the motion cannot be computed.
+
+        Examples
+        --------
+        >>> from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, simulate
+        >>> from problems import MarkerRecord, fit_transient
+        >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+        ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+        >>> model, true, records = Model(beam), RayleighDamping(alpha=0.5), []
+        >>> for amplitude in (5e-3, 8e-3):
+        ...     base = HarmonicBase(amplitude=amplitude, frequency=1.9)
+        ...     run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0, method="radau")
+        ...     records.append(MarkerRecord(run.time, run.tip, base=base))
+        >>> prediction = fit_transient(model, records[0], RayleighDamping(alpha=0.2)).predict(records[1])
+        >>> max(prediction.relative_errors.values()) < 1e-3
+        True
         """
         return predicted(self.problem, self.fit, motion_record(record), tip_mass)
 

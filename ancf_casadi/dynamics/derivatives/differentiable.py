@@ -64,6 +64,23 @@ def motion(
     ------
     InputError
         If a number is not positive, or ``start_load`` is set and ``start`` is not an equilibrium.
+
+    Examples
+    --------
+    Derivative of the last tip position by a damping coefficient:
+
+    >>> import casadi as cs
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, motion
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> model, law = Model(beam), RayleighDamping(alpha=0.2)
+    >>> base = HarmonicBase(amplitude=5e-3, frequency=2.0)
+    >>> swing = motion(model, damping=law, base=base, duration=0.5, sample_rate=10.0)
+    >>> alpha = cs.MX.sym("alpha")
+    >>> tip = (model.interpolation(beam.length) @ swing(alpha, 5e-3, model.properties))[0, -1]
+    >>> derivative = cs.Function("derivative", [alpha], [cs.jacobian(tip, alpha)])
+    >>> print(f"{float(derivative(0.2)):.1e} m s")
+    3.6e-03 m s
     """
     setup = set_up(
         model, duration=duration, damping=damping, base=base, load=load, sample_rate=sample_rate, start=start

@@ -43,6 +43,15 @@ class DataFile:
     ------
     InputError
         If the name is empty, or the hash does not have 64 hexadecimal digits.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from ancf_casadi.export import DataFile
+    >>> _ = Path("decay.csv").write_text("0.0,1.0")
+    >>> file = DataFile.of("decay.csv")
+    >>> file.name, file.sha256[:8]
+    ('decay.csv', 'f6478e63')
     """
 
     name: str
@@ -92,6 +101,15 @@ class Identification:
     ------
     InputError
         If the kind is empty, or JSON cannot hold the result.
+
+    Examples
+    --------
+    >>> from ancf_casadi.export import Identification
+    >>> from problems import fit_rayleigh
+    >>> fit = fit_rayleigh([1.9, 10.6, 29.3], [0.010, 0.003, 0.003])
+    >>> found = Identification("Rayleigh coefficients", fit.to_dict())
+    >>> print(found.summary())
+    Rayleigh coefficients (alpha 0.236167 +- 0.0085, beta 2.68898e-05 +- 3.7e-06)
     """
 
     kind: str
@@ -121,6 +139,16 @@ class Identification:
         ------
         InputError
             If ``result`` is not the result of a fit, or a file cannot be read.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from ancf_casadi.export import Identification
+        >>> from problems import fit_decay
+        >>> time = np.linspace(0.0, 10.0, 1001)
+        >>> fit = fit_decay(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time))
+        >>> Identification.of(fit).kind
+        'decay'
         """
         found = result.to_dict() if hasattr(result, "to_dict") else result
         kinds = [kind for key, kind in KINDS.items() if isinstance(found, Mapping) and key in found]
@@ -148,12 +176,19 @@ class Provenance:
     versions : mapping
         Versions of the programs that were used, by name.
     note : str
-        Any further remark.
+        Remark.
 
     Raises
     ------
     InputError
         If the time has another format, or a version or the note is not a text.
+
+    Examples
+    --------
+    >>> from ancf_casadi.export import Provenance
+    >>> origin = Provenance.of_this(note="strip 3", written="2025-01-31T12:00:00Z")
+    >>> origin.written, sorted(origin.versions)
+    ('2025-01-31T12:00:00Z', ['ancf-casadi', 'casadi', 'numpy', 'python', 'scipy'])
     """
 
     written: str

@@ -54,6 +54,16 @@ class Document:
     ------
     InputError
         If a part has another type, or the law belongs to a beam with another number of elements.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, RayleighDamping
+    >>> from ancf_casadi.export import Document
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> document = Document(Model(beam), RayleighDamping(alpha=0.2))
+    >>> list(document.to_dict())
+    ['format', 'schema', 'beam', 'strain_measures', 'damping', 'identifications', 'provenance']
     """
 
     model: Model
@@ -100,6 +110,18 @@ def write_document(path: str | Path, document: Document) -> None:
     ------
     InputError
         If a document cannot hold the damping law, or the file cannot be written.
+
+    Examples
+    --------
+    >>> import json
+    >>> from pathlib import Path
+    >>> from ancf_casadi import Beam, Model
+    >>> from ancf_casadi.export import Document, write_document
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> write_document("beam.json", Document(Model(beam)))
+    >>> json.loads(Path("beam.json").read_text())["beam"]["length"]
+    0.5
     """
     write_file(Path(path), to_json(document.to_dict()))
 
@@ -111,6 +133,17 @@ def read_document(path: str | Path) -> Document:
     ------
     InputError
         If the file cannot be read or is no document; the message names the file and the place in it.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, RayleighDamping
+    >>> from ancf_casadi.export import Document, read_document, write_document
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> write_document("beam.json", Document(Model(beam), RayleighDamping(alpha=0.2)))
+    >>> document = read_document("beam.json")
+    >>> document.model.beam == beam, document.damping
+    (True, RayleighDamping(alpha=0.2, beta=0.0, stiffness='strain-rate'))
     """
     data = read_json(path)
     with located(str(path)):

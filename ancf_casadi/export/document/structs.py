@@ -207,7 +207,14 @@ def data_of(source: Any, kind: type[Data], where: str = "") -> Data:
 
 
 def schema() -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of a document."""
+    """Return the JSON Schema (draft 2020-12) of a document.
+
+    Examples
+    --------
+    >>> from ancf_casadi.export import schema
+    >>> schema()["$schema"]
+    'https://json-schema.org/draft/2020-12/schema'
+    """
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"urn:{FORMAT}:document:{VERSION}"}
     return head | msgspec.json.schema(DocumentData)
 

@@ -67,6 +67,18 @@ class BeamFunctions(MotionFunctions):
         p -> f, the lowest natural frequencies about the equilibrium, Hz; nan if they are not certain.
     step : Function
         (q, v, base, p, h) -> q_next, v_next after a step h (s); base (9, 2) at the instants ``STAGES`` of the step.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model
+    >>> from ancf_casadi.export import beam_functions, values
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> functions = beam_functions(Model(beam), markers=[0.25])
+    >>> functions.rhs.name_in(), functions.rhs.name_out()
+    (['q', 'v', 'base', 'p'], ['a'])
+    >>> functions.frequencies(values(functions.parameters)).full().ravel()[:2].round(2)
+    array([ 1.88, 10.59])
     """
 
     residual: cs.Function
@@ -100,6 +112,18 @@ def beam_functions(
         If a marker is not on the beam, or the beam has fewer modes.
     EquilibriumError
         If the beam has no stable equilibrium under gravity.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, RayleighDamping
+    >>> from ancf_casadi.export import beam_functions, values
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> functions = beam_functions(Model(beam), RayleighDamping(alpha=0.2), modes=1)
+    >>> p, state = values(functions.parameters), values(functions.states)
+    >>> r = functions.residual(state[: functions.free], 0, 0, 0, p)  # at rest
+    >>> bool(abs(r.full()).max() < 1e-6)
+    True
     """
     equations = Equations(model, RayleighDamping() if damping is None else damping)
     markers = numbers(markers, "markers")

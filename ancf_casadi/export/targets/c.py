@@ -55,6 +55,16 @@ def write_c(
     InputError
         If the name cannot be used in C, a Function cannot be translated or has the name of another one, another
         program's file would be overwritten, or a file cannot be written.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, reduce_model
+    >>> from ancf_casadi.export import write_c
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> files = write_c(reduce_model(Model(beam), modes=2), "controller", name="strip")
+    >>> [file.name for file in files]
+    ['strip.c', 'strip.h', 'main.c']
     """
     if not matches(name, NAME_PATTERN) or len(name) > LONGEST_NAME or name == "main":
         raise InputError(

@@ -77,6 +77,17 @@ def write_fmu(
     InputError
         If the document describes another beam or law, fmpy or a C compiler is missing, the compiler fails, or the file
         cannot be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from ancf_casadi import Beam, Model, reduce_model
+    >>> from ancf_casadi.export import write_fmu
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> write_fmu(reduce_model(Model(beam), modes=2), "strip.fmu")  # needs fmpy and a C compiler
+    >>> Path("strip.fmu").exists()
+    True
     """
     _check_document(document, functions)
     headers, compiler = _fmi_headers(), c_compiler()

@@ -39,6 +39,17 @@ def save_functions(functions: BeamFunctions | ReducedFunctions, path: str | Path
     ------
     InputError
         If the file exists and is of another kind, or it cannot be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from ancf_casadi import Beam, Model, reduce_model
+    >>> from ancf_casadi.export import save_functions
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> save_functions(reduce_model(Model(beam), modes=2), "reduced.casadi")
+    >>> Path("reduced.casadi").exists()
+    True
     """
     target = Path(path)
     check_ours(target, BEGINNING)
@@ -58,6 +69,17 @@ def load_functions(path: str | Path) -> BeamFunctions | ReducedFunctions:
     ------
     InputError
         If the file cannot be read, is of another kind, is damaged, or was written with another version of CasADi.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model
+    >>> from ancf_casadi.export import beam_functions, load_functions, save_functions
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> save_functions(beam_functions(Model(beam)), "beam.casadi")
+    >>> functions = load_functions("beam.casadi")
+    >>> functions.rhs.name_in()
+    ['q', 'v', 'base', 'p']
     """
     where = str(path)
     try:

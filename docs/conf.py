@@ -20,16 +20,18 @@ extensions = [
 ]
 exclude_patterns = ["_build"]
 suppress_warnings = ["toc.not_readable"]
-templates_path: list[str] = []
+smartquotes_action = "D"  # dashes alone: an apostrophe may be a derivative
 
 myst_enable_extensions = ["colon_fence"]
 myst_heading_anchors = 4
 
 autodoc_default_options = {"members": True, "member-order": "bysource"}
-autodoc_preserve_defaults = True
+autodoc_typehints = "description"  # docstrings name the types of parameters; annotations add those of results
+autodoc_typehints_description_target = "documented_params"
+autodoc_type_aliases = {"Array": "Array", "ArrayLike": "ArrayLike"}
 napoleon_google_docstring = False
 napoleon_use_rtype = False
-python_maximum_signature_line_length = 88
+toc_object_entries_show_parents = "hide"
 python_use_unqualified_type_names = True
 
 sphinx_gallery_conf = {
@@ -39,6 +41,7 @@ sphinx_gallery_conf = {
     "image_scrapers": ("matplotlib", "saved_figures.moved_figures"),
     "download_all_examples": False,
     "min_reported_time": 1e6,
+    "within_subsection_order": "FileNameSortKey",
     "show_signature": False,
     "write_computation_times": False,
 }
@@ -53,6 +56,7 @@ html_theme_options = {
     "show_toc_level": 2,
     "show_prev_next": False,
     "header_links_before_dropdown": 8,
+    "navbar_persistent": ["search-button"],
     "footer_start": ["copyright"],
     "footer_end": [],
 }

@@ -11,6 +11,7 @@ The blocks of a page run in their order, in one namespace and one folder, in whi
 - ``text``, ``json``, ``c`` and ``matlab`` are for reading.
 """
 
+import importlib
 import re
 import runpy
 import shlex
@@ -190,7 +191,7 @@ def test_the_api_reference_holds_every_public_name_once():
     documented = []
     for path in (DOCS / "api").glob("*.rst"):
         module = None
-        for directive, name in re.findall(r"^\.\. (currentmodule|auto\w+):: (\S+)$", path.read_text(), re.M):
+        for directive, name in re.findall(r"^\.\. (currentmodule|data|auto\w+):: (\S+)$", path.read_text(), re.M):
             if directive == "currentmodule":
                 module = name
             else:
@@ -198,6 +199,42 @@ def test_the_api_reference_holds_every_public_name_once():
     packages = (ancf_casadi, ancf_casadi.export, problems)
     public = [f"{package.__name__}.{name}" for package in packages for name in package.__all__]
     assert sorted(documented) == sorted(public)
+
+
+@pytest.fixture
+def check(monkeypatch):
+    """The faults that the link check of the site finds."""
+    monkeypatch.syspath_prepend(str(DOCS))
+    return importlib.import_module("check_links").faults
+
+
+GOOD = '<a href="other.html#there">x</a><a href="#here" id="here">y</a><a href="https://example.org/">z</a>'
+
+
+def test_the_link_check_passes_a_good_site(check, tmp_path):
+    (tmp_path / "index.html").write_text(GOOD)
+    (tmp_path / "other.html").write_text('<p id="there">')
+    assert list(check(tmp_path)) == []
+
+
+@pytest.mark.parametrize(
+    ("page", "fault"),
+    [
+        ('<a href="missing.html">', "missing.html does not exist"),
+        ('<a href="#nowhere">', "#nowhere has no such anchor"),
+        ('<img src="missing.png">', "missing.png does not exist"),
+        ('<script src="https://example.org/a.js"></script>', "loads https://example.org/a.js"),
+        ('<link rel="stylesheet" href="//example.org/a.css">', "loads //example.org/a.css"),
+    ],
+)
+def test_the_link_check_finds_a_fault(check, tmp_path, page, fault):
+    (tmp_path / "index.html").write_text(page)
+    assert list(check(tmp_path)) == [f"index.html: {fault}"]
+
+
+def test_the_link_check_finds_fonts_from_elsewhere(check, tmp_path):
+    (tmp_path / "a.css").write_text("@import url('https://example.org/font.css'); b { background: url(c.png) }")
+    assert list(check(tmp_path)) == ["a.css: loads https://example.org/font.css"]
 
 
 def test_the_citation_has_the_version_of_the_package():

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from problems.study.figures import COLOURS
+from problems.study.transients import LAW_NAMES
 
 from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, simulate
 from ancf_casadi.plot import png
 from ancf_casadi.support.colours import MEASURED
 from problems.study import paper
-from problems.study.figures import COLOURS
-from problems.study.transients import LAW_NAMES
 
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.876, stop=10.0)
 

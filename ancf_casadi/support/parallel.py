@@ -44,6 +44,7 @@ def run_all(
     sizes: Sequence[float] | None = None,
     progress: bool = False,
     title: str = "runs",
+    each: Callable[[int, Result], object] | None = None,
 ) -> list[Result]:
     """Call each task, and return the results in their order.
 
@@ -62,6 +63,8 @@ def run_all(
         Show a progress bar, in which a task counts by its size.
     title : str
         Title of the progress bar.
+    each : callable, optional
+        Called in this process with the number of a task, from 0, and its result as soon as it is done.
 
     Raises
     ------
@@ -90,6 +93,8 @@ def run_all(
             executor = stack.enter_context(processes(jobs))
         for k, result in _finished(tasks, order, executor):
             results[k] = result
+            if each is not None:
+                each(k, result)
             bar.update(min(costs[k], total - bar.n))
     return [results[k] for k in range(len(tasks))]
 

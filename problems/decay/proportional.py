@@ -117,8 +117,8 @@ class RayleighFit:
         figure = Figure(figsize=(6, 3.6), layout="constrained")
         axes = figure.subplots()
         frequencies = np.geomspace(0.8 * self.frequencies[0], 1.25 * self.frequencies[-1], 200)
-        ω = 2 * math.pi * frequencies
-        axes.plot(frequencies, 100 * (self.alpha / (2 * ω) + self.beta * ω / 2), lw=1, color=COMPUTED, label="fit")
+        ratios = rayleigh_ratio(frequencies, self.alpha, self.beta)
+        axes.plot(frequencies, 100 * ratios, lw=1, color=COMPUTED, label="fit")
         errors = None if self.ratio_std is None else 100 * np.array(self.ratio_std)
         axes.errorbar(
             self.frequencies, 100 * np.array(self.measured), errors, fmt="o", color=MEASURED, label="measured"
@@ -142,6 +142,12 @@ class RayleighFit:
             "fitted_ratios": list(self.ratios),
             "warnings": list(self.warnings),
         }
+
+
+def rayleigh_ratio(frequency: Array, alpha: float, beta: float) -> Array:
+    """Return the damping ratio at each frequency (Hz) under Rayleigh damping, Eq. (16)."""
+    ω = 2 * math.pi * frequency
+    return alpha / (2 * ω) + beta * ω / 2
 
 
 def fit_rayleigh(

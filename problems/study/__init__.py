@@ -1,6 +1,6 @@
-"""The study of the paper, from its printed numbers to its tables and figures.
+"""Studies: a TOML file becomes tables, figures, ``results.json`` and one HTML document.
 
-``paper`` holds the printed numbers, ``decays`` the synthetic records behind Tables 2 and 4, ``transients`` the driven
-and stopped beam of Table 11.  ``reproduction`` runs all steps; ``tables`` and ``figures`` show Tables 2, 3, 4, 9, 10
-and 11, one function each, and ``report`` writes them to files.
+``study`` is the entry.  ``reading`` makes the parts of a study from its file, one kind of part per file in ``kinds``;
+``runner`` runs them and keeps every finished computation (``store``); ``document`` writes the page.  ``paper.toml`` is
+the study of the paper.
 """

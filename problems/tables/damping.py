@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
@@ -35,6 +36,71 @@ def read_terms(study: Study, model: Model) -> list[DampingLaw]:
         If a law is unknown, or a key or value cannot be used.
     """
     return [_term(table, model, study.where("damping")) for table in study.several("damping")]
+
+
+@dataclass(frozen=True)
+class NamedLaw:
+    """A law of a study, from a table [[laws]].
+
+    Parameters
+    ----------
+    name, title : str
+        Name, and title in figures.
+    terms : tuple of dict
+        Its terms as tables [[damping]]; ``{part = "NAME"}`` stands for the terms that a part of the study finds.
+    """
+
+    name: str
+    title: str
+    terms: tuple[dict[str, Any], ...]
+
+
+def named_laws(study: Study) -> tuple[NamedLaw, ...]:
+    """Return the laws of the tables [[laws]].
+
+    Raises
+    ------
+    InputError
+        If a key or value cannot be used, or two laws have one name.
+    """
+    where = study.where("laws")
+    found: dict[str, NamedLaw] = {}
+    for table in study.several("laws"):
+        given = checked(table, {"name", "terms"}, {"title"}, where)
+        name, title, terms = given["name"], given.get("title", given["name"]), given["terms"]
+        if not isinstance(name, str) or not name.isidentifier() or name in found:
+            raise InputError(f"must be made of letters, digits and _, and differ, got {shown(name)}", f"{where}: name")
+        if not isinstance(title, str):
+            raise InputError(f"must be a text, got {shown(title)}", f"{where}: {name}: title")
+        if not isinstance(terms, list) or not all(isinstance(term, dict) for term in terms):
+            raise InputError(f"must be a list of tables, got {shown(terms)}", f"{where}: {name}: terms")
+        found[name] = NamedLaw(name, title, tuple(terms))
+    return tuple(found.values())
+
+
+def resolved(
+    terms: Sequence[dict[str, Any]], parts: Mapping[str, Sequence[dict[str, Any]]]
+) -> tuple[dict[str, Any], ...]:
+    """Return terms in which the references to parts are replaced by what the parts have found.
+
+    Other keys beside ``part`` override those of the terms that the part has found.
+    """
+    found: list[dict[str, Any]] = []
+    for term in terms:
+        own = {key: value for key, value in term.items() if key != "part"}
+        found += [other | own for other in parts[term["part"]]] if "part" in term else [term]
+    return tuple(found)
+
+
+def law_of(terms: Sequence[Any], model: Model, where: str) -> DampingLaw | None:
+    """Return the sum of terms given as tables [[damping]]; None if there are none.
+
+    Raises
+    ------
+    InputError
+        If a law is unknown, or a key or value cannot be used.
+    """
+    return total([_term(table, model, where) for table in terms])
 
 
 def total(terms: Sequence[DampingLaw]) -> DampingLaw | None:

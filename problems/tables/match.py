@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
@@ -19,7 +20,7 @@ KEYS = """\
 """
 MOST_ELEMENTS = 1000  # a match with more takes minutes, and Ctrl-C does not end it at once
 MODES = ("frequency_std", "points", "shapes", "shape_std")  # keys that belong to MeasuredModes
-MATCH = ("bounds", "objective", "starts", "seed", "unknowns")
+MATCH_KEYS = {"targets", "bounds", "objective", "starts", "seed", "unknowns", *MODES}
 
 
 def read_request(study: Study) -> dict[str, Any]:
@@ -30,14 +31,27 @@ def read_request(study: Study) -> dict[str, Any]:
     InputError
         If the table is missing, or a key or value cannot be used.
     """
-    where = study.where("match")
-    request = dict(study.table("match", {"targets"}, {*MODES, *MATCH}))
+    table = study.table("match", {"targets"}, MATCH_KEYS - {"targets"})
+    with located(study.where("match")):
+        return request_of(table)
+
+
+def request_of(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of ``match_frequencies`` after the beam from the keys of a table [match].
+
+    Raises
+    ------
+    InputError
+        If the targets are missing, or a value cannot be used.
+    """
+    if "targets" not in table:
+        raise InputError("the key is missing", "targets")
+    request = dict(table)
     measured = {key: request.pop(key) for key in MODES if key in request}
-    with located(where):
-        targets = list(numbers(request["targets"], "targets"))
-        request["targets"] = MeasuredModes(frequencies=tuple(targets), **measured) if measured else targets
-        if "unknowns" in request:
-            request["unknowns"] = _unknowns(request["unknowns"])
+    targets = list(numbers(request["targets"], "targets"))
+    request["targets"] = MeasuredModes(frequencies=tuple(targets), **measured) if measured else targets
+    if "unknowns" in request:
+        request["unknowns"] = _unknowns(request["unknowns"])
     return request
 
 

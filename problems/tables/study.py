@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,10 @@ TABLES = {
     "records",
     "predictions",
     "fit",
+    "study",
+    "parts",
+    "laws",
+    "decays",
 }
 
 
@@ -42,13 +46,20 @@ class Study:
     tables: Mapping[str, Any]
 
     @classmethod
-    def read(cls, path: str) -> Study:
+    def read(cls, path: str, required: Set[str] = frozenset({"beam"})) -> Study:
         """Read a TOML file with the table [beam] and others.
+
+        Parameters
+        ----------
+        path : str
+            Name of the file.
+        required : set of str
+            Names of tables that must be there.
 
         Raises
         ------
         InputError
-            If the file cannot be read, is a JSON document, or has no table [beam] or an unknown one.
+            If the file cannot be read, is a JSON document, or lacks a table or has an unknown one.
         """
         if is_document(path):
             raise InputError(
@@ -56,7 +67,7 @@ class Study:
                 path,
             )
         tables = read_toml(path)
-        check_keys(tables, {"beam"}, TABLES, path)
+        check_keys(tables, set(required), TABLES, path)
         return cls(path, tables)
 
     def where(self, name: str) -> str:

@@ -11,11 +11,6 @@ from dataclasses import replace
 import casadi as cs
 import numpy as np
 import pytest
-
-from ancf_casadi import Beam, InputError, Measurement, Model, Modes, SimulationError, natural_modes
-from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
-from problems import fit_rayleigh
-from problems.study import decays, figures, paper, report, reproduction, tables, transients
 from problems.study.decays import NOISE, linear_decays, quadratic_decays
 from problems.study.reproduction import Study
 from problems.study.transients import (
@@ -34,6 +29,11 @@ from problems.study.transients import (
     run_transient,
     run_transients,
 )
+
+from ancf_casadi import Beam, InputError, Measurement, Model, Modes, SimulationError, natural_modes
+from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
+from problems import fit_rayleigh
+from problems.study import decays, figures, paper, report, reproduction, tables, transients
 
 SHORT = Effort(accuracy=4e-6, driving=0.1, window=0.4)  # as accurate as the full study, a tenth as long
 ETA2_UNCERTAINTY = (0.03, 0.22, 0.47, 0.73, 0.18)  # relative standard errors, from a Fisher information computed apart

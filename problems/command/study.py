@@ -1,0 +1,60 @@
+"""``ancf-casadi study`` and ``ancf-casadi reproduce``: a whole study as one document."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+
+from problems.command.output import Output, Subcommands, json_text, positive_count
+
+
+def add_study(commands: Subcommands) -> None:
+    """Add the subcommand."""
+    from problems.study.keys import STUDY_KEYS
+
+    parser = commands.add("study", _study, "run a study and write its document: an HTML report", epilog=STUDY_KEYS)
+    parser.add_argument("file", metavar="STUDY.toml", help="the study; init writes a file to start from")
+    _add_options(parser)
+
+
+def add_reproduce(commands: Subcommands) -> None:
+    """Add the subcommand."""
+    _add_options(commands.add("reproduce", _reproduce, "run the study of the paper: every table and figure"))
+
+
+def _add_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--out", type=Path, default=Path("results"), metavar="DIR", help="folder of the results (default: results)"
+    )
+    parser.add_argument("--quick", action="store_true", help="short excitations and long steps, for a first look")
+    parser.add_argument(
+        "--jobs", type=positive_count, default=os.cpu_count() or 1, metavar="N", help="processes (default: all cores)"
+    )
+
+
+def _study(options: argparse.Namespace) -> Output:
+    return _run(options, Path(options.file), f"ancf-casadi study {options.file}")
+
+
+def _reproduce(options: argparse.Namespace) -> Output:
+    from problems.study.study import PAPER  # slow to import, and only needed here
+
+    return _run(options, PAPER, "ancf-casadi reproduce")
+
+
+def _run(options: argparse.Namespace, path: Path, command: str) -> Output:
+    from problems.study.study import run_study
+
+    report = run_study(
+        path,
+        options.out,
+        quick=options.quick,
+        jobs=options.jobs,
+        progress=sys.stderr.isatty(),
+        command=f"{command}{' --quick' if options.quick else ''}",
+    )
+    if options.json:
+        return Output(json_text(report.results))
+    return Output(f"{report.report()}\n\n{report.page}")

@@ -1,0 +1,140 @@
+"""Tables of a study: values with their standard errors, beside the numbers that others have printed.
+
+A value is shown with as many digits as its standard error supports, and with four digits if there is none.  CSV files
+hold all digits.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ancf_casadi.support.tables import Cell, Table
+
+DIGITS = 4  # of a value without a standard error
+ERROR_DIGITS = 2  # of a standard error
+SAME = 5e-7  # relative difference that counts as none
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Parameters
+    ----------
+    head : str
+        Quantity.
+    values : tuple
+        One cell per row.
+    unit : str
+        Unit of the numbers; none if empty.
+    errors : tuple of float, optional
+        Standard error of each value.
+    printed : tuple of float, optional
+        Value that the source prints in each row.
+    """
+
+    head: str
+    values: tuple[Cell, ...]
+    unit: str = ""
+    errors: tuple[float | None, ...] | None = None
+    printed: tuple[float | None, ...] | None = None
+
+
+@dataclass(frozen=True)
+class DataTable:
+    """A table of a study.
+
+    Parameters
+    ----------
+    name : str
+        Name of its CSV file, without suffix.
+    title : str
+        Title.
+    columns : tuple of Column
+        The columns.
+    notes : tuple of str
+        Remarks below the table.
+    source : str
+        Origin of the printed numbers.
+    """
+
+    name: str
+    title: str
+    columns: tuple[Column, ...]
+    notes: tuple[str, ...] = ()
+    source: str = "printed"
+
+    def heads(self) -> list[str]:
+        """Return the heads of the columns as a document shows them, with units."""
+        found = []
+        for column in self.columns:
+            found.append(f"{column.head}, {column.unit}" if column.unit else column.head)
+            found += [self.source, "difference"] if column.printed else []
+        return found
+
+    def cells(self) -> list[list[str]]:
+        """Return the rows as a document shows them: value and standard error in one cell."""
+        rows = []
+        for k in range(len(self.columns[0].values)):
+            row = []
+            for column in self.columns:
+                value = column.values[k]
+                row.append(shown(value, column.errors[k] if column.errors else None))
+                if column.printed:
+                    row += [shown(column.printed[k], digits=6), difference(value, column.printed[k])]
+            rows.append(row)
+        return rows
+
+    def table(self) -> Table:
+        """Return the table with one number per cell, for a terminal or CSV."""
+        heads: list[str] = []
+        cells: list[Sequence[Cell]] = []
+        for column in self.columns:
+            heads.append(f"{column.head} ({column.unit})" if column.unit else column.head)
+            cells.append(column.values)
+            if column.errors:
+                heads.append("standard error")
+                cells.append([None if error is None or math.isnan(error) else error for error in column.errors])
+            if column.printed:
+                heads.append(self.source)
+                cells.append(column.printed)
+        return Table(self.name, self.title, heads, list(zip(*cells, strict=True)), self.notes)
+
+
+def shown(value: Cell, error: float | None = None, digits: int = DIGITS) -> str:
+    """Return a cell as text: a number with the digits that its standard error supports."""
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "–"
+    if not isinstance(value, float):
+        return str(value)
+    if error is None or not math.isfinite(error) or error <= 0.0:
+        return _plain(f"{value:.{digits}g}")
+    decimals = ERROR_DIGITS - 1 - math.floor(math.log10(error))
+    if -3 <= math.log10(max(abs(value), error)) < 6:
+        return f"{value:.{max(0, decimals)}f} ± {error:.{max(0, decimals)}f}"
+    power = math.floor(math.log10(max(abs(value), error)))
+    places = max(0, decimals + power)
+    return f"({value / 10**power:.{places}f} ± {error / 10**power:.{places}f})e{power}"
+
+
+def difference(value: Cell, printed: float | None) -> str:
+    """Return the difference of a value from a printed one, in per cent of the printed one."""
+    if printed is None or not isinstance(value, int | float) or not math.isfinite(value):
+        return ""
+    if printed == 0.0:
+        return "0" if value == 0.0 else f"{value:+.2g}"
+    relative = value / printed - 1
+    return "0" if abs(relative) < SAME else f"{100 * relative:+.2g} %"
+
+
+def printed_values(given: Mapping[str, Sequence[float | None]], name: str) -> tuple[float | None, ...] | None:
+    """Return the numbers that a source prints for a column, or None."""
+    return tuple(given[name]) if name in given else None
+
+
+def _plain(text: str) -> str:
+    """Return a number without the zeros that Python puts into exponents."""
+    mantissa, e, power = text.partition("e")
+    return f"{mantissa}e{int(power)}" if e else text

@@ -1,0 +1,82 @@
+"""Labels of tables and figures: those that a part gives, and running numbers for all others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from problems.study.data_table import DataTable
+from problems.study.drawing import Drawing
+from problems.study.part import Finding, Heading, Study
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A part as the document shows it.
+
+    Parameters
+    ----------
+    heading : Heading
+        Its place in the document.
+    finding : Finding
+        Its results.
+    tables : tuple of (str, DataTable)
+        Its tables with their labels.
+    figures : tuple of (str, Drawing)
+        Its figures with their labels.
+    reason : str
+        Reason why its labelled tables and figures are not computed; empty if they are.
+    """
+
+    heading: Heading
+    finding: Finding
+    tables: tuple[tuple[str, DataTable], ...]
+    figures: tuple[tuple[str, Drawing], ...]
+    reason: str = ""
+
+
+def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]:
+    """Return the parts in order, their tables and figures with labels.
+
+    In a study that gives labels, the others continue with the letters of additional ones: ``Table A1``, ``Figure A1``.
+    """
+    own = any(part.heading.tables or part.heading.figures for part in study.parts)
+    counts = {"Table": 0, "Figure": 0}
+
+    def label(kind: str, given: tuple[str, ...], k: int) -> str:
+        if k < len(given):
+            return given[k]
+        counts[kind] += 1
+        return f"{kind} {'A' if own else ''}{counts[kind]}"
+
+    shown = []
+    for part in study.parts:
+        heading, finding = part.heading, findings[part.heading.name]
+        data = finding.outcome.data
+        reason = data.get("reason", "") if isinstance(data, dict) and "omitted" in data else ""
+        shown.append(
+            Shown(
+                heading,
+                finding,
+                tuple((label("Table", heading.tables, k), table) for k, table in enumerate(finding.tables)),
+                tuple((label("Figure", heading.figures, k), figure) for k, figure in enumerate(finding.figures)),
+                reason,
+            )
+        )
+    return tuple(shown)
+
+
+def contents(shown: tuple[Shown, ...]) -> list[str]:
+    """Return the labels of all tables and figures in the order of the document, with those that are not computed."""
+    found = []
+    for part in shown:
+        if part.reason:
+            found += [*part.heading.tables, *part.heading.figures]
+        found += [label for label, _ in part.tables] + [label for label, _ in part.figures]
+    return found
+
+
+def file_name(label: str) -> str:
+    """Return the name of the files of a labelled table or figure: ``figure_05`` for Figure 5."""
+    kind, _, number = label.lower().partition(" ")
+    return f"{kind}_{number.zfill(2)}" if number.isdecimal() else label.lower().replace(" ", "_")

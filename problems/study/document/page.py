@@ -1,0 +1,81 @@
+"""The HTML page of a study, one self-contained file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any
+
+from markupsafe import Markup, escape
+
+from problems.study.data_table import DataTable
+from problems.study.document.inline_svg import inline_svg
+from problems.study.document.labels import Shown, file_name
+from problems.study.part import Study
+from problems.study.runner import Step
+
+NUMBER = re.compile(r"^[(]?[-+–]?\d")
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """Circumstances of a run, for the end of the document.
+
+    Parameters
+    ----------
+    command : str
+        The command.
+    versions : dict of str to str
+        Versions of the programs.
+    quick : bool
+        Whether the simulations were shortened.
+    """
+
+    command: str
+    versions: dict[str, str]
+    quick: bool
+
+
+def page(study: Study, shown: Sequence[Shown], steps: Sequence[Step], about: Circumstances) -> str:
+    """Return the document as HTML.
+
+    Parameters
+    ----------
+    study : Study
+        The study.
+    shown : sequence of Shown
+        Its parts with labels.
+    steps : sequence of Step
+        Time of each part.
+    about : Circumstances
+        Circumstances of the run.
+    """
+    from jinja2 import Environment, StrictUndefined  # slow to import
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name}
+    environment.globals |= {"svg": _svg, "numeric": _numeric, "zip": zip}
+    source = files("problems.study.document").joinpath("page.html.jinja").read_text(encoding="utf-8")
+    values: dict[str, Any] = {
+        "study": study, "parts": shown, "steps": steps, "about": about,
+        "seconds": sum(step.seconds for step in steps),
+    }  # fmt: skip
+    return environment.from_string(source).render(values)
+
+
+def _paragraphs(text: str) -> Markup:
+    """Return text with empty lines as paragraphs."""
+    parts = [part.strip() for part in text.strip().split("\n\n") if part.strip()]
+    return Markup("\n").join(Markup("<p>{}</p>").format(part) for part in parts)
+
+
+def _svg(label: str, svg: str, caption: str) -> Markup:
+    return Markup(inline_svg(svg, file_name(label), str(escape(caption))))
+
+
+def _numeric(table: DataTable) -> list[bool]:
+    """Return for each shown column whether it holds numbers, which are aligned to the right."""
+    return [all(not cell or cell == "–" or NUMBER.match(cell) for cell in column)
+            for column in zip(*table.cells(), strict=True)]  # fmt: skip

@@ -1,0 +1,116 @@
+"""Figures of a document: one style, readable in grey, on a phone, on light and on dark pages.
+
+A figure is 5.2 inches wide with panels below each other, so that its letters stay readable on a narrow page.  Curves
+differ in dash and marker as well as in colour.  Text and axes are black; a page shows them in its own text colour.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from ancf_casadi.support.colours import SERIES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH = 5.2  # inches
+STYLE: dict[Any, Any] = {
+    "font.size": 9,
+    "axes.titlesize": 9,
+    "axes.titlelocation": "left",
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "grid.color": "#808080",
+    "svg.fonttype": "none",
+    "svg.hashsalt": "ancf-casadi",
+}
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure of a document.
+
+    Parameters
+    ----------
+    name : str
+        Name of its files, without suffix.
+    caption : str
+        Caption, which says what is drawn.
+    svg : str
+        Content of its SVG file.
+    png : bytes
+        Content of its PNG file.
+    """
+
+    name: str
+    caption: str
+    svg: str
+    png: bytes
+
+
+def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
+    """Draw a figure in the style of the documents, identical for identical data.
+
+    Parameters
+    ----------
+    name, caption : str
+        Name of its files, and caption.
+    draw : callable
+        Function that draws it.
+    """
+    from matplotlib import rc_context  # slow to import
+
+    from ancf_casadi.plot import png
+
+    with rc_context(STYLE):
+        figure = draw()
+        out = io.StringIO()
+        figure.savefig(out, format="svg", transparent=True, metadata={"Date": None})
+        return Drawing(name, caption, out.getvalue(), png(figure))
+
+
+def new_figure(height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:
+    """Return a figure of the usual width and its panels, row by row.
+
+    Parameters
+    ----------
+    height : float
+        Height, inches.
+    rows, columns : int
+        Numbers of panels.
+    **options
+        Options of ``Figure.subplots``.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    return figure, list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
+
+
+def series(number: int) -> dict[str, Any]:
+    """Return colour, dash and marker of a curve, from 0, as arguments of ``Axes.plot``."""
+    colour, dash, marker = SERIES[number % len(SERIES)]
+    return {"color": colour, "linestyle": dash, "marker": marker}
+
+
+def line(number: int) -> dict[str, Any]:
+    """Return colour and dash of a curve without markers."""
+    return {**series(number), "marker": ""}
+
+
+def plain_log_ticks(axes: Axes, axis: str) -> None:
+    """Label a logarithmic axis at 1, 2 and 5 times the powers of ten, as plain numbers."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    part = axes.xaxis if axis == "x" else axes.yaxis
+    part.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    part.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    part.set_minor_formatter(NullFormatter())

@@ -1,0 +1,269 @@
+"""A simulated experiment: a mode of a beam is driven at the clamp, stopped, and decays.
+
+The excitation and its stop move other modes too.  The motion is therefore projected on the driven mode,
+phi^T M (e - e_rest), as several markers would allow, and Eq. (9) is fitted to this part; the frequency may depend on
+the square of the amplitude.
+
+Linear theory gives the base amplitude A for the requested tip amplitude at the stop.  At resonance, a mode of damping
+ratio zeta and participation Gamma = phi_tip phi^T M u, with u the unit horizontal motion of the beam, grows as
+
+    Gamma A/(2 zeta) (1 - exp(-zeta omega t)).
+
+The frequency of the higher modes falls with the square of the amplitude, so that a drive of constant frequency loses
+the resonance where the relative change of frequency exceeds the damping ratio.  The motion then stays below the
+requested amplitude: the amplitude that is reached is a result.
+
+References
+----------
+"Comparison of external damping models in a large deformation problem", Section 5.2.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.decay.envelope import damping_curve
+from ancf_casadi.dynamics.base_motion import HarmonicBase
+from ancf_casadi.dynamics.integration import Method
+from ancf_casadi.dynamics.simulation import simulate
+from ancf_casadi.dynamics.trajectory import Trajectory
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.vibration.modes import Modes, natural_modes
+from problems.decay.fitting import fit_decay
+from problems.tables.damping import law_of
+
+TOLERANCE = 1e-4  # of the integrator, over the tip amplitude relative to the length
+LOOSEST = 1e-5  # largest tolerance
+IDAS = 0.04  # tolerance of IDAS relative to that of Radau, for errors of the same size
+SETTLING = 2  # periods between the stop and the fit
+SAMPLES = 40  # per period
+LONGEST_WINDOW, SHORTEST_WINDOW = 70, 12  # periods of a fitted decay
+UNDAMPED_DRIVING = 0.1  # longest excitation without damping, relative to the given one
+COLUMNS = 500  # of a drawn motion
+AROUND_STOP = 6  # periods before and after the stop that are drawn in detail
+SHAPES, POINTS = 13, 41  # deformed shapes over one period, points of each
+FEWEST_MODES = 5
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """An experiment to simulate.
+
+    Parameters
+    ----------
+    beam : Beam
+        The beam.
+    terms : tuple of dict
+        The damping law as tables [[damping]]; undamped if empty.
+    mode : int
+        Number of the driven mode, from 1.
+    frequency : float
+        Frequency of the excitation, Hz; that of the mode if 0.
+    amplitude : float
+        Requested tip amplitude at the stop, m.
+    stop : float
+        End of the excitation, s.
+    window : float
+        Length of the fitted decay, s; until the amplitude halves, but at most 70 periods, if 0.
+    steps_per_period : int
+        Least number of integrator steps per period.
+    method : {"radau", "idas"}
+        The integrator.
+    """
+
+    beam: Beam
+    terms: tuple[dict[str, Any], ...]
+    mode: int
+    frequency: float
+    amplitude: float
+    stop: float
+    window: float
+    steps_per_period: int
+    method: str = "radau"
+
+
+@dataclass(frozen=True)
+class ExperimentResult:
+    """The result of a simulated experiment, as plain data.
+
+    Parameters
+    ----------
+    natural_frequency : float
+        Frequency of the mode at small amplitude, Hz.
+    base_amplitude, stop : float
+        Amplitude of the excitation, m, and its end, s.
+    reached : float
+        Tip amplitude of the mode at the stop, m.
+    amplitude : float
+        Tip amplitude of the mode half-way through the fitted decay, m.
+    frequency : float
+        Fitted frequency at this amplitude, Hz.
+    damping_ratio, damping_ratio_error : float
+        Fitted damping ratio and its standard error.
+    expected_ratio : float
+        Damping ratio that the law predicts at ``amplitude``.
+    motion_time, motion_low, motion_high : ndarray
+        Extremes of the tip displacement relative to the clamp, m, in intervals of the whole run.
+    stop_time, stop_motion : ndarray
+        This displacement around the stop.
+    decay_time, decay : ndarray
+        Tip displacement in the mode after the stop, m.
+    curve : ndarray (n, 3)
+        Amplitude (m), damping ratio and frequency (Hz) in windows of the decay.
+    shapes : ndarray (13, 41, 2)
+        Positions of points along the beam, m, over the last period before the stop.
+    steps : int
+        Number of integrator steps.
+    """
+
+    natural_frequency: float
+    base_amplitude: float
+    stop: float
+    reached: float
+    amplitude: float
+    frequency: float
+    damping_ratio: float
+    damping_ratio_error: float
+    expected_ratio: float
+    motion_time: Array
+    motion_low: Array
+    motion_high: Array
+    stop_time: Array
+    stop_motion: Array
+    decay_time: Array
+    decay: Array
+    curve: Array
+    shapes: Array
+    steps: int
+
+
+def run_experiment(experiment: Experiment) -> ExperimentResult:
+    """Simulate an experiment and fit its decay.
+
+    Raises
+    ------
+    InputError
+        If the law or a number cannot be used.
+    SimulationError, FitError
+        If the integration or the fit fails.
+    """
+    modes = natural_modes(Model(experiment.beam), count=max(FEWEST_MODES, experiment.mode))
+    law = law_of(experiment.terms, modes.model, "damping")
+    mode = experiment.mode - 1
+
+    def ratio(amplitude: float) -> float:
+        return 0.0 if law is None else float(law.damping_ratios(modes, [amplitude] * modes.count)[mode])
+
+    base, window = _excitation(experiment, modes, ratio(experiment.amplitude))
+    size = experiment.amplitude / experiment.beam.length
+    tolerance = min(TOLERANCE * size, LOOSEST) * (IDAS if experiment.method == "idas" else 1.0)
+    run = simulate(
+        modes.model,
+        duration=base.stop_time + SETTLING / base.frequency + window,
+        damping=law,
+        base=base,
+        sample_rate=SAMPLES * base.frequency,
+        method=_method(experiment.method),
+        tolerance=tolerance,
+        largest_step=1 / (experiment.steps_per_period * base.frequency),
+    )
+    if run.interrupted:
+        raise KeyboardInterrupt
+    motion = modes.modal_coordinate(run.relative_coordinates, mode)
+    after = run.time >= run.time[-1] - window
+    decay = Measurement(run.time[after], motion[after])
+    fit = fit_decay(
+        decay,
+        release_time=float(decay.time[0]),
+        ratio_bounds=(-0.1, 0.9),
+        frequency_law="constant" if law is None else "quadratic",
+    )
+    half_way = (decay.time[-1] - decay.time[0]) / 2
+    amplitude = fit.amplitude * math.exp(-fit.damping_ratio * 2 * math.pi * fit.frequency * half_way)
+    end = int(np.searchsorted(run.time, base.stop_time))
+    return ExperimentResult(
+        natural_frequency=float(modes.frequencies[mode]),
+        base_amplitude=base.amplitude,
+        stop=base.stop_time,
+        reached=float(np.abs(motion[max(0, end - SAMPLES) : end]).max()),
+        amplitude=amplitude,
+        frequency=fit.frequency * (1 + fit.frequency_curvature * amplitude**2),
+        damping_ratio=fit.damping_ratio,
+        damping_ratio_error=fit.standard_errors["damping_ratio"],
+        expected_ratio=ratio(amplitude),
+        decay_time=decay.time,
+        decay=decay.values,
+        curve=_curve(decay),
+        shapes=_shapes(run, end),
+        steps=run.steps,
+        **_drawn_motion(run, base),
+    )
+
+
+def undamped(experiment: Experiment) -> Experiment:
+    """Return an experiment without damping, which shows the numerical damping; it is shorter."""
+    return replace(experiment, terms=(), stop=UNDAMPED_DRIVING * experiment.stop)
+
+
+def _excitation(experiment: Experiment, modes: Modes, ratio: float) -> tuple[HarmonicBase, float]:
+    """Return the base motion and the length of the fitted decay, given the damping ratio at the requested amplitude."""
+    mode = experiment.mode - 1
+    ω = float(modes.angular_frequencies[mode])
+    growth = -math.expm1(-ratio * ω * experiment.stop) / (2 * ratio) if ratio else ω * experiment.stop / 2
+    base = HarmonicBase(
+        amplitude=experiment.amplitude / (participation(modes, mode) * growth),
+        frequency=experiment.frequency or ω / (2 * math.pi),
+        stop=experiment.stop,
+    )
+    if experiment.window:
+        return base, experiment.window
+    halving = math.log(2) * base.frequency / (ratio * ω) if ratio else math.inf  # periods
+    return base, max(min(halving, LONGEST_WINDOW), SHORTEST_WINDOW) / base.frequency
+
+
+def participation(modes: Modes, mode: int) -> float:
+    """Return Gamma = phi_tip phi^T M u, the tip amplitude of the mode per unit horizontal base motion."""
+    model = modes.model
+    mass = model.mass(model.properties).sparse()
+    horizontal = np.tile([1.0, 0.0, 0.0, 0.0], model.size // 4)
+    return float(abs(modes.shapes[:, mode] @ (mass @ horizontal)) * modes.tip_amplitudes()[mode])
+
+
+def _method(name: str) -> Method:
+    return "idas" if name == "idas" else "radau"
+
+
+def _curve(decay: Measurement) -> Array:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        curve = damping_curve(decay, release_time=float(decay.time[0]))
+    return np.column_stack([curve.amplitude, curve.damping_ratio, curve.frequency])
+
+
+def _shapes(run: Trajectory, end: int) -> Array:
+    arcs = np.linspace(0.0, run.model.beam.length, POINTS).tolist()
+    rows = np.linspace(max(0, end - SAMPLES), end, SHAPES).astype(int)
+    points = [run.model.interpolation(arc) for arc in arcs]
+    return np.array([[point @ run.coordinates[row] for point in points] for row in rows])
+
+
+def _drawn_motion(run: Trajectory, base: HarmonicBase) -> dict[str, Array]:
+    motion = (run.tip - run.base) @ np.array([1.0, 0.0])
+    motion = motion - motion[0]
+    edges = np.unique(np.linspace(0, len(motion) - 1, min(COLUMNS, len(motion))).astype(int))
+    near = np.abs(run.time - base.stop_time) <= AROUND_STOP / base.frequency
+    return {
+        "motion_time": run.time[edges],
+        "motion_low": np.minimum.reduceat(motion, edges),
+        "motion_high": np.maximum.reduceat(motion, edges),
+        "stop_time": run.time[near] - base.stop_time,
+        "stop_motion": motion[near],
+    }

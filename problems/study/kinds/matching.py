@@ -1,0 +1,225 @@
+"""A part with a beam matched to measured frequencies: Tables 9 and 10 of the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_keys, located, physical
+from ancf_casadi.vibration.modes import natural_modes
+from problems.matching.frequency_matching import match_frequencies
+from problems.study.data_table import Column, DataTable, printed_values
+from problems.study.drawing import Drawing, drawn, new_figure, series
+from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
+from problems.study.source import Source, printed_numbers
+from problems.tables.match import MATCH_KEYS, request_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+KEYS = """\
+  kind = "match"        nearest beam with measured frequencies: the keys of [match]
+                        (default: that table); weightless = density (kg/m^3) of a
+                        beam without gravity to show beside; printed = {standard
+                        (Hz), optimum (Hz), value = [width, thickness (mm),
+                        density (kg/m^3), elastic modulus (GPa)]}
+"""
+PRINTED = ("standard", "optimum", "value")
+ROWS = (("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0), ("elastic_modulus", "GPa", 1e-9))
+
+
+@dataclass(frozen=True)
+class Matched:
+    """A matched beam as plain data.
+
+    Parameters
+    ----------
+    beam : Beam
+        The matched beam.
+    data : dict
+        The result for JSON, as ``FrequencyMatch.to_dict``.
+    ranges : dict of str to ndarray (n, 2)
+        Lowest and highest relative change of each property along the beam that fits equally well; none if the targets
+        are out of reach.
+    statements : tuple of str
+        Statements on the determination of the properties.
+    """
+
+    beam: Beam
+    data: dict[str, Any]
+    ranges: dict[str, Array]
+    statements: tuple[str, ...]
+
+
+def match_plain(beam: Beam, request: dict[str, Any]) -> Matched:
+    """Match a beam, and return the result as plain data.
+
+    Raises
+    ------
+    InputError, FitError
+        As ``match_frequencies``.
+    """
+    match = match_frequencies(beam, **request_of(request))
+    ranges: dict[str, Array] = {}
+    if not match.out_of_reach:
+        pairs: dict[str, list[Array]] = {}
+        for name, pair in zip(match.identifiability.factor_names, match.identifiability.spread - 1, strict=True):
+            pairs.setdefault(name.partition("[")[0], []).append(pair)
+        ranges = {name: np.array(rows) for name, rows in pairs.items()}
+    data = match.to_dict()
+    data["elastic_modulus_per_element"] = data["elastic_modulus"]
+    data["density_per_element"] = data["density"]
+    data["elastic_modulus"], data["density"] = data["elastic_modulus"][0], data["density"][0]
+    return Matched(match.beam, data, ranges, tuple(data["identified"]))
+
+
+@final
+@dataclass(frozen=True)
+class Match(Part):
+    """A beam matched to measured frequencies.
+
+    Parameters
+    ----------
+    beam : Beam
+        The beam before matching.
+    request : dict
+        The table [match].
+    weightless : float
+        Density, kg/m^3, of the uniform beam without gravity whose frequencies are shown beside; 0 for none.
+    printed : dict
+        Printed numbers by column.
+    """
+
+    kind = "match"
+    numbers = dict[str, Any]
+
+    beam: Beam
+    request: dict[str, Any]
+    weightless: float
+    printed: dict[str, tuple[float | None, ...]]
+
+    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+        """Return the match."""
+        return (Task(match_plain, (self.beam, self.request), 2.0),)
+
+    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+        """Return the properties, the frequencies, and both as figures."""
+        matched: Matched = results[0]
+        name = self.heading.name
+        figures = (
+            drawn(f"{name}_properties", "Properties of the matched beam along its length, relative to the given beam.  "
+                  "Shaded: changes of single elements that fit equally well.",
+                  lambda: self._profiles(matched)),
+            self._errors(matched),
+        )  # fmt: skip
+        outcome = Outcome(matched.data, beam=matched.beam)
+        tables = (self._properties(matched), self._frequencies(matched))
+        return Finding(outcome, tables, figures, tuple(matched.data["warnings"]))
+
+    def _properties(self, matched: Matched) -> DataTable:
+        arrays = {name: scale * np.array(getattr(matched.beam, name)) for name, _, scale in ROWS}
+        standard = [scale * float(np.mean(getattr(self.beam, name))) for name, _, scale in ROWS]
+        columns = (
+            Column("property", tuple(name.replace("_", " ") for name, *_ in ROWS)),
+            Column("unit", tuple(unit for _, unit, _ in ROWS)),
+            Column("before", tuple(standard)),
+            Column("mean", tuple(float(values.mean()) for values in arrays.values()),
+                   printed=printed_values(self.printed, "value")),
+            Column("lowest", tuple(float(values.min()) for values in arrays.values())),
+            Column("highest", tuple(float(values.max()) for values in arrays.values())),
+        )  # fmt: skip
+        bounds = ", ".join(matched.data["at_bound"]) or "none"
+        notes = (
+            f"{matched.data['iterations']} iterations of IPOPT; properties at a bound: {bounds}.",
+            *matched.statements,
+            *self.heading.notes,
+        )
+        return DataTable(
+            f"{self.heading.name}_properties", "Properties of the matched beam", columns, notes, self.heading.source
+        )
+
+    def _frequencies(self, matched: Matched) -> DataTable:
+        data = matched.data
+        columns = [
+            Column("mode", tuple(data["modes"])),
+            Column("measured", tuple(data["target_hz"]), "Hz"),
+            Column("before", tuple(data["standard_hz"]), "Hz"),
+        ]
+        printed = printed_values(self.printed, "standard")
+        if self.weightless:
+            other = self.beam.with_(gravity=(0.0, 0.0), density=self.weightless)
+            frequencies = natural_modes(Model(other), count=max(data["modes"])).frequencies
+            shown = tuple(float(frequencies[mode - 1]) for mode in data["modes"])
+            columns.append(Column(f"{self.weightless:g} kg/m³, no gravity", shown, "Hz", printed=printed))
+        else:
+            columns[-1] = Column("before", tuple(data["standard_hz"]), "Hz", printed=printed)
+        optimum = printed_values(self.printed, "optimum")
+        columns.append(Column("matched", tuple(data["matched_hz"]), "Hz", printed=optimum))
+        notes = (f"Largest relative error after matching: {data['max_relative_error']:.1e}.",)
+        title = "Natural frequencies before and after matching"
+        return DataTable(f"{self.heading.name}_frequencies", title, tuple(columns), notes, self.heading.source)
+
+    def _profiles(self, matched: Matched) -> Figure:
+        names = [name for name, *_ in ROWS if matched.ranges.get(name) is not None] or [name for name, *_ in ROWS]
+        along = [name for name in names if np.ptp(getattr(matched.beam, name)) > 0.0] or names[:1]
+        figure, panels = new_figure(0.8 + 1.5 * len(along), len(along), sharex=True)
+        edges = 1e3 * np.linspace(0.0, self.beam.length, self.beam.elements + 1)
+        for k, (axes, name) in enumerate(zip(panels, along, strict=True)):
+            change = 100 * (np.array(getattr(matched.beam, name)) / np.array(getattr(self.beam, name)) - 1)
+            if name in matched.ranges:
+                low, high = 100 * np.broadcast_to(matched.ranges[name], (self.beam.elements, 2)).T
+                axes.fill_between(edges, np.append(low, low[-1]), np.append(high, high[-1]), step="post",
+                                  color=series(0)["color"], alpha=0.2, lw=0, label="fits equally well")  # fmt: skip
+            axes.stairs(change, edges, baseline=None, color=series(0)["color"], lw=1.5, label="matched")
+            axes.axhline(0.0, color="black", lw=0.8, ls=":")
+            axes.set(ylabel=f"{name.replace('_', ' ')}\nchange, %", xlim=(0.0, edges[-1]))
+            if not k:
+                axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+        panels[-1].set_xlabel("distance from the clamp, mm")
+        figure.align_ylabels()
+        return figure
+
+    def _errors(self, matched: Matched) -> Drawing:
+        """Draw the relative errors on a logarithmic scale, so that those after matching are visible."""
+        data = matched.data
+        target = np.array(data["target_hz"])
+        columns = {"before": data["standard_hz"], "matched": data["matched_hz"]}
+        for key, name in (("standard", "standard"), ("optimum", "optimum")):
+            if key in self.printed:
+                columns[f"{self.heading.source}, {name}"] = list(self.printed[key])
+
+        def draw() -> Figure:
+            figure, (axes,) = new_figure(3.2)
+            for k, (label, frequencies) in enumerate(columns.items()):
+                errors = 100 * np.abs(np.array(frequencies, dtype=float) / target - 1)
+                axes.plot(data["modes"], np.maximum(errors, 1e-12), **series(k), ms=5, label=label)
+            axes.set(yscale="log", xlabel="mode", ylabel="frequency error, %", xticks=data["modes"])
+            axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+            return figure
+
+        caption = "Relative errors of the natural frequencies, without their signs, on a logarithmic scale."
+        return drawn(f"{self.heading.name}_frequencies", caption, draw)
+
+
+def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> Match:
+    """Return the part that a table describes.
+
+    Raises
+    ------
+    InputError
+        If a key or value cannot be used.
+    """
+    check_keys(given, set(), {*MATCH_KEYS, "weightless", "printed"}, where)
+    request = {key: given[key] for key in MATCH_KEYS & given.keys()}
+    if not request:
+        request = source.file.table("match", {"targets"}, MATCH_KEYS - {"targets"})
+    with located(where):
+        request_of(request)  # check
+        weightless = physical(given["weightless"], "weightless") if "weightless" in given else 0.0
+        return Match(heading, source.model.beam, request, weightless, printed_numbers(given, PRINTED))

@@ -1,0 +1,344 @@
+"""A part with simulated experiments: Figures 17 to 27, Tables 8, 11 and 12 of the paper.
+
+Each run drives a mode of the beam, stops, and lets it decay under several laws (``problems.study.experiment``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.inputs import check_keys, is_sequence, located, number, physical, shown, whole
+from problems.study.data_table import Column, DataTable
+from problems.study.drawing import Drawing, drawn, line, new_figure, plain_log_ticks, series
+from problems.study.experiment import Experiment, ExperimentResult, run_experiment
+from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
+from problems.study.source import BeamChoice, LawChoice, Source, printed_numbers
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+KEYS = """\
+  kind = "transients"   simulated experiments: beam ("PART"), laws (names of
+                        [[laws]]), runs = [{mode, amplitude (m, at the tip), stop
+                        (s), frequency (Hz), window (s), laws, measured_ratio}, ...],
+                        printed = {LAW = [damping ratio of each run, %]}
+"""
+RUN = {"mode", "amplitude", "stop"}
+OPTIONAL = {"frequency", "window", "laws", "measured_ratio"}
+MISSED = 0.05  # relative difference from the requested amplitude that the table explains
+SECONDS_PER_PERIOD = 0.01  # computing time
+
+
+@dataclass(frozen=True)
+class Run:
+    """An excitation, and the laws under which it is simulated.
+
+    Parameters
+    ----------
+    mode : int
+        Number of the driven mode, from 1.
+    amplitude : float
+        Requested tip amplitude at the stop, m.
+    stop : float
+        End of the excitation, s.
+    frequency : float
+        Frequency of the excitation, Hz; that of the mode if 0.
+    window : float
+        Length of the fitted decay, s; the default if 0.
+    laws : tuple of LawChoice
+        The laws.
+    measured_ratio : float
+        Measured damping ratio to draw; nan for none.
+    """
+
+    mode: int
+    amplitude: float
+    stop: float
+    frequency: float
+    window: float
+    laws: tuple[LawChoice, ...]
+    measured_ratio: float
+
+    def experiment(
+        self, law: LawChoice, choice: BeamChoice, found: Mapping[str, Outcome], effort: Effort, method: str = "radau"
+    ) -> Experiment:
+        """Return the experiment under a law."""
+        return Experiment(
+            beam=choice.beam(found),
+            terms=law.of(found),
+            mode=self.mode,
+            frequency=self.frequency,
+            amplitude=self.amplitude,
+            stop=effort.driving * self.stop,
+            window=effort.window * self.window,
+            steps_per_period=effort.steps_per_period,
+            method=method,
+        )
+
+
+def task_of(experiment: Experiment) -> Task:
+    """Return an experiment as a task."""
+    periods = max(experiment.frequency, 2.0) * (experiment.stop + max(experiment.window, 1.0))
+    return Task(run_experiment, (experiment,), SECONDS_PER_PERIOD * periods)
+
+
+@final
+@dataclass(frozen=True)
+class Transients(Part):
+    """Simulated experiments on a beam.
+
+    Parameters
+    ----------
+    choice : BeamChoice
+        The beam.
+    runs : tuple of Run
+        The excitations.
+    printed : dict
+        Printed damping ratios (%) of the runs by law.
+    """
+
+    kind = "transients"
+    numbers = dict[str, Any]
+
+    choice: BeamChoice
+    runs: tuple[Run, ...]
+    printed: dict[str, tuple[float | None, ...]]
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The parts that find the beam and the laws."""
+        laws = [name for run in self.runs for law in run.laws for name in law.needs]
+        return tuple(dict.fromkeys((*self.choice.needs, *laws)))
+
+    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+        """Return the simulations, run by run and law by law."""
+        return tuple(task_of(run.experiment(law, self.choice, found, effort)) for run in self.runs for law in run.laws)
+
+    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+        """Return the damping ratios, the amplitudes, and a figure per run."""
+        own = iter(results)
+        by_run = [[next(own) for _ in run.laws] for run in self.runs]
+        figures = [
+            self._drawing(k, run, of_laws) for k, (run, of_laws) in enumerate(zip(self.runs, by_run, strict=True))
+        ]
+        if len(self.runs) > 2:
+            figures.append(self._overview(by_run))
+        tables = (self._ratios(by_run), self._amplitudes(by_run))
+        return Finding(Outcome(self._data(by_run)), tables, tuple(figures))
+
+    def _laws(self) -> list[LawChoice]:
+        """Return all laws once, in their order."""
+        return list({law.name: law for run in self.runs for law in run.laws}.values())
+
+    def _data(self, by_run: Sequence[Sequence[ExperimentResult]]) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        if any(math.isfinite(run.measured_ratio) for run in self.runs):
+            found["experiment"] = [
+                run.measured_ratio if math.isfinite(run.measured_ratio) else None for run in self.runs
+            ]
+        for law in self._laws():
+            ratios: list[float | None] = [None] * len(self.runs)
+            for k, (run, of_laws) in enumerate(zip(self.runs, by_run, strict=True)):
+                if law in run.laws:
+                    ratios[k] = of_laws[run.laws.index(law)].damping_ratio
+            found[law.name] = ratios
+        found["runs"] = [
+            {
+                "mode": run.mode,
+                "law": law.name,
+                "requested_amplitude_m": run.amplitude,
+                "reached_amplitude_m": result.reached,
+                "base_amplitude_m": result.base_amplitude,
+                "stop_s": result.stop,
+                "amplitude_m": result.amplitude,
+                "frequency_hz": result.frequency,
+                "damping_ratio": result.damping_ratio,
+                "damping_ratio_stderr": result.damping_ratio_error,
+                "expected_damping_ratio": result.expected_ratio,
+                "steps": result.steps,
+            }
+            for run, of_laws in zip(self.runs, by_run, strict=True)
+            for law, result in zip(run.laws, of_laws, strict=True)
+        ]
+        return found
+
+    def _rows(self, by_run: Sequence[Sequence[ExperimentResult]]) -> list[tuple[int, Run, LawChoice, ExperimentResult]]:
+        return [
+            (k, run, law, result)
+            for k, (run, of_laws) in enumerate(zip(self.runs, by_run, strict=True))
+            for law, result in zip(run.laws, of_laws, strict=True)
+        ]
+
+    def _ratios(self, by_run: Sequence[Sequence[ExperimentResult]]) -> DataTable:
+        rows = self._rows(by_run)
+        columns = [
+            Column("mode", tuple(run.mode for _, run, _, _ in rows)),
+            Column("law", tuple(law.title for _, _, law, _ in rows)),
+        ]
+        if any(math.isfinite(run.measured_ratio) for run in self.runs):
+            columns.append(Column("measured", tuple(100 * run.measured_ratio for _, run, _, _ in rows), "%"))
+        printed = tuple(self.printed[law.name][k] if law.name in self.printed else None for k, _, law, _ in rows)
+        columns += [
+            Column("simulated", tuple(100 * result.damping_ratio for *_, result in rows), "%",
+                   printed=printed if any(value is not None for value in printed) else None),
+            Column("predicted by the law", tuple(100 * result.expected_ratio for *_, result in rows), "%"),
+            Column("at amplitude", tuple(1e3 * result.amplitude for *_, result in rows), "mm"),
+        ]  # fmt: skip
+        title = "Damping ratios of the decays after the stop"
+        return DataTable(self.heading.name, title, tuple(columns), self.heading.notes, self.heading.source)
+
+    def _amplitudes(self, by_run: Sequence[Sequence[ExperimentResult]]) -> DataTable:
+        rows = self._rows(by_run)
+        columns = (
+            Column("mode", tuple(run.mode for _, run, _, _ in rows)),
+            Column("law", tuple(law.title for _, _, law, _ in rows)),
+            Column("drive", tuple(run.frequency or result.natural_frequency for _, run, _, result in rows), "Hz"),
+            Column("base amplitude", tuple(1e3 * result.base_amplitude for *_, result in rows), "mm"),
+            Column("requested", tuple(1e3 * run.amplitude for _, run, _, _ in rows), "mm"),
+            Column("at the stop", tuple(1e3 * result.reached for *_, result in rows), "mm"),
+            Column("frequency in the decay", tuple(result.frequency for *_, result in rows), "Hz"),
+        )
+        short = any(result.reached < (1 - MISSED) * run.amplitude for _, run, _, result in rows)
+        reason = (
+            "Where the amplitude at the stop is smaller than requested, the frequency of the mode falls with the "
+            "amplitude by more than the width of the resonance, so that a drive at constant frequency reaches no more."
+        )
+        notes = ("The base amplitude is that of linear theory for the requested amplitude of the tip.",)
+        name = f"{self.heading.name}_amplitudes"
+        return DataTable(name, "Amplitudes of the excitation and of the tip", columns, notes + (reason,) * short)
+
+    def _drawing(self, k: int, run: Run, results: Sequence[ExperimentResult]) -> Drawing:
+        caption = (
+            f"Mode {run.mode}, driven until {results[0].stop:.4g} s.  Top: extremes of the tip displacement relative "
+            "to the clamp.  Middle: the same around the stop.  Bottom: amplitude of the mode after the stop."
+        )
+        if math.isfinite(run.measured_ratio):
+            caption += "  The measured decay is synthetic: Eq. (9) with the measured damping ratio."
+        return drawn(f"{self.heading.name}_{k + 1}", caption, lambda: _run_figure(run, results))
+
+    def _overview(self, by_run: Sequence[Sequence[ExperimentResult]]) -> Drawing:
+        def draw() -> Figure:
+            figure, (axes,) = new_figure(3.6)
+            numbers_ = np.arange(1, len(self.runs) + 1)
+            measured = np.array([run.measured_ratio for run in self.runs])
+            if np.isfinite(measured).any():
+                axes.plot(numbers_, 100 * measured, "ks", ms=9, mfc="none", label="measured")
+            for k, law in enumerate(self._laws()):
+                ratios = np.array([
+                    of_laws[run.laws.index(law)].damping_ratio if law in run.laws else np.nan
+                    for run, of_laws in zip(self.runs, by_run, strict=True)
+                ])  # fmt: skip
+                axes.plot(numbers_, 100 * ratios, **series(k), ms=5, label=law.title)
+                if law.name in self.printed:
+                    axes.plot(numbers_, np.array(self.printed[law.name], dtype=float), ls="", marker="x", ms=7,
+                              color=series(k)["color"], label=f"{law.title}, {self.heading.source}")  # fmt: skip
+            axes.set(yscale="log", ylabel="damping ratio, %", xlabel="mode")
+            axes.set_xticks(numbers_, [str(run.mode) for run in self.runs])
+            axes.set_title("damping ratio of each mode under each law")
+            plain_log_ticks(axes, "y")
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
+            return figure
+
+        return drawn(f"{self.heading.name}_ratios", "Damping ratio of each mode under each law.", draw)
+
+
+def _run_figure(run: Run, results: Sequence[ExperimentResult]) -> Figure:
+    """Draw the motion under each law: extremes, waveform around the stop, amplitude of the decay."""
+    figure, (whole_run, around, decay) = new_figure(5.8, 3)
+    for k, (law, result) in enumerate(zip(run.laws, results, strict=True)):
+        label = f"{law.title}, ζ = {100 * result.damping_ratio:.3g} %"
+        for extreme, name in ((result.motion_low, None), (result.motion_high, law.title)):
+            whole_run.plot(result.motion_time, 1e3 * extreme, **line(k), lw=1, label=name)
+        around.plot(result.stop_time, 1e3 * result.stop_motion, **line(k), lw=1)
+        time, peaks = _peaks(result)
+        decay.plot(time - result.stop, 1e3 * peaks, **line(k), label=label)
+    if math.isfinite(run.measured_ratio):
+        _draw_measured(decay, run, results[0])
+    whole_run.axvline(results[0].stop, color="black", lw=0.6, ls=":")
+    around.axvline(0.0, color="black", lw=0.6, ls=":")
+    whole_run.set(xlabel="time, s", ylabel="tip relative\nto clamp, mm")
+    around.set(xlabel="time after the stop, s", ylabel="tip relative\nto clamp, mm")
+    decay.set(xlabel="time after the stop, s", ylabel=f"amplitude\nof mode {run.mode}, mm", yscale="log")
+    plain_log_ticks(decay, "y")
+    whole_run.legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    decay.legend()
+    figure.align_ylabels()
+    return figure
+
+
+def _peaks(result: ExperimentResult) -> tuple[Any, Any]:
+    """Return times and sizes of the extremes of the decay."""
+    size = np.abs(result.decay)
+    inner = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
+    return result.decay_time[inner], size[inner]
+
+
+def _draw_measured(axes: Axes, run: Run, result: ExperimentResult) -> None:
+    """Draw Eq. (9) with the measured damping ratio, from the amplitude of the first law on."""
+    time, peaks = _peaks(result)
+    rate = 2 * math.pi * (run.frequency or result.natural_frequency) * run.measured_ratio
+    label = f"measured ζ = {100 * run.measured_ratio:.3g} %, synthetic"
+    axes.plot(time - result.stop, 1e3 * peaks[0] * np.exp(-rate * (time - time[0])), "k:", lw=1.5, label=label)
+
+
+def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> Transients:
+    """Return the part that a table describes.
+
+    Raises
+    ------
+    InputError
+        If a key or value cannot be used.
+    """
+    check_keys(given, {"runs"}, {"beam", "laws", "printed"}, where)
+    runs = read_runs(source, given, where)
+    names = [law.name for run in runs for law in run.laws]
+    with located(where):
+        printed = printed_numbers(given, names)
+        for name, values in printed.items():
+            if len(values) != len(runs):
+                raise InputError(f"has {len(values)} values for {len(runs)} runs", f"printed: {name}")
+    return Transients(heading, source.beam_choice(given, where), runs, printed)
+
+
+def read_runs(source: Source, given: dict[str, Any], where: str) -> tuple[Run, ...]:
+    """Return the runs that the keys ``runs`` and ``laws`` of a table describe.
+
+    Raises
+    ------
+    InputError
+        If a key or value cannot be used.
+    """
+    if not is_sequence(given["runs"]) or not given["runs"]:
+        raise InputError(f"must be a list of tables, got {shown(given['runs'])}", f"{where}: runs")
+    runs = []
+    for k, table in enumerate(given["runs"], start=1):
+        place = f"{where}: runs: {k}"
+        if not isinstance(table, dict):
+            raise InputError(f"must be a table, got {shown(table)}", place)
+        check_keys(table, RUN, OPTIONAL, place)
+        names = table.get("laws", given.get("laws", []))
+        if not is_sequence(names) or not names:
+            raise InputError("name at least one of [[laws]]", f"{place}: laws")
+        laws = tuple(source.law_choice(name, f"{place}: laws") for name in names)
+        with located(place):
+            runs.append(
+                Run(
+                    mode=whole(table["mode"], "mode", 1),
+                    amplitude=physical(table["amplitude"], "amplitude"),
+                    stop=physical(table["stop"], "stop"),
+                    frequency=physical(table["frequency"], "frequency") if "frequency" in table else 0.0,
+                    window=physical(table["window"], "window") if "window" in table else 0.0,
+                    laws=laws,
+                    measured_ratio=number(table["measured_ratio"], "measured_ratio")
+                    if "measured_ratio" in table
+                    else math.nan,
+                )
+            )
+    return tuple(runs)

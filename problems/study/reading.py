@@ -1,0 +1,127 @@
+"""Reading a study from a TOML file: the table [study], the laws, and the parts in the order of the document.
+
+A file without [[parts]] has the parts that its other tables suggest: the beam and its modes, the decays, the match, the
+simulation, and the fit to measured motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.inputs import located, shown, whole
+from problems.study.kinds import beam, decays, matching, modes, omitted, rayleigh, transients
+from problems.study.part import Heading, Part, Study
+from problems.study.source import Source, text_of, texts_of
+from problems.tables import damping
+from problems.tables.study import Study as StudyFile
+
+KINDS: dict[str, Callable[[Source, dict[str, Any], Heading, str], Part]] = {
+    "beam": beam.read,
+    "decays": decays.read,
+    "match": matching.read,
+    "modes": modes.read,
+    "omitted": omitted.read,
+    "rayleigh": rayleigh.read,
+    "transients": transients.read,
+}
+USUAL = {"beam": ("beam", "modes"), "decays": ("decays",), "match": ("match",)}  # parts that a table suggests
+STUDY = {"title", "text", "source", "printed_by", "seed"}
+HEADING = {"name", "title", "text", "tables", "figures", "notes", "section"}
+RESERVED = {"study", "timing", "versions", "data"}  # other keys of results.json
+
+
+def read_study(path: str | Path) -> Study:
+    """Read a study.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or a table, key or value cannot be used.
+    """
+    file = StudyFile.read(str(path), required=set())
+    about = file.table("study", set(), STUDY) if "study" in file.tables else {}
+    where = file.where("study")
+    with located(where):
+        title, text, origin, printed_by = (
+            text_of(about, key, default)
+            for key, default in (("title", Path(path).stem), ("text", ""), ("source", ""), ("printed_by", "printed"))
+        )
+        seed = whole(about.get("seed", 0), "seed", 0)
+    tables = file.several("parts") or [{"kind": kind} for name in USUAL if name in file.tables for kind in USUAL[name]]
+    if not tables:
+        raise InputError("has nothing to study; add [beam], [[decays]] or [[parts]]", str(path))
+    source = Source(file, damping.named_laws(file), seed)
+    parts: dict[str, Part] = {}
+    for table in tables:
+        part = _part(source, table, printed_by, parts)
+        parts[part.heading.name] = part
+    _check_needs(parts, file.where("parts"))
+    return Study(title, tuple(parts.values()), text, origin, seed)
+
+
+def _part(source: Source, table: Any, printed_by: str, before: Mapping[str, Part]) -> Part:
+    place = source.file.where("parts")
+    kind = table.get("kind") if isinstance(table, dict) else None
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise InputError(f"kind must be one of {', '.join(KINDS)}, got {shown(kind)}", place)
+    heading = _heading(table, kind, printed_by, before, place)
+    where = f"{place}: {heading.name}"
+    given = {key: value for key, value in table.items() if key not in {"kind", *HEADING}}
+    return KINDS[kind](source, given, heading, where)
+
+
+def _check_needs(parts: Mapping[str, Part], where: str) -> None:
+    """Check that the parts that others need exist, and that no part needs itself through others."""
+    for name, part in parts.items():
+        for needed in part.needs:
+            if needed not in parts:
+                raise InputError(f"needs the part {needed!r}, which does not exist", f"{where}: {name}")
+    left = dict(parts)
+    while ready := [name for name, part in left.items() if not any(needed in left for needed in part.needs)]:
+        left = {name: part for name, part in left.items() if name not in ready}
+    if left:
+        raise InputError(f"the parts {', '.join(left)} need each other", where)
+
+
+def _heading(table: dict[str, Any], kind: str, printed_by: str, before: Mapping[str, Part], where: str) -> Heading:
+    with located(where):
+        name = text_of(table, "name", _free_name(kind, before))
+        if not name.isidentifier() or name in RESERVED:
+            taken = ", ".join(sorted(RESERVED))
+            raise InputError(
+                f"must be made of letters, digits and _, and not one of {taken}, got {shown(name)}", "name"
+            )
+        if name in before:
+            raise InputError(f"{name!r} is taken by an earlier part; choose another one", "name")
+        return Heading(
+            name=name,
+            title=text_of(table, "title", TITLES[kind]),
+            text=text_of(table, "text", ""),
+            tables=texts_of(table, "tables"),
+            figures=texts_of(table, "figures"),
+            notes=texts_of(table, "notes"),
+            source=printed_by,
+            section=text_of(table, "section", ""),
+        )
+
+
+TITLES = {
+    "beam": "The beam",
+    "decays": "Free decays",
+    "match": "Beam matched to measured frequencies",
+    "modes": "Natural modes",
+    "omitted": "Not computed",
+    "rayleigh": "Rayleigh (proportional) damping",
+    "transients": "Excitation, stop and decay",
+}
+
+
+def _free_name(kind: str, before: Mapping[str, Part]) -> str:
+    name, number = kind, 1
+    while name in before:
+        number += 1
+        name = f"{kind}_{number}"
+    return name

@@ -1,0 +1,132 @@
+"""Running a study: level by level, in any executor, with finished tasks kept.
+
+A level holds the parts whose needs are met.  First all tasks of its parts run, the longest first, then their findings.
+Each result is written as soon as it is there, so that a study that is stopped at any time continues from there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ancf_casadi.support.parallel import processes, run_all
+from problems.study.part import Effort, Finding, Outcome, Part, Study, Task
+from problems.study.store import Store, key_of, run_task
+
+DRAWING = 1.0  # s, to draw the figures of a part
+STEPS = "steps"  # folder with the kept results
+
+
+@dataclass(frozen=True)
+class Step:
+    """Time of a finished part.
+
+    Parameters
+    ----------
+    name : str
+        Name of the part.
+    seconds : float
+        Computing time of its tasks and of its finding, s, as they were when they ran.
+    tasks : int
+        Number of tasks.
+    kept : int
+        Number of these that were kept from an earlier run.
+    """
+
+    name: str
+    seconds: float
+    tasks: int
+    kept: int
+
+
+def run_parts(
+    study: Study, folder: Path, *, effort: Effort, jobs: int, executor: Executor | None, progress: bool
+) -> tuple[dict[str, Finding], tuple[Step, ...]]:
+    """Run all parts of a study, and return their findings by name with the time of each.
+
+    Parameters
+    ----------
+    study : Study
+        The study; parts that need others follow them.
+    folder : Path
+        Folder of the results, with the finished tasks of an earlier run.
+    effort : Effort
+        Accuracy and length of the simulations.
+    jobs, executor, progress
+        As for ``run_all``.
+
+    Raises
+    ------
+    AncfError
+        If a part fails.
+    """
+    findings: dict[str, Finding] = {}
+    waiting = list(study.parts)
+    with contextlib.ExitStack() as stack:
+        if executor is None and jobs > 1:
+            executor = stack.enter_context(processes(jobs))  # once, because each process takes a second to start
+        runner = _Runner(Store(folder / STEPS), executor, progress)
+        while waiting:
+            ready = [part for part in waiting if all(name in findings for name in part.needs)]
+            waiting = [part for part in waiting if part not in ready]
+            found = {part.heading.name: {name: findings[name].outcome for name in part.needs} for part in ready}
+            findings |= runner.level(ready, found, effort)
+    runner.store.discard_all_but(set(runner.keys))
+    return findings, tuple(runner.steps[part.heading.name] for part in study.parts)
+
+
+class _Runner:
+    """The executor, the store and the times of a study that runs."""
+
+    def __init__(self, store: Store, executor: Executor | None, progress: bool) -> None:
+        self.store = store
+        self.keys: list[str] = []
+        self.steps: dict[str, Step] = {}
+        self._executor, self._progress = executor, progress
+
+    def level(
+        self, parts: Sequence[Part], found: Mapping[str, Mapping[str, Outcome]], effort: Effort
+    ) -> dict[str, Finding]:
+        tasks = {part.heading.name: part.tasks(found[part.heading.name], effort) for part in parts}
+        results, times = self._run([task for part in parts for task in tasks[part.heading.name]], "computing")
+        own = iter(results)
+        drawings = []
+        for part in parts:
+            name = part.heading.name
+            drawings.append(Task(_finding, (part, [next(own) for _ in tasks[name]], found[name], effort), DRAWING))
+        findings, drawing_times = self._run(drawings, "drawing")
+        spent = iter(times)
+        for part, (seconds, kept) in zip(parts, drawing_times, strict=True):
+            name = part.heading.name
+            of_tasks = [next(spent) for _ in tasks[name]]
+            total = seconds + sum(time for time, _ in of_tasks)
+            self.steps[name] = Step(name, total, len(of_tasks), sum(was for _, was in of_tasks) + kept)
+        return {part.heading.name: finding for part, finding in zip(parts, findings, strict=True)}
+
+    def _run(self, tasks: Sequence[Task], title: str) -> tuple[list[Any], list[tuple[float, bool]]]:
+        """Return the results of tasks, and for each its time and whether it was kept from an earlier run."""
+        keys = [key_of(task) for task in tasks]
+        self.keys += keys
+        by_key = dict(zip(keys, tasks, strict=True))  # equal tasks run once
+        kept = {key: found for key, task in by_key.items() if (found := self.store.get(key, task)) is not None}
+        missing = [key for key in by_key if key not in kept]
+        done = run_all(
+            [partial(run_task, by_key[key]) for key in missing],
+            sizes=[by_key[key].cost for key in missing],
+            title=title,
+            each=lambda k, result: self.store.keep(missing[k], result),
+            executor=self._executor,
+            progress=self._progress,
+        )
+        all_kept = kept | dict(zip(missing, done, strict=True))
+        results = [all_kept[key].result(task) for key, task in zip(keys, tasks, strict=True)]
+        return results, [(all_kept[key].seconds, key in kept) for key in keys]
+
+
+def _finding(part: Part, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+    return part.finding(results, found, effort)

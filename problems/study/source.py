@@ -1,0 +1,179 @@
+"""The file of a study, from which the kinds of parts read their tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.inputs import is_sequence, located, number, shown
+from problems.study.part import Outcome, Terms
+from problems.tables.beam import read_beam
+from problems.tables.damping import NamedLaw, law_of, resolved
+from problems.tables.study import Study as StudyFile
+
+
+@dataclass(frozen=True)
+class BeamChoice:
+    """The beam of a part: that of the file, or the one that an earlier part has found.
+
+    Parameters
+    ----------
+    given : Beam
+        The beam of the file.
+    part : str
+        Name of the part; the beam of the file if empty.
+    """
+
+    given: Beam
+    part: str = ""
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Name of the part, if there is one."""
+        return (self.part,) if self.part else ()
+
+    def beam(self, found: Mapping[str, Outcome]) -> Beam:
+        """Return the beam.
+
+        Raises
+        ------
+        InputError
+            If the part has found none.
+        """
+        if not self.part:
+            return self.given
+        beam = found[self.part].beam
+        if beam is None:
+            raise InputError(f"the part {self.part!r} finds no beam; name a part of the kind match", "beam")
+        return beam
+
+
+@dataclass(frozen=True)
+class LawChoice:
+    """A damping law of a part, whose terms may be those that an earlier part has found.
+
+    Parameters
+    ----------
+    name, title : str
+        Name in the file, and title in figures.
+    terms : tuple of dict
+        Its tables [[damping]]; ``{part = "NAME"}`` stands for the terms of a part.
+    """
+
+    name: str
+    title: str
+    terms: Terms
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Names of the parts that find terms."""
+        return tuple(term["part"] for term in self.terms if "part" in term)
+
+    def of(self, found: Mapping[str, Outcome]) -> Terms:
+        """Return the terms without references."""
+        return resolved(self.terms, {name: outcome.terms for name, outcome in found.items()})
+
+
+@dataclass(frozen=True)
+class Source:
+    """The file of a study, and what all parts share.
+
+    Parameters
+    ----------
+    file : StudyFile
+        The tables.
+    laws : tuple of NamedLaw
+        The tables [[laws]].
+    seed : int
+        Seed of random numbers.
+    """
+
+    file: StudyFile
+    laws: tuple[NamedLaw, ...]
+    seed: int
+
+    @cached_property
+    def model(self) -> Model:
+        """The beam of the file.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        if "beam" not in self.file.tables:
+            raise InputError("the table is missing; this part needs a beam", self.file.where("beam"))
+        return read_beam(self.file).model
+
+    def beam_choice(self, given: Mapping[str, Any], where: str) -> BeamChoice:
+        """Return the beam of a part, which the key ``beam`` may take from an earlier part."""
+        with located(where):
+            return BeamChoice(self.model.beam, text_of(given, "beam", ""))
+
+    def law_choice(self, name: Any, where: str) -> LawChoice:
+        """Return a law by its name.
+
+        Raises
+        ------
+        InputError
+            If there is no such law.
+        """
+        for law in self.laws:
+            if law.name == name:
+                law_of([term for term in law.terms if "part" not in term], self.model, f"{where}: {name}")  # check
+                return LawChoice(law.name, law.title, law.terms)
+        raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
+
+
+def text_of(table: Mapping[str, Any], key: str, default: str) -> str:
+    """Return a text from a table.
+
+    Raises
+    ------
+    InputError
+        If it is not a text.
+    """
+    value = table.get(key, default)
+    if not isinstance(value, str):
+        raise InputError(f"must be a text, got {shown(value)}", key)
+    return value
+
+
+def texts_of(table: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """Return a list of texts from a table; empty if the key is missing.
+
+    Raises
+    ------
+    InputError
+        If it is not a list of texts.
+    """
+    value = table.get(key, [])
+    if not is_sequence(value) or not all(isinstance(item, str) for item in value):
+        raise InputError(f"must be a list of texts, got {shown(value)}", key)
+    return tuple(value)
+
+
+def printed_numbers(table: Mapping[str, Any], names: Sequence[str]) -> dict[str, tuple[float | None, ...]]:
+    """Return the printed numbers of a part by column, from its key ``printed``; nan stands for a missing number.
+
+    Raises
+    ------
+    InputError
+        If a name is no column, or a value is not a list of numbers.
+    """
+    given = table.get("printed", {})
+    if not isinstance(given, dict):
+        raise InputError(f"must be a table, got {shown(given)}", "printed")
+    found = {}
+    for name, values in given.items():
+        if name not in names:
+            raise InputError(f"must be one of {', '.join(names)}, got {shown(name)}", "printed")
+        if not is_sequence(values):
+            raise InputError(f"must be a list of numbers, got {shown(values)}", f"printed: {name}")
+        found[name] = tuple(None if value != value else number(value, f"printed: {name}") for value in values)
+    return found

@@ -1,0 +1,140 @@
+"""A whole study: from a TOML file to its document.
+
+    from problems import run_study
+
+    if __name__ == "__main__":
+        report = run_study("STUDY.toml", "results", jobs=2)
+        print(report.page)
+
+The folder then holds ``report.html``, ``results.json`` with its schema, and the tables and figures as files.
+``PAPER`` is the study of the paper.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+from types import NoneType
+from typing import Any
+
+from ancf_casadi.support.files import check_folder, write_files
+from ancf_casadi.support.inputs import check_instance, flag, whole
+from ancf_casadi.support.tables import to_json
+from ancf_casadi.version import __version__
+from problems.study.document.labels import Shown, file_name, labelled
+from problems.study.document.page import Circumstances, page
+from problems.study.part import FULL, QUICK, Study
+from problems.study.reading import read_study
+from problems.study.results import results, schema
+from problems.study.runner import Step, run_parts
+
+PAPER = Path(str(files("problems.study").joinpath("paper.toml")))
+PAGE, NUMBERS, SCHEMA = "report.html", "results.json", "results.schema.json"
+
+
+@dataclass(frozen=True)
+class StudyReport:
+    """The results of a study.
+
+    Parameters
+    ----------
+    page : Path
+        The HTML document.
+    results : dict
+        The numbers, as in ``results.json``.
+    parts : tuple of Shown
+        The parts with their tables and figures.
+    steps : tuple of Step
+        Time of each part.
+    """
+
+    page: Path
+    results: Mapping[str, Any]
+    parts: tuple[Shown, ...]
+    steps: tuple[Step, ...]
+
+    def report(self) -> str:
+        """Return the tables as text."""
+        texts = []
+        for part in self.parts:
+            texts += [f"{label}. {table.table().text()}" for label, table in part.tables]
+            texts += [f"note: {warning}" for warning in part.finding.warnings]
+        return "\n\n".join(texts)
+
+
+def run_study(
+    path: str | Path = PAPER,
+    out: str | Path = "results",
+    *,
+    quick: bool = False,
+    jobs: int = 1,
+    executor: Executor | None = None,
+    progress: bool = False,
+    command: str = "run_study",
+) -> StudyReport:
+    """Run a study and write its document.
+
+    Finished computations are kept in the folder, so that a study that was stopped continues from there.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML file of the study; the study of the paper by default.
+    out : str or Path
+        Folder of the results.
+    quick : bool
+        Whether to shorten the simulations, for a first look.
+    jobs : int
+        Number of processes if no executor is given; with 2 or more, a script must call this under
+        ``if __name__ == "__main__":``.
+    executor : Executor, optional
+        Executor of the computations.
+    progress : bool
+        Whether to show progress bars.
+    command : str
+        Command that the document names.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, a table, key or value cannot be used, or the folder cannot be written.
+    FitError, SimulationError
+        If a fit or a simulation fails.
+    """
+    check_instance(executor, "executor", Executor, NoneType)
+    folder = check_folder(out)
+    quick, jobs = flag(quick, "quick"), whole(jobs, "jobs", 1)
+    study = read_study(path)
+    findings, steps = run_parts(
+        study,
+        folder,
+        effort=QUICK if quick else FULL,
+        jobs=jobs,
+        executor=executor,
+        progress=flag(progress, "progress"),
+    )
+    shown = labelled(study, findings)
+    versions = {"ancf-casadi": __version__, **{name: version(name) for name in ("casadi", "numpy", "scipy")}}
+    numbers = results(study, shown, steps, versions, quick=quick)
+    document = page(study, shown, steps, Circumstances(command, versions, quick))
+    _write(folder, study, shown, numbers, document)
+    return StudyReport(folder / PAGE, numbers, shown, steps)
+
+
+def _write(folder: Path, study: Study, shown: tuple[Shown, ...], numbers: Mapping[str, Any], document: str) -> None:
+    """Write all files of a study, all or none."""
+    contents: dict[Path, str | bytes] = {}
+    for part in shown:
+        for label, table in part.tables:
+            contents[folder / "tables" / f"{file_name(label)}.csv"] = table.table().csv()
+        for label, figure in part.figures:
+            contents[folder / "figures" / f"{file_name(label)}.svg"] = figure.svg
+            contents[folder / "figures" / f"{file_name(label)}.png"] = figure.png
+    contents[folder / SCHEMA] = to_json(schema(study))
+    contents[folder / NUMBERS] = to_json(numbers)
+    contents[folder / PAGE] = document
+    write_files(contents)

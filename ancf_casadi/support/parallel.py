@@ -74,6 +74,17 @@ def run_all(
         If a process ends before its task is done.
     Exception
         The exception of a task; without an executor, tasks that have not started by then are dropped.
+
+    Examples
+    --------
+    >>> from functools import partial
+    >>> from ancf_casadi import Beam, Model, natural_modes, run_all
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> models = [Model(beam.with_(thickness=h)) for h in (0.4e-3, 0.5e-3, 0.6e-3)]
+    >>> found = run_all([partial(natural_modes, model, count=1) for model in models])
+    >>> [f"{modes.frequencies[0]:.2f} Hz" for modes in found]
+    ['1.59 Hz', '1.88 Hz', '2.17 Hz']
     """
     if not is_sequence(tasks) or not all(map(callable, tasks)):
         raise InputError(f"must be a sequence of functions without arguments, got {shown(tasks)}", "tasks")

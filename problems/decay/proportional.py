@@ -65,10 +65,19 @@ class RayleighFit:
     ratios : tuple of float
         Damping ratios of the fitted law, Eq. (16).
     standard_errors : mapping of str to float
-        Standard errors of ``alpha`` (1/s) and ``beta`` (s); nan at a bound.  Without ``ratio_std`` also nan if there
-        are no more modes than free coefficients.
+        Standard errors of ``alpha`` (1/s) and ``beta`` (s); nan at a bound, and nan without ``ratio_std`` if there are
+        no more modes than free coefficients.
     warnings : tuple of str
         Coefficients at a bound, and modes that the law does not match.
+
+    Examples
+    --------
+    >>> from ancf_casadi import RayleighDamping
+    >>> from problems import fit_rayleigh
+    >>> fit = fit_rayleigh([1.9, 10.6, 29.3], [0.010, 0.003, 0.003])
+    >>> [round(ratio, 4) for ratio in fit.ratios]
+    [0.0101, 0.0027, 0.0031]
+    >>> law = RayleighDamping(alpha=fit.alpha, beta=fit.beta)
     """
 
     alpha: float
@@ -173,6 +182,13 @@ def fit_rayleigh(
         If there are fewer than two modes, the lengths differ, the frequencies do not increase, or a value is unusable.
     FitError
         If the fit does not converge.
+
+    Examples
+    --------
+    >>> from problems import fit_rayleigh
+    >>> fit = fit_rayleigh([1.9, 10.6, 29.3], [0.010, 0.003, 0.003])
+    >>> print(f"alpha {fit.alpha:.2f} 1/s, beta {fit.beta:.1e} s")
+    alpha 0.24 1/s, beta 2.7e-05 s
     """
     hertz = tuple(physical(frequency, "frequencies") for frequency in numbers(frequencies, "frequencies"))
     ω, ζ = 2 * math.pi * np.array(hertz), np.array(numbers(ratios, "ratios"))

@@ -7,6 +7,16 @@ Eq. (19), and so
     gamma1 = eta1 mu,    gamma2 = eta2 mu 1183/876.                 Eq. (25)
 
 For the assumed shape of Eq. (21) alone, this gives Eq. (26), M e_tt + eta1 M e_t + eta2 M e_t |e_t| + K e = 0.
+
+A strip of width b that moves across its plane through air of density rho_air meets the drag 1/2 rho_air Cd b |v| v per
+length, which is gamma2 |v| v.  With mu = rho b h this gives
+
+    eta2 = 876/1183 rho_air Cd/(2 rho h).
+
+If rho h varies along the beam, so does gamma2/mu, while the law has one eta2 for the whole beam.  This is then the mean
+that takes the same energy out of a swing in the shape S of Eq. (21),
+
+    eta2 = 876/1183 rho_air Cd/2 int b S^3 dp / int rho b h S^3 dp.
 """
 
 from __future__ import annotations
@@ -17,6 +27,7 @@ from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from ancf_casadi.damping.law import (
     DampingLaw,
@@ -29,11 +40,13 @@ from ancf_casadi.damping.law import (
     weighted_sum,
 )
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, numbers
+from ancf_casadi.support.inputs import check_instance, number, numbers, positive
 from ancf_casadi.vibration.modes import Modes
 
 DRAG_CONSTANT = 1183 / 876  # exact in Eqs. (24) and (25), where the paper rounds its inverse to 0.74
+ASSUMED_SHAPE = Polynomial([0, 0, 2, -4 / 3, 1 / 3])  # S of Eq. (21), of the arc length relative to that of the beam
 
 
 @final
@@ -72,6 +85,37 @@ class QuadraticDamping(DampingLaw):
     def __post_init__(self) -> None:
         """Validate."""
         check_coefficients(self, "eta1", "eta2")
+
+    @classmethod
+    def from_drag(cls, drag_coefficient: float, air_density: float, beam: Beam) -> QuadraticDamping:
+        """Return the law of a drag coefficient; the linear coefficient eta1 is 0.
+
+        For a beam whose thickness or density varies, eta2 is the mean that takes as much energy as the drag itself out
+        of a swing in the shape of Eq. (21).
+
+        Parameters
+        ----------
+        drag_coefficient : float
+            Drag coefficient Cd of the section, for motion across its width; about 2 for a flat strip in steady flow.
+        air_density : float
+            Density of the air, kg/m^3.
+        beam : Beam
+            The beam.
+
+        Raises
+        ------
+        InputError
+            If the drag coefficient is negative or not finite, or the density is not positive.
+        """
+        check_instance(beam, "beam", Beam)
+        drag_coefficient = number(drag_coefficient, "drag_coefficient")
+        if drag_coefficient < 0.0:
+            raise InputError(f"must not be negative, got {drag_coefficient:g}", "drag_coefficient")
+        air_density = positive(air_density, "air_density")
+        share = np.diff((ASSUMED_SHAPE**3).integ()(np.linspace(0.0, 1.0, beam.elements + 1)))
+        widths = share @ np.array(beam.width)
+        masses = share @ np.array([rho * s.area for rho, s in zip(beam.density, beam.sections, strict=True)])
+        return cls(eta2=float(drag_coefficient * air_density * widths / (2 * masses) / DRAG_CONSTANT))
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

@@ -227,6 +227,55 @@ def test_table_4_is_met_when_eta2_is_read_per_millimetre(weightless):
     assert QuadraticDamping(eta2=0.11).damping_ratios(modes, [0.076])[0] == pytest.approx(0.0100 - 0.006452, rel=5e-3)
 
 
+def test_the_drag_coefficients_of_table_4_give_its_eta2(paper_beam):
+    """Cd = 2 rho h eta2 (1183/876)/rho_air, for air of 1.2 kg/m^3."""
+    found = [QuadraticDamping.from_drag(cd, 1.2, paper_beam()).eta2 for cd in (0.99, 0.54, 0.45)]
+    np.testing.assert_allclose(found, [0.11, 0.06, 0.05], rtol=1e-2)
+    assert QuadraticDamping.from_drag(0.99, 1.2, paper_beam(width=9e-3)).eta2 == pytest.approx(found[0])
+
+
+def test_a_falling_strip_reaches_the_velocity_at_which_its_drag_carries_its_weight(paper_beam):
+    """Terminal velocity (2 m g/(rho_air Cd b L))^1/2 of the whole strip, whatever its shape in the law."""
+    beam, cd, air = paper_beam(4), 1.7, 1.2
+    model = Model(beam)
+    velocity = np.sqrt(2 * beam.mass * 9.81 / (air * cd * beam.width[0] * beam.length))
+    falling = np.tile([velocity, 0.0, 0.0, 0.0], beam.elements + 1)  # across the beam, which hangs along -y
+    drag = force(QuadraticDamping.from_drag(cd, air, beam), model, model.straight, falling)
+    assert drag @ falling == pytest.approx(beam.mass * 9.81 * velocity, rel=1e-9)
+
+
+def test_a_beam_of_varying_thickness_loses_the_energy_that_its_drag_takes(paper_beam):
+    """The power of 1/2 rho_air Cd b |v|^3 along a tapered beam in the shape of Eq. (21), by a sum over many points."""
+    thickness = tuple(0.5e-3 * np.linspace(1.4, 0.6, 20))
+    beam, cd, air = paper_beam(20, thickness=thickness, width=tuple(5e-3 * np.linspace(1.0, 1.5, 20))), 1.0, 1.2
+    model, s = Model(beam), (np.arange(20_000) + 0.5) / 20_000
+    shape = (6 * s**2 - 4 * s**3 + s**4) / 3
+    power = air * cd / 2 * (np.repeat(beam.width, 1000) * shape**3).mean() * beam.length
+    nodes = np.linspace(0.0, 1.0, 21)
+    swing = np.zeros((21, 4))
+    swing[:, 0] = (6 * nodes**2 - 4 * nodes**3 + nodes**4) / 3
+    swing[:, 2] = (12 * nodes - 12 * nodes**2 + 4 * nodes**3) / 3 / beam.length
+    law = QuadraticDamping.from_drag(cd, air, beam)
+    assert swing.ravel() @ force(law, model, model.straight, swing.ravel()) == pytest.approx(power, rel=1e-4)
+    assert law.eta2 > 1.2 * QuadraticDamping.from_drag(cd, air, beam.with_(thickness=0.5e-3)).eta2
+
+
+def test_the_first_swing_of_a_simulated_beam_loses_the_energy_of_its_drag(modes):
+    """Energy per period (8/3) 1/2 rho_air Cd b omega^2 A^3 int |phi|^3 dp, with phi 1 at the tip."""
+    cd, air, amplitude = 40.0, 1.2, 2e-3
+    beam, omega = modes.model.beam, modes.angular_frequencies[0]
+    shape = modes.shapes[:, 0] / modes.tip_amplitudes()[0]
+    points = (np.arange(2000) + 0.5) / 2000 * beam.length
+    cubes = np.mean([np.linalg.norm(modes.model.interpolation(s) @ shape) ** 3 for s in points]) * beam.length
+    start = State(modes.equilibrium.coordinates, omega * amplitude * shape)
+    run = simulate(
+        modes.model, damping=QuadraticDamping.from_drag(cd, air, beam), start=start, duration=1 / modes.frequencies[0]
+    )
+    mean = amplitude * (run.energy[-1] / run.energy[0]) ** 0.25  # geometric mean of the first and last amplitude
+    lost = 8 / 3 * air * cd / 2 * beam.width[0] * omega**2 * mean**3 * cubes
+    assert run.dissipated_energy[-1] == pytest.approx(lost, rel=0.01)
+
+
 def test_proportional_ratios_are_alpha_over_2_omega_plus_beta_omega_over_2(modes):
     """Eq. (16)."""
     omega = 2 * np.pi * modes.frequencies
@@ -322,6 +371,9 @@ def test_the_reference_stiffness_warns_that_it_is_not_objective():
         ),
         (lambda m: QuadraticDamping(eta1=-0.1), "eta1: must not be negative, got -0.1"),
         (lambda m: QuadraticDamping(eta2="0.1"), "eta2: must be a finite number, got '0.1'"),
+        (lambda m: QuadraticDamping.from_drag(-1, 1.2, m.model.beam), "drag_coefficient: must not be negative, got -1"),
+        (lambda m: QuadraticDamping.from_drag(1, 0, m.model.beam), "air_density: must be positive, got 0"),
+        (lambda m: QuadraticDamping.from_drag(1, 1.2, m.model), "beam: must be a Beam, got a Model; use model.beam"),
         (lambda m: ModalDamping(m, [0.01] * 6), "ratios: has 6 values for 5 modes"),
         (lambda m: ModalDamping(m, []), "ratios: has 0 values for 5 modes"),
         (lambda m: ModalDamping(m, 0.01), "ratios: must have one value per mode, got 0.01"),

@@ -1,0 +1,168 @@
+"""One law for all modes: recovery and coverage of a known truth, rejection of a false one, and independent routes."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ancf_casadi import InputError, Measurement, ModalDamping, QuadraticDamping, RayleighDamping, natural_modes
+from ancf_casadi.estimation.agreement import agreement
+from ancf_casadi.estimation.result import Result
+from problems import fit_decay
+from problems.study import paper
+from problems.study.decays import quadratic_decays
+from problems.study.drag.combined_law import ModeCoefficients, drag_constants, fit_combined_law
+from problems.study.drag.ratio_curves import ratio_curves
+
+RATIOS = np.array([0.006, 0.0025, 0.0026, 0.0022, 0.0027])
+ETA2 = 0.11
+ERRORS = np.array([[0.002, 0.0034], [0.0075, 0.0133], [0.013, 0.0235], [0.027, 0.0357], [0.028, 0.0091]])
+CORRELATIONS = (-0.997, -0.994, -0.967, -0.948, -0.939)
+
+
+@pytest.fixture(scope="module")
+def modes(weightless):
+    return natural_modes(weightless)
+
+
+def drawn(modes, rng, eta2=ETA2, ratios=RATIOS):
+    """Coefficients of five modes with the errors of real fits, drawn about a truth with one or five eta2."""
+    means = np.column_stack([2 * modes.angular_frequencies * ratios, drag_constants(modes) * eta2])
+    found = []
+    for frequency, mean, error, rho in zip(modes.frequencies, means, ERRORS, CORRELATIONS, strict=True):
+        covariance = np.outer(error, error) * [[1.0, rho], [rho, 1.0]]
+        found.append(ModeCoefficients(frequency, *rng.multivariate_normal(mean, covariance), covariance))
+    return found
+
+
+def test_drag_constants_are_those_of_the_true_modes(modes):
+    exact = np.array([0.738914, 0.647144, 0.632013, 0.622715, 0.617725])
+    np.testing.assert_allclose(drag_constants(modes) * 876 / 1183, exact, atol=5e-4)
+
+
+def test_coefficients_without_errors_return_the_truth(modes):
+    exact = [
+        ModeCoefficients(f, 4 * math.pi * f * ratio, c * ETA2, 1e-12 * np.eye(2))
+        for f, ratio, c in zip(modes.frequencies, RATIOS, drag_constants(modes), strict=True)
+    ]
+    found = fit_combined_law(exact, modes)
+    assert found.ratios == pytest.approx(RATIOS)
+    assert found.eta2 == pytest.approx(ETA2)
+    assert found.law.damping_ratios(modes, np.full(5, 0.02)) == pytest.approx(
+        RATIOS + 4 * drag_constants(modes) * ETA2 * 0.02 / (3 * np.pi)
+    )
+
+
+def test_estimates_are_unbiased_and_intervals_cover_the_truth_in_95_percent_of_draws(modes):
+    rng, truth = np.random.default_rng(3), np.append(RATIOS, ETA2)
+    scores, rejected = [], 0
+    for _ in range(1000):
+        found = fit_combined_law(drawn(modes, rng), modes)
+        estimates = np.append(found.ratios, found.eta2)
+        scores.append((estimates - truth) / np.array(list(found.standard_errors.values())))
+        rejected += not found.explains_all_modes
+    covered = (np.abs(scores) < 1.96).mean(axis=0)
+    assert abs(np.mean(scores, axis=0)).max() < 0.12
+    assert (covered > 0.93).all() and (covered < 0.97).all()
+    assert rejected < 25  # 1 % of them on average
+
+
+def test_different_drag_of_the_modes_is_rejected_and_enlarges_the_errors(modes):
+    different = np.array([0.11, 0.06, 0.05, 0.05, 0.05])
+    found = [fit_combined_law(drawn(modes, np.random.default_rng(k), different), modes) for k in range(20)]
+    assert sum(not one.explains_all_modes for one in found) >= 18
+    (first, *_) = [one for one in found if not one.explains_all_modes]
+    same = fit_combined_law(drawn(modes, np.random.default_rng(0)), modes)
+    factor = math.sqrt(first.chi_squared / first.degrees_of_freedom)
+    assert first.standard_errors["eta2"] == pytest.approx(factor * same.standard_errors["eta2"])
+    assert "one eta2 does not explain all modes (chi-squared" in first.warnings[0]
+    assert same.warnings == ()
+
+
+def test_the_common_eta2_and_its_test_are_the_weighted_mean_of_the_modes(modes):
+    """The linear ratios are free, so eta2 and Q follow from eta2_n/c_n and their errors alone."""
+    measured = drawn(modes, np.random.default_rng(7))
+    found, constants = fit_combined_law(measured, modes), drag_constants(modes)
+    own = np.array([one.eta2 for one in measured]) / constants
+    errors = np.sqrt([one.covariance[1, 1] for one in measured]) / constants
+    mean = agreement("eta2", "1/m", own, errors)
+    weights = errors**-2
+    assert found.eta2 == pytest.approx(weights @ own / weights.sum())
+    assert found.standard_errors["eta2"] == pytest.approx(weights.sum() ** -0.5)
+    assert found.probability == pytest.approx(mean.probability)
+    assert found.degrees_of_freedom == 4
+
+
+def test_a_ratio_that_would_be_negative_is_at_its_bound_and_reported(modes):
+    measured = drawn(modes, np.random.default_rng(1), ratios=np.array([-0.002, 0.0025, 0.0026, 0.0022, 0.0027]))
+    found = fit_combined_law(measured, modes)
+    assert found.ratios[0] == 0.0
+    assert math.isnan(found.standard_errors["ratio1"])
+    assert found.warnings[0] == "ratio1 is at its bound 0; the other standard errors take it as known"
+    assert found.to_dict()["linear_damping_ratio_stderr"][0] is None
+
+
+def test_table_4_has_no_common_drag_coefficient(modes):
+    fits = [fit_decay(record, law="quadratic") for record in quadratic_decays()]
+    measured = [ModeCoefficients.from_fit(fit) for fit in fits]
+    for one, fit in zip(measured, fits, strict=True):
+        assert (one.eta1, one.eta2) == pytest.approx((fit.eta1, fit.eta2), rel=1e-4)
+        error = np.sqrt(np.diag(one.covariance))
+        assert error == pytest.approx([fit.standard_errors["eta1"], fit.standard_errors["eta2"]], rel=1e-3)
+        assert one.covariance[0, 1] / error.prod() == pytest.approx(fit.correlation, abs=1e-4)
+    found = fit_combined_law(measured, modes)
+    assert not found.explains_all_modes
+    assert isinstance(found, Result)
+    assert "does not explain all modes" in found.report()
+
+
+def test_a_fit_at_its_bound_gives_a_pair_as_if_it_had_none():
+    """Mean and covariance over linear decays with noise, half of whose fits end at eta2 = 0."""
+    time, omega = np.arange(0.0, 5.0, 1 / 200.0), 2 * np.pi * 10.0
+    clean = 0.005 * np.exp(-0.1 * time) * np.cos(omega * time)
+    rng, pairs, bounds = np.random.default_rng(0), [], 0
+    for _ in range(60):
+        fit = fit_decay(Measurement(time, clean + 2e-4 * rng.standard_normal(time.size)), law="quadratic")
+        bounds += "eta2" in fit.active_bounds
+        pairs.append(ModeCoefficients.from_fit(fit))
+    assert 15 < bounds < 45
+    scores = np.array([[one.eta1 - 0.2, one.eta2] / np.sqrt(np.diag(one.covariance)) for one in pairs])
+    assert abs(scores.mean(axis=0)).max() < 3 / math.sqrt(60)
+    assert scores.std(axis=0) == pytest.approx([1.0, 1.0], abs=0.3)
+
+
+def test_curves_of_the_laws_are_straight_in_the_amplitude(modes):
+    laws = {
+        "modal": ModalDamping(modes, paper.DAMPING_RATIOS),
+        "proportional": RayleighDamping(paper.ALPHA, paper.BETA),
+        "quadratic": QuadraticDamping(paper.ETA1[0], paper.ETA2[0]),
+        "modal + quadratic": ModalDamping(modes, RATIOS) + QuadraticDamping(eta2=ETA2),
+    }
+    curves = ratio_curves(laws, modes, [0.0, 0.01, 0.04])
+    assert curves.ratios["modal"] == pytest.approx(np.tile(paper.DAMPING_RATIOS, (3, 1)))
+    assert curves.ratios["proportional"][0] == pytest.approx(curves.ratios["proportional"][2])
+    slope = 4 * ETA2 * drag_constants(modes) / (3 * np.pi)
+    assert curves.ratios["modal + quadratic"] == pytest.approx(RATIOS + np.outer([0.0, 0.01, 0.04], slope))
+    assert curves.ratios["quadratic"][2] - curves.ratios["quadratic"][0] == pytest.approx(0.04 * slope)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda m: fit_combined_law([], m), "^measured: there are none$"),
+        (lambda m: fit_combined_law([ModeCoefficients(1.0, 0.1, 0.1, np.eye(2))], m), "^measured: has 1 modes; needs"),
+        (lambda m: ModeCoefficients(1.0, 0.1, 0.1, np.zeros((2, 2))), "^covariance: must be a positive definite"),
+        (lambda m: ModeCoefficients(0.0, 0.1, 0.1, np.eye(2)), "^frequency: must be positive, got 0$"),
+        (lambda m: ratio_curves({}, m, [-1.0]), "^amplitudes: must be one or more numbers, none negative$"),
+    ],
+)
+def test_unusable_coefficients_are_refused_in_one_line(modes, make, message):
+    with pytest.raises(InputError, match=message):
+        make(modes)
+
+
+def test_a_fit_of_another_law_is_refused():
+    time = np.arange(0.0, 2.0, 0.01)
+    fit = fit_decay(time, 0.01 * np.exp(-0.1 * time) * np.cos(12 * time))
+    with pytest.raises(InputError, match=r"^fit: has the law linear; fit the decays with law='quadratic'$"):
+        ModeCoefficients.from_fit(fit)

@@ -11,6 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.colours import SERIES
 
 if TYPE_CHECKING:
@@ -18,6 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH = 5.2  # inches
+SHORT_AXIS = 8.0  # ratio of the ends of a logarithmic axis below which its labels are closer
+FEW_PERIODS = 25  # of a vibration that is drawn in full
+MOST_SAMPLES, COLUMNS = 1000, 300  # of a drawn vibration, and of its extremes
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 9,
@@ -107,10 +113,77 @@ def line(number: int) -> dict[str, Any]:
 
 
 def plain_log_ticks(axes: Axes, axis: str) -> None:
-    """Label a logarithmic axis at 1, 2 and 5 times the powers of ten, as plain numbers."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    """Label a logarithmic axis with plain numbers: at 1, 2 and 5 times the powers of ten, or closer on a short axis."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
     part = axes.xaxis if axis == "x" else axes.yaxis
-    part.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    low, high = axes.get_xlim() if axis == "x" else axes.get_ylim()
+    short = high < SHORT_AXIS * low
+    part.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]) if short else LogLocator(subs=(1.0, 2.0, 5.0)))
+    part.set_minor_locator(NullLocator())
     part.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     part.set_minor_formatter(NullFormatter())
+    axes.set(**{f"{axis}lim": (low, high)})
+
+
+@dataclass(frozen=True)
+class Band:
+    """A vibration as it is drawn: its samples, or its extremes in windows of at least one period.
+
+    Parameters
+    ----------
+    time : ndarray
+        Times, s.
+    low, high : ndarray
+        The extremes; equal if they are the samples.
+    """
+
+    time: Array
+    low: Array
+    high: Array
+
+
+def band(time: Array, values: Array, frequency: float) -> Band:
+    """Return a vibration for a figure: its samples if it has few periods, else its extremes.
+
+    Parameters
+    ----------
+    time, values : ndarray
+        Times, s, and values.
+    frequency : float
+        Frequency, Hz.
+    """
+    periods = float(time[-1] - time[0]) * frequency
+    if periods < FEW_PERIODS:
+        step = max(1, len(time) // MOST_SAMPLES)
+        return Band(time[::step], values[::step], values[::step])
+    columns = int(min(periods, COLUMNS))
+    edges = np.searchsorted(time, np.linspace(time[0], time[-1], columns, endpoint=False))
+    edges = np.unique(edges)
+    return Band(time[edges], np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges))
+
+
+def draw_band(axes: Axes, shown: Band, scale: float, *, filled: bool = False, **style: Any) -> None:
+    """Draw a band: the samples as a line, the extremes as two lines or as a filled area.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    shown : Band
+        The band.
+    scale : float
+        Factor of the values.
+    filled : bool
+        Whether to fill the area between the extremes.
+    **style
+        Arguments of ``Axes.plot``.
+    """
+    if shown.low is shown.high or np.array_equal(shown.low, shown.high):
+        axes.plot(shown.time, scale * shown.low, **style)
+    elif filled:
+        axes.fill_between(shown.time, scale * shown.low, scale * shown.high, color=style["color"], alpha=0.35, lw=0,
+                          label=style.get("label"))  # fmt: skip
+    else:
+        axes.plot(shown.time, scale * shown.high, **style)
+        axes.plot(shown.time, scale * shown.low, **{**style, "label": None})

@@ -38,6 +38,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.decay.fitting import fit_decay
+from problems.study.drawing import Band, band
 from problems.tables.damping import law_of
 
 TOLERANCE = 1e-4  # of the integrator, over the tip amplitude relative to the length
@@ -45,9 +46,8 @@ LOOSEST = 1e-5  # largest tolerance
 IDAS = 0.04  # tolerance of IDAS relative to that of Radau, for errors of the same size
 SETTLING = 2  # periods between the stop and the fit
 SAMPLES = 40  # per period
-LONGEST_WINDOW, SHORTEST_WINDOW = 70, 12  # periods of a fitted decay
+LONGEST_WINDOW, SHORTEST_WINDOW = 70, 8  # periods of a fitted decay
 UNDAMPED_DRIVING = 0.1  # longest excitation without damping, relative to the given one
-COLUMNS = 500  # of a drawn motion
 AROUND_STOP = 6  # periods before and after the stop that are drawn in detail
 SHAPES, POINTS = 13, 41  # deformed shapes over one period, points of each
 FEWEST_MODES = 5
@@ -73,6 +73,8 @@ class Experiment:
         End of the excitation, s.
     window : float
         Length of the fitted decay, s; until the amplitude halves, but at most 70 periods, if 0.
+    shortening : float
+        Factor of this length.
     steps_per_period : int
         Least number of integrator steps per period.
     method : {"radau", "idas"}
@@ -86,6 +88,7 @@ class Experiment:
     amplitude: float
     stop: float
     window: float
+    shortening: float
     steps_per_period: int
     method: str = "radau"
 
@@ -110,8 +113,8 @@ class ExperimentResult:
         Fitted damping ratio and its standard error.
     expected_ratio : float
         Damping ratio that the law predicts at ``amplitude``.
-    motion_time, motion_low, motion_high : ndarray
-        Extremes of the tip displacement relative to the clamp, m, in intervals of the whole run.
+    motion : Band
+        Tip displacement relative to the clamp, m, over the whole run.
     stop_time, stop_motion : ndarray
         This displacement around the stop.
     decay_time, decay : ndarray
@@ -133,9 +136,7 @@ class ExperimentResult:
     damping_ratio: float
     damping_ratio_error: float
     expected_ratio: float
-    motion_time: Array
-    motion_low: Array
-    motion_high: Array
+    motion: Band
     stop_time: Array
     stop_motion: Array
     decay_time: Array
@@ -189,6 +190,9 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
     half_way = (decay.time[-1] - decay.time[0]) / 2
     amplitude = fit.amplitude * math.exp(-fit.damping_ratio * 2 * math.pi * fit.frequency * half_way)
     end = int(np.searchsorted(run.time, base.stop_time))
+    across = (run.tip - run.base)[:, 0]
+    across = across - across[0]
+    near = np.abs(run.time - base.stop_time) <= AROUND_STOP / base.frequency
     return ExperimentResult(
         natural_frequency=float(modes.frequencies[mode]),
         base_amplitude=base.amplitude,
@@ -204,7 +208,9 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
         curve=_curve(decay),
         shapes=_shapes(run, end),
         steps=run.steps,
-        **_drawn_motion(run, base),
+        motion=band(run.time, across, base.frequency),
+        stop_time=run.time[near] - base.stop_time,
+        stop_motion=across[near],
     )
 
 
@@ -223,10 +229,9 @@ def _excitation(experiment: Experiment, modes: Modes, ratio: float) -> tuple[Har
         frequency=experiment.frequency or ω / (2 * math.pi),
         stop=experiment.stop,
     )
-    if experiment.window:
-        return base, experiment.window
     halving = math.log(2) * base.frequency / (ratio * ω) if ratio else math.inf  # periods
-    return base, max(min(halving, LONGEST_WINDOW), SHORTEST_WINDOW) / base.frequency
+    periods = experiment.window * base.frequency or min(halving, LONGEST_WINDOW)
+    return base, max(experiment.shortening * periods, SHORTEST_WINDOW) / base.frequency
 
 
 def participation(modes: Modes, mode: int) -> float:
@@ -253,17 +258,3 @@ def _shapes(run: Trajectory, end: int) -> Array:
     rows = np.linspace(max(0, end - SAMPLES), end, SHAPES).astype(int)
     points = [run.model.interpolation(arc) for arc in arcs]
     return np.array([[point @ run.coordinates[row] for point in points] for row in rows])
-
-
-def _drawn_motion(run: Trajectory, base: HarmonicBase) -> dict[str, Array]:
-    motion = (run.tip - run.base) @ np.array([1.0, 0.0])
-    motion = motion - motion[0]
-    edges = np.unique(np.linspace(0, len(motion) - 1, min(COLUMNS, len(motion))).astype(int))
-    near = np.abs(run.time - base.stop_time) <= AROUND_STOP / base.frequency
-    return {
-        "motion_time": run.time[edges],
-        "motion_low": np.minimum.reduceat(motion, edges),
-        "motion_high": np.maximum.reduceat(motion, edges),
-        "stop_time": run.time[near] - base.stop_time,
-        "stop_motion": motion[near],
-    }

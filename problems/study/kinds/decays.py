@@ -24,7 +24,7 @@ from ancf_casadi.support.prefixes import prefixed
 from problems.decay.fitting import fit_decay
 from problems.decay.result import DecayFit
 from problems.study.data_table import Column, DataTable, printed_values
-from problems.study.drawing import Drawing, drawn, line, new_figure
+from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
 from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
 from problems.study.source import Source, printed_numbers, text_of
 from problems.tables.columns import READING, read_file
@@ -45,8 +45,9 @@ KEYS = """\
 RECORD = {"file", "column", "unit", "from", "to", "release_time", *READING}
 PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
 FRAME_RATE, DURATION, NOISE = 500.0, 5.0, 0.2e-3  # 1/s, s, m: of synthetic decays
-ZOOMED = 12  # periods drawn in detail
-COLUMNS = 500  # of a drawn record of many periods
+ZOOMED, SHORT_ZOOM = 12, 3  # periods drawn in detail, and of a record with many samples per period
+MOST_ZOOMED = 500  # samples drawn in detail
+WINDOWS = 500  # of the drawn residuals
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,9 @@ def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
     with located(decay.label):
         fit: DecayFit = fit_decay(record, law=law, offset=offset, release_time=release)  # type: ignore[arg-type]
     names = ("frequency", "damping_ratio", "eta1", "eta2", "amplitude", "correlation")
-    fine_time = fit.release_time + np.linspace(0.0, ZOOMED / fit.frequency, 40 * ZOOMED)
+    per_period = len(fit.time) / max(1.0, fit.frequency * float(fit.time[-1] - fit.time[0]))
+    periods = min(ZOOMED, max(SHORT_ZOOM, MOST_ZOOMED / per_period), len(fit.time) / per_period)
+    fine_time = fit.release_time + np.linspace(0.0, periods / fit.frequency, int(40 * periods))
     return FittedDecay(
         quantities={name: float(getattr(fit, name)) for name in names},
         errors={name: float(fit.standard_errors.get(name, math.nan)) for name in names},
@@ -261,22 +264,23 @@ def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
     figure, (whole_record, first, remainder) = new_figure(4.6, 3)
     size, unit = prefixed(float(np.abs(fit.measured).max()), decay.unit)
     label = "synthetic record" if decay.synthetic else "record"
-    edges = np.unique(np.linspace(0, len(fit.time) - 1, min(COLUMNS, len(fit.time))).astype(int))
-    low, high = (extreme.reduceat(fit.measured, edges) / size for extreme in (np.minimum, np.maximum))
-    whole_record.fill_between(fit.time[edges], low, high, color="black", alpha=0.35, lw=0, label=label)
-    for extreme, name in ((np.minimum, None), (np.maximum, "fit")):
-        whole_record.plot(fit.time[edges], extreme.reduceat(fit.fitted, edges) / size, **line(1), lw=1, label=name)
+    frequency = fit.quantities["frequency"]
+    draw_band(whole_record, band(fit.time, fit.measured, frequency), 1 / size, filled=True, color="black", label=label)
+    draw_band(whole_record, band(fit.time, fit.fitted, frequency), 1 / size, **line(1), lw=1, label="fit")
     shown = fit.time <= fit.fine_time[-1]
     first.plot(fit.time[shown], fit.measured[shown] / size, "k.", ms=3, label=label)
     first.plot(fit.fine_time, fit.fine / size, **line(1), lw=1, label="fit")
     rest = fit.measured - fit.fitted
     rest_size, rest_unit = prefixed(float(np.abs(rest).max()), decay.unit)
-    remainder.plot(fit.time, rest / rest_size, "k.", ms=1.5)
+    windows = np.unique(np.linspace(0, len(rest) - 1, min(WINDOWS, len(rest))).astype(int))
+    low, high = (extreme.reduceat(rest, windows) / rest_size for extreme in (np.minimum, np.maximum))
+    remainder.vlines(fit.time[windows], low, high, color="black", lw=0.7)
     remainder.set(xlabel="time, s", ylabel=f"residual, {rest_unit}")
     for axes in (whole_record, first):
         axes.set_ylabel(f"displacement, {unit}")
-        axes.legend(loc="upper right", ncols=2)
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     whole_record.set_title(title)
+    figure.align_ylabels()
     if decay.synthetic:
         figure.suptitle("SYNTHETIC DATA", fontsize=8, ha="right", x=0.98)
     return figure

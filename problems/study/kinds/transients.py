@@ -15,7 +15,7 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import check_keys, is_sequence, located, number, physical, shown, whole
 from problems.study.data_table import Column, DataTable
-from problems.study.drawing import Drawing, drawn, line, new_figure, plain_log_ticks, series
+from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
 from problems.study.experiment import Experiment, ExperimentResult, run_experiment
 from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
 from problems.study.source import BeamChoice, LawChoice, Source, printed_numbers
@@ -77,7 +77,8 @@ class Run:
             frequency=self.frequency,
             amplitude=self.amplitude,
             stop=effort.driving * self.stop,
-            window=effort.window * self.window,
+            window=self.window,
+            shortening=effort.window,
             steps_per_period=effort.steps_per_period,
             method=method,
         )
@@ -172,9 +173,15 @@ class Transients(Part):
     def _rows(self, by_run: Sequence[Sequence[ExperimentResult]]) -> list[tuple[int, Run, LawChoice, ExperimentResult]]:
         return [
             (k, run, law, result)
-            for k, (run, of_laws) in enumerate(zip(self.runs, by_run, strict=True))
+            for k, (run, of_laws) in self._by_mode(by_run)
             for law, result in zip(run.laws, of_laws, strict=True)
         ]
+
+    def _by_mode(
+        self, by_run: Sequence[Sequence[ExperimentResult]]
+    ) -> list[tuple[int, tuple[Run, Sequence[ExperimentResult]]]]:
+        """Return number, run and results in ascending order of the modes."""
+        return sorted(enumerate(zip(self.runs, by_run, strict=True)), key=lambda entry: entry[1][0].mode)
 
     def _ratios(self, by_run: Sequence[Sequence[ExperimentResult]]) -> DataTable:
         rows = self._rows(by_run)
@@ -226,21 +233,23 @@ class Transients(Part):
     def _overview(self, by_run: Sequence[Sequence[ExperimentResult]]) -> Drawing:
         def draw() -> Figure:
             figure, (axes,) = new_figure(3.6)
-            numbers_ = np.arange(1, len(self.runs) + 1)
-            measured = np.array([run.measured_ratio for run in self.runs])
+            ordered = self._by_mode(by_run)
+            places = np.arange(len(ordered))
+            measured = np.array([run.measured_ratio for _, (run, _) in ordered])
             if np.isfinite(measured).any():
-                axes.plot(numbers_, 100 * measured, "ks", ms=9, mfc="none", label="measured")
+                axes.plot(places, 100 * measured, "ks", ms=9, mfc="none", label="measured")
             for k, law in enumerate(self._laws()):
                 ratios = np.array([
-                    of_laws[run.laws.index(law)].damping_ratio if law in run.laws else np.nan
-                    for run, of_laws in zip(self.runs, by_run, strict=True)
+                    results[run.laws.index(law)].damping_ratio if law in run.laws else np.nan
+                    for _, (run, results) in ordered
                 ])  # fmt: skip
-                axes.plot(numbers_, 100 * ratios, **series(k), ms=5, label=law.title)
+                axes.plot(places, 100 * ratios, **series(k), ms=5, label=law.title)
                 if law.name in self.printed:
-                    axes.plot(numbers_, np.array(self.printed[law.name], dtype=float), ls="", marker="x", ms=7,
+                    printed = [self.printed[law.name][number] for number, _ in ordered]
+                    axes.plot(places, np.array(printed, dtype=float), ls="", marker="x", ms=7,
                               color=series(k)["color"], label=f"{law.title}, {self.heading.source}")  # fmt: skip
             axes.set(yscale="log", ylabel="damping ratio, %", xlabel="mode")
-            axes.set_xticks(numbers_, [str(run.mode) for run in self.runs])
+            axes.set_xticks(places, [str(run.mode) for _, (run, _) in ordered])
             axes.set_title("damping ratio of each mode under each law")
             plain_log_ticks(axes, "y")
             axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
@@ -254,8 +263,7 @@ def _run_figure(run: Run, results: Sequence[ExperimentResult]) -> Figure:
     figure, (whole_run, around, decay) = new_figure(5.8, 3)
     for k, (law, result) in enumerate(zip(run.laws, results, strict=True)):
         label = f"{law.title}, ζ = {100 * result.damping_ratio:.3g} %"
-        for extreme, name in ((result.motion_low, None), (result.motion_high, law.title)):
-            whole_run.plot(result.motion_time, 1e3 * extreme, **line(k), lw=1, label=name)
+        draw_band(whole_run, result.motion, 1e3, **line(k), lw=1, label=law.title)
         around.plot(result.stop_time, 1e3 * result.stop_motion, **line(k), lw=1)
         time, peaks = _peaks(result)
         decay.plot(time - result.stop, 1e3 * peaks, **line(k), label=label)

@@ -2,15 +2,16 @@
 
 import math
 
+import casadi as cs
 import numpy as np
 import pytest
 
 from ancf_casadi import InputError, Measurement, ModalDamping, QuadraticDamping, RayleighDamping, natural_modes
+from ancf_casadi.decay.closed_forms import quadratic_decay
 from ancf_casadi.estimation.agreement import agreement
 from ancf_casadi.estimation.result import Result
 from problems import fit_decay
 from problems.study import paper
-from problems.study.decays import quadratic_decays
 from problems.study.drag.combined_law import ModeCoefficients, drag_constants, fit_combined_law
 from problems.study.drag.ratio_curves import ratio_curves
 
@@ -103,7 +104,12 @@ def test_a_ratio_that_would_be_negative_is_at_its_bound_and_reported(modes):
 
 
 def test_table_4_has_no_common_drag_coefficient(modes):
-    fits = [fit_decay(record, law="quadratic") for record in quadratic_decays()]
+    """Decays by Eq. (27) with its parameters, 500 frames per second for 5 s, noise of 0.2 mm."""
+    time, rng, fits = np.arange(0.0, 5.0, 1 / 500), np.random.default_rng(21), []
+    rows = zip(paper.FREQUENCIES, paper.ETA1, paper.ETA2, paper.EQUIVALENT_AMPLITUDES, strict=True)
+    for f, eta1, eta2, e0 in rows:
+        clean = quadratic_decay(cs.DM(time), *map(cs.DM, (2 * math.pi * f, eta1, eta2, e0, 0.0))).full().ravel()
+        fits.append(fit_decay(time, clean + 2e-4 * rng.standard_normal(time.size), law="quadratic"))
     measured = [ModeCoefficients.from_fit(fit) for fit in fits]
     for one, fit in zip(measured, fits, strict=True):
         assert (one.eta1, one.eta2) == pytest.approx((fit.eta1, fit.eta2), rel=1e-4)

@@ -3,6 +3,9 @@
 import sys
 from pathlib import Path
 
+from pygments.lexers.special import TextLexer
+from sphinx.application import Sphinx
+
 from ancf_casadi.version import __version__
 
 ROOT = Path(__file__).parents[1]
@@ -60,3 +63,8 @@ html_theme_options = {
     "footer_start": ["copyright"],
     "footer_end": [],
 }
+
+
+def setup(app: Sphinx) -> None:
+    """Let pages mark CSV files as such, which Pygments does not know."""
+    app.add_lexer("csv", TextLexer)

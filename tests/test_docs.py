@@ -16,6 +16,7 @@ import re
 import runpy
 import shlex
 import shutil
+import sys
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -117,8 +118,13 @@ def run_line(line, folder, where):
 def test_the_code_of_a_page_runs(page, tmp_path, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)  # a script imports its neighbours
     shutil.copytree(ROOT / "examples", "examples")
-    run_page(page, tmp_path)
+    try:
+        run_page(page, tmp_path)
+    finally:
+        for script in tmp_path.glob("*.py"):
+            sys.modules.pop(script.stem, None)
 
 
 def test_slow_pages_exist():

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -47,7 +47,6 @@ IDAS = 0.04  # tolerance of IDAS relative to that of Radau, for errors of the sa
 SETTLING = 2  # periods between the stop and the fit
 SAMPLES = 40  # per period
 LONGEST_WINDOW, SHORTEST_WINDOW = 70, 8  # periods of a fitted decay
-UNDAMPED_DRIVING = 0.1  # longest excitation without damping, relative to the given one
 AROUND_STOP = 6  # periods before and after the stop that are drawn in detail
 SHAPES, POINTS = 13, 41  # deformed shapes over one period, points of each
 FEWEST_MODES = 5
@@ -212,11 +211,6 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
         stop_time=run.time[near] - base.stop_time,
         stop_motion=across[near],
     )
-
-
-def undamped(experiment: Experiment) -> Experiment:
-    """Return an experiment without damping, which shows the numerical damping; it is shorter."""
-    return replace(experiment, terms=(), stop=UNDAMPED_DRIVING * experiment.stop)
 
 
 def _excitation(experiment: Experiment, modes: Modes, ratio: float) -> tuple[HarmonicBase, float]:

@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from problems.study.kinds import beam, decays, matching, modes, omitted, rayleigh, transients
+from problems.study.kinds import (
+    amplitudes,
+    beam,
+    decays,
+    integrators,
+    matching,
+    modes,
+    omitted,
+    rayleigh,
+    shapes,
+    transients,
+)
 from problems.tables import beam as beam_table
 from problems.tables import damping, match
 
@@ -20,4 +31,5 @@ tables of a TOML file:
                 suggest.  Each part has a kind and may have a name (its key in
                 results.json), title, text, section, notes, and the labels of its
                 tables and figures
-{beam.KEYS}{modes.KEYS}{decays.KEYS}{rayleigh.KEYS}{matching.KEYS}{transients.KEYS}{omitted.KEYS}"""
+{beam.KEYS}{modes.KEYS}{decays.KEYS}{rayleigh.KEYS}{matching.KEYS}{transients.KEYS}\
+{amplitudes.KEYS}{shapes.KEYS}{integrators.KEYS}{omitted.KEYS}"""

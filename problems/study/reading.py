@@ -12,19 +12,33 @@ from typing import Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located, shown, whole
-from problems.study.kinds import beam, decays, matching, modes, omitted, rayleigh, transients
+from problems.study.kinds import (
+    amplitudes,
+    beam,
+    decays,
+    integrators,
+    matching,
+    modes,
+    omitted,
+    rayleigh,
+    shapes,
+    transients,
+)
 from problems.study.part import Heading, Part, Study
 from problems.study.source import Source, text_of, texts_of
 from problems.tables import damping
 from problems.tables.study import Study as StudyFile
 
 KINDS: dict[str, Callable[[Source, dict[str, Any], Heading, str], Part]] = {
+    "amplitudes": amplitudes.read,
     "beam": beam.read,
     "decays": decays.read,
+    "integrators": integrators.read,
     "match": matching.read,
     "modes": modes.read,
     "omitted": omitted.read,
     "rayleigh": rayleigh.read,
+    "shapes": shapes.read,
     "transients": transients.read,
 }
 USUAL = {"beam": ("beam", "modes"), "decays": ("decays",), "match": ("match",)}  # parts that a table suggests
@@ -109,6 +123,9 @@ def _heading(table: dict[str, Any], kind: str, printed_by: str, before: Mapping[
 
 
 TITLES = {
+    "amplitudes": "Damping and frequency against amplitude",
+    "integrators": "Check of the integrators",
+    "shapes": "Deformed shapes over a period",
     "beam": "The beam",
     "decays": "Free decays",
     "match": "Beam matched to measured frequencies",

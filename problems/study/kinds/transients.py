@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import check_keys, is_sequence, located, number, physical, shown, whole
+from ancf_casadi.support.inputs import check_keys, located
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
-from problems.study.experiment import Experiment, ExperimentResult, run_experiment
+from problems.study.experiment import ExperimentResult
 from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
+from problems.study.runs import Run, needs_of, read_runs, results_of, tasks_of
 from problems.study.source import BeamChoice, LawChoice, Source, printed_numbers
 
 if TYPE_CHECKING:
@@ -30,64 +31,7 @@ KEYS = """\
                         (s), frequency (Hz), window (s), laws, measured_ratio}, ...],
                         printed = {LAW = [damping ratio of each run, %]}
 """
-RUN = {"mode", "amplitude", "stop"}
-OPTIONAL = {"frequency", "window", "laws", "measured_ratio"}
 MISSED = 0.05  # relative difference from the requested amplitude that the table explains
-SECONDS_PER_PERIOD = 0.01  # computing time
-
-
-@dataclass(frozen=True)
-class Run:
-    """An excitation, and the laws under which it is simulated.
-
-    Parameters
-    ----------
-    mode : int
-        Number of the driven mode, from 1.
-    amplitude : float
-        Requested tip amplitude at the stop, m.
-    stop : float
-        End of the excitation, s.
-    frequency : float
-        Frequency of the excitation, Hz; that of the mode if 0.
-    window : float
-        Length of the fitted decay, s; the default if 0.
-    laws : tuple of LawChoice
-        The laws.
-    measured_ratio : float
-        Measured damping ratio to draw; nan for none.
-    """
-
-    mode: int
-    amplitude: float
-    stop: float
-    frequency: float
-    window: float
-    laws: tuple[LawChoice, ...]
-    measured_ratio: float
-
-    def experiment(
-        self, law: LawChoice, choice: BeamChoice, found: Mapping[str, Outcome], effort: Effort, method: str = "radau"
-    ) -> Experiment:
-        """Return the experiment under a law."""
-        return Experiment(
-            beam=choice.beam(found),
-            terms=law.of(found),
-            mode=self.mode,
-            frequency=self.frequency,
-            amplitude=self.amplitude,
-            stop=effort.driving * self.stop,
-            window=self.window,
-            shortening=effort.window,
-            steps_per_period=effort.steps_per_period,
-            method=method,
-        )
-
-
-def task_of(experiment: Experiment) -> Task:
-    """Return an experiment as a task."""
-    periods = max(experiment.frequency, 2.0) * (experiment.stop + max(experiment.window, 1.0))
-    return Task(run_experiment, (experiment,), SECONDS_PER_PERIOD * periods)
 
 
 @final
@@ -115,17 +59,15 @@ class Transients(Part):
     @property
     def needs(self) -> tuple[str, ...]:
         """The parts that find the beam and the laws."""
-        laws = [name for run in self.runs for law in run.laws for name in law.needs]
-        return tuple(dict.fromkeys((*self.choice.needs, *laws)))
+        return needs_of(self.choice, self.runs)
 
     def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
         """Return the simulations, run by run and law by law."""
-        return tuple(task_of(run.experiment(law, self.choice, found, effort)) for run in self.runs for law in run.laws)
+        return tasks_of(self.choice, self.runs, found, effort)
 
     def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
         """Return the damping ratios, the amplitudes, and a figure per run."""
-        own = iter(results)
-        by_run = [[next(own) for _ in run.laws] for run in self.runs]
+        by_run = results_of(self.runs, results)
         figures = [
             self._drawing(k, run, of_laws) for k, (run, of_laws) in enumerate(zip(self.runs, by_run, strict=True))
         ]
@@ -260,7 +202,7 @@ class Transients(Part):
 
 def _run_figure(run: Run, results: Sequence[ExperimentResult]) -> Figure:
     """Draw the motion under each law: extremes, waveform around the stop, amplitude of the decay."""
-    figure, (whole_run, around, decay) = new_figure(5.8, 3)
+    figure, (whole_run, around, decay) = new_figure(6.4, 3)
     for k, (law, result) in enumerate(zip(run.laws, results, strict=True)):
         label = f"{law.title}, ζ = {100 * result.damping_ratio:.3g} %"
         draw_band(whole_run, result.motion, 1e3, **line(k), lw=1, label=law.title)
@@ -276,7 +218,7 @@ def _run_figure(run: Run, results: Sequence[ExperimentResult]) -> Figure:
     decay.set(xlabel="time after the stop, s", ylabel=f"amplitude\nof mode {run.mode}, mm", yscale="log")
     plain_log_ticks(decay, "y")
     whole_run.legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0))
-    decay.legend()
+    decay.legend(loc="upper left", bbox_to_anchor=(0.0, -0.3))
     figure.align_ylabels()
     return figure
 
@@ -313,40 +255,3 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
             if len(values) != len(runs):
                 raise InputError(f"has {len(values)} values for {len(runs)} runs", f"printed: {name}")
     return Transients(heading, source.beam_choice(given, where), runs, printed)
-
-
-def read_runs(source: Source, given: dict[str, Any], where: str) -> tuple[Run, ...]:
-    """Return the runs that the keys ``runs`` and ``laws`` of a table describe.
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used.
-    """
-    if not is_sequence(given["runs"]) or not given["runs"]:
-        raise InputError(f"must be a list of tables, got {shown(given['runs'])}", f"{where}: runs")
-    runs = []
-    for k, table in enumerate(given["runs"], start=1):
-        place = f"{where}: runs: {k}"
-        if not isinstance(table, dict):
-            raise InputError(f"must be a table, got {shown(table)}", place)
-        check_keys(table, RUN, OPTIONAL, place)
-        names = table.get("laws", given.get("laws", []))
-        if not is_sequence(names) or not names:
-            raise InputError("name at least one of [[laws]]", f"{place}: laws")
-        laws = tuple(source.law_choice(name, f"{place}: laws") for name in names)
-        with located(place):
-            runs.append(
-                Run(
-                    mode=whole(table["mode"], "mode", 1),
-                    amplitude=physical(table["amplitude"], "amplitude"),
-                    stop=physical(table["stop"], "stop"),
-                    frequency=physical(table["frequency"], "frequency") if "frequency" in table else 0.0,
-                    window=physical(table["window"], "window") if "window" in table else 0.0,
-                    laws=laws,
-                    measured_ratio=number(table["measured_ratio"], "measured_ratio")
-                    if "measured_ratio" in table
-                    else math.nan,
-                )
-            )
-    return tuple(runs)

@@ -74,13 +74,15 @@ def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
     """
     from matplotlib import rc_context  # slow to import
 
-    from ancf_casadi.plot import png
+    from ancf_casadi.plot import RESOLUTION
 
     with rc_context(STYLE):
         figure = draw()
-        out = io.StringIO()
-        figure.savefig(out, format="svg", transparent=True, metadata={"Date": None})
-        return Drawing(name, caption, out.getvalue(), png(figure))
+        svg, png = io.StringIO(), io.BytesIO()
+        figure.savefig(svg, format="svg", transparent=True, metadata={"Date": None})
+        figure.set_layout_engine("none")  # the layout is found once
+        figure.savefig(png, format="png", dpi=RESOLUTION, metadata={"Software": None})
+        return Drawing(name, caption, svg.getvalue(), png.getvalue())
 
 
 def new_figure(height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:

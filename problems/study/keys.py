@@ -9,9 +9,11 @@ from problems.study.kinds import (
     integrators,
     matching,
     modes,
+    motion,
     omitted,
     rayleigh,
     shapes,
+    simulation,
     transients,
 )
 from problems.tables import beam as beam_table
@@ -32,4 +34,4 @@ tables of a TOML file:
                 results.json), title, text, section, notes, and the labels of its
                 tables and figures
 {beam.KEYS}{modes.KEYS}{decays.KEYS}{rayleigh.KEYS}{matching.KEYS}{transients.KEYS}\
-{amplitudes.KEYS}{shapes.KEYS}{integrators.KEYS}{omitted.KEYS}"""
+{amplitudes.KEYS}{shapes.KEYS}{integrators.KEYS}{simulation.KEYS}{motion.KEYS}{omitted.KEYS}"""

@@ -19,9 +19,11 @@ from problems.study.kinds import (
     integrators,
     matching,
     modes,
+    motion,
     omitted,
     rayleigh,
     shapes,
+    simulation,
     transients,
 )
 from problems.study.part import Heading, Part, Study
@@ -36,12 +38,17 @@ KINDS: dict[str, Callable[[Source, dict[str, Any], Heading, str], Part]] = {
     "integrators": integrators.read,
     "match": matching.read,
     "modes": modes.read,
+    "motion": motion.read,
     "omitted": omitted.read,
     "rayleigh": rayleigh.read,
     "shapes": shapes.read,
+    "simulation": simulation.read,
     "transients": transients.read,
 }
-USUAL = {"beam": ("beam", "modes"), "decays": ("decays",), "match": ("match",)}  # parts that a table suggests
+USUAL = {  # parts that a table suggests
+    "beam": ("beam", "modes"), "decays": ("decays",), "match": ("match",), "simulation": ("simulation",),
+    "records": ("motion",),
+}  # fmt: skip
 STUDY = {"title", "text", "source", "printed_by", "seed"}
 HEADING = {"name", "title", "text", "tables", "figures", "notes", "section"}
 RESERVED = {"study", "timing", "versions", "data"}  # other keys of results.json
@@ -130,6 +137,8 @@ TITLES = {
     "decays": "Free decays",
     "match": "Beam matched to measured frequencies",
     "modes": "Natural modes",
+    "motion": "Fit to measured motion",
+    "simulation": "Simulated motion",
     "omitted": "Not computed",
     "rayleigh": "Rayleigh (proportional) damping",
     "transients": "Excitation, stop and decay",

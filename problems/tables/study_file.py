@@ -75,7 +75,17 @@ def read_simulation(path: str) -> simulation.Simulation:
     EquilibriumError
         If there is no equilibrium under the load of [release].
     """
-    study = Study.read(path)
+    return simulation_of(Study.read(path))
+
+
+def simulation_of(study: Study) -> simulation.Simulation:
+    """Return the simulation in the tables of a file.
+
+    Raises
+    ------
+    InputError, EquilibriumError
+        As ``read_simulation``.
+    """
     return simulation.simulation(study, _source(study))
 
 
@@ -89,7 +99,17 @@ def read_motions(path: str) -> records.Motions:
     EquilibriumError
         If there is no equilibrium under the load of a release.
     """
-    study = Study.read(path)
+    return motions_of(Study.read(path))
+
+
+def motions_of(study: Study) -> records.Motions:
+    """Return the measured motions in the tables of a file.
+
+    Raises
+    ------
+    InputError, EquilibriumError
+        As ``read_motions``.
+    """
     return records.motions(study, _source(study))
 
 

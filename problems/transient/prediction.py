@@ -121,9 +121,16 @@ class MotionPrediction:
         """Return the result for JSON."""
         return {
             "channels": [
-                {"channel": label, "rms_error": error, "relative_error": relative, "standard_error": own}
-                for (label, error), relative, own in zip(
+                {
+                    "channel": label,
+                    "unit": channel.sensor.unit,
+                    "rms_error": error,
+                    "relative_error": relative,
+                    "standard_error": own,
+                }
+                for (label, error), channel, relative, own in zip(
                     self.rms_errors.items(),
+                    self.record.own_channels,
                     self.relative_errors.values(),
                     self.standard_errors.values(),
                     strict=True,

@@ -1,0 +1,171 @@
+"""A part with a fit of damping laws and properties to measured large motion, and with predictions of other records.
+
+The part reads the tables [[damping]], [base], [[records]], [[predictions]] and [fit] of the file, as
+``ancf-casadi fit-motion`` does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, TypedDict, final
+
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.support.inputs import check_keys
+from problems.study.data_table import Column, DataTable
+from problems.study.drawing import Drawing, drawn
+from problems.study.files import digests_of
+from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
+from problems.study.source import Source
+from problems.tables.study import Study as StudyFile
+from problems.tables.study_file import motions_of
+from problems.transient.fitting import fit_transient
+from problems.transient.prediction import MotionPrediction
+
+KEYS = """\
+  kind = "motion"       fit to measured large motion, and predictions: the tables
+                        [[damping]], [base], [[records]], [[predictions]], [fit]
+"""
+SECONDS = 60.0  # expected computing time
+
+
+class MotionNumbers(TypedDict):
+    """Fit to measured motion, as ``TransientFit.to_dict``, and predictions, as ``MotionPrediction.to_dict``."""
+
+    fit: dict[str, Any]
+    predictions: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class FittedMotion:
+    """A fit to measured motion as plain data.
+
+    Parameters
+    ----------
+    fit : dict
+        The fit for JSON.
+    predictions : tuple of dict
+        The predictions for JSON.
+    beam : Beam
+        The fitted beam.
+    figures : tuple of Drawing
+        Measured and fitted motion, and each prediction.
+    warnings : tuple of str
+        Limitations of fit and predictions.
+    """
+
+    fit: dict[str, Any]
+    predictions: tuple[dict[str, Any], ...]
+    beam: Beam
+    figures: tuple[Drawing, ...]
+    warnings: tuple[str, ...]
+
+
+def fit_plain(path: str, tables: dict[str, Any], digests: tuple[tuple[str, str], ...], name: str) -> FittedMotion:
+    """Fit the motion in the files of a study, and return the fit as plain data.
+
+    Parameters
+    ----------
+    path : str
+        Name of the study file.
+    tables : dict
+        Its tables.
+    digests : tuple of (str, str)
+        Hashes of the files that the tables name, so that a result is not kept when a file changes.
+    name : str
+        Name of the part.
+
+    Raises
+    ------
+    InputError, FitError
+        As ``fit_transient``.
+    """
+    motions = motions_of(StudyFile(path, tables))
+    fit = fit_transient(motions.model, motions.records, motions.damping, **motions.settings)
+    figures = [drawn(name, "Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
+    predictions: list[MotionPrediction] = []
+    for k, (record, mass) in enumerate(motions.predictions, start=1):
+        predictions.append(fit.predict(record, tip_mass=mass))
+        caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
+        figures.append(drawn(f"{name}_prediction_{k}", caption, partial(predictions[-1].figure)))
+    warnings = (*fit.warnings, *(warning for prediction in predictions for warning in prediction.warnings))
+    return FittedMotion(
+        fit.to_dict(), tuple(one.to_dict() for one in predictions), fit.model.beam, tuple(figures), warnings
+    )
+
+
+@final
+@dataclass(frozen=True)
+class MotionFit(Part):
+    """A fit to measured large motion.
+
+    Parameters
+    ----------
+    path : str
+        Name of the study file.
+    tables : dict
+        Its tables.
+    digests : tuple of (str, str)
+        Hashes of the files that the tables name.
+    """
+
+    kind = "motion"
+    numbers = MotionNumbers
+
+    path: str
+    tables: dict[str, Any]
+    digests: tuple[tuple[str, str], ...]
+
+    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+        """Return the fit."""
+        return (Task(fit_plain, (self.path, self.tables, self.digests, self.heading.name), SECONDS),)
+
+    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+        """Return the estimates, the predictions and their figures."""
+        fitted: FittedMotion = results[0]
+        unknowns = fitted.fit["unknowns"]
+        columns = (
+            Column("unknown", tuple(one["name"] for one in unknowns)),
+            Column("unit", tuple(one["unit"] for one in unknowns)),
+            Column("estimate", tuple(one["value"] for one in unknowns),
+                   errors=tuple(one["standard_error"] for one in unknowns)),
+            Column("95 % interval from", tuple(one["interval_95"][0] for one in unknowns)),
+            Column("to", tuple(one["interval_95"][1] for one in unknowns)),
+        )  # fmt: skip
+        name, heading = self.heading.name, self.heading
+        tables = [DataTable(name, "Estimates from the measured motion", columns, heading.notes)]
+        if fitted.predictions:
+            tables.append(self._predictions(fitted))
+        outcome = Outcome({"fit": fitted.fit, "predictions": list(fitted.predictions)}, beam=fitted.beam)
+        return Finding(outcome, tuple(tables), fitted.figures, fitted.warnings)
+
+    def _predictions(self, fitted: FittedMotion) -> DataTable:
+        rows = [
+            (k, channel["channel"], channel["unit"], channel["rms_error"], 100 * channel["relative_error"])
+            for k, one in enumerate(fitted.predictions, start=1)
+            for channel in one["channels"]
+        ]
+        heads = (("record", ""), ("channel", ""), ("unit", ""), ("rms error", ""), ("rms error", "% of the travel"))
+        columns = tuple(
+            Column(
+                head, tuple(None if isinstance(cell, float) and known(cell) is None else cell for cell in cells), unit
+            )
+            for (head, unit), cells in zip(heads, zip(*rows, strict=True), strict=True)
+        )
+        return DataTable(f"{self.heading.name}_predictions", "Errors of the predictions", columns)
+
+
+def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> MotionFit:
+    """Return the part that a table describes.
+
+    Raises
+    ------
+    InputError
+        If a table is missing, a key or value cannot be used, or a file cannot be read.
+    """
+    check_keys(given, set(), set(), where)
+    wanted = {"beam", "damping", "base", "load", "release", "records", "predictions", "fit"}
+    tables = {name: table for name, table in source.file.tables.items() if name in wanted}
+    motions_of(source.file)  # check
+    return MotionFit(heading, source.file.path, tables, digests_of(source.file, tables))

@@ -1,0 +1,137 @@
+"""A part with one simulated motion, as ``ancf-casadi simulate`` computes it from the tables of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, TypedDict, final
+
+import numpy as np
+
+from ancf_casadi.dynamics.simulation import simulate
+from ancf_casadi.support.inputs import check_keys
+from problems.study.data_table import Column, DataTable
+from problems.study.drawing import Drawing, drawn
+from problems.study.files import digests_of
+from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
+from problems.study.source import Source
+from problems.tables.study import Study as StudyFile
+from problems.tables.study_file import simulation_of
+
+KEYS = """\
+  kind = "simulation"   one motion: the tables [[damping]], [base], [load],
+                        [release], [simulation]
+"""
+SECONDS = 10.0  # expected computing time
+
+
+class SimulationNumbers(TypedDict):
+    """Extent of the tip motion in x and y (m), energy that damping has taken (J), and the largest balance error (J)."""
+
+    tip_travel_m: list[float]
+    dissipated_energy_j: float
+    balance_error_j: float
+    integrators: list[str]
+
+
+@dataclass(frozen=True)
+class SimulatedMotion:
+    """A simulated motion as plain data.
+
+    Parameters
+    ----------
+    data : dict
+        Its numbers for JSON.
+    figure : Drawing
+        Tip motion and shapes.
+    warnings : tuple of str
+        Limitations.
+    """
+
+    data: dict[str, Any]
+    figure: Drawing
+    warnings: tuple[str, ...]
+
+
+def simulate_plain(
+    path: str, tables: dict[str, Any], digests: tuple[tuple[str, str], ...], name: str
+) -> SimulatedMotion:
+    """Simulate the motion of a study file, and return it as plain data; ``digests`` are the hashes of its files.
+
+    Raises
+    ------
+    InputError, SimulationError
+        As ``simulate``.
+    """
+    from ancf_casadi.plot import motion_figure  # matplotlib is slow to import
+
+    task = simulation_of(StudyFile(path, tables))
+    run = simulate(task.model, damping=task.damping, base=task.base, **task.settings)
+    if run.interrupted:
+        raise KeyboardInterrupt
+    data = {
+        "tip_travel_m": np.ptp(run.tip, axis=0).tolist(),
+        "dissipated_energy_j": float(run.dissipated_energy[-1]),
+        "balance_error_j": float(np.abs(run.balance_error).max()),
+        "integrators": [use.method for use in run.integrators],
+    }
+    caption = "Motion of the tip relative to the clamp, and shapes of the beam."
+    return SimulatedMotion(data, drawn(name, caption, partial(motion_figure, run)), run.warnings)
+
+
+@final
+@dataclass(frozen=True)
+class SimulationPart(Part):
+    """One simulated motion.
+
+    Parameters
+    ----------
+    path : str
+        Name of the study file.
+    tables : dict
+        Its tables.
+    digests : tuple of (str, str)
+        Hashes of the files that the tables name.
+    """
+
+    kind = "simulation"
+    numbers = SimulationNumbers
+
+    path: str
+    tables: dict[str, Any]
+    digests: tuple[tuple[str, str], ...]
+
+    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+        """Return the simulation."""
+        return (Task(simulate_plain, (self.path, self.tables, self.digests, self.heading.name), SECONDS),)
+
+    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+        """Return extent and energies, and the figure of the motion."""
+        motion: SimulatedMotion = results[0]
+        x, y = motion.data["tip_travel_m"]
+        rows = (
+            ("travel of the tip in x", "mm", 1e3 * x),
+            ("travel of the tip in y", "mm", 1e3 * y),
+            ("energy taken by damping", "mJ", 1e3 * motion.data["dissipated_energy_j"]),
+            ("largest energy balance error", "mJ", 1e3 * motion.data["balance_error_j"]),
+        )
+        heads = ("quantity", "unit", "value")
+        columns = tuple(Column(head, cells) for head, cells in zip(heads, zip(*rows, strict=True), strict=True))
+        table = DataTable(self.heading.name, "Simulated motion", columns, self.heading.notes)
+        return Finding(Outcome(motion.data), (table,), (motion.figure,), motion.warnings)
+
+
+def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> SimulationPart:
+    """Return the part that a table describes.
+
+    Raises
+    ------
+    InputError
+        If a table is missing, a key or value cannot be used, or a file cannot be read.
+    """
+    check_keys(given, set(), set(), where)
+    wanted = {"beam", "damping", "base", "load", "release", "simulation", "markers"}
+    tables = {name: table for name, table in source.file.tables.items() if name in wanted}
+    simulation_of(source.file)  # check
+    return SimulationPart(heading, source.file.path, tables, digests_of(source.file, tables))

@@ -148,10 +148,7 @@ class MotionFit(Part):
         ]
         heads = (("record", ""), ("channel", ""), ("unit", ""), ("rms error", ""), ("rms error", "% of the travel"))
         columns = tuple(
-            Column(
-                head, tuple(None if isinstance(cell, float) and known(cell) is None else cell for cell in cells), unit
-            )
-            for (head, unit), cells in zip(heads, zip(*rows, strict=True), strict=True)
+            Column(head, cells, unit) for (head, unit), cells in zip(heads, zip(*rows, strict=True), strict=True)
         )
         return DataTable(f"{self.heading.name}_predictions", "Errors of the predictions", columns)
 

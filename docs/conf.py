@@ -43,6 +43,7 @@ sphinx_gallery_conf = {
     "filename_pattern": r"/ex\d+_",
     "image_scrapers": ("matplotlib", "saved_figures.moved_figures"),
     "download_all_examples": False,
+    "run_stale_examples": True,  # the package may have changed though the example has not
     "min_reported_time": 1e6,
     "within_subsection_order": "FileNameSortKey",
     "show_signature": False,

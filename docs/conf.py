@@ -55,6 +55,7 @@ html_title = "ancf-casadi"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_show_sourcelink = False
+html_sidebars = {"getting_started": [], "citation": []}  # pages without a section
 html_theme_options = {
     "navigation_with_keys": False,
     "show_toc_level": 2,

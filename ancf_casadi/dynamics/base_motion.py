@@ -104,7 +104,8 @@ class FixedBase(BaseMotion):
     Parameters
     ----------
     displacement : (float, float)
-        Position of the clamp, m.
+        Position of the clamp, m.  A run that starts at rest has its clamp at the origin, along the axis of the beam;
+        other values belong to a run that starts from a ``State``.
     rotation : float
         Angle from the axis of the beam to its direction at the clamp, counterclockwise, rad.
 

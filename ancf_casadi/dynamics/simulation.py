@@ -100,7 +100,8 @@ def simulate(
     InputError
         If a number is not positive, the method or the start is unknown, the base motion is not finite, the load begins
         after the end of the motion, or IDAS refuses an option; if the start belongs to another model, or is a state
-        that stretches the beam by more than 1 %, or whose clamp disagrees with the base motion.
+        that stretches the beam by more than 1 %, or whose clamp disagrees with the base motion; or if the base motion
+        does not begin with the clamp of a beam at rest, at the origin and along its axis.
     EquilibriumError
         If there is no equilibrium to start from.
     SimulationError

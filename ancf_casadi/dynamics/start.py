@@ -228,9 +228,8 @@ def base_of(model: Model, base: BaseMotion | None, start: Start | Equilibrium | 
         return base
     if not isinstance(start, State) or start.coordinates.shape != (model.size,):
         return FixedBase()
-    x, y, slope_x, slope_y = start.coordinates[:NODE].tolist()
-    ax, ay = model.beam.axis
-    return FixedBase((x, y), math.atan2(ax * slope_y - ay * slope_x, ax * slope_x + ay * slope_y))
+    x, y, *_ = start.coordinates[:NODE].tolist()
+    return FixedBase((x, y), _rotation(model, start.coordinates))
 
 
 def initial_state(model: Model, excitation: cs.Function, start: Start | Equilibrium | State) -> State:
@@ -249,7 +248,7 @@ def initial_state(model: Model, excitation: cs.Function, start: Start | Equilibr
     ------
     InputError
         If the start is unknown, belongs to another model, or is a state that stretches the beam or disagrees with the
-        motion of the clamp.
+        motion of the clamp; or if the base motion begins away from the clamp of a beam at rest.
     EquilibriumError
         If there is no equilibrium to start from.
     """
@@ -257,7 +256,8 @@ def initial_state(model: Model, excitation: cs.Function, start: Start | Equilibr
         _check_state(model, excitation(start.time).full().ravel(), start)
         return start
     check_start(model, start)
-    _, velocity, _, load = np.split(excitation(0.0).full().ravel(), [NODE, 2 * NODE, 3 * NODE])
+    node, velocity, _, load = np.split(excitation(0.0).full().ravel(), [NODE, 2 * NODE, 3 * NODE])
+    check_clamp(model, node)
     if isinstance(start, Equilibrium):
         coordinates = start.coordinates
     else:
@@ -281,6 +281,30 @@ def check_start(model: Model, start: Start | Equilibrium | State) -> None:
     elif not isinstance(start, State) and not is_one_of(start, get_args(Start)):
         known = ", ".join(get_args(Start))
         raise InputError(f"must be one of {known}, an Equilibrium or a State, got {shown(start)}", "start")
+
+
+def check_clamp(model: Model, node: Array) -> None:
+    """Refuse a base motion that begins away from the clamp of the beam at rest.
+
+    Parameters
+    ----------
+    model : Model
+        The beam, at rest with its clamp at the origin and along its axis.
+    node : array (4,)
+        Position and slope of the clamped node at the beginning of the motion.
+
+    Raises
+    ------
+    InputError
+        If they differ from those at rest.
+    """
+    if _distance(model, model.straight, node) > AGREEMENT:
+        raise InputError(
+            f"begins with the clamp at {_point(node)} m, turned by {_rotation(model, node):.6g} rad, but the beam "
+            "starts with its clamp at the origin, along its axis; measure the motion from there, change the axis of "
+            "the beam, or start from a State",
+            "base",
+        )
 
 
 def rigid_motion(model: Model) -> cs.Function:
@@ -308,8 +332,7 @@ def _check_state(model: Model, excitation: Array, state: State) -> None:
             "start",
         )
     node, velocity = excitation[:NODE], excitation[NODE : 2 * NODE]
-    off = np.abs(state.coordinates[:NODE] - node) / np.array([model.beam.length, model.beam.length, 1.0, 1.0])
-    if off.max() > AGREEMENT:
+    if _distance(model, state.coordinates, node) > AGREEMENT:
         raise InputError(
             f"the clamp of the state is at {_point(state.coordinates)}, that of the base motion at {_point(node)} at "
             f"{state.time:g} s, or its direction differs; give the base motion that led to the state and the time of "
@@ -324,6 +347,18 @@ def _check_state(model: Model, excitation: Array, state: State) -> None:
             "state and the time of the state",
             "start",
         )
+
+
+def _distance(model: Model, coordinates: Array, node: Array) -> float:
+    """Return the largest difference of a clamp from a node (4,), relative to the length of the beam and unit slope."""
+    length = model.beam.length
+    return float((np.abs(coordinates[:NODE] - node) / np.array([length, length, 1.0, 1.0])).max())
+
+
+def _rotation(model: Model, node: Array) -> float:
+    """Return the angle from the axis of the beam to the slope of its clamp, rad."""
+    (ax, ay), (slope_x, slope_y) = model.beam.axis, node[2:NODE].tolist()
+    return math.atan2(ax * slope_y - ay * slope_x, ax * slope_x + ay * slope_y)
 
 
 def _point(values: Array) -> str:

@@ -3,12 +3,14 @@
 import os
 import pickle
 import signal
+from functools import partial
 
 import numpy as np
 import pytest
 
 from ancf_casadi import (
     Beam,
+    FixedBase,
     HarmonicBase,
     InputError,
     ModalDamping,
@@ -19,8 +21,11 @@ from ancf_casadi import (
     SimulationError,
     State,
     SweepBase,
+    motion,
     natural_modes,
+    reduce_model,
     simulate,
+    simulate_reduced,
     static_equilibrium,
 )
 from ancf_casadi.dynamics import integration, start
@@ -36,6 +41,11 @@ def steel(elements=8, **changes):
 @pytest.fixture(scope="module")
 def hanging():
     return steel()
+
+
+@pytest.fixture(scope="module")
+def reduced(hanging):
+    return reduce_model(hanging, modes=2)
 
 
 class TestForces:
@@ -127,6 +137,15 @@ class TestStarts:
     def test_a_start_that_stretches_the_beam_is_refused_and_told_the_right_one(self, hanging):
         with pytest.raises(InputError, match=r"stretches the beam by 2.0 %.*static_equilibrium"):
             simulate(hanging, start=State(1.02 * hanging.straight, np.zeros(36)), duration=0.1)
+
+    @pytest.mark.parametrize("start", ["equilibrium", "straight", "impact"])
+    @pytest.mark.parametrize("base", [FixedBase((0.1, 0.0)), FixedBase(rotation=0.2)])
+    def test_a_base_that_begins_away_from_the_beam_at_rest_is_refused(self, hanging, reduced, base, start):
+        """The first element would have to reach from its clamp to the second one."""
+        message = r"base: begins with the clamp at .* start from a State"
+        for run in (partial(simulate, hanging), partial(motion, hanging), partial(simulate_reduced, reduced)):
+            with pytest.raises(InputError, match=message):
+                run(duration=0.1, base=base, start=start)
 
     def test_no_sample_no_state(self, hanging):
         with pytest.raises(InputError, match="must be a whole number, -3 to 2, got 3"):

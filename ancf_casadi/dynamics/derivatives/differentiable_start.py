@@ -15,7 +15,7 @@ import numpy as np
 
 from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_jacobians
 from ancf_casadi.dynamics.derivatives.run import Excitation
-from ancf_casadi.dynamics.start import Start, initial_state, rigid_motion
+from ancf_casadi.dynamics.start import Start, check_clamp, initial_state, rigid_motion
 from ancf_casadi.dynamics.tip_load import LOAD
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.mechanics.model import NODE, Model
@@ -53,11 +53,19 @@ class DifferentiableStart:
             Base motion and tip load.
         load : array (6,) or (0,)
             The load s; empty if the load at the start is not a parameter.
+
+        Raises
+        ------
+        InputError
+            As in ``initial_state``.
+        EquilibriumError
+            If there is no equilibrium to start from.
         """
         free = model.size - NODE
         jacobian = np.zeros((2 * free, self.layout.size))
         if isinstance(self.start, State):
             return initial_state(model, excitation.function, self.start), jacobian
+        check_clamp(model, excitation.at(0.0)[:NODE])
         coordinates, velocities = model.straight, np.zeros(model.size)
         if self.start != "straight":
             held = held_start(model, self._jacobians, load if load.size else self._own_load(excitation))

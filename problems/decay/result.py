@@ -213,7 +213,18 @@ class DecayFit:
         return profile_interval(self.fit, lambda *x: self.model.quantities(*(x[i] for i in self.indices))[which], level)
 
     def figure(self) -> Figure:
-        """Draw record and fit, the residuals, and damping ratio and frequency against amplitude (``law_curve``)."""
+        """Draw record and fit, the residuals, and damping ratio and frequency against amplitude (``law_curve``).
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from ancf_casadi import Measurement
+        >>> from problems import fit_decay
+        >>> time = np.linspace(0.0, 10.0, 1001)
+        >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
+        >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
+        >>> fit_decay(record).figure().savefig("decay.png")
+        """
         from problems.decay.figure import decay_fit_figure  # matplotlib is slow to import
 
         return decay_fit_figure(self)

@@ -42,9 +42,9 @@ class FrequencyMatch:
     iterations : int
         Iterations of IPOPT.
     build_seconds, solve_seconds : float
-        Time to state and to solve the program, s.
+        Times to build and to solve the nonlinear program, s.
     matching : Matching
-        The statement of the matching.
+        The matching problem.
     unknowns : array (N,)
         The unknowns, in the order of ``matching.space.names``.
     modes : tuple of int

@@ -279,10 +279,8 @@ def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
     for axes in (whole_record, first):
         axes.set_ylabel(f"displacement, {unit}")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
-    whole_record.set_title(title)
     figure.align_ylabels()
-    if decay.synthetic:
-        figure.suptitle("SYNTHETIC DATA", fontsize=8, ha="right", x=0.98)
+    figure.suptitle(f"{title}{';  SYNTHETIC DATA' if decay.synthetic else ''}", fontsize=9, ha="left", x=0.02)
     return figure
 
 

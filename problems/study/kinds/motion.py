@@ -146,7 +146,7 @@ class MotionFit(Part):
             for k, one in enumerate(fitted.predictions, start=1)
             for channel in one["channels"]
         ]
-        heads = (("record", ""), ("channel", ""), ("unit", ""), ("rms error", ""), ("rms error", "% of the travel"))
+        heads = (("record", ""), ("channel", ""), ("unit", ""), ("rms error", ""), ("rms error", "% of the rms motion"))
         columns = tuple(
             Column(head, cells, unit) for (head, unit), cells in zip(heads, zip(*rows, strict=True), strict=True)
         )

@@ -72,10 +72,14 @@ class DampingCurve:
     amplitude : ndarray
         Amplitude of the motion in the middle of each window (k,), in ``unit``; of the displacement if velocity or
         acceleration was measured.
-    damping_ratio, damping_ratio_errors : ndarray
-        Damping ratio (k,), and its standard error.
-    frequency, frequency_errors : ndarray
-        Natural frequency (k,), Hz, and its standard error.
+    damping_ratio : ndarray
+        Damping ratio (k,).
+    damping_ratio_errors : ndarray
+        Standard error of the damping ratio (k,).
+    frequency : ndarray
+        Natural frequency (k,), Hz.
+    frequency_errors : ndarray
+        Standard error of the frequency (k,), Hz.
     unit : str
         SI unit of the amplitude.
 
@@ -134,10 +138,14 @@ class LawCurve:
     ----------
     amplitude : ndarray
         Amplitudes (k,), in ``unit``.
-    damping_ratio, damping_ratio_band : ndarray
-        Equivalent damping ratio (k,), and the ends of its interval (k, 2).
-    frequency, frequency_band : ndarray
-        Natural frequency (k,), Hz, and the ends of its interval (k, 2).
+    damping_ratio : ndarray
+        Equivalent damping ratio (k,).
+    damping_ratio_band : ndarray
+        Ends of the interval of the damping ratio (k, 2).
+    frequency : ndarray
+        Natural frequency (k,), Hz.
+    frequency_band : ndarray
+        Ends of the interval of the frequency (k, 2), Hz.
     unit : str
         SI unit of the amplitude.
 

@@ -71,8 +71,14 @@ class MotionFunctions:
 
     Parameters
     ----------
-    parameters, states, base, outputs : tuple of Signal
-        The entries of p, of (q, v), of base and of (tip, markers, energies), with the values of the model.
+    parameters : tuple of Signal
+        The entries of p, with the values of the model.
+    states : tuple of Signal
+        The entries of (q, v), with the state of the model at rest.
+    base : tuple of Signal
+        The entries of base.
+    outputs : tuple of Signal
+        The entries of (tip, markers, energies).
     rhs : Function
         (q, v, base, p) -> a, the accelerations of q.
     step : Function

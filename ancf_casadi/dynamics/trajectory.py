@@ -33,9 +33,10 @@ class State:
 
     Parameters
     ----------
-    coordinates, velocities : array (4 n + 4,)
-        Nodal coordinates and velocities in the laboratory frame, beginning with those of the clamped node: positions,
-        m, and dimensionless slopes, and their rates per second.
+    coordinates : array (4 n + 4,)
+        Nodal coordinates in the laboratory frame, from the clamped node on: positions, m, and dimensionless slopes.
+    velocities : array (4 n + 4,)
+        Rates of the coordinates, m/s and 1/s.
     time : float
         Time on the clock of the base motion and the load, s.
 
@@ -101,8 +102,10 @@ class Trajectory:
         The beam.
     time : array (k,)
         Instants, s, from 0, or from the time of the state from which the motion continues.
-    coordinates, velocities : array (k, 4 n + 4)
-        Nodal coordinates and velocities in the laboratory frame.
+    coordinates : array (k, 4 n + 4)
+        Nodal coordinates in the laboratory frame, as in ``State``.
+    velocities : array (k, 4 n + 4)
+        Rates of the coordinates, m/s and 1/s.
     clamp_force : array (k, 4)
         Generalized force of the base on the clamped node: force, N, and force conjugate to the slope, N m.
     tip_load : array (k, 3)

@@ -94,8 +94,10 @@ class MonteCarlo:
 
     Parameters
     ----------
-    names, units : tuple of str
-        Names and units of the p quantities.
+    names : tuple of str
+        Names of the p quantities.
+    units : tuple of str
+        Unit of each quantity.
     estimates : ndarray
         Estimates of the fit (p,).
     standard_errors : mapping of str to float

@@ -53,8 +53,10 @@ class ReducedTrajectory:
         The reduced model.
     time : array (k,)
         Instants, s, from 0, or from the time of the ``State`` at the start.
-    q, v : array (k, m)
-        Modal coordinates and their velocities.
+    q : array (k, m)
+        Modal coordinates, m kg^1/2.
+    v : array (k, m)
+        Velocities of the modal coordinates, m kg^1/2/s.
     base : array (k, 9)
         Motion of the clamp.
     steps : int

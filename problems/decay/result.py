@@ -48,8 +48,10 @@ class DecayFit:
     frequency : float
         Natural frequency f, Hz, at zero amplitude if it depends on the amplitude A; the undamped frequency under the
         linear law.
-    frequency_slope, frequency_curvature : float
-        k1 (1/m) and k2 (1/m^2) in f (1 + k1 A) and f (1 + k2 A^2); 0 under the other frequency laws.
+    frequency_slope : float
+        k1 in f (1 + k1 A), 1/m; 0 under the other frequency laws.
+    frequency_curvature : float
+        k2 in f (1 + k2 A^2), 1/m^2; 0 under the other frequency laws.
     damping_ratio : float
         Damping ratio; under the other laws the equivalent one at ``amplitude``.
     eta1, eta2, eta0 : float

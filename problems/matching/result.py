@@ -35,14 +35,20 @@ class FrequencyMatch:
     ----------
     beam : Beam
         The matched beam.
-    targets, standard, frequencies : tuple of float
-        Measured frequencies, and those of the given and of the matched beam, Hz.
+    targets : tuple of float
+        Measured frequencies, Hz.
+    standard : tuple of float
+        Frequencies of the given beam, Hz.
+    frequencies : tuple of float
+        Frequencies of the matched beam, Hz.
     active_bounds : tuple of str
         Properties at a bound, with their element from 1, such as ``thickness[3]``.
     iterations : int
         Iterations of IPOPT.
-    build_seconds, solve_seconds : float
-        Times to build and to solve the nonlinear program, s.
+    build_seconds : float
+        Time to build the nonlinear program, s.
+    solve_seconds : float
+        Time to solve it, s.
     matching : Matching
         The matching problem.
     unknowns : array (N,)
@@ -58,8 +64,12 @@ class FrequencyMatch:
         ``matching.space.bounded_names``.
     identifiability : Identifiability
         The information in the data about the unknowns.
-    starts, reached, failed : int
-        Number of starts, of starts that ended at this optimum, and of starts that did not converge.
+    starts : int
+        Number of starts.
+    reached : int
+        Number of starts that ended at this optimum.
+    failed : int
+        Number of starts that did not converge.
 
     Examples
     --------

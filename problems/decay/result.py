@@ -54,11 +54,16 @@ class DecayFit:
         k2 in f (1 + k2 A^2), 1/m^2; 0 under the other frequency laws.
     damping_ratio : float
         Damping ratio; under the other laws the equivalent one at ``amplitude``.
-    eta1, eta2, eta0 : float
-        Linear (1/s) and quadratic (1/m) damping coefficient; friction force per mass (m/s^2).
-    eta_p, exponent : float
-        Coefficient (m^(1-p) s^(p-2)) and exponent p of the force per mass ``eta_p |v|^p``; 0 and nan under the other
-        laws.
+    eta1 : float
+        Linear damping coefficient, 1/s.
+    eta2 : float
+        Quadratic damping coefficient, 1/m.
+    eta0 : float
+        Friction force per mass, m/s^2.
+    eta_p : float
+        Coefficient of the force per mass ``eta_p |v|^p``, m^(1-p) s^(p-2); 0 under the other laws.
+    exponent : float
+        Exponent p of this force; nan under the other laws.
     amplitude : float
         Amplitude about the offset at the release, m: that of the envelope in Eq. (9), e0 in Eq. (27), and that of the
         initial state in Eq. (26).  If velocity or acceleration was measured, it is that of the displacement.

@@ -19,6 +19,7 @@ from problems.properties.fitting import fit_properties
 from problems.properties.prediction import Prediction
 from problems.properties.records import FrequencyRecord, StaticRecord
 from problems.properties.result import PropertyFit
+from problems.study.study import StudyReport, run_study
 from problems.transient.comparison import compare_laws
 from problems.transient.fitting import fit_transient
 from problems.transient.marker_record import MarkerRecord
@@ -49,6 +50,7 @@ __all__ = [
     "Smooth",
     "Smoothness",
     "StaticRecord",
+    "StudyReport",
     "TransientFit",
     "compare_decay_laws",
     "compare_laws",
@@ -62,4 +64,5 @@ __all__ = [
     "law_curve",
     "match_frequencies",
     "monte_carlo",
+    "run_study",
 ]

@@ -17,8 +17,12 @@ STUDY = """\
 #   ancf-casadi match {name}                        nearest beam with measured frequencies
 #   ancf-casadi simulate {name} --out motion.csv    large motion
 #   ancf-casadi fit-motion {name}                   damping from records, here from that motion
+#   ancf-casadi study {name}                        all of it as one document, results/report.html
 #
 # A line that begins with # is a comment; remove the # to use it.  Each command has a --help.
+
+[study]                     # for study
+title = "A hanging strip of spring steel"
 
 [beam]                      # a hanging strip of spring steel
 length = 0.5                # m
@@ -76,6 +80,11 @@ channels = [                # one per sensor; point = arc length in m, the tip i
     {{column = "tip_x_m", direction = [1.0, 0.0]}},
     {{column = "tip_y_m", direction = [0.0, 1.0]}},
 ]
+
+# [[decays]]                # for study: one table per measured free decay, mode by mode
+# file = "decay.csv"        # any file that inspect can read
+# column = "x"              # name or number
+# unit = "mm"
 
 [fit]                       # unknowns beside the parameters of the laws, whose values above are guesses
 # fixed = ["ratio1"]        # parameters to keep

@@ -57,7 +57,8 @@ class Subcommands:
     ) -> argparse.ArgumentParser:
         """Return the parser of a new subcommand, which has ``--json`` and calls ``run``.
 
-        The options also hold ``refuse``, the error of the parser, and ``title``, the name of the command.
+        The options also hold ``refuse``, the error of the parser, ``title``, the name of the command, and
+        ``unfinished``, what is left if it is stopped.
         """
         added = self._parsers.add_parser(
             name,
@@ -67,7 +68,7 @@ class Subcommands:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         added.add_argument("--json", action="store_true", help="print the result as JSON")
-        added.set_defaults(run=run, refuse=added.error, title=name)
+        added.set_defaults(run=run, refuse=added.error, title=name, unfinished="nothing was written")
         return added
 
 

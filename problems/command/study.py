@@ -25,6 +25,7 @@ def add_reproduce(commands: Subcommands) -> None:
 
 
 def _add_options(parser: argparse.ArgumentParser) -> None:
+    parser.set_defaults(unfinished="finished computations are kept, and the same command continues from there")
     parser.add_argument(
         "--out", type=Path, default=Path("results"), metavar="DIR", help="folder of the results (default: results)"
     )

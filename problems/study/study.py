@@ -57,6 +57,15 @@ class StudyReport:
     parts: tuple[Shown, ...]
     steps: tuple[Step, ...]
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Limitations of the results, with the name of the part."""
+        return tuple(f"{part.heading.name}: {warning}" for part in self.parts for warning in part.finding.warnings)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the results for JSON."""
+        return dict(self.results)
+
     def report(self) -> str:
         """Return the tables as text."""
         texts = []

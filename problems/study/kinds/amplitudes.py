@@ -107,16 +107,17 @@ def _figure(run: Run, results: Sequence[ExperimentResult], laws: Sequence[Dampin
         step = max(1, len(amplitude) // POINTS)
         marks = {"ls": "", "marker": style["marker"], "color": style["color"], "ms": 4}
         ratio.plot(1e3 * amplitude[::step], 100 * ratios[::step], **marks)
-        frequency.plot(1e3 * amplitude[::step], frequencies[::step], **marks)
+        change = 100 * (frequencies / result.natural_frequency - 1)
+        frequency.plot(1e3 * amplitude[::step], change[::step], **marks)
         ratio.plot(1e3 * fine, 100 * _predicted(law, modes, run.mode, fine), color=style["color"],
                    ls=style["linestyle"], label=run.laws[k].title)  # fmt: skip
-    frequency.axhline(results[0].natural_frequency, color="black", lw=0.8, ls=":", label="small motion")
+    frequency.axhline(0.0, color="black", lw=0.8, ls=":")
+    frequency.set_title(f"small motion: {results[0].natural_frequency:.5g} Hz")
     ratio.set(ylabel="damping ratio, %", yscale="log")
-    frequency.set(xlabel=f"tip amplitude of mode {run.mode}, mm", ylabel="frequency, Hz", xscale="log")
+    frequency.set(xlabel=f"tip amplitude of mode {run.mode}, mm", ylabel="change of the\nfrequency, %", xscale="log")
     plain_log_ticks(ratio, "y")
     plain_log_ticks(frequency, "x")
     ratio.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
-    frequency.legend()
     figure.align_ylabels()
     return figure
 

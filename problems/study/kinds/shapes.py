@@ -69,8 +69,8 @@ class Shapes(Part):
             along, across = tip @ axis, tip @ np.array([-axis[1], axis[0]])
             data.append({"mode": run.mode, "tip_across_m": float(np.ptp(across)), "tip_along_m": float(np.ptp(along))})
         caption = (
-            "Deformed shapes over the last period before the stop, light to dark.  The deflection is drawn enlarged "
-            "where the panel says so."
+            "Deformed shapes over the last period before the stop, light to dark.  Each panel has its own scale across "
+            "the beam."
         )
         figure = drawn(self.heading.name, caption, lambda: _figure(self.runs, results, axis))
         return Finding(Outcome(data), figures=(figure,))
@@ -82,13 +82,10 @@ def _figure(runs: Sequence[Run], results: Sequence[ExperimentResult], axis: Any)
     normal = np.array([-axis[1], axis[0]])
     for axes, run, result in zip(panels, runs, results, strict=True):
         along, across = result.shapes @ axis, result.shapes @ normal
-        size = np.abs(across).max()
-        factor = 10.0 ** max(0.0, np.floor(np.log10(along.max() / (2 * size))))
         for k in range(len(along)):
-            axes.plot(1e3 * factor * across[k], 1e3 * along[k], color=series(0)["color"], lw=0.8,
+            axes.plot(1e3 * across[k], 1e3 * along[k], color=series(0)["color"], lw=0.8,
                       alpha=0.25 + 0.75 * k / (len(along) - 1))  # fmt: skip
-        enlarged = f"\n× {factor:g}" if factor > 1.0 else ""
-        axes.set_title(f"mode {run.mode}{enlarged}")
+        axes.set_title(f"mode {run.mode}")
         axes.set_xlabel("mm")
     panels[0].set_ylabel("position along the beam, mm")
     panels[0].invert_yaxis()

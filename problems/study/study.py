@@ -50,6 +50,17 @@ class StudyReport:
         The parts with their tables and figures.
     steps : tuple of Step
         Time of each part.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from problems import run_study
+    >>> lines = ["[beam]", "length = 0.5", "width = 5e-3", "thickness = 0.5e-3", "density = 8000.0",
+    ...          "elastic_modulus = 210e9", "elements = 4", "[[parts]]", 'kind = "beam"']
+    >>> _ = Path("strip.toml").write_text("\\n".join(lines))
+    >>> report = run_study("strip.toml", "results")
+    >>> [label for part in report.parts for label, table in part.tables], report.warnings
+    (['Table 1'], ())
     """
 
     page: Path
@@ -113,6 +124,16 @@ def run_study(
         If the file cannot be read, a table, key or value cannot be used, or the folder cannot be written.
     FitError, SimulationError
         If a fit or a simulation fails.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from problems import run_study
+    >>> lines = ["[[parts]]", 'kind = "rayleigh"', "frequencies = [1.85, 10.19]", "ratios = [0.01, 0.0028]"]
+    >>> _ = Path("study.toml").write_text("\\n".join(lines))
+    >>> report = run_study("study.toml", "results")
+    >>> round(report.results["rayleigh"]["alpha"], 6), report.page.name
+    (0.228181, 'report.html')
     """
     check_instance(executor, "executor", Executor, NoneType)
     folder = check_folder(out)

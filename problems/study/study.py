@@ -38,7 +38,7 @@ PAGE, NUMBERS, SCHEMA = "report.html", "results.json", "results.schema.json"
 
 @dataclass(frozen=True)
 class StudyReport:
-    """The results of a study.
+    r"""The results of a study.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class StudyReport:
     >>> from problems import run_study
     >>> lines = ["[beam]", "length = 0.5", "width = 5e-3", "thickness = 0.5e-3", "density = 8000.0",
     ...          "elastic_modulus = 210e9", "elements = 4", "[[parts]]", 'kind = "beam"']
-    >>> _ = Path("strip.toml").write_text("\\n".join(lines))
+    >>> _ = Path("strip.toml").write_text("\n".join(lines))
     >>> report = run_study("strip.toml", "results")
     >>> [label for part in report.parts for label, table in part.tables], report.warnings
     (['Table 1'], ())
@@ -96,7 +96,7 @@ def run_study(
     progress: bool = False,
     command: str = "run_study",
 ) -> StudyReport:
-    """Run a study and write its document.
+    r"""Run a study and write its document.
 
     Finished computations are kept in the folder, so that a study that was stopped continues from there.
 
@@ -130,7 +130,7 @@ def run_study(
     >>> from pathlib import Path
     >>> from problems import run_study
     >>> lines = ["[[parts]]", 'kind = "rayleigh"', "frequencies = [1.85, 10.19]", "ratios = [0.01, 0.0028]"]
-    >>> _ = Path("study.toml").write_text("\\n".join(lines))
+    >>> _ = Path("study.toml").write_text("\n".join(lines))
     >>> report = run_study("study.toml", "results")
     >>> round(report.results["rayleigh"]["alpha"], 6), report.page.name
     (0.228181, 'report.html')

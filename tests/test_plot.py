@@ -61,7 +61,7 @@ def test_another_format_is_refused(motion, suffix):
 
 def test_drawing_needs_no_display_and_no_global_state():
     """Figures are drawn without pyplot, which would select a backend and keep the figures alive."""
-    code = "import sys, ancf_casadi.plot, problems.study.figures; print('matplotlib.pyplot' in sys.modules)"
+    code = "import sys, ancf_casadi.plot, problems.study.kinds.transients; print('matplotlib.pyplot' in sys.modules)"
     done = run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "False\n"
 

@@ -20,6 +20,13 @@ from problems import fit_rayleigh
 from problems.study import paper
 
 ANGULAR = 2 * math.pi * np.array(paper.FREQUENCIES)
+LENGTH = 0.5  # m, Table 1
+STANDARD_DENSITY, STANDARD_FREQUENCIES = 7850.0, (1.67, 10.47, 29.32, 57.46, 94.97)  # Table 10: errata 1 and 2
+ALPHA, BETA, BETA_PRINTED = 0.228, 3.18e-5, 3.18e-4  # Table 3: erratum 4
+PROPORTIONAL_RATIOS = (0.0100, 0.0028, 0.0032, 0.0050, 0.0070)  # Table 11: erratum 5
+EQUIVALENT_RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)  # Table 4: erratum 6
+QUADRATIC_RATIOS = (0.0100, 0.0016, 0.0008, 0.0004, 0.00022)  # Table 11: erratum 7
+QUADRATIC_AMPLITUDES = (0.076, 0.0092, 0.0076, 0.0038, 0.0018)  # m, at which Eq. (26) gives these ratios: erratum 7
 
 
 @pytest.fixture(scope="module")
@@ -39,15 +46,15 @@ class TestDensity:
     EXACT = (1.671033189, 10.472186237, 29.322424698, 57.460249429, 94.985909456)
 
     def test_7850_gives_the_printed_frequencies(self):
-        beam = paper.standard_beam().with_(gravity=(0.0, 0.0), density=paper.STANDARD_DENSITY)
+        beam = paper.standard_beam().with_(gravity=(0.0, 0.0), density=STANDARD_DENSITY)
         frequencies = natural_modes(Model(beam), count=5).frequencies
         assert frequencies == pytest.approx(self.EXACT, rel=2e-4)
-        assert frequencies[:4].round(2).tolist() == list(paper.STANDARD_FREQUENCIES[:4])
-        assert frequencies[4] == pytest.approx(paper.STANDARD_FREQUENCIES[4], abs=0.04)
+        assert frequencies[:4].round(2).tolist() == list(STANDARD_FREQUENCIES[:4])
+        assert frequencies[4] == pytest.approx(STANDARD_FREQUENCIES[4], abs=0.04)
 
     def test_8000_does_not(self, weightless):
         assert weightless.frequencies == pytest.approx((1.6553, 10.3735, 29.0462, 56.9190, 94.0912), rel=2e-4)
-        assert (np.abs(weightless.frequencies / paper.STANDARD_FREQUENCIES - 1) > 8e-3).all()
+        assert (np.abs(weightless.frequencies / STANDARD_FREQUENCIES - 1) > 8e-3).all()
 
 
 class TestProportional:
@@ -56,14 +63,14 @@ class TestProportional:
         fit = fit_rayleigh(paper.FREQUENCIES[:2], paper.DAMPING_RATIOS[:2])
         assert fit.alpha == pytest.approx(0.228181, abs=5e-7)
         assert fit.beta == pytest.approx(3.18013e-5, abs=5e-11)
-        assert fit.alpha == pytest.approx(paper.ALPHA, abs=5e-4)
-        assert fit.beta == pytest.approx(paper.BETA, abs=5e-8)
+        assert fit.alpha == pytest.approx(ALPHA, abs=5e-4)
+        assert fit.beta == pytest.approx(BETA, abs=5e-8)
 
     def test_only_that_beta_reproduces_table_2(self, weightless):
         """The ratios of modes 1 and 2; the printed beta would damp mode 2 more than four times as strongly."""
         modes = Modes(weightless.equilibrium, np.array(paper.FREQUENCIES), weightless.shapes)
-        right = RayleighDamping(paper.ALPHA, paper.BETA, stiffness="tangent").damping_ratios(modes, np.zeros(5))
-        printed = RayleighDamping(paper.ALPHA, paper.BETA_PRINTED, stiffness="tangent").damping_ratios(
+        right = RayleighDamping(ALPHA, BETA, stiffness="tangent").damping_ratios(modes, np.zeros(5))
+        printed = RayleighDamping(ALPHA, BETA_PRINTED, stiffness="tangent").damping_ratios(
             modes, np.zeros(5)
         )
         assert right[:2] == pytest.approx(paper.DAMPING_RATIOS[:2], rel=2e-3)
@@ -74,21 +81,21 @@ class TestProportional:
         fit = fit_rayleigh(paper.FREQUENCIES[:2], paper.DAMPING_RATIOS[:2])
         ratios = fit.alpha / (2 * ANGULAR) + fit.beta * ANGULAR / 2
         assert 100 * ratios[2:] == pytest.approx([0.3358, 0.5656, 0.9057], abs=5e-5)
-        assert (ratios[2:] > paper.PROPORTIONAL_RATIOS[2:]).all()
+        assert (ratios[2:] > PROPORTIONAL_RATIOS[2:]).all()
 
 
 class TestQuadratic:
     def test_eta2_is_per_millimetre(self):
         """Erratum 6: the ratios of Table 4 then imply tip amplitudes that a thin beam of 0.5 m can reach."""
-        amplitudes = tip_amplitudes(paper.EQUIVALENT_RATIOS, paper.ETA1, paper.ETA2)
+        amplitudes = tip_amplitudes(EQUIVALENT_RATIOS, paper.ETA1, paper.ETA2)
         assert 1e3 * amplitudes == pytest.approx([76.0, 14.9, 7.6, 5.5, 14.4], abs=0.06)
         assert amplitudes == pytest.approx(paper.EQUIVALENT_AMPLITUDES, rel=0.01)
 
     def test_per_metre_the_beam_would_swing_76_m(self):
         per_metre = tuple(1e-3 * eta2 for eta2 in paper.ETA2)
-        amplitudes = tip_amplitudes(paper.EQUIVALENT_RATIOS, paper.ETA1, per_metre)
+        amplitudes = tip_amplitudes(EQUIVALENT_RATIOS, paper.ETA1, per_metre)
         assert amplitudes[0] == pytest.approx(76.0, abs=0.06)
-        assert (amplitudes > 10 * paper.LENGTH).all()
+        assert (amplitudes > 10 * LENGTH).all()
 
     def test_linear_part_of_table_11(self):
         """Erratum 7: eta1 of mode 1 applies to all modes, a constant decay rate."""
@@ -97,9 +104,9 @@ class TestQuadratic:
 
     def test_amplitudes_implied_by_table_11(self):
         """Erratum 7: they differ from those of Table 4, which would give 1.00, 0.187, 0.080, 0.048, 0.081 %."""
-        implied = tip_amplitudes(paper.QUADRATIC_RATIOS, paper.ETA1[:1] * 5, paper.ETA2[:1] * 5)
+        implied = tip_amplitudes(QUADRATIC_RATIOS, paper.ETA1[:1] * 5, paper.ETA2[:1] * 5)
         assert 1e3 * implied == pytest.approx([76.0, 9.2, 7.6, 3.8, 1.8], abs=0.06)
-        assert implied == pytest.approx(paper.QUADRATIC_AMPLITUDES, rel=0.02)
+        assert implied == pytest.approx(QUADRATIC_AMPLITUDES, rel=0.02)
         eta1, eta2 = cs.DM(paper.ETA1[0]), cs.DM(paper.ETA2[0])
         of_table_4 = equivalent_damping_ratio(eta1, eta2, cs.DM(ANGULAR), cs.DM(paper.EQUIVALENT_AMPLITUDES))
         assert 100 * of_table_4.full().ravel() == pytest.approx([1.00, 0.187, 0.080, 0.048, 0.081], abs=6e-4)

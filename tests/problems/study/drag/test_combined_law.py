@@ -140,7 +140,7 @@ def test_a_fit_at_its_bound_gives_a_pair_as_if_it_had_none():
 def test_curves_of_the_laws_are_straight_in_the_amplitude(modes):
     laws = {
         "modal": ModalDamping(modes, paper.DAMPING_RATIOS),
-        "proportional": RayleighDamping(paper.ALPHA, paper.BETA),
+        "proportional": RayleighDamping(0.228, 3.18e-5),
         "quadratic": QuadraticDamping(paper.ETA1[0], paper.ETA2[0]),
         "modal + quadratic": ModalDamping(modes, RATIOS) + QuadraticDamping(eta2=ETA2),
     }

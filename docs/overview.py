@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from problems.study.figures import COLOURS
-from problems.study.transients import LAW_NAMES
 
 from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, simulate
 from ancf_casadi.plot import png
 from ancf_casadi.support.colours import MEASURED
 from problems.study import paper
+from problems.study.drawing import plain_log_ticks, series
 
+LAWS = {"generic": "modal (generic)", "proportional": "Rayleigh (proportional)", "quadratic": "quadratic"}
 SWING = HarmonicBase(amplitude=5e-3, frequency=1.876, stop=10.0)
 
 
@@ -31,18 +31,19 @@ def overview(results: dict) -> Figure:
     rows = np.arange(len(run.time) - 55, len(run.time), 3)
     for row in rows:
         x, y = 1e3 * np.array([model.interpolation(float(s)) @ run.coordinates[row] for s in arc]).T
-        shapes.plot(x, y, color=COLOURS["generic"], lw=1, alpha=0.25 + 0.75 * (row - rows[0]) / (rows[-1] - rows[0]))
+        shapes.plot(x, y, color=series(0)["color"], lw=1, alpha=0.25 + 0.75 * (row - rows[0]) / (rows[-1] - rows[0]))
     shapes.set(aspect="equal", xlabel="x, mm", ylabel="y, mm")
-    shapes.set_title("A steel strip, 500 x 5 x 0.5 mm, driven 5 mm", fontsize=10)
+    shapes.set_title("A steel strip, 500 × 5 × 0.5 mm, driven 5 mm", fontsize=10)
 
     modes = np.arange(1, 6)
     comparison = results["damping_comparison"]
     measured = 100 * np.array(comparison["experiment"])
     ratios.semilogy(modes, measured, "s", ms=11, mfc="none", color=MEASURED, label="identified")
-    for law, name in LAW_NAMES.items():
-        ratios.semilogy(modes, 100 * np.array(comparison[law]), "o-", color=COLOURS[law], label=name)
+    for k, (law, name) in enumerate(LAWS.items()):
+        ratios.semilogy(modes, 100 * np.array(comparison[law]), **series(k), label=name)
     ratios.set(xlabel="mode", ylabel="damping ratio, %", xticks=modes)
     ratios.set_title("Five modes, one beam, three damping laws", fontsize=10)
+    plain_log_ticks(ratios, "y")
     ratios.legend(frameon=False)
     for axes in (shapes, ratios):
         axes.spines[["top", "right"]].set_visible(False)

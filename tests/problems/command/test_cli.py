@@ -23,7 +23,6 @@ from ancf_casadi import (
     FitError,
     FixedBase,
     HarmonicBase,
-    InputError,
     Measurement,
     Model,
     QuadraticDamping,
@@ -35,23 +34,25 @@ from ancf_casadi import (
 from ancf_casadi.export import Document, load_functions, read_document, write_document
 from ancf_casadi.export.targets import fmu
 from ancf_casadi.support.interrupts import ENDING
-from ancf_casadi.support.tables import Table
 from ancf_casadi.version import __version__
 from problems.cli import main
 from problems.command import fit_decay as fit_decay_command
 from problems.command import match as match_command
 from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
-from problems.study import report, reproduction, tables, transients
+from problems.study import runner
+from problems.study import study as study_module
+from problems.study.paper import PAPER
 from problems.tables import records
 from problems.tables.base import AXES
 from problems.tables.columns import READING
-from problems.tables.match import MATCH, MODES
+from problems.tables.match import MATCH_KEYS
 from problems.tables.simulation import SETTINGS
 from problems.tables.study_file import read_simulation
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 RECORD = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam" / "beam_gravity_tip.csv"
+KEPT = "finished computations are kept, and the same command continues from there"
 PNG = b"\x89PNG\r\n\x1a\n"
 
 BEAM = (EXAMPLES / "beam.toml").read_text()
@@ -254,17 +255,19 @@ class TestSimulate:
         assert (files / "new" / "motion.png").read_bytes().startswith(PNG)
 
 
-def test_reproduce_writes_and_prints(files, capsys, monkeypatch):
-    """The command writes and prints the study, which has its own tests."""
+def test_reproduce_is_the_study_of_the_paper(files, capsys, monkeypatch):
+    """The command runs the study, which has its own tests."""
     calls = {}
 
-    def study(**arguments):
-        calls.update(arguments)
+    def run(*arguments, **options):
+        calls.update(options, arguments=arguments)
         raise FitError("no minimum was found")
 
-    monkeypatch.setattr(reproduction, "reproduce", study)
+    monkeypatch.setattr(study_module, "run_study", run)
     assert main(["reproduce", "--quick", "--jobs", "3", "--out", "study"]) == 1
-    assert calls == {"effort": transients.QUICK, "jobs": 3, "progress": True}
+    assert calls.pop("arguments") == (PAPER, Path("study"))
+    command = "ancf-casadi reproduce --quick"
+    assert calls == {"quick": True, "jobs": 3, "progress": False, "command": command}
     assert one_line(capsys) == "ancf-casadi: no minimum was found"
     assert not (files / "study").exists()
 
@@ -278,7 +281,7 @@ def test_version_and_entry_point(capsys):
     assert script.load() is main
 
 
-COMMANDS = "init fit-decay fit-modes fit-motion compare-laws modes match simulate export reproduce".split()
+COMMANDS = "init fit-decay fit-modes fit-motion compare-laws modes match simulate export study reproduce".split()
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -296,7 +299,7 @@ def test_help_names_every_key_that_a_file_may_have(capsys):
     motion = beam | laws | bases | {"tip_force", "tip_moment"}
     expected = {
         "modes": beam,
-        "match": {*beam, "targets", *MODES, *MATCH},
+        "match": {*beam, *MATCH_KEYS},
         "export": beam | laws,
         "simulate": {*motion, "duration", *SETTINGS, "markers"},
         "fit-motion": {*motion, "file", *records.RECORD, *records.FIT},
@@ -528,7 +531,11 @@ class TestUnusableInput:
                 "elements = 20\ncolour = 1",
                 "[beam]: unknown key 'colour'; known are axis, clamp_stiffness",
             ),
-            ("[match]", "[mach]", "unknown key 'mach'; known are base, beam, damping, fit, load, markers, match"),
+            (
+                "[match]",
+                "[mach]",
+                "unknown key 'mach'; known are base, beam, damping, decays, fit, laws, load",
+            ),
             ("[beam]", "[bean]", "the key 'beam' is missing; unknown keys: 'bean'"),
             ("thickness = 0.5e-3", "thickness = -0.5e-3", "[beam]: thickness: must be positive, got -0.0005"),
             ("density = 8000.0", "density = nan", "[beam]: density: must be a finite number, got nan"),
@@ -758,21 +765,13 @@ class TestFullDisk:
         assert sorted(files.iterdir()) == before
 
     @pytest.mark.parametrize("form", [[], ["--json"]])
-    def test_study(self, files, capsys, monkeypatch, form):
-        def fails(study, folder):
-            raise InputError("cannot be written (No space left on device)", str(folder))
-
-        monkeypatch.setattr(reproduction, "reproduce", lambda **_: None)
-        monkeypatch.setattr(tables, "tables", lambda study: [Table("t", "Table 2", ("f_Hz",), [(1.85,)])])
-        monkeypatch.setattr(report, "results", lambda study: {"f_hz": 1.85})
-        monkeypatch.setattr(report, "write_study", fails)
-        assert main(["reproduce", "--out", "study", *form]) == 2
-        captured = capsys.readouterr()
-        assert captured.out == ('{\n  "f_hz": 1.85\n}\n' if form else "Table 2\n----\nf_Hz\n----\n1.85\n")
-        assert captured.err == "ancf-casadi: study: cannot be written (No space left on device)\n"
-        monkeypatch.setattr(report, "write_study", lambda study, folder: [])
-        assert main(["reproduce", "--out", "study", *form]) == 0
-        assert capsys.readouterr().out == captured.out + ("" if form else "\nfiles written to study\n")
+    def test_study(self, files, capsys, full_disk, form):
+        """A study cannot keep its first result, and says so."""
+        assert main(["study", "beam.toml", "--jobs", "1", "--out", "new", *form]) == 2
+        assert re.fullmatch(
+            r"ancf-casadi: new/steps/\w+\.msgpack: cannot be written \(No space left on device\)", one_line(capsys)
+        )
+        assert not list((files / "new").rglob("*.*"))
 
     def test_export_leaves_nothing(self, files, capsys, full_disk):
         before = sorted(files.iterdir())
@@ -839,12 +838,12 @@ class TestInterrupted:
         assert (sorted(files.iterdir()), Path.cwd()) == (before, files)
 
     def test_study(self, files, capsys, monkeypatch):
-        def stopped(**_):
+        def stopped(*_, **__):
             raise KeyboardInterrupt
 
-        monkeypatch.setattr(reproduction, "reproduce", stopped)
-        assert main(["reproduce", "--out", "study"]) == 130
-        assert one_line(capsys) == "ancf-casadi: stopped; nothing was written"
+        monkeypatch.setattr(runner, "run_all", stopped)
+        assert main(["reproduce", "--jobs", "1", "--out", "study"]) == 130
+        assert one_line(capsys) == f"ancf-casadi: stopped; {KEPT}"
         assert not (files / "study").exists()
 
     @pytest.mark.parametrize("error", [FitError("NonIpopt_Exception_Thrown"), NotImplementedError("Wrong number")])
@@ -933,10 +932,11 @@ def test_a_study_that_is_interrupted_leaves_no_processes(files, ending, send):
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:
         assert process.stderr is not None
-        while b"transients:" not in process.stderr.read1():
+        while not list((files / "study").rglob("*.msgpack")):
             assert process.poll() is None
+            time.sleep(0.05)
         try:
-            process.wait(timeout=3.0)  # the other processes are at work by then
+            process.wait(timeout=1.0)  # the other processes are at work by then
         except subprocess.TimeoutExpired:
             send(process.pid, ending)
         try:
@@ -946,9 +946,9 @@ def test_a_study_that_is_interrupted_leaves_no_processes(files, ending, send):
             raise
     assert process.returncode == 128 + ending
     assert output == b""
-    assert errors.splitlines()[-1] == b"ancf-casadi: stopped; nothing was written"
+    assert errors.decode().splitlines()[-1] == f"ancf-casadi: stopped; {KEPT}"
     assert b"Traceback" not in errors
-    assert not (files / "study").exists()
+    assert [path.name for path in (files / "study").iterdir()] == ["steps"]  # finished steps are kept
     left, deadline = True, time.monotonic() + 10.0
     while left and time.monotonic() < deadline:
         try:

@@ -70,9 +70,7 @@ class TestProportional:
         """The ratios of modes 1 and 2; the printed beta would damp mode 2 more than four times as strongly."""
         modes = Modes(weightless.equilibrium, np.array(paper.FREQUENCIES), weightless.shapes)
         right = RayleighDamping(ALPHA, BETA, stiffness="tangent").damping_ratios(modes, np.zeros(5))
-        printed = RayleighDamping(ALPHA, BETA_PRINTED, stiffness="tangent").damping_ratios(
-            modes, np.zeros(5)
-        )
+        printed = RayleighDamping(ALPHA, BETA_PRINTED, stiffness="tangent").damping_ratios(modes, np.zeros(5))
         assert right[:2] == pytest.approx(paper.DAMPING_RATIOS[:2], rel=2e-3)
         assert printed[1] > 4 * paper.DAMPING_RATIOS[1]
 

@@ -40,7 +40,7 @@ def _study(options: argparse.Namespace) -> Output:
 
 
 def _reproduce(options: argparse.Namespace) -> Output:
-    from problems.study.study import PAPER  # slow to import, and only needed here
+    from problems.study.paper import PAPER
 
     return _run(options, PAPER, "ancf-casadi reproduce")
 

@@ -3,26 +3,59 @@
 from __future__ import annotations
 
 import hashlib
+from abc import ABC
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
+from problems.study.part import Part
+from problems.study.source import Source
 from problems.tables.study import Study as StudyFile
 
 NAMING = ("file", "document")  # keys whose value is the name of a file
 
 
-def digests_of(file: StudyFile, tables: Any) -> tuple[tuple[str, str], ...]:
-    """Return name and hash of each file that tables name, in the order of the names.
+@dataclass(frozen=True)
+class TablesOfFile:
+    """The tables of a study file that a computation reads.
 
     Parameters
     ----------
-    file : StudyFile
-        The study file, to whose folder the names are relative.
-    tables : dict or list
+    path : str
+        Name of the file.
+    tables : dict
+        The tables.
+    digests : tuple of (str, str)
+        Name and hash of each file that the tables name, so that a result is not kept when a file changes.
+    """
+
+    path: str
+    tables: dict[str, Any]
+    digests: tuple[tuple[str, str], ...]
+
+    @staticmethod
+    def of(source: Source, names: set[str]) -> TablesOfFile:
+        """Return the tables with the given names, as far as they are there."""
+        tables = {name: table for name, table in source.file.tables.items() if name in names}
+        files = sorted(set(_named(tables)))
+        return TablesOfFile(source.file.path, tables, tuple((name, _digest(source.file, name)) for name in files))
+
+    def file(self) -> StudyFile:
+        """Return the study file with these tables alone."""
+        return StudyFile(self.path, self.tables)
+
+
+@dataclass(frozen=True)
+class FilePart(Part, ABC):
+    """Base class of the parts that read tables of the file as another command does.
+
+    Parameters
+    ----------
+    given : TablesOfFile
         The tables.
     """
-    names = sorted(set(_named(tables)))
-    return tuple((name, _digest(file, name)) for name in names)
+
+    given: TablesOfFile
 
 
 def _named(tables: Any) -> Iterator[str]:

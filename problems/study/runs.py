@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import check_keys, is_sequence, located, number, physical, shown, whole
 from problems.study.experiment import Experiment, ExperimentResult, run_experiment
-from problems.study.part import Effort, Outcome, Task
+from problems.study.part import Effort, Outcome, Part, Task
 from problems.study.source import BeamChoice, LawChoice, Source
 
 RUN = {"mode", "amplitude", "stop"}
@@ -76,19 +77,34 @@ def task_of(experiment: Experiment) -> Task:
     return Task(run_experiment, (experiment,), SECONDS_PER_PERIOD * periods)
 
 
-def needs_of(choice: BeamChoice, runs: Sequence[Run]) -> tuple[str, ...]:
-    """Return the names of the parts that find the beam and the laws of runs."""
-    laws = [name for run in runs for law in run.laws for name in law.needs]
-    return tuple(dict.fromkeys((*choice.needs, *laws)))
+@dataclass(frozen=True)
+class ExperimentPart(Part, ABC):
+    """Base class of the parts with simulated experiments.
 
+    Parameters
+    ----------
+    choice : BeamChoice
+        The beam.
+    runs : tuple of Run
+        The excitations.
+    """
 
-def tasks_of(choice: BeamChoice, runs: Sequence[Run], found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
-    """Return the simulations, run by run and law by law."""
-    return tuple(task_of(run.experiment(law, choice, found, effort)) for run in runs for law in run.laws)
+    choice: BeamChoice
+    runs: tuple[Run, ...]
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The parts that find the beam and the laws."""
+        laws = [name for run in self.runs for law in run.laws for name in law.needs]
+        return tuple(dict.fromkeys((*self.choice.needs, *laws)))
+
+    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+        """Return the simulations, run by run and law by law."""
+        return tuple(task_of(run.experiment(law, self.choice, found, effort)) for run in self.runs for law in run.laws)
 
 
 def results_of(runs: Sequence[Run], results: Sequence[ExperimentResult]) -> list[list[ExperimentResult]]:
-    """Return the results of ``tasks_of`` run by run."""
+    """Return the results of the tasks of a part run by run."""
     own = iter(results)
     return [[next(own) for _ in run.laws] for run in runs]
 

@@ -16,9 +16,9 @@ from ancf_casadi.support.inputs import check_keys
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.study.drawing import drawn, new_figure, plain_log_ticks, series
 from problems.study.experiment import FEWEST_MODES, ExperimentResult
-from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
-from problems.study.runs import Run, needs_of, read_runs, results_of, tasks_of
-from problems.study.source import BeamChoice, Source
+from problems.study.part import Effort, Finding, Heading, Outcome
+from problems.study.runs import ExperimentPart, Run, read_runs, results_of
+from problems.study.source import Source
 from problems.tables.damping import law_of
 
 if TYPE_CHECKING:
@@ -43,31 +43,11 @@ class AmplitudeNumbers(TypedDict):
 
 @final
 @dataclass(frozen=True)
-class Amplitudes(Part):
-    """Damping ratio and frequency against amplitude.
-
-    Parameters
-    ----------
-    choice : BeamChoice
-        The beam.
-    runs : tuple of Run
-        The excitations.
-    """
+class Amplitudes(ExperimentPart):
+    """Damping ratio and frequency against amplitude."""
 
     kind = "amplitudes"
     numbers = list[AmplitudeNumbers]
-
-    choice: BeamChoice
-    runs: tuple[Run, ...]
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """The parts that find the beam and the laws."""
-        return needs_of(self.choice, self.runs)
-
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
-        """Return the simulations."""
-        return tasks_of(self.choice, self.runs, found, effort)
 
     def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
         """Return a figure per run."""

@@ -11,9 +11,9 @@ import numpy as np
 from ancf_casadi.support.inputs import check_keys
 from problems.study.data_table import Column, DataTable
 from problems.study.experiment import ExperimentResult
-from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
-from problems.study.runs import Run, needs_of, read_runs, task_of
-from problems.study.source import BeamChoice, Source
+from problems.study.part import Effort, Finding, Heading, Outcome, Task
+from problems.study.runs import ExperimentPart, read_runs, task_of
+from problems.study.source import Source
 
 KEYS = """\
   kind = "integrators"  simulated experiments by both integrators, Radau and IDAS:
@@ -34,27 +34,11 @@ class IntegratorNumbers(TypedDict):
 
 @final
 @dataclass(frozen=True)
-class Integrators(Part):
-    """Simulated experiments by both integrators.
-
-    Parameters
-    ----------
-    choice : BeamChoice
-        The beam.
-    runs : tuple of Run
-        The excitations.
-    """
+class Integrators(ExperimentPart):
+    """Simulated experiments by both integrators."""
 
     kind = "integrators"
     numbers = list[IntegratorNumbers]
-
-    choice: BeamChoice
-    runs: tuple[Run, ...]
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """The parts that find the beam and the laws."""
-        return needs_of(self.choice, self.runs)
 
     def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
         """Return each simulation by both integrators."""

@@ -15,10 +15,9 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.inputs import check_keys
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn
-from problems.study.files import digests_of
-from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
+from problems.study.files import FilePart, TablesOfFile
+from problems.study.part import Effort, Finding, Heading, Outcome, Task
 from problems.study.source import Source
-from problems.tables.study import Study as StudyFile
 from problems.tables.study_file import motions_of
 from problems.transient.fitting import fit_transient
 from problems.transient.prediction import MotionPrediction
@@ -62,17 +61,13 @@ class FittedMotion:
     warnings: tuple[str, ...]
 
 
-def fit_plain(path: str, tables: dict[str, Any], digests: tuple[tuple[str, str], ...], name: str) -> FittedMotion:
+def fit_plain(given: TablesOfFile, name: str) -> FittedMotion:
     """Fit the motion in the files of a study, and return the fit as plain data.
 
     Parameters
     ----------
-    path : str
-        Name of the study file.
-    tables : dict
-        Its tables.
-    digests : tuple of (str, str)
-        Hashes of the files that the tables name, so that a result is not kept when a file changes.
+    given : TablesOfFile
+        The tables.
     name : str
         Name of the part.
 
@@ -81,7 +76,7 @@ def fit_plain(path: str, tables: dict[str, Any], digests: tuple[tuple[str, str],
     InputError, FitError
         As ``fit_transient``.
     """
-    motions = motions_of(StudyFile(path, tables))
+    motions = motions_of(given.file())
     fit = fit_transient(motions.model, motions.records, motions.damping, **motions.settings)
     figures = [drawn(name, "Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
     predictions: list[MotionPrediction] = []
@@ -97,29 +92,15 @@ def fit_plain(path: str, tables: dict[str, Any], digests: tuple[tuple[str, str],
 
 @final
 @dataclass(frozen=True)
-class MotionFit(Part):
-    """A fit to measured large motion.
-
-    Parameters
-    ----------
-    path : str
-        Name of the study file.
-    tables : dict
-        Its tables.
-    digests : tuple of (str, str)
-        Hashes of the files that the tables name.
-    """
+class MotionFit(FilePart):
+    """A fit to measured large motion."""
 
     kind = "motion"
     numbers = MotionNumbers
 
-    path: str
-    tables: dict[str, Any]
-    digests: tuple[tuple[str, str], ...]
-
     def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
         """Return the fit."""
-        return (Task(fit_plain, (self.path, self.tables, self.digests, self.heading.name), SECONDS),)
+        return (Task(fit_plain, (self.given, self.heading.name), SECONDS),)
 
     def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
         """Return the estimates, the predictions and their figures."""
@@ -163,6 +144,5 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     """
     check_keys(given, set(), set(), where)
     wanted = {"beam", "damping", "base", "load", "release", "records", "predictions", "fit"}
-    tables = {name: table for name, table in source.file.tables.items() if name in wanted}
     motions_of(source.file)  # check
-    return MotionFit(heading, source.file.path, tables, digests_of(source.file, tables))
+    return MotionFit(heading, TablesOfFile.of(source, wanted))

@@ -11,9 +11,9 @@ import numpy as np
 from ancf_casadi.support.inputs import check_keys
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.experiment import ExperimentResult
-from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
-from problems.study.runs import Run, needs_of, read_runs, tasks_of
-from problems.study.source import BeamChoice, Source
+from problems.study.part import Effort, Finding, Heading, Outcome
+from problems.study.runs import ExperimentPart, Run, read_runs
+from problems.study.source import Source
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,31 +34,11 @@ class ShapeNumbers(TypedDict):
 
 @final
 @dataclass(frozen=True)
-class Shapes(Part):
-    """Deformed shapes over one period.
-
-    Parameters
-    ----------
-    choice : BeamChoice
-        The beam.
-    runs : tuple of Run
-        The excitations.
-    """
+class Shapes(ExperimentPart):
+    """Deformed shapes over one period."""
 
     kind = "shapes"
     numbers = list[ShapeNumbers]
-
-    choice: BeamChoice
-    runs: tuple[Run, ...]
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """The parts that find the beam and the laws."""
-        return needs_of(self.choice, self.runs)
-
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
-        """Return the simulations."""
-        return tasks_of(self.choice, self.runs, found, effort)
 
     def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
         """Return one figure with a panel per mode."""

@@ -13,10 +13,9 @@ from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.support.inputs import check_keys
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn
-from problems.study.files import digests_of
-from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
+from problems.study.files import FilePart, TablesOfFile
+from problems.study.part import Effort, Finding, Heading, Outcome, Task
 from problems.study.source import Source
-from problems.tables.study import Study as StudyFile
 from problems.tables.study_file import simulation_of
 
 KEYS = """\
@@ -54,10 +53,8 @@ class SimulatedMotion:
     warnings: tuple[str, ...]
 
 
-def simulate_plain(
-    path: str, tables: dict[str, Any], digests: tuple[tuple[str, str], ...], name: str
-) -> SimulatedMotion:
-    """Simulate the motion of a study file, and return it as plain data; ``digests`` are the hashes of its files.
+def simulate_plain(given: TablesOfFile, name: str) -> SimulatedMotion:
+    """Simulate the motion of a study file, and return it as plain data.
 
     Raises
     ------
@@ -66,7 +63,7 @@ def simulate_plain(
     """
     from ancf_casadi.plot import motion_figure  # matplotlib is slow to import
 
-    task = simulation_of(StudyFile(path, tables))
+    task = simulation_of(given.file())
     run = simulate(task.model, damping=task.damping, base=task.base, **task.settings)
     if run.interrupted:
         raise KeyboardInterrupt
@@ -82,29 +79,15 @@ def simulate_plain(
 
 @final
 @dataclass(frozen=True)
-class SimulationPart(Part):
-    """One simulated motion.
-
-    Parameters
-    ----------
-    path : str
-        Name of the study file.
-    tables : dict
-        Its tables.
-    digests : tuple of (str, str)
-        Hashes of the files that the tables name.
-    """
+class SimulationPart(FilePart):
+    """One simulated motion."""
 
     kind = "simulation"
     numbers = SimulationNumbers
 
-    path: str
-    tables: dict[str, Any]
-    digests: tuple[tuple[str, str], ...]
-
     def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
         """Return the simulation."""
-        return (Task(simulate_plain, (self.path, self.tables, self.digests, self.heading.name), SECONDS),)
+        return (Task(simulate_plain, (self.given, self.heading.name), SECONDS),)
 
     def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
         """Return extent and energies, and the figure of the motion."""
@@ -132,6 +115,5 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     """
     check_keys(given, set(), set(), where)
     wanted = {"beam", "damping", "base", "load", "release", "simulation", "markers"}
-    tables = {name: table for name, table in source.file.tables.items() if name in wanted}
     simulation_of(source.file)  # check
-    return SimulationPart(heading, source.file.path, tables, digests_of(source.file, tables))
+    return SimulationPart(heading, TablesOfFile.of(source, wanted))

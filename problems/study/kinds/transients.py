@@ -17,9 +17,9 @@ from ancf_casadi.support.inputs import check_keys, located
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
 from problems.study.experiment import ExperimentResult
-from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
-from problems.study.runs import Run, needs_of, read_runs, results_of, tasks_of
-from problems.study.source import BeamChoice, LawChoice, Source, printed_numbers
+from problems.study.part import Effort, Finding, Heading, Outcome
+from problems.study.runs import ExperimentPart, Run, read_runs, results_of
+from problems.study.source import LawChoice, Source, printed_numbers
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,15 +36,11 @@ MISSED = 0.05  # relative difference from the requested amplitude that the table
 
 @final
 @dataclass(frozen=True)
-class Transients(Part):
+class Transients(ExperimentPart):
     """Simulated experiments on a beam.
 
     Parameters
     ----------
-    choice : BeamChoice
-        The beam.
-    runs : tuple of Run
-        The excitations.
     printed : dict
         Printed damping ratios (%) of the runs by law.
     """
@@ -52,18 +48,7 @@ class Transients(Part):
     kind = "transients"
     numbers = dict[str, Any]
 
-    choice: BeamChoice
-    runs: tuple[Run, ...]
     printed: dict[str, tuple[float | None, ...]]
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """The parts that find the beam and the laws."""
-        return needs_of(self.choice, self.runs)
-
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
-        """Return the simulations, run by run and law by law."""
-        return tasks_of(self.choice, self.runs, found, effort)
 
     def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
         """Return the damping ratios, the amplitudes, and a figure per run."""

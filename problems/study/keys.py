@@ -5,6 +5,7 @@ from __future__ import annotations
 from problems.study.kinds import (
     amplitudes,
     beam,
+    comparison,
     decays,
     integrators,
     matching,
@@ -34,4 +35,4 @@ tables of a TOML file:
                 results.json), title, text, section, notes, and the labels of its
                 tables and figures
 {beam.KEYS}{modes.KEYS}{decays.KEYS}{rayleigh.KEYS}{matching.KEYS}{transients.KEYS}\
-{amplitudes.KEYS}{shapes.KEYS}{integrators.KEYS}{simulation.KEYS}{motion.KEYS}{omitted.KEYS}"""
+{amplitudes.KEYS}{shapes.KEYS}{integrators.KEYS}{simulation.KEYS}{motion.KEYS}{comparison.KEYS}{omitted.KEYS}"""

@@ -15,6 +15,7 @@ from ancf_casadi.support.inputs import located, shown, whole
 from problems.study.kinds import (
     amplitudes,
     beam,
+    comparison,
     decays,
     integrators,
     matching,
@@ -34,6 +35,7 @@ from problems.tables.study import Study as StudyFile
 KINDS: dict[str, Callable[[Source, dict[str, Any], Heading, str], Part]] = {
     "amplitudes": amplitudes.read,
     "beam": beam.read,
+    "comparison": comparison.read,
     "decays": decays.read,
     "integrators": integrators.read,
     "match": matching.read,
@@ -134,6 +136,7 @@ TITLES = {
     "integrators": "Check of the integrators",
     "shapes": "Deformed shapes over a period",
     "beam": "The beam",
+    "comparison": "Damping laws compared on measured motion",
     "decays": "Free decays",
     "match": "Beam matched to measured frequencies",
     "modes": "Natural modes",

@@ -27,6 +27,7 @@ KEYS = """\
                         [[damping]], [base], [[records]], [[predictions]], [fit]
 """
 SECONDS = 60.0  # expected computing time
+TABLES = {"beam", "damping", "base", "load", "release", "records", "predictions", "fit"}
 
 
 class MotionNumbers(TypedDict):
@@ -143,6 +144,5 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
         If a table is missing, a key or value cannot be used, or a file cannot be read.
     """
     check_keys(given, set(), set(), where)
-    wanted = {"beam", "damping", "base", "load", "release", "records", "predictions", "fit"}
     motions_of(source.file)  # check
-    return MotionFit(heading, TablesOfFile.of(source, wanted))
+    return MotionFit(heading, TablesOfFile.of(source, TABLES))

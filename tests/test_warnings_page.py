@@ -17,17 +17,7 @@ ENTRIES = re.findall(r"^- `(.+?)`\\?$", PAGE, re.M)
 SOURCES = sorted(path for folder in ("ancf_casadi", "problems") for path in (ROOT / folder).rglob("*.py"))
 
 FIELDS = {"warnings", "warning", "notes", "note", "noted"}
-OUTPUT = {
-    "table",
-    "_table",
-    "tables",
-    "report",
-    "to_dict",
-    "_text",
-    "_run",
-    "_show_warning",
-    "header",
-}  # print, and make none
+OUTPUT = set("table _table tables report to_dict _text _run _show_warning header".split())  # these print, and make none
 ERRORS = ("remove the row", "name another column", "is earlier than", "or nothing oscillates", "subtracted from")
 LONG = 13  # characters of a sentence that count as text
 
@@ -67,10 +57,11 @@ def with_notes(tree):
     }
 
 
-def makers(tree):
-    """Return the functions of a module that make warnings."""
+def makers(path):
+    """Return the functions of a module that make warnings; the notes of a study are captions, and no warnings."""
+    tree = ast.parse(path.read_text())
     functions = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
-    fields = FIELDS | with_notes(tree)
+    fields = {"warn"} if "study" in path.parts else FIELDS | {"warn"} | with_notes(tree)
     found = {
         name
         for name, node in functions.items()
@@ -92,7 +83,7 @@ def plain(text):
 WARNINGS = {
     f"{path.relative_to(ROOT)}, {maker.name}: {text}": text
     for path in SOURCES
-    for maker in makers(ast.parse(path.read_text()))
+    for maker in makers(path)
     for text in templates(maker.body)
     if max(map(len, text.split("…"))) > LONG and " " in text.strip() and not any(part in text for part in ERRORS)
 }

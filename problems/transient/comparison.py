@@ -7,14 +7,14 @@ from concurrent.futures import Executor
 from functools import partial
 from typing import Any
 
-from ancf_casadi.damping import DampingLaw, SumOfLaws
+from ancf_casadi.damping import DampingLaw
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import instances
 from ancf_casadi.support.parallel import run_all
 from problems.transient.fitting import fit_transient
 from problems.transient.marker_record import Record
-from problems.transient.result import TransientFit
+from problems.transient.result import TransientFit, law_name
 
 
 def compare_laws(
@@ -65,10 +65,4 @@ def compare_laws(
     tasks = [partial(fit_transient, model, records, law, **settings) for law in laws]
     fits = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="laws")
     terms = tuple(tuple(own.name for own in law.parameters) for law in laws)
-    return LawComparison(tuple(_name(law) for law in laws), tuple(fits), terms)
-
-
-def _name(law: DampingLaw) -> str:
-    """Return the name of a law in a table."""
-    terms = law.laws if isinstance(law, SumOfLaws) else (law,)
-    return " + ".join(f"{type(term).__name__}({', '.join(own.name for own in term.parameters)})" for term in terms)
+    return LawComparison(tuple(law_name(law) for law in laws), tuple(fits), terms)

@@ -15,6 +15,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.dynamics.derivatives.release_load import held_start, start_jacobians
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts
@@ -198,7 +199,7 @@ class TransientFit:
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
         return {
-            "law": repr(self.law),
+            "law": law_name(self.law),
             **self.fit.to_dict(),
             "channels": [
                 {"channel": label, "unit": unit, "noise": noise, "rms_error": rms}
@@ -242,3 +243,9 @@ def _restored(law: DampingLaw, model: Model, fit: Fit, problem: TransientProblem
         return problem.residuals(motions, dict(zip(fit.names, values, strict=True)))
 
     return TransientFit(law, model, replace(fit, model=residual_function(residuals, fit.scale)), problem, shifts)
+
+
+def law_name(law: DampingLaw) -> str:
+    """Return the name of a law with those of its parameters."""
+    terms = law.laws if isinstance(law, SumOfLaws) else (law,)
+    return " + ".join(f"{type(term).__name__}({', '.join(own.name for own in term.parameters)})" for term in terms)

@@ -1,4 +1,4 @@
-"""A part that fits several damping laws to measured large motion and selects one, as ``ancf-casadi compare-laws`` does."""
+"""A part that fits several damping laws to measured large motion and selects one, as ``ancf-casadi compare-laws``."""
 
 from __future__ import annotations
 

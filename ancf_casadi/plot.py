@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -30,6 +31,7 @@ FINE = 4000  # points of a drawn curve
 COLUMNS = 600  # of a record that is drawn by its extremes
 MOST_PERIODS, ZOOMED = 40, 8  # periods that are drawn in full, and that are drawn beside the extremes
 DRAWN_MODES = 10
+DRAWN_SHAPES, FINE_SHAPE = 12, 60  # shapes of a drawn motion, and points of each
 DRAWN_SWING = 0.15  # displacement of the tip in a drawn mode, relative to the length of the beam
 
 
@@ -158,19 +160,42 @@ def _draw_residuals(axes: Axes, time: Array, residuals: Array, unit: str) -> Non
 
 
 def motion_figure(run: Trajectory) -> Figure:
-    """Draw the displacement of the tip relative to the clamp over time, and shapes of the beam at twelve instants."""
-    figure = Figure(figsize=(9, 3.8), layout="constrained")
-    over_time, in_plane = figure.subplots(1, 2, width_ratios=(2, 1))
-    for name, motion in zip("xy", (run.tip - run.base).T, strict=True):
-        over_time.plot(run.time, 1e3 * (motion - motion[0]), lw=0.6, label=f"{name}, relative to the start")
-    over_time.set(xlabel="time, s", ylabel="tip relative to clamp, mm")
-    over_time.legend(frameon=False)
-    arc = np.linspace(0.0, run.model.beam.length, 60)
-    for row in np.linspace(0, len(run.time) - 1, 12).astype(int):
-        x, y = 1e3 * np.array([run.model.interpolation(float(s)) @ run.coordinates[row] for s in arc]).T
-        in_plane.plot(x, y, lw=0.8, color=COMPUTED, alpha=0.3 + 0.7 * row / max(1, len(run.time) - 1))
-    in_plane.set(xlabel="x, mm", ylabel="y, mm", aspect="equal")
+    """Draw the motion of the tip relative to the clamp over time, and shapes of the beam at twelve instants.
+
+    The motion is the change of the horizontal and of the vertical position since the start.
+    """
+    figure = Figure(figsize=(9, 4.4), layout="constrained")
+    over_time, in_plane = figure.subfigures(1, 2, squeeze=False, width_ratios=(8, 5)).ravel()
+    panels = over_time.subplots(2, 1, sharex=True)
+    over_time.suptitle("displacement of the tip relative to the clamp", fontsize="medium")
+    for axes, direction, motion in zip(panels, ("horizontal", "vertical"), (run.tip - run.base).T, strict=True):
+        axes.plot(run.time, 1e3 * (motion - motion[0]), lw=0.7, color=COMPUTED)
+        axes.set(ylabel=f"{direction}, mm")
+        axes.grid(alpha=0.3)
+    panels[-1].set(xlabel="time, s")
+    over_time.align_ylabels()
+    _draw_shapes(in_plane.subplots(), run)
     return figure
+
+
+def _draw_shapes(axes: Axes, run: Trajectory) -> None:
+    """Draw the beam at equally spaced instants: the first dashed, the last bold, those between thin."""
+    points = [run.model.interpolation(s) for s in np.linspace(0.0, run.model.beam.length, FINE_SHAPE).tolist()]
+    last = len(run.time) - 1
+    rows = np.unique(np.linspace(0, last, DRAWN_SHAPES).astype(int)).tolist()
+    styles: dict[int, dict[str, Any]] = {row: {"lw": 0.6, "alpha": 0.5} for row in rows}
+    styles |= {last: {"lw": 2.0}, 0: {"lw": 1.2, "ls": "--"}}
+    for row in rows:
+        x, y = 1e3 * np.array([point @ run.coordinates[row] for point in points]).T
+        colour = MEASURED if row == 0 else COMPUTED
+        label = f"at {run.time[row]:.4g} s" if row in (0, last) else None
+        axes.plot(x, y, color=colour, label=label, **styles[row])
+    axes.plot(*(1e3 * run.base[[-1]]).T, "s", ms=5, color=MEASURED, label="clamp")
+    axes.set(xlabel="horizontal position x, mm", ylabel="vertical position y, mm")
+    axes.set_aspect("equal", adjustable="datalim")  # fills the panel, whether the beam stands or lies
+    axes.set_title(f"shape of the beam at {len(rows)} instants", fontsize="medium")
+    axes.grid(alpha=0.3)
+    axes.figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=3)
 
 
 def modes_figure(modes: Modes) -> Figure:

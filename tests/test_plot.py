@@ -19,17 +19,30 @@ def motion() -> Trajectory:
     return simulate(Model(beam), duration=0.2, base=base, sample_rate=200.0)
 
 
-def test_a_motion_figure_shows_the_tip_relative_to_the_clamp_and_shapes_of_the_beam(motion):
+def test_a_motion_figure_shows_both_directions_of_the_tip_relative_to_the_clamp_and_shapes_of_the_beam(motion):
     figure = motion_figure(motion)
-    over_time, in_plane = figure.axes
-    assert (over_time.get_xlabel(), over_time.get_ylabel()) == ("time, s", "tip relative to clamp, mm")
-    assert (in_plane.get_xlabel(), in_plane.get_ylabel()) == ("x, mm", "y, mm")
+    horizontal, vertical, in_plane = figure.axes
+    assert (horizontal.get_ylabel(), vertical.get_ylabel()) == ("horizontal, mm", "vertical, mm")
+    assert vertical.get_xlabel() == "time, s"
+    assert (in_plane.get_xlabel(), in_plane.get_ylabel()) == ("horizontal position x, mm", "vertical position y, mm")
+    titles = [part.get_suptitle() for part in figure.subfigs]
+    assert titles[0] == "displacement of the tip relative to the clamp"
+    assert in_plane.get_title() == "shape of the beam at 12 instants"
     relative = motion.tip - motion.base
-    for line, component in zip(over_time.lines, relative.T, strict=True):
+    for axes, component in zip((horizontal, vertical), relative.T, strict=True):
+        (line,) = axes.lines
         assert np.asarray(line.get_ydata()) == pytest.approx(1e3 * (component - component[0]))
-    first, *_, last = in_plane.lines
+
+
+def test_the_shapes_of_a_motion_figure_tell_start_and_end_without_colour(motion):
+    *_, in_plane = motion_figure(motion).axes
+    first, *between, last, clamp = in_plane.lines
     assert (first.get_xdata()[0], first.get_ydata()[0]) == pytest.approx((0.0, 0.0))
     assert (last.get_xdata()[-1], last.get_ydata()[-1]) == pytest.approx(1e3 * motion.tip[-1], abs=1e-6)
+    assert (clamp.get_xdata()[0], clamp.get_ydata()[0]) == pytest.approx(1e3 * motion.base[-1])
+    assert (first.get_linestyle(), last.get_linestyle()) == ("--", "-")
+    assert last.get_linewidth() > 2 * max(line.get_linewidth() for line in between)
+    assert [text.get_text() for text in in_plane.figure.legends[0].get_texts()] == ["at 0 s", "at 0.2 s", "clamp"]
 
 
 def test_png_is_complete_and_the_same_each_time(motion):
@@ -61,7 +74,10 @@ def test_another_format_is_refused(motion, suffix):
 
 def test_drawing_needs_no_display_and_no_global_state():
     """Figures are drawn without pyplot, which would select a backend and keep the figures alive."""
-    code = "import sys, ancf_casadi.plot, problems.study.kinds.transients; print('matplotlib.pyplot' in sys.modules)"
+    code = (
+        "import sys, ancf_casadi.plot; from problems.study.drawing import new_figure; new_figure(2.0); "
+        "print('matplotlib.pyplot' in sys.modules)"
+    )
     done = run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "False\n"
 

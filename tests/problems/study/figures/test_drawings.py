@@ -1,0 +1,45 @@
+"""The drawings of the paper: their vectors and deflections are computed."""
+
+import numpy as np
+import pytest
+
+from problems.study.figures.deflection import deflection_figure, deflections
+from problems.study.figures.element import ENDS, SLOPES, centre_line, element_figure
+
+
+def test_the_drawn_centre_line_has_the_drawn_ends_and_slopes():
+    ends, step = centre_line(np.array([0.0, 1.0])), 1e-6
+    np.testing.assert_allclose(ends, ENDS)
+    first, second, *_ = centre_line(np.array([0.0, step]))
+    np.testing.assert_allclose((second - first) / (4.0 * step), SLOPES[0], rtol=1e-4)
+    before, last = centre_line(np.array([1.0 - step, 1.0]))
+    np.testing.assert_allclose((last - before) / (4.0 * step), SLOPES[1], rtol=1e-4)
+
+
+def test_the_figure_of_the_element_names_its_four_vectors():
+    shown = {text.get_text() for text in element_figure().axes[0].texts}
+    assert {r"$\mathbf{r}_0$", r"$\mathbf{r}_l$", r"$\boldsymbol{\tau}_0$", r"$\boldsymbol{\tau}_l$"} <= shown
+
+
+@pytest.mark.parametrize("axis", [(0.0, -1.0), (0.8, 0.6)])
+def test_a_uniform_load_deflects_the_beam_as_in_eq_21(paper_beam, axis):
+    found = deflections(paper_beam(8, axis=axis))
+    np.testing.assert_allclose(found.uniform_load, found.assumed, atol=1e-5)
+
+
+def test_mode_1_is_that_of_a_cantilever(paper_beam):
+    """cosh x - cos x - sigma (sinh x - sin x), x = 1.8751 s/L; 1.5 % from Eq. (21) at most."""
+    found, root = deflections(paper_beam(12)), 1.875104068711961
+    x = root * found.places
+    sigma = (np.cosh(root) + np.cos(root)) / (np.sinh(root) + np.sin(root))
+    exact = np.cosh(x) - np.cos(x) - sigma * (np.sinh(x) - np.sin(x))
+    np.testing.assert_allclose(found.mode, exact / exact[-1], atol=1e-5)
+    assert abs(found.mode - found.assumed).max() == pytest.approx(0.0147, abs=2e-4)
+
+
+def test_the_figure_of_the_deflection_names_its_axes_and_curves(paper_beam):
+    deflection, difference = deflection_figure(deflections(paper_beam(4))).axes
+    assert [text.get_text() for text in deflection.get_legend().get_texts()] == [
+        "Eq. (21)", "computed, uniform load", "computed, mode 1",
+    ]  # fmt: skip
+    assert difference.get_xlabel() == "arc length / length of the beam"

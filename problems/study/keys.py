@@ -7,6 +7,7 @@ from problems.study.kinds import (
     beam,
     comparison,
     decays,
+    drawings,
     integrators,
     matching,
     modes,
@@ -17,6 +18,7 @@ from problems.study.kinds import (
     simulation,
     transients,
 )
+from problems.study.kinds.drag import change, combined, effects
 from problems.tables import beam as beam_table
 from problems.tables import damping, match
 
@@ -35,4 +37,5 @@ tables of a TOML file:
                 results.json), title, text, section, notes, and the labels of its
                 tables and figures
 {beam.KEYS}{modes.KEYS}{decays.KEYS}{rayleigh.KEYS}{matching.KEYS}{transients.KEYS}\
-{amplitudes.KEYS}{shapes.KEYS}{integrators.KEYS}{simulation.KEYS}{motion.KEYS}{comparison.KEYS}{omitted.KEYS}"""
+{amplitudes.KEYS}{shapes.KEYS}{integrators.KEYS}{effects.KEYS}{change.KEYS}{combined.KEYS}{drawings.KEYS}\
+{simulation.KEYS}{motion.KEYS}{comparison.KEYS}{omitted.KEYS}"""

@@ -17,6 +17,7 @@ from problems.study.kinds import (
     beam,
     comparison,
     decays,
+    drawings,
     integrators,
     matching,
     modes,
@@ -27,6 +28,7 @@ from problems.study.kinds import (
     simulation,
     transients,
 )
+from problems.study.kinds.drag import change, combined, effects
 from problems.study.part import Heading, Part, Study
 from problems.study.source import Source, text_of, texts_of
 from problems.tables import damping
@@ -36,12 +38,16 @@ KINDS: dict[str, Callable[[Source, dict[str, Any], Heading, str], Part]] = {
     "amplitudes": amplitudes.read,
     "beam": beam.read,
     "comparison": comparison.read,
+    "combined_law": combined.read,
     "decays": decays.read,
+    "drawing": drawings.read,
+    "eta_effects": effects.read,
     "integrators": integrators.read,
     "match": matching.read,
     "modes": modes.read,
     "motion": motion.read,
     "omitted": omitted.read,
+    "ratio_change": change.read,
     "rayleigh": rayleigh.read,
     "shapes": shapes.read,
     "simulation": simulation.read,
@@ -137,12 +143,16 @@ TITLES = {
     "shapes": "Deformed shapes over a period",
     "beam": "The beam",
     "comparison": "Damping laws compared on measured motion",
+    "combined_law": "One law for all modes",
     "decays": "Free decays",
+    "drawing": "Drawing",
+    "eta_effects": "Effect of eta1 and eta2 on a decay",
     "match": "Beam matched to measured frequencies",
     "modes": "Natural modes",
     "motion": "Fit to measured motion",
     "simulation": "Simulated motion",
     "omitted": "Not computed",
+    "ratio_change": "Change of the damping ratio along a decay",
     "rayleigh": "Rayleigh (proportional) damping",
     "transients": "Excitation, stop and decay",
 }

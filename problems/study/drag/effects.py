@@ -133,7 +133,7 @@ class RatiosOverTime:
 
 
 def simulate_decay(
-    beam: Beam, law: QuadraticDamping, *, frequency: float, amplitude: float = 0.076, duration: float = 15.0
+    beam: Beam, law: QuadraticDamping, frequency: float, amplitude: float = 0.076, duration: float = 15.0
 ) -> Decay:
     """Simulate the free decay of a beam in its first mode, and compute it by Eq. (27).
 

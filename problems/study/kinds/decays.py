@@ -24,6 +24,7 @@ from ancf_casadi.support.prefixes import prefixed
 from problems.decay.fitting import fit_decay
 from problems.decay.result import DecayFit
 from problems.study.data_table import Column, DataTable, printed_values
+from problems.study.drag.combined_law import ModeCoefficients
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
 from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
 from problems.study.source import Source, printed_numbers, text_of
@@ -76,6 +77,14 @@ class Decay:
     release_time: float
 
 
+class Unbounded(TypedDict):
+    """Coefficients under the quadratic law as if they had no bounds (1/s, 1/m), and their covariance (2, 2)."""
+
+    eta1: float
+    eta2_per_m: float
+    covariance: list[list[float]]
+
+
 @dataclass(frozen=True)
 class FittedDecay:
     """The fit of a decay as plain data.
@@ -92,6 +101,8 @@ class FittedDecay:
         Times from the release on, s, record and fit.
     fine_time, fine : ndarray
         Fine times over the first periods, s, and the fit there.
+    unbounded : dict, optional
+        Coefficients under the quadratic law as if they had no bounds; None under other laws.
     """
 
     quantities: dict[str, float]
@@ -103,6 +114,7 @@ class FittedDecay:
     fitted: Array
     fine_time: Array
     fine: Array
+    unbounded: Unbounded | None
 
 
 def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
@@ -131,7 +143,13 @@ def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
         fitted=np.asarray(fit.displacement(fit.time)),
         fine_time=fine_time,
         fine=np.asarray(fit.displacement(fine_time)),
+        unbounded=_unbounded(fit) if fit.law in ("quadratic", "one-mode") else None,
     )
+
+
+def _unbounded(fit: DecayFit) -> Unbounded:
+    found = ModeCoefficients.from_fit(fit)
+    return {"eta1": found.eta1, "eta2_per_m": found.eta2, "covariance": found.covariance.tolist()}
 
 
 class DecayNumbers(TypedDict):
@@ -152,6 +170,7 @@ class DecayNumbers(TypedDict):
     eta2_per_m: float
     eta2_stderr_per_m: float | None
     correlation: float | None
+    unbounded: Unbounded | None
     warnings: list[str]
 
 
@@ -242,6 +261,7 @@ class Decays(Part):
             "eta2_per_m": values["eta2"],
             "eta2_stderr_per_m": known(errors["eta2"]),
             "correlation": known(values["correlation"]),
+            "unbounded": fit.unbounded,
             "warnings": list(fit.warnings),
         }
 

@@ -5,7 +5,6 @@ import pytest
 from scipy.special import kv
 
 from ancf_casadi import InputError, Model, QuadraticDamping, natural_modes
-from problems.study import paper
 from problems.study.drag.air import (
     Air,
     circular_function,
@@ -79,7 +78,7 @@ def test_the_viscous_force_on_a_tapered_strip_takes_the_energy_that_the_ratio_sa
 
 
 def test_the_drag_coefficients_of_the_first_three_modes_of_table_4_are_0_99_0_54_and_0_45(paper_beam):
-    found = [implied_drag_coefficient(eta2, paper_beam()).value for eta2 in paper.ETA2[:3]]
+    found = [implied_drag_coefficient(eta2, paper_beam()).value for eta2 in (0.11, 0.06, 0.05)]
     assert found == pytest.approx([0.99, 0.54, 0.45], abs=5e-3)
     assert found[0] == pytest.approx(2 * 8000 * 0.5e-3 * 0.11 * 1183 / 876 / 1.2)
 

@@ -1,0 +1,247 @@
+"""A part with modal plus quadratic damping as one law for all modes, and the air drag behind it.
+
+It takes eta1 and eta2 of each mode from a part with decays under the quadratic law.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypedDict, final
+
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.inputs import check_keys, is_sequence, located, numbers, physical, shown
+from ancf_casadi.vibration.modes import Modes, natural_modes
+from problems.study.data_table import Column, DataTable
+from problems.study.drag.air import Air, DragCoefficient, implied_drag_coefficient, viscous_damping_ratios
+from problems.study.drag.combined_law import CombinedLawFit, ModeCoefficients, fit_combined_law
+from problems.study.drag.ratio_curves import RatioCurves, ratio_curves
+from problems.study.drawing import drawn, line, new_figure
+from problems.study.part import Effort, Finding, Heading, Outcome, Part
+from problems.study.source import BeamChoice, LawChoice, Source, printed_numbers, text_of
+from problems.tables.damping import law_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+KEYS = """\
+  kind = "combined_law" modal plus quadratic damping for all modes, and the drag of
+                        the air: decays = "PART" (decays with law = "quadratic"),
+                        beam ("PART"), laws to draw beside it, amplitudes (m, at the
+                        tip, up to which each mode is drawn),
+                        air = {density, density_error (kg/m^3), viscosity (Pa s)},
+                        printed = {eta2 (1/m)}
+"""
+NAME = "modal + quadratic"
+POINTS = 3  # of a drawn law, which is straight in the amplitude
+
+
+class CombinedNumbers(TypedDict):
+    """The law, and the drag of each mode."""
+
+    law: dict[str, Any]
+    drag: list[dict[str, Any]]
+
+
+@final
+@dataclass(frozen=True)
+class CombinedLaw(Part):
+    """One law for all modes, and the drag of the air.
+
+    Parameters
+    ----------
+    choice : BeamChoice
+        The beam.
+    decays : str
+        Name of the part with eta1 and eta2 of each mode.
+    laws : tuple of LawChoice
+        Laws to draw beside it.
+    amplitudes : tuple of float
+        Largest drawn amplitude of each mode, m; that of its decay if empty.
+    air : Air
+        The air.
+    printed : dict
+        Printed eta2 of each mode, 1/m, by name.
+    """
+
+    kind = "combined_law"
+    numbers = CombinedNumbers
+
+    choice: BeamChoice
+    decays: str
+    laws: tuple[LawChoice, ...]
+    amplitudes: tuple[float, ...]
+    air: Air
+    printed: dict[str, tuple[float | None, ...]]
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The parts that find the coefficients, the beam and the other laws."""
+        laws = [name for law in self.laws for name in law.needs]
+        return tuple(dict.fromkeys((self.decays, *self.choice.needs, *laws)))
+
+    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+        """Return the law, the drag coefficients, and the damping ratio against amplitude."""
+        rows = found[self.decays].data
+        measured = _coefficients(rows, self.decays)
+        modes = natural_modes(Model(self.choice.beam(found)), count=len(measured))
+        fit = fit_combined_law(measured, modes)
+        drag = [self._drag_coefficient(fit, one.eta2, math.sqrt(one.covariance[1, 1])) for one in measured]
+        viscous = viscous_damping_ratios(modes, self.air)
+        total = self._drag_coefficient(fit, fit.eta2, float(np.nan_to_num(fit.standard_errors["eta2"])))
+        data = {
+            "law": {**fit.to_dict(), "drag_coefficient": total.value, "drag_coefficient_stderr": total.standard_error},
+            "drag": [
+                {
+                    "mode": n + 1,
+                    "drag_coefficient": one.value / c,
+                    "drag_coefficient_stderr": one.standard_error / c,
+                    "drag_coefficient_by_eq_25": one.value,
+                    "viscous_damping_ratio": float(viscous[n]),
+                }
+                for n, (one, c) in enumerate(zip(drag, fit.drag_constants, strict=True))
+            ],
+        }
+        return Finding(
+            Outcome(data), (self._law(fit, total), self._drag(fit, drag, viscous.tolist())),
+            self._drawings(fit, modes, found, rows), fit.warnings,
+        )  # fmt: skip
+
+    def _drag_coefficient(self, fit: CombinedLawFit, eta2: float, error: float = 0.0) -> DragCoefficient:
+        return implied_drag_coefficient(eta2, fit.modes.model.beam, self.air, eta2_error=error)
+
+    def _law(self, fit: CombinedLawFit, total: DragCoefficient) -> DataTable:
+        errors = list(fit.standard_errors.values())
+        table = fit.table()
+        columns = (
+            Column("", (*(f"ζ of mode {n + 1}, linear" for n in range(len(fit.ratios))), "η2, all modes",
+                        "drag coefficient")),
+            Column("unit", (*["%"] * len(fit.ratios), "1/m", "1")),
+            Column("value", (*(100 * ratio for ratio in fit.ratios), fit.eta2, total.value),
+                   errors=(*(100 * error for error in errors[:-1]), errors[-1], total.standard_error)),
+        )  # fmt: skip
+        verdict = table.notes[0]
+        notes = (f"{verdict[0].upper()}{verdict[1:]}.", *self.heading.notes)
+        return DataTable(self.heading.name, "Modal plus quadratic damping for all modes", columns, notes)
+
+    def _drag(self, fit: CombinedLawFit, drag: Sequence[DragCoefficient], viscous: Sequence[float]) -> DataTable:
+        modes, constants = range(1, len(drag) + 1), fit.drag_constants
+        linear = [100 * one.eta1 / (4 * math.pi * one.frequency) for one in fit.measured]
+        linear_errors = [100 * math.sqrt(one.covariance[0, 0]) / (4 * math.pi * one.frequency) for one in fit.measured]
+        columns = [
+            Column("mode", tuple(modes)),
+            Column("η2", tuple(one.eta2 for one in fit.measured), "1/m",
+                   tuple(math.sqrt(one.covariance[1, 1]) for one in fit.measured)),
+            Column("Cd by Eq. (25)", tuple(one.value for one in drag), "1", tuple(one.standard_error for one in drag)),
+            Column("Cd, true shape", tuple(one.value / c for one, c in zip(drag, constants, strict=True)), "1",
+                   tuple(one.standard_error / c for one, c in zip(drag, constants, strict=True))),
+            Column("linear part of ζ", tuple(linear), "%", tuple(linear_errors)),
+            Column("of it viscous air", tuple(100 * ratio for ratio in viscous), "%"),
+        ]  # fmt: skip
+        if "eta2" in self.printed:
+            unit = implied_drag_coefficient(1.0, self.choice.given, self.air).value
+            own = (None if one is None else unit * one for one in self.printed["eta2"])
+            columns.append(Column(f"Cd of η2 in the {self.heading.source}", tuple(own), "1"))
+        notes = (
+            "Cd = 2 ρ h η2 (1183/876)/ρ_air, with the constant of the shape (21), and with that of each mode.",
+            f"Air: {self.air.density:g} kg/m³, {self.air.viscosity:.3g} Pa s.  Viscous damping: oscillating flow "
+            "around a thin strip at amplitudes below its width (Sader 1998).",
+            *(["Printed η2: with the beam of the study before any change."] if self.printed else []),
+        )
+        return DataTable(f"{self.heading.name}_drag", "Drag coefficient and viscous damping", tuple(columns), notes)
+
+    def _drawings(
+        self, fit: CombinedLawFit, modes: Modes, found: Mapping[str, Outcome], rows: Sequence[Mapping[str, Any]]
+    ) -> tuple[Any, ...]:
+        synthetic = any(row["synthetic"] for row in rows)
+        source = "  The decays are synthetic." if synthetic else ""
+        laws = {choice.title: law_of(choice.of(found), modes.model, choice.name) for choice in self.laws}
+        all_laws = {title: law for title, law in laws.items() if law is not None} | {NAME: fit.law}
+        limits = self.amplitudes or tuple(row["amplitude_m"] for row in rows)
+        curves = [ratio_curves(all_laws, modes, np.linspace(0.0, limit, POINTS)) for limit in limits]
+        name = self.heading.name
+        return (
+            drawn(
+                f"{name}_eta2", f"η2 of the beam by each mode alone, and one value for all.{source}",
+                lambda: _marked(fit.figure(), synthetic),
+            ),
+            drawn(
+                f"{name}_ratios", f"Damping ratio of each mode against its amplitude under each law.{source}",
+                lambda: _marked(_ratios(curves), synthetic),
+            ),
+        )  # fmt: skip
+
+
+def _coefficients(rows: Any, name: str) -> list[ModeCoefficients]:
+    """Return eta1 and eta2 of each mode from the numbers of a part with decays.
+
+    Raises
+    ------
+    InputError
+        If the part has no decays under the quadratic law.
+    """
+    if not isinstance(rows, list) or len(rows) < 2 or not all(row.get("unbounded") for row in rows):
+        raise InputError(f'the part {name!r} must have two or more decays with law = "quadratic"', "decays")
+    return [
+        ModeCoefficients(
+            row["frequency_hz"],
+            row["unbounded"]["eta1"],
+            row["unbounded"]["eta2_per_m"],
+            np.array(row["unbounded"]["covariance"]),
+        )
+        for row in rows
+    ]
+
+
+def _marked(figure: Figure, synthetic: bool) -> Figure:
+    """Return a figure, marked if its data are synthetic."""
+    if synthetic:
+        figure.suptitle("SYNTHETIC DATA", fontsize=9, ha="right", x=0.98)
+    return figure
+
+
+def _ratios(curves: Sequence[RatioCurves]) -> Figure:
+    """Draw the damping ratio of each mode against its amplitude."""
+    figure, panels = new_figure(1.0 + 1.5 * len(curves), len(curves))
+    for n, (axes, one) in enumerate(zip(panels, curves, strict=True)):
+        for k, (title, ratios) in enumerate(one.ratios.items()):
+            axes.plot(1e3 * one.amplitudes, 100 * ratios[:, n], **line(k), lw=1.6, label=title)
+        top = 110 * max(ratios[:, n].max() for ratios in one.ratios.values())
+        axes.set(ylabel="ζ, %", xlim=(0.0, 1e3 * one.amplitudes[-1]), ylim=(0.0, top))
+        axes.set_title(f"mode {n + 1}")
+    panels[-1].set(xlabel="amplitude of the tip, mm")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    figure.align_ylabels()
+    return figure
+
+
+def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> CombinedLaw:
+    """Return the part that a table describes.
+
+    Raises
+    ------
+    InputError
+        If a key or value cannot be used.
+    """
+    check_keys(given, {"decays"}, {"beam", "laws", "amplitudes", "air", "printed"}, where)
+    names = given.get("laws", [])
+    if not is_sequence(names):
+        raise InputError(f"must be a list of names, got {shown(names)}", f"{where}: laws")
+    laws = tuple(source.law_choice(name, f"{where}: laws") for name in names)
+    air = given.get("air", {})
+    check_keys(air, set(), {"density", "density_error", "viscosity"}, f"{where}: air")
+    with located(where):
+        amplitudes = tuple(physical(one, "amplitudes") for one in numbers(given.get("amplitudes", ()), "amplitudes"))
+        return CombinedLaw(
+            heading,
+            source.beam_choice(given, where),
+            text_of(given, "decays", ""),
+            laws,
+            amplitudes,
+            Air(**air),
+            printed_numbers(given, ("eta2",)),
+        )

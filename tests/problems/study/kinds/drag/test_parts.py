@@ -1,0 +1,150 @@
+"""Parts of a study about air drag: their tables, their numbers, and what they refuse."""
+
+import json
+import math
+
+import pytest
+
+from ancf_casadi import InputError
+from problems.study.reading import read_study
+from problems.study.study import run_study
+
+BEAM = """
+[beam]
+length = 0.5
+width = 5e-3
+thickness = 0.5e-3
+density = 8000.0
+elastic_modulus = 210e9
+elements = 20
+"""
+LAWS = """
+[[laws]]
+name = "linear"
+terms = [{law = "quadratic", eta1 = 2.0}]
+[[laws]]
+name = "drag"
+terms = [{law = "quadratic", eta2 = 1.0}]
+[[laws]]
+name = "modal"
+terms = [{law = "modal", ratios = [0.01]}]
+"""
+EFFECTS = """
+[[parts]]
+kind = "eta_effects"
+laws = ["linear", "drag"]
+frequencies = [2.0, 4.0]
+frequency = 2.0
+duration = 5.0
+words = [["rapid decay", "independent", "controllable"], ["rapid decay", "dependent", "uncontrollable"]]
+"""
+CHANGE = """
+[[parts]]
+kind = "ratio_change"
+laws = ["linear", "drag"]
+frequency = 3.0
+duration = 3.0
+"""
+DECAYS = """
+[[parts]]
+kind = "decays"
+law = "quadratic"
+duration = 2.0
+records = [
+    {synthetic = {frequency = 1.85, eta1 = 0.15, eta2 = 0.11, amplitude = 0.076}},
+    {synthetic = {frequency = 10.19, eta1 = 0.31, eta2 = 0.06, amplitude = 0.0149}},
+]
+"""
+COMBINED = """
+[[parts]]
+kind = "combined_law"
+decays = "decays"
+laws = ["modal"]
+air = {density = 1.2, density_error = 0.03}
+printed = {eta2 = [0.11, 0.06]}
+"""
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("study")
+    (folder / "STUDY.toml").write_text(BEAM + LAWS + EFFECTS + CHANGE + DECAYS + COMBINED)
+    return run_study(folder / "STUDY.toml", folder / "results")
+
+
+def shown(report, name):
+    (part,) = (part for part in report.parts if part.heading.name == name)
+    return part
+
+
+def column(table, head):
+    (found,) = (column.values for column in table.columns if column.head == head)
+    return found
+
+
+def test_decays_under_eta1_take_the_same_time_at_every_frequency_on_the_beam_and_by_formula(report):
+    (_, times), (_, words), (_, left) = shown(report, "eta_effects").tables
+    assert column(times, "frequency") == (2.0, 4.0) * 2
+    linear = column(times, "time to 10 %, beam")[:2]
+    assert linear == pytest.approx([math.log(10)] * 2, rel=0.01)  # exp(-eta1 t/2)
+    drag = column(left, "after 5 s, beam")[2:]
+    exact = [76 / (1 + 8 * math.pi * f * 0.076 * 5 / (3 * math.pi)) for f in (2.0, 4.0)]  # Eq. (27), eta1 = 0
+    assert drag == pytest.approx(exact, rel=0.01)
+    assert column(words, "residual motion") == ("controllable", "uncontrollable")
+    assert column(words, "as in the printed") == ("yes", "no")
+
+
+def test_the_parts_draw_their_figures_and_write_their_numbers(report):
+    names = ("eta_effects", "ratio_change", "decays", "combined_law")
+    assert [len(shown(report, name).figures) for name in names] == [4, 1, 2, 2]
+    numbers = json.loads((report.page.parent / "results.json").read_text())
+    assert numbers["eta_effects"]["characteristics"][0]["frequency"] == "independent"
+    assert numbers["eta_effects"]["decays"][0]["amplitude_m"][0] == pytest.approx(0.076 * math.exp(-5), rel=0.01)
+    assert numbers["ratio_change"]["ratios"][1]["crosses_the_first_law_at_s"] is None
+    assert numbers["decays"][0]["unbounded"]["eta1"] == pytest.approx(numbers["decays"][0]["eta1"], rel=1e-4)
+    assert numbers["combined_law"]["law"]["degrees_of_freedom"] == 1
+
+
+def test_damping_ratios_along_a_decay_stand_beside_the_formula(report):
+    _, (_, ratios) = shown(report, "ratio_change").tables
+    first, *rest = ratios.columns[1:]
+    omega = 6 * math.pi
+    assert first.values[0] == pytest.approx(100 / omega, rel=0.02)  # eta1/(2 omega)
+    assert rest[0].values[1] > 1.5 * rest[2].values[1]  # falls with the amplitude
+
+
+def test_the_drag_of_each_mode_has_errors_and_the_printed_eta2_its_coefficient(report):
+    part = shown(report, "combined_law")
+    (_, law), (_, drag) = part.tables
+    assert column(drag, "Cd of η2 in the printed") == pytest.approx([0.990, 0.540], abs=1e-3)
+    (value,) = (one for one in drag.columns if one.head == "Cd, true shape")
+    assert value.errors[0] > 0.03 / 1.2 * value.values[0]  # error of the air density at least
+    assert column(law, "value")[-1] == pytest.approx(value.values[0], rel=0.2)
+    assert all("synthetic" in figure.caption and "SYNTHETIC" in figure.svg for _, figure in part.figures)
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        (EFFECTS.replace('"drag"]', '"modal"]'), "parts: eta_effects: laws: 'modal' must have one term, with law"),
+        (EFFECTS.replace('["linear", "drag"]', '["linear"]'), "parts: eta_effects: laws: needs two laws, got 1"),
+        (EFFECTS.replace("[2.0, 4.0]", "[2.0]"), "parts: eta_effects: frequencies: needs two or more, got 1"),
+        (CHANGE.replace("3.0", "-3.0", 1), "parts: ratio_change: frequency: must be positive, got -3"),
+        (CHANGE.replace('["linear", "drag"]', "[]"), "parts: ratio_change: laws: name one or more of"),
+        (COMBINED, "needs the part 'decays', which does not exist"),
+        (DECAYS + COMBINED.replace("density = 1.2", "density = 0"), "parts: combined_law: density: must be positive"),
+        ('[[parts]]\nkind = "drawing"\nsubject = "photo"', "parts: drawing: subject: must be one of element, uniform"),
+    ],
+)
+def test_unusable_parts_are_refused_in_one_line(tmp_path, parts, message):
+    (tmp_path / "STUDY.toml").write_text(BEAM + LAWS + parts)
+    with pytest.raises(InputError) as caught:
+        read_study(tmp_path / "STUDY.toml")
+    assert message in str(caught.value).replace("[parts]", "parts")
+    assert "\n" not in str(caught.value)
+
+
+def test_decays_under_another_law_have_no_combined_law(tmp_path):
+    (tmp_path / "STUDY.toml").write_text(BEAM + LAWS + DECAYS.replace('"quadratic"', '"friction"', 1) + COMBINED)
+    with pytest.raises(InputError, match="'decays' must have two or more decays with law = \"quadratic\""):
+        run_study(tmp_path / "STUDY.toml", tmp_path / "results")

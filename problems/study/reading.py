@@ -6,53 +6,18 @@ simulation, and the fit to measured motion.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located, shown, whole
-from problems.study.kinds import (
-    amplitudes,
-    beam,
-    comparison,
-    decays,
-    drawings,
-    integrators,
-    matching,
-    modes,
-    motion,
-    omitted,
-    rayleigh,
-    shapes,
-    simulation,
-    transients,
-)
-from problems.study.kinds.drag import change, combined, effects
+from problems.study.kinds.registry import KINDS
 from problems.study.part import Heading, Part, Study
 from problems.study.source import Source, text_of, texts_of
 from problems.tables import damping
 from problems.tables.study import Study as StudyFile
 
-KINDS: dict[str, Callable[[Source, dict[str, Any], Heading, str], Part]] = {
-    "amplitudes": amplitudes.read,
-    "beam": beam.read,
-    "comparison": comparison.read,
-    "combined_law": combined.read,
-    "decays": decays.read,
-    "drawing": drawings.read,
-    "eta_effects": effects.read,
-    "integrators": integrators.read,
-    "match": matching.read,
-    "modes": modes.read,
-    "motion": motion.read,
-    "omitted": omitted.read,
-    "ratio_change": change.read,
-    "rayleigh": rayleigh.read,
-    "shapes": shapes.read,
-    "simulation": simulation.read,
-    "transients": transients.read,
-}
 USUAL = {  # parts that a table suggests
     "beam": ("beam", "modes"), "decays": ("decays",), "match": ("match",), "simulation": ("simulation",),
     "records": ("motion",),
@@ -99,7 +64,7 @@ def _part(source: Source, table: Any, printed_by: str, before: Mapping[str, Part
     heading = _heading(table, kind, printed_by, before, place)
     where = f"{place}: {heading.name}"
     given = {key: value for key, value in table.items() if key not in {"kind", *HEADING}}
-    return KINDS[kind](source, given, heading, where)
+    return KINDS[kind].read(source, given, heading, where)
 
 
 def _check_needs(parts: Mapping[str, Part], where: str) -> None:
@@ -127,7 +92,7 @@ def _heading(table: dict[str, Any], kind: str, printed_by: str, before: Mapping[
             raise InputError(f"{name!r} is taken by an earlier part; choose another one", "name")
         return Heading(
             name=name,
-            title=text_of(table, "title", TITLES[kind]),
+            title=text_of(table, "title", KINDS[kind].title),
             text=text_of(table, "text", ""),
             tables=texts_of(table, "tables"),
             figures=texts_of(table, "figures"),
@@ -135,27 +100,6 @@ def _heading(table: dict[str, Any], kind: str, printed_by: str, before: Mapping[
             source=printed_by,
             section=text_of(table, "section", ""),
         )
-
-
-TITLES = {
-    "amplitudes": "Damping and frequency against amplitude",
-    "integrators": "Check of the integrators",
-    "shapes": "Deformed shapes over a period",
-    "beam": "The beam",
-    "comparison": "Damping laws compared on measured motion",
-    "combined_law": "One law for all modes",
-    "decays": "Free decays",
-    "drawing": "Drawing",
-    "eta_effects": "Effect of eta1 and eta2 on a decay",
-    "match": "Beam matched to measured frequencies",
-    "modes": "Natural modes",
-    "motion": "Fit to measured motion",
-    "simulation": "Simulated motion",
-    "omitted": "Not computed",
-    "ratio_change": "Change of the damping ratio along a decay",
-    "rayleigh": "Rayleigh (proportional) damping",
-    "transients": "Excitation, stop and decay",
-}
 
 
 def _free_name(kind: str, before: Mapping[str, Part]) -> str:

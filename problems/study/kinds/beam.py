@@ -11,6 +11,7 @@ import numpy as np
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.inputs import check_keys, located
 from problems.study.data_table import Column, DataTable, printed_values
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part
 from problems.study.source import Source, printed_numbers
 
@@ -96,3 +97,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     check_keys(given, set(), {"printed"}, where)
     with located(where):
         return BeamProperties(heading, source.model.beam, printed_numbers(given, ("value",)))
+
+
+KIND = Kind(BeamProperties.kind, "The beam", KEYS, read)

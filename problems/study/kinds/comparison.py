@@ -11,6 +11,7 @@ from ancf_casadi.support.inputs import check_keys
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn
 from problems.study.files import FilePart, TablesOfFile
+from problems.study.kind import Kind
 from problems.study.kinds.motion import TABLES
 from problems.study.part import Effort, Finding, Heading, Outcome, Task
 from problems.study.source import Source
@@ -111,3 +112,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     if "fixed" in motions.settings:
         raise InputError("all parameters of the laws are compared; leave out fixed", source.file.where("fit"))
     return Comparison(heading, TablesOfFile.of(source, TABLES))
+
+
+KIND = Kind(Comparison.kind, "Damping laws compared on measured motion", KEYS, read)

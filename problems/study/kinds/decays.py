@@ -26,6 +26,7 @@ from problems.decay.result import DecayFit
 from problems.study.data_table import Column, DataTable, printed_values
 from problems.study.drag.combined_law import ModeCoefficients
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
 from problems.study.source import Source, printed_numbers, text_of
 from problems.tables.columns import READING, read_file
@@ -375,3 +376,6 @@ def _synthetic(table: Any, given: Mapping[str, Any], study_seed: int, mode: int)
         f"noise of {1e3 * noise:g} mm, seed {seed}."
     )
     return Decay(time, values, "m", f"mode {mode}, synthetic", about, 0.0)
+
+
+KIND = Kind(Decays.kind, "Free decays", KEYS, read)

@@ -12,6 +12,7 @@ from ancf_casadi.support.inputs import check_keys, choice, located
 from problems.study.drawing import drawn
 from problems.study.figures.deflection import deflection_figure, deflections
 from problems.study.figures.element import element_figure
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part
 from problems.study.source import BeamChoice, Source
 
@@ -87,3 +88,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     with located(where):
         subject = choice(given["subject"], SUBJECTS, "subject")
     return DrawingPart(heading, source.beam_choice(given, where), subject)
+
+
+KIND = Kind(DrawingPart.kind, "Drawing", KEYS, read)

@@ -16,6 +16,7 @@ from ancf_casadi.vibration.modes import natural_modes
 from problems.matching.frequency_matching import match_frequencies
 from problems.study.data_table import Column, DataTable, printed_values
 from problems.study.drawing import Drawing, drawn, new_figure, series
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
 from problems.study.source import Source, printed_numbers
 from problems.tables.match import MATCH_KEYS, request_of
@@ -223,3 +224,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
         request_of(request)  # check
         weightless = physical(given["weightless"], "weightless") if "weightless" in given else 0.0
         return Match(heading, source.model.beam, request, weightless, printed_numbers(given, PRINTED))
+
+
+KIND = Kind(Match.kind, "Beam matched to measured frequencies", KEYS, read)

@@ -11,6 +11,7 @@ from ancf_casadi.support.inputs import check_keys, located, whole
 from ancf_casadi.vibration.modes import natural_modes
 from problems.study.data_table import Column, DataTable, printed_values
 from problems.study.drawing import drawn
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part
 from problems.study.source import BeamChoice, Source, printed_numbers
 
@@ -82,3 +83,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     with located(where):
         count = whole(given.get("count", 5), "count", 1)
         return ModesOfBeam(heading, source.beam_choice(given, where), count, printed_numbers(given, ("frequency",)))
+
+
+KIND = Kind(ModesOfBeam.kind, "Natural modes", KEYS, read)

@@ -16,6 +16,7 @@ from ancf_casadi.support.inputs import check_keys
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn
 from problems.study.files import FilePart, TablesOfFile
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Task
 from problems.study.source import Source
 from problems.tables.study_file import motions_of
@@ -146,3 +147,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     check_keys(given, set(), set(), where)
     motions_of(source.file)  # check
     return MotionFit(heading, TablesOfFile.of(source, TABLES))
+
+
+KIND = Kind(MotionFit.kind, "Fit to measured motion", KEYS, read)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, TypedDict, final
 
 from ancf_casadi.support.inputs import check_keys, located
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part
 from problems.study.source import Source, text_of
 
@@ -55,3 +56,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     check_keys(given, {"reason"}, set(), where)
     with located(where):
         return Omitted(heading, text_of(given, "reason", ""))
+
+
+KIND = Kind(Omitted.kind, "Not computed", KEYS, read)

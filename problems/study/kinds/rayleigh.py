@@ -13,6 +13,7 @@ from ancf_casadi.support.inputs import check_keys, located, numbers
 from problems.decay.proportional import RayleighFit, fit_rayleigh, rayleigh_ratio
 from problems.study.data_table import Column, DataTable, printed_values
 from problems.study.drawing import drawn, line, new_figure, plain_log_ticks
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part
 from problems.study.source import Source, printed_numbers, text_of
 
@@ -172,3 +173,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
             tuple((alpha, beta) for alpha, beta in examples),
             printed_numbers(given, ("value",)),
         )
+
+
+KIND = Kind(Rayleigh.kind, "Rayleigh (proportional) damping", KEYS, read)

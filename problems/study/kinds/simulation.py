@@ -14,6 +14,7 @@ from ancf_casadi.support.inputs import check_keys
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn
 from problems.study.files import FilePart, TablesOfFile
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Task
 from problems.study.source import Source
 from problems.tables.study_file import simulation_of
@@ -117,3 +118,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     wanted = {"beam", "damping", "base", "load", "release", "simulation", "markers"}
     simulation_of(source.file)  # check
     return SimulationPart(heading, TablesOfFile.of(source, wanted))
+
+
+KIND = Kind(SimulationPart.kind, "Simulated motion", KEYS, read)

@@ -14,6 +14,7 @@ from ancf_casadi.support.inputs import check_keys, located, physical
 from problems.study.data_table import Column, DataTable
 from problems.study.drag.effects import Decay, RatiosOverTime, crossing, ratios_over_time
 from problems.study.drawing import drawn, line, new_figure, plain_log_ticks, series
+from problems.study.kind import Kind
 from problems.study.kinds.drag.decays import Release, Variant, decay_numbers, read_release, read_variants
 from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
 from problems.study.source import Source
@@ -160,3 +161,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     with located(where):
         frequency = physical(given.get("frequency", FREQUENCY), "frequency")
         return RatioChange(heading, source.model.beam, variants, frequency, read_release(given, where))
+
+
+KIND = Kind(RatioChange.kind, "Change of the damping ratio along a decay", KEYS, read)

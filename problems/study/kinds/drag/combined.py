@@ -21,6 +21,7 @@ from problems.study.drag.air import Air, DragCoefficient, implied_drag_coefficie
 from problems.study.drag.combined_law import CombinedLawFit, ModeCoefficients, fit_combined_law
 from problems.study.drag.ratio_curves import RatioCurves, ratio_curves
 from problems.study.drawing import drawn, line, new_figure
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part
 from problems.study.source import BeamChoice, LawChoice, Source, printed_numbers, text_of
 from problems.tables.damping import law_of
@@ -245,3 +246,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
             Air(**air),
             printed_numbers(given, ("eta2",)),
         )
+
+
+KIND = Kind(CombinedLaw.kind, "One law for all modes", KEYS, read)

@@ -18,6 +18,7 @@ from problems.study.data_table import Column, DataTable
 from problems.study.drag.characteristics import HORIZON, Characteristics, characteristics
 from problems.study.drag.effects import RESOLVED, Decay
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure, plain_log_ticks, series
+from problems.study.kind import Kind
 from problems.study.kinds.drag.decays import (
     Release,
     Variant,
@@ -280,3 +281,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
             read_release(given, where),
             tuple(texts_of({"words": row}, "words") for row in words),
         )
+
+
+KIND = Kind(EtaEffects.kind, "Effect of eta1 and eta2 on a decay", KEYS, read)

@@ -16,6 +16,7 @@ from ancf_casadi.support.inputs import check_keys
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.study.drawing import drawn, new_figure, plain_log_ticks, series
 from problems.study.experiment import FEWEST_MODES, ExperimentResult
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome
 from problems.study.runs import ExperimentPart, Run, read_runs, results_of
 from problems.study.source import Source
@@ -119,3 +120,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     """
     check_keys(given, {"runs"}, {"beam", "laws"}, where)
     return Amplitudes(heading, source.beam_choice(given, where), read_runs(source, given, where))
+
+
+KIND = Kind(Amplitudes.kind, "Damping and frequency against amplitude", KEYS, read)

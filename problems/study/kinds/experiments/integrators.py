@@ -11,6 +11,7 @@ import numpy as np
 from ancf_casadi.support.inputs import check_keys
 from problems.study.data_table import Column, DataTable
 from problems.study.experiment import ExperimentResult
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Task
 from problems.study.runs import ExperimentPart, read_runs, task_of
 from problems.study.source import Source
@@ -89,3 +90,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     """
     check_keys(given, {"runs"}, {"beam", "laws"}, where)
     return Integrators(heading, source.beam_choice(given, where), read_runs(source, given, where))
+
+
+KIND = Kind(Integrators.kind, "Check of the integrators", KEYS, read)

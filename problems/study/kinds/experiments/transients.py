@@ -17,6 +17,7 @@ from ancf_casadi.support.inputs import check_keys, located
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
 from problems.study.experiment import ExperimentResult
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome
 from problems.study.runs import ExperimentPart, Run, read_runs, results_of
 from problems.study.source import LawChoice, Source, printed_numbers
@@ -240,3 +241,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
             if len(values) != len(runs):
                 raise InputError(f"has {len(values)} values for {len(runs)} runs", f"printed: {name}")
     return Transients(heading, source.beam_choice(given, where), runs, printed)
+
+
+KIND = Kind(Transients.kind, "Excitation, stop and decay", KEYS, read)

@@ -11,6 +11,7 @@ import numpy as np
 from ancf_casadi.support.inputs import check_keys
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.experiment import ExperimentResult
+from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome
 from problems.study.runs import ExperimentPart, Run, read_runs
 from problems.study.source import Source
@@ -83,3 +84,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     check_keys(given, {"runs"}, {"beam", "laws"}, where)
     runs = read_runs(source, given, where)
     return Shapes(heading, source.beam_choice(given, where), tuple(run.under_first_law() for run in runs))
+
+
+KIND = Kind(Shapes.kind, "Deformed shapes over a period", KEYS, read)

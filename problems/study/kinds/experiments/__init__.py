@@ -1,0 +1,1 @@
+"""The kinds of parts with simulated experiments: a mode is driven at the clamp, stopped, and decays."""

@@ -10,10 +10,10 @@ import numpy as np
 
 from ancf_casadi.support.inputs import check_keys
 from problems.study.data_table import Column, DataTable
-from problems.study.experiment import ExperimentResult
 from problems.study.kind import Kind
+from problems.study.kinds.experiments.experiment import ExperimentResult
+from problems.study.kinds.experiments.runs import ExperimentPart, read_runs, task_of
 from problems.study.part import Effort, Finding, Heading, Outcome, Task
-from problems.study.runs import ExperimentPart, read_runs, task_of
 from problems.study.source import Source
 
 KEYS = """\

@@ -10,10 +10,10 @@ import numpy as np
 
 from ancf_casadi.support.inputs import check_keys
 from problems.study.drawing import drawn, new_figure, series
-from problems.study.experiment import ExperimentResult
 from problems.study.kind import Kind
+from problems.study.kinds.experiments.experiment import ExperimentResult
+from problems.study.kinds.experiments.runs import ExperimentPart, Run, read_runs
 from problems.study.part import Effort, Finding, Heading, Outcome
-from problems.study.runs import ExperimentPart, Run, read_runs
 from problems.study.source import Source
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 """A part with simulated experiments: Figures 17 to 27, Tables 8, 11 and 12 of the paper.
 
-Each run drives a mode of the beam, stops, and lets it decay under several laws (``problems.study.experiment``).
+Each run drives a mode of the beam, stops, and lets it decay under several laws (``problems.study.kinds.experiments.experiment``).
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import check_keys, located
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
-from problems.study.experiment import ExperimentResult
 from problems.study.kind import Kind
+from problems.study.kinds.experiments.experiment import ExperimentResult
+from problems.study.kinds.experiments.runs import ExperimentPart, Run, read_runs, results_of
 from problems.study.part import Effort, Finding, Heading, Outcome
-from problems.study.runs import ExperimentPart, Run, read_runs, results_of
 from problems.study.source import LawChoice, Source, printed_numbers
 
 if TYPE_CHECKING:

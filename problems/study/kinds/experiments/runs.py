@@ -10,7 +10,7 @@ from typing import Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import check_keys, is_sequence, located, number, physical, shown, whole
-from problems.study.experiment import Experiment, ExperimentResult, run_experiment
+from problems.study.kinds.experiments.experiment import Experiment, ExperimentResult, run_experiment
 from problems.study.part import Effort, Outcome, Part, Task
 from problems.study.source import BeamChoice, LawChoice, Source
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located, shown, whole
+from problems.study.document.labels import file_name
 from problems.study.kinds.registry import KINDS
 from problems.study.part import Heading, Part, Study
 from problems.study.source import Source, text_of, texts_of
@@ -53,6 +54,7 @@ def read_study(path: str | Path) -> Study:
         part = _part(source, table, printed_by, parts)
         parts[part.heading.name] = part
     _check_needs(parts, file.where("parts"))
+    _check_labels(parts, file.where("parts"))
     return Study(title, tuple(parts.values()), text, origin, seed)
 
 
@@ -78,6 +80,17 @@ def _check_needs(parts: Mapping[str, Part], where: str) -> None:
         left = {name: part for name, part in left.items() if name not in ready}
     if left:
         raise InputError(f"the parts {', '.join(left)} need each other", where)
+
+
+def _check_labels(parts: Mapping[str, Part], where: str) -> None:
+    """Check that the labels of tables and figures differ, also as names of files."""
+    taken: set[str] = set()
+    for name, part in parts.items():
+        for label in (*part.heading.tables, *part.heading.figures):
+            if not file_name(label) or file_name(label) in taken:
+                raise InputError(f"a label must have letters or digits, and differ, got {shown(label)}",
+                                 f"{where}: {name}")  # fmt: skip
+            taken.add(file_name(label))
 
 
 def _heading(table: dict[str, Any], kind: str, printed_by: str, before: Mapping[str, Part], where: str) -> Heading:

@@ -98,7 +98,9 @@ class _Runner:
         drawings = []
         for part in parts:
             name = part.heading.name
-            drawings.append(Task(_finding, (part, [next(own) for _ in tasks[name]], found[name], effort), DRAWING))
+            drawings.append(
+                Task(_finding, (part.kind, part, [next(own) for _ in tasks[name]], found[name], effort), DRAWING)
+            )
         findings, drawing_times = self._run(drawings, "drawing")
         spent = iter(times)
         for part, (seconds, kept) in zip(parts, drawing_times, strict=True):
@@ -128,5 +130,5 @@ class _Runner:
         return results, [(all_kept[key].seconds, key in kept) for key in keys]
 
 
-def _finding(part: Part, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+def _finding(kind: str, part: Part, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
     return part.finding(results, found, effort)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -75,7 +75,16 @@ class LawChoice:
         return tuple(term["part"] for term in self.terms if "part" in term)
 
     def of(self, found: Mapping[str, Outcome]) -> Terms:
-        """Return the terms without references."""
+        """Return the terms without references.
+
+        Raises
+        ------
+        InputError
+            If a part has found none.
+        """
+        for name in self.needs:
+            if not found[name].terms:
+                raise InputError(f"the part {name!r} finds no damping law", f"[laws]: {self.name}")
         return resolved(self.terms, {name: outcome.terms for name, outcome in found.items()})
 
 
@@ -109,6 +118,18 @@ class Source:
         if "beam" not in self.file.tables:
             raise InputError("the table is missing; this part needs a beam", self.file.where("beam"))
         return read_beam(self.file).model
+
+    @property
+    def most_modes(self) -> int:
+        """Number of modes of the beam.
+
+        Raises
+        ------
+        InputError
+            If there is no beam.
+        """
+        count: int = self.model.size - self.model.free.start
+        return count
 
     def beam_choice(self, given: Mapping[str, Any], where: str) -> BeamChoice:
         """Return the beam of a part, which the key ``beam`` may take from an earlier part."""
@@ -158,22 +179,31 @@ def texts_of(table: Mapping[str, Any], key: str) -> tuple[str, ...]:
     return tuple(value)
 
 
-def printed_numbers(table: Mapping[str, Any], names: Sequence[str]) -> dict[str, tuple[float | None, ...]]:
+def printed_numbers(table: Mapping[str, Any], columns: Mapping[str, int]) -> dict[str, tuple[float | None, ...]]:
     """Return the printed numbers of a part by column, from its key ``printed``; nan stands for a missing number.
+
+    Parameters
+    ----------
+    table : mapping
+        The table of the part.
+    columns : mapping of str to int
+        Number of rows of each column that may be given.
 
     Raises
     ------
     InputError
-        If a name is no column, or a value is not a list of numbers.
+        If a name is no column, or a value is not a list with one number per row.
     """
     given = table.get("printed", {})
     if not isinstance(given, dict):
         raise InputError(f"must be a table, got {shown(given)}", "printed")
     found = {}
     for name, values in given.items():
-        if name not in names:
-            raise InputError(f"must be one of {', '.join(names)}, got {shown(name)}", "printed")
+        if name not in columns:
+            raise InputError(f"must be one of {', '.join(columns)}, got {shown(name)}", "printed")
         if not is_sequence(values):
             raise InputError(f"must be a list of numbers, got {shown(values)}", f"printed: {name}")
+        if len(values) != columns[name]:
+            raise InputError(f"has {len(values)} values for {columns[name]} rows", f"printed: {name}")
         found[name] = tuple(None if value != value else number(value, f"printed: {name}") for value in values)
     return found

@@ -74,6 +74,9 @@ def named_laws(study: Study) -> tuple[NamedLaw, ...]:
             raise InputError(f"must be a text, got {shown(title)}", f"{where}: {name}: title")
         if not isinstance(terms, list) or not all(isinstance(term, dict) for term in terms):
             raise InputError(f"must be a list of tables, got {shown(terms)}", f"{where}: {name}: terms")
+        for term in terms:
+            if not isinstance(term.get("part", ""), str):
+                raise InputError(f"must be the name of a part, got {shown(term['part'])}", f"{where}: {name}: part")
         found[name] = NamedLaw(name, title, tuple(terms))
     return tuple(found.values())
 

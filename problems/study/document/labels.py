@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+import re
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from problems.study.data_table import DataTable
@@ -41,13 +43,11 @@ def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]
     In a study that gives labels, the others continue with the letters of additional ones: ``Table A1``, ``Figure A1``.
     """
     own = any(part.heading.tables or part.heading.figures for part in study.parts)
-    counts = {"Table": 0, "Figure": 0}
+    taken = {file_name(label) for part in study.parts for label in (*part.heading.tables, *part.heading.figures)}
+    numbered = {kind: _free(f"{kind} {'A' if own else ''}", taken) for kind in ("Table", "Figure")}
 
     def label(kind: str, given: tuple[str, ...], k: int) -> str:
-        if k < len(given):
-            return given[k]
-        counts[kind] += 1
-        return f"{kind} {'A' if own else ''}{counts[kind]}"
+        return given[k] if k < len(given) else next(numbered[kind])
 
     shown = []
     for part in study.parts:
@@ -77,6 +77,17 @@ def contents(shown: tuple[Shown, ...]) -> list[str]:
 
 
 def file_name(label: str) -> str:
-    """Return the name of the files of a labelled table or figure: ``figure_05`` for Figure 5."""
+    """Return the name of the files of a labelled table or figure: ``figure_05`` for Figure 5.
+
+    The name is made of letters, digits and _; it is empty if the label has none of them.
+    """
     kind, _, number = label.lower().partition(" ")
-    return f"{kind}_{number.zfill(2)}" if number.isdecimal() else label.lower().replace(" ", "_")
+    named = f"{kind} {number.zfill(2)}" if number.isdecimal() else label.lower()
+    return re.sub(r"\W+", "_", named).strip("_")
+
+
+def _free(kind: str, taken: set[str]) -> Iterator[str]:
+    """Yield the running labels whose files have other names than those taken."""
+    for number in itertools.count(1):
+        if file_name(f"{kind}{number}") not in taken:
+            yield f"{kind}{number}"

@@ -96,7 +96,7 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     """
     check_keys(given, set(), {"printed"}, where)
     with located(where):
-        return BeamProperties(heading, source.model.beam, printed_numbers(given, ("value",)))
+        return BeamProperties(heading, source.model.beam, printed_numbers(given, {"value": len(ROWS)}))
 
 
 KIND = Kind(BeamProperties.kind, "The beam", KEYS, read)

@@ -19,16 +19,17 @@ from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_keys, flag, located, number, physical, positive, shown, whole
+from ancf_casadi.support.inputs import check_keys, choice, flag, located, number, physical, positive, shown, whole
 from ancf_casadi.support.prefixes import prefixed
 from problems.decay.fitting import fit_decay
+from problems.decay.laws import LAWS
 from problems.decay.result import DecayFit
 from problems.study.data_table import Column, DataTable, printed_values
 from problems.study.drag.combined_law import ModeCoefficients
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
 from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
-from problems.study.source import Source, printed_numbers, text_of
+from problems.study.source import Source, printed_numbers
 from problems.tables.columns import READING, read_file
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ RECORD = {"file", "column", "unit", "from", "to", "release_time", *READING}
 PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
 FRAME_RATE, DURATION, NOISE = 500.0, 5.0, 0.2e-3  # 1/s, s, m: of synthetic decays
 ZOOMED, SHORT_ZOOM = 12, 3  # periods drawn in detail, and of a record with many samples per period
+MOST_SAMPLES = 10_000_000  # of a synthetic decay
 MOST_ZOOMED = 500  # samples drawn in detail
 WINDOWS = 500  # of the drawn residuals
 
@@ -331,9 +333,9 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
         return Decays(
             heading,
             tuple(decays),
-            text_of(given, "law", "linear"),
+            choice(given.get("law", "linear"), ("auto", *LAWS), "law"),
             flag(given.get("offset", True), "offset"),
-            printed_numbers(given, PRINTED),
+            printed_numbers(given, dict.fromkeys(PRINTED, len(decays))),
         )
 
 
@@ -362,12 +364,18 @@ def _synthetic(table: Any, given: Mapping[str, Any], study_seed: int, mode: int)
     )  # fmt: skip
     noise, seed = number(given.get("noise", NOISE), "noise"), whole(given.get("seed", study_seed), "seed", 0)
     ω, amplitude = 2 * math.pi * physical(table["frequency"], "frequency"), physical(table["amplitude"], "amplitude")
+    if noise < 0.0:
+        raise InputError(f"must not be negative, got {noise:g}", "noise")
+    if rate * duration > MOST_SAMPLES:
+        raise InputError(f"gives {rate * duration:.3g} samples, {MOST_SAMPLES:g} at most; lower the rate", "duration")
     time = np.arange(0.0, duration, 1 / rate)
     if by_rate:
         η = (positive(table["eta1"], "eta1"), positive(table["eta2"], "eta2"))
         exact = quadratic_decay(cs.DM(time), cs.DM(ω), cs.DM(η[0]), cs.DM(η[1]), cs.DM(amplitude), cs.DM(0.0))
     else:
         ζ = number(table["damping_ratio"], "damping_ratio")
+        if not 0.0 <= ζ < 1.0:
+            raise InputError(f"must be at least 0 and below 1, got {ζ:g}", "damping_ratio")
         exact = linear_decay(cs.DM(time), cs.DM(ω), cs.DM(ζ), cs.DM(amplitude), cs.DM(0.0))
     values = exact.full().ravel() + noise * np.random.default_rng((seed, mode)).standard_normal(len(time))
     law = "Eq. (27)" if by_rate else "Eq. (9)"

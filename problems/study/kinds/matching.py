@@ -31,7 +31,6 @@ KEYS = """\
                         (Hz), optimum (Hz), value = [width, thickness (mm),
                         density (kg/m^3), elastic modulus (GPa)]}
 """
-PRINTED = ("standard", "optimum", "value")
 ROWS = (("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0), ("elastic_modulus", "GPa", 1e-9))
 
 
@@ -222,8 +221,15 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
         request = source.file.table("match", {"targets"}, MATCH_KEYS - {"targets"})
     with located(where):
         request_of(request)  # check
+        modes = len(request["targets"])
         weightless = physical(given["weightless"], "weightless") if "weightless" in given else 0.0
-        return Match(heading, source.model.beam, request, weightless, printed_numbers(given, PRINTED))
+        return Match(
+            heading,
+            source.model.beam,
+            request,
+            weightless,
+            printed_numbers(given, {"standard": modes, "optimum": modes, "value": len(ROWS)}),
+        )
 
 
 KIND = Kind(Match.kind, "Beam matched to measured frequencies", KEYS, read)

@@ -81,8 +81,10 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     """
     check_keys(given, set(), {"beam", "count", "printed"}, where)
     with located(where):
-        count = whole(given.get("count", 5), "count", 1)
-        return ModesOfBeam(heading, source.beam_choice(given, where), count, printed_numbers(given, ("frequency",)))
+        count = whole(given.get("count", 5), "count", 1, source.most_modes)
+        return ModesOfBeam(
+            heading, source.beam_choice(given, where), count, printed_numbers(given, {"frequency": count})
+        )
 
 
 KIND = Kind(ModesOfBeam.kind, "Natural modes", KEYS, read)

@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any, TypedDict, final
 
 import numpy as np
 
-from ancf_casadi.support.inputs import check_keys, located, numbers
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.inputs import check_keys, is_sequence, located, numbers, physical, shown
 from problems.decay.proportional import RayleighFit, fit_rayleigh, rayleigh_ratio
 from problems.study.data_table import Column, DataTable, printed_values
 from problems.study.drawing import drawn, line, new_figure, plain_log_ticks
 from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part
 from problems.study.source import Source, printed_numbers, text_of
+from problems.tables.study import checked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,8 +82,7 @@ class Rayleigh(Part):
         """Return the coefficients, and the damping ratio against frequency."""
         deviations = self.ratio_std
         if self.identified_by:
-            rows = found[self.identified_by].data[: len(self.ratios)]
-            deviations = tuple(row["damping_ratio_stderr"] for row in rows)
+            deviations = self._identified(found[self.identified_by].data)
         fit = fit_rayleigh(self.frequencies, self.ratios, ratio_std=deviations or None)
         errors = (fit.standard_errors["alpha"], fit.standard_errors["beta"])
         name, heading = self.heading.name, self.heading
@@ -117,6 +118,18 @@ class Rayleigh(Part):
         terms = ({"law": "rayleigh", "alpha": fit.alpha, "beta": fit.beta},)
         figure = drawn(name, caption, lambda: self._figure(fit))
         return Finding(Outcome(data, terms=terms), tables, (figure,), fit.warnings)
+
+    def _identified(self, data: Any) -> tuple[float, ...]:
+        """Return the standard errors that a part with decays has found; none if one is unknown."""
+        rows = data[: len(self.ratios)] if isinstance(data, list) else []
+        errors = [row.get("damping_ratio_stderr") for row in rows if "damping_ratio" in row]
+        if len(errors) < len(self.ratios):
+            raise InputError(
+                f"the part {self.identified_by!r} does not identify these {len(self.ratios)} modes; name a part of the "
+                "kind decays",
+                f"{self.heading.name}: identified_by",
+            )
+        return () if None in errors else tuple(errors)
 
     def _figure(self, fit: RayleighFit) -> Figure:
         figure, panels = new_figure(3.2 + (2.8 if self.examples else 0.0), 2 if self.examples else 1)
@@ -158,21 +171,40 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
         frequencies, ratios = numbers(given["frequencies"], "frequencies"), numbers(given["ratios"], "ratios")
         deviations = numbers(given["ratio_std"], "ratio_std") if "ratio_std" in given else ()
         fit_rayleigh(frequencies, ratios, ratio_std=deviations or None)  # check
-        others = given.get("others", {"frequencies": [], "ratios": []})
-        check_keys(others, {"frequencies", "ratios"}, set(), "others")
-        pairs = zip(numbers(others["frequencies"], "others: frequencies"), numbers(others["ratios"], "others: ratios"),
-                    strict=True)  # fmt: skip
-        examples = [numbers(pair, "examples") for pair in given.get("examples", [])]
         return Rayleigh(
             heading,
             tuple(frequencies),
             tuple(ratios),
             tuple(deviations),
             text_of(given, "identified_by", ""),
-            tuple(pairs),
-            tuple((alpha, beta) for alpha, beta in examples),
-            printed_numbers(given, ("value",)),
+            _others(given),
+            _examples(given),
+            printed_numbers(given, {"value": 2}),
         )
+
+
+def _others(given: Mapping[str, Any]) -> tuple[tuple[float, float], ...]:
+    """Return frequency and ratio of the other modes."""
+    others = checked(given.get("others", {"frequencies": [], "ratios": []}), {"frequencies", "ratios"}, set(), "others")
+    frequencies, ratios = (numbers(others[key], f"others: {key}") for key in ("frequencies", "ratios"))
+    if len(frequencies) != len(ratios):
+        raise InputError(f"has {len(ratios)} values for {len(frequencies)} frequencies", "others: ratios")
+    return tuple(
+        (physical(f, "others: frequencies"), physical(z, "others: ratios"))
+        for f, z in zip(frequencies, ratios, strict=True)
+    )
+
+
+def _examples(given: Mapping[str, Any]) -> tuple[tuple[float, float], ...]:
+    """Return alpha and beta of the laws to draw."""
+    examples = given.get("examples", [])
+    if not is_sequence(examples):
+        raise InputError(f"must be a list of pairs alpha, beta, got {shown(examples)}", "examples")
+    pairs = [numbers(pair, "examples") for pair in examples]
+    for pair in pairs:
+        if len(pair) != 2:
+            raise InputError(f"must be pairs alpha, beta, got {shown(pair)}", "examples")
+    return tuple((alpha, beta) for alpha, beta in pairs)
 
 
 KIND = Kind(Rayleigh.kind, "Rayleigh (proportional) damping", KEYS, read)

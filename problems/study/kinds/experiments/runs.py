@@ -132,7 +132,7 @@ def read_runs(source: Source, given: dict[str, Any], where: str) -> tuple[Run, .
         with located(place):
             runs.append(
                 Run(
-                    mode=whole(table["mode"], "mode", 1),
+                    mode=whole(table["mode"], "mode", 1, source.most_modes),
                     amplitude=physical(table["amplitude"], "amplitude"),
                     stop=physical(table["stop"], "stop"),
                     frequency=physical(table["frequency"], "frequency") if "frequency" in table else 0.0,

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import check_keys, located
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
@@ -236,10 +235,7 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     runs = read_runs(source, given, where)
     names = [law.name for run in runs for law in run.laws]
     with located(where):
-        printed = printed_numbers(given, names)
-        for name, values in printed.items():
-            if len(values) != len(runs):
-                raise InputError(f"has {len(values)} values for {len(runs)} runs", f"printed: {name}")
+        printed = printed_numbers(given, dict.fromkeys(names, len(runs)))
     return Transients(heading, source.beam_choice(given, where), runs, printed)
 
 

@@ -1,0 +1,70 @@
+"""Studies that run in a moment: texts of TOML files, and the study of the paper in small."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+BEAM = """
+[beam]
+length = 0.5
+width = 5e-3
+thickness = 0.5e-3
+density = 8000.0
+elastic_modulus = 210e9
+elements = 3
+"""
+RAYLEIGH = """
+[[parts]]
+kind = "rayleigh"
+frequencies = [1.85, 10.19]
+ratios = [0.0100, 0.0028]
+"""
+DECAYS = """
+[[parts]]
+kind = "decays"
+rate = 200.0
+duration = 2.0
+records = [
+    {synthetic = {frequency = 3.0, damping_ratio = 0.02, amplitude = 0.01}},
+    {synthetic = {frequency = 9.0, damping_ratio = 0.01, amplitude = 0.01}},
+]
+"""
+
+
+@pytest.fixture
+def study_file(tmp_path) -> Callable[..., Path]:
+    """Write a study from pieces of TOML, and return its path."""
+
+    def write(*pieces: str, name: str = "study.toml") -> Path:
+        path = tmp_path / name
+        path.write_text("\n".join(pieces), encoding="utf-8")
+        return path
+
+    return write
+
+
+def toml(tables: dict[str, Any]) -> str:
+    """Return tables as TOML, each in one line."""
+    return "\n".join(f"{json.dumps(name)} = {_toml(value)}" for name, value in tables.items())
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(key)} = {_toml(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return json.dumps(value) if isinstance(value, str | bool) else repr(value)
+
+
+def without_times(results: dict[str, Any]) -> dict[str, Any]:
+    """Return the numbers of a study without computing times."""
+
+    def kept(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: kept(item) for key, item in value.items() if key != "timing" and not key.endswith("_seconds")}
+        return [kept(item) for item in value] if isinstance(value, list) else value
+
+    return kept(results)

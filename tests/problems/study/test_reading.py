@@ -1,0 +1,238 @@
+"""A study file gives its parts, and each mistake in it gives one line with file, table and key."""
+
+import copy
+import math
+import random
+import tomllib
+from typing import Any
+
+import pytest
+
+from ancf_casadi.exceptions import AncfError, InputError
+from problems.study.paper import PAPER
+from problems.study.reading import read_study
+from tests.problems.study.conftest import BEAM, DECAYS, RAYLEIGH, toml
+
+LAWS = """
+[[laws]]
+name = "weak"
+terms = [{law = "quadratic", eta1 = 0.1}]
+
+[[laws]]
+name = "found"
+terms = [{part = "rayleigh", stiffness = "tangent"}]
+"""
+MATCH = """
+[[parts]]
+kind = "match"
+targets = [1.85, 10.19]
+bounds = 0.1
+unknowns = {width = "global", thickness = {smooth = 2, bounds = 0.05}}
+weightless = 7850.0
+printed = {standard = [1.67, 10.47], optimum = [1.84, 10.18], value = [5.0, 0.49, 8108.0, 205.130]}
+"""
+OTHERS = """
+[[parts]]
+kind = "beam"
+printed = {value = [500.0, 5.0, 0.5, 8000.0, 210.0]}
+
+[[parts]]
+kind = "modes"
+count = 2
+beam = "match"
+printed = {frequency = [1.0, 2.0]}
+
+[[parts]]
+kind = "omitted"
+reason = "There is no camera."
+figures = ["Figure 7"]
+
+[[parts]]
+kind = "transients"
+name = "swing"
+title = "A swing"
+tables = ["Table 3"]
+notes = ["By hand."]
+beam = "match"
+laws = ["weak", "found"]
+runs = [{mode = 1, amplitude = 0.01, stop = 0.5, frequency = 1.8, window = 1.0, measured_ratio = 0.01, laws = ["weak"]}]
+printed = {weak = [1.0]}
+
+[[parts]]
+kind = "shapes"
+laws = ["weak"]
+runs = [{mode = 1, amplitude = 0.01, stop = 0.5}]
+"""
+ALL = BEAM + LAWS + DECAYS + RAYLEIGH + MATCH + OTHERS
+RUN = "mode = 1, amplitude = 0.01, stop = 0.5, frequency = 1.8, window = 1.0, measured_ratio = 0.01"
+VALUES: list[Any] = [
+    0, -1, 0.5, 1e300, -1e300, 1e-300, math.nan, math.inf, 10000, 99999999999999999999, True, "x", "", [], [[]],
+    [1, 2], [math.nan, 1.0], {}, {"a": 1}, [{}], ["x"], [{"part": "x"}], {"part": "rayleigh"}, "match", "weak",
+    "Table 1", [[1.0, 2.0], [3.0]], [1.0],
+]  # fmt: skip
+KEYS = ("x", "beam", "laws", "records", "printed", "runs", "name", "file", "others", "examples", "identified_by")
+
+
+class TestDefaults:
+    """A file without [[parts]] has the parts that its tables suggest."""
+
+    TABLES = {
+        "match": ("[match]\ntargets = [1.85]\n", ["match"]),
+        "decays": ('[[decays]]\nfile = "a.csv"\n[[decays]]\nfile = "a.csv"\n', ["decays"]),
+        "simulation": ("[simulation]\nduration = 0.1\n", ["simulation"]),
+        "records": ('[[damping]]\nlaw = "quadratic"\neta1 = 0.1\n[[records]]\nfile = "a.csv"\n', ["motion"]),
+    }
+
+    def test_of_a_beam(self, study_file):
+        study = read_study(study_file(BEAM, name="strip.toml"))
+        assert [(part.kind, part.heading.name) for part in study.parts] == [("beam", "beam"), ("modes", "modes")]
+        assert (study.title, study.seed) == ("strip", 0)
+
+    @pytest.mark.parametrize("table", TABLES)
+    def test_of_a_beam_and_another_table(self, study_file, tmp_path, table):
+        rows = "\n".join(f"{0.01 * k},{math.exp(-0.01 * k) * math.cos(0.3 * k)}" for k in range(200))
+        (tmp_path / "a.csv").write_text(f"time_s,tip_mm\n{rows}\n")
+        text, kinds = self.TABLES[table]
+        assert [part.kind for part in read_study(study_file(BEAM, text)).parts] == ["beam", "modes", *kinds]
+
+    def test_decays_need_no_beam(self, study_file, tmp_path):
+        (tmp_path / "a.csv").write_text("time_s,tip_mm\n0,1\n0.1,-1\n0.2,0.9\n0.3,-0.9\n")
+        (part,) = read_study(study_file('[[decays]]\nfile = "a.csv"\n')).parts
+        assert part.kind == "decays"
+
+    def test_names_count_within_a_kind(self, study_file):
+        study = read_study(study_file(RAYLEIGH, RAYLEIGH, RAYLEIGH))
+        assert [part.heading.name for part in study.parts] == ["rayleigh", "rayleigh_2", "rayleigh_3"]
+
+    def test_all_kinds_together(self, study_file):
+        study = read_study(study_file(ALL))
+        needs = {part.heading.name: part.needs for part in study.parts if part.needs}
+        assert needs == {"modes": ("match",), "swing": ("match",)}
+        assert [part.heading.title for part in study.parts if part.kind == "transients"] == ["A swing"]
+
+
+MISTAKES = {  # what is replaced, by what, and the message after the name of the file
+    "empty": (ALL, "", ": has nothing to study; add [beam], [[decays]] or [[parts]]"),
+    "unknown table": ("[beam]", "[bean]", ": unknown key 'bean'"),
+    "unknown key of the study": (BEAM, f"{BEAM}[study]\ncolour = 1\n", ": [study]: unknown key 'colour'"),
+    "seed": (BEAM, f"{BEAM}[study]\nseed = -1\n", ": [study]: seed: must be a whole number"),
+    "title": (BEAM, f"{BEAM}[study]\ntitle = 1\n", ": [study]: title: must be a text, got 1"),
+    "unknown kind": ('kind = "omitted"', 'kind = "omited"', ": [parts]: kind must be one of amplitudes, beam,"),
+    "no kind": ('kind = "omitted"', "", ": [parts]: kind must be one of"),
+    "reserved name": ('name = "swing"', 'name = "timing"', ": [parts]: name: must be made of letters"),
+    "unusable name": ('name = "swing"', 'name = "a b"', ": [parts]: name: must be made of letters"),
+    "repeated name": ('name = "swing"', 'name = "match"', ": [parts]: name: 'match' is taken by an earlier part"),
+    "unknown need": ('beam = "match"\nlaws', 'beam = "mach"\nlaws',
+                     ": [parts]: swing: needs the part 'mach', which does not exist"),
+    "own need": ('beam = "match"\nlaws', 'beam = "swing"\nlaws', ": [parts]: the parts swing need each other"),
+    "unknown key of a part": ("count = 2", "size = 2", ": [parts]: modes: unknown key 'size'; known are beam, count"),
+    "count": ("count = 2", "count = 13", ": [parts]: modes: count: must be a whole number, 1 to 12, got 13"),
+    "missing key": ("stop = 0.5}", "window = 0.5}", ": [parts]: shapes: runs: 1: the key 'stop' is missing"),
+    "no runs": (f"[{{{RUN}, laws = [\"weak\"]}}]", "[]", ": [parts]: swing: runs: must be a list of tables"),
+    "runs of numbers": (f"[{{{RUN}, laws = [\"weak\"]}}]", "[1]", ": [parts]: swing: runs: 1: must be a table, got 1"),
+    "mode of a run": ("mode = 1, amplitude = 0.01, stop = 0.5, f", "mode = 13, amplitude = 0.01, stop = 0.5, f",
+                      ": [parts]: swing: runs: 1: mode: must be a whole number, 1 to 12, got 13"),
+    "amplitude": ("amplitude = 0.01, stop = 0.5, f", "amplitude = nan, stop = 0.5, f",
+                  ": [parts]: swing: runs: 1: amplitude: must be a finite number, got nan"),
+    "unknown law": ('laws = ["weak"]}]', 'laws = ["week"]}]', ": [parts]: swing: runs: 1: laws: there is no law 'week'"),
+    "law without a name": ('name = "weak"', "", ": [laws]: the key 'name' is missing"),
+    "repeated law": ('name = "found"', 'name = "weak"', ": [laws]: name: must be made of letters, digits and _, and d"),
+    "unknown kind of law": ('law = "quadratic"', 'law = "cubic"',
+                            ": [parts]: swing: runs: 1: laws: weak: law must be one of rayleigh, quadratic, modal"),
+    "law of a part that is a number": ('part = "rayleigh"', "part = 3",
+                                       ": [laws]: found: part: must be the name of a part, got 3"),
+    "modal law with too many ratios": ('law = "quadratic", eta1 = 0.1', f'law = "modal", ratios = {[0.01] * 13}',
+                                       ": [parts]: swing: runs: 1: laws: weak: ratios: "),
+    "modal law with too few frequencies": (
+        'law = "quadratic", eta1 = 0.1', 'law = "modal", ratios = [0.01, 0.02], frequencies = [1.0]',
+        ": [parts]: swing: runs: 1: laws: weak: frequencies: "),
+    "printed of another part": ("printed = {frequency", "printed = {ratio",
+                                ": [parts]: modes: printed: must be one of frequency, got 'ratio'"),
+    "printed that is too short": ("frequency = [1.0, 2.0]", "frequency = [1.0]",
+                                  ": [parts]: modes: printed: frequency: has 1 values for 2 rows"),
+    "printed for another beam": ("[500.0, 5.0, 0.5, 8000.0, 210.0]", "[500.0]",
+                                 ": [parts]: beam: printed: value: has 1 values for 5 rows"),
+    "printed text": ("weak = [1.0]", 'weak = ["1"]',
+                     ": [parts]: swing: printed: weak: must be a finite number, got '1'"),
+    "targets": ("targets = [1.85, 10.19]", "targets = [1.85, inf]",
+                ": [parts]: match: targets: must be a finite number, got inf"),
+    "unknowns": ('width = "global"', 'width = "local"', ": [parts]: match: unknowns: width: must be \"global\""),
+    "too many frequencies": ("frequencies = [1.85, 10.19]", "frequencies = [1.85, 10.19, 20.0]",
+                             ": [parts]: rayleigh: "),
+    "other modes": (RAYLEIGH, f"{RAYLEIGH}others = {{frequencies = [3.0], ratios = []}}\n",
+                    ": [parts]: rayleigh: others: ratios: has 0 values for 1 frequencies"),
+    "examples": (RAYLEIGH, f"{RAYLEIGH}examples = [[1.0, 2.0, 3.0]]\n",
+                 ": [parts]: rayleigh: examples: must be pairs alpha, beta"),
+    "decay without a file": (DECAYS, '[[parts]]\nkind = "decays"\n', ": [parts]: decays: records: there are none"),
+    "file that is absent": (DECAYS, '[[decays]]\nfile = "none.csv"\n[[parts]]\nkind = "decays"\n', "none.csv: "),
+    "law of decays": (DECAYS, f'{DECAYS}law = "cubic"\n', ": [parts]: decays: law: must be one of"),
+    "samples of a decay": ("duration = 2.0", "duration = 2e8", ": [parts]: decays: records: 1: duration: gives 4e+10 s"),
+    "ratio of a decay": ("damping_ratio = 0.02", "damping_ratio = 1.0",
+                         ": [parts]: decays: records: 1: damping_ratio: must be at least 0 and below 1, got 1"),
+    "empty label": ('["Table 3"]', '["--"]', ": [parts]: swing: a label must have letters or digits, and differ"),
+    "repeated label": ('["Table 3"]', '["figure_07"]', ": [parts]: swing: a label must have letters or digits, and d"),
+    "label that is a number": ('["Table 3"]', "[3]", ": [parts]: tables: must be a list of texts, got [3]"),
+    "no beam": (BEAM, "", ": [beam]: the table is missing; this part needs a beam"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_a_mistake_is_one_line_with_file_table_and_key(study_file, mistake):
+    old, new, message = MISTAKES[mistake]
+    assert old in ALL
+    path = study_file(ALL.replace(old, new, 1))
+    with pytest.raises(InputError) as raised:
+        read_study(path)
+    line = str(raised.value)
+    assert "\n" not in line
+    assert message in line
+    assert line.startswith(str(path)) or "none.csv" in line
+
+
+def test_parts_that_need_each_other(study_file):
+    cycle = MATCH.replace('kind = "match"', 'kind = "modes"\nname = "one"\nbeam = "two"').partition("targets")[0]
+    other = cycle.replace('"one"', '"one_"').replace('"two"', '"one"').replace('"one_"', '"two"')
+    with pytest.raises(InputError, match=r"\[parts\]: the parts one, two need each other"):
+        read_study(study_file(BEAM, cycle, other))
+
+
+def mutated(tables: dict[str, Any], rng: random.Random) -> dict[str, Any]:
+    """Return tables with values replaced, removed, added, or copied from another place."""
+    tables = copy.deepcopy(tables)
+    for _ in range(rng.choice((1, 1, 1, 2))):
+        places = list(_places(tables))
+        (inside, key), (other, name) = rng.choice(places), rng.choice(places)
+        value = copy.deepcopy(rng.choice([rng.choice(VALUES), other[name]]))
+        action = rng.randrange(4)
+        if action < 2:
+            inside[key] = value
+        elif action == 2:
+            del inside[key]
+        elif isinstance(inside, list):
+            inside.insert(key, value)
+        else:
+            inside[rng.choice(KEYS)] = value
+    return tables
+
+
+def _places(value: Any):
+    for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+        yield value, key
+        if isinstance(item, dict | list):
+            yield from _places(item)
+
+
+@pytest.mark.parametrize(("name", "times"), [("all", 2500), ("paper", 60)])
+def test_a_mutated_study_is_read_or_refused(study_file, name, times):
+    """Nothing but our errors comes out, in one line, with the name of the file."""
+    rng, refused = random.Random(7), 0
+    tables = tomllib.loads(ALL if name == "all" else PAPER.read_text(encoding="utf-8"))
+    for _ in range(times):
+        path = study_file(toml(mutated(tables, rng)))
+        try:
+            read_study(path)
+        except AncfError as error:
+            refused += 1
+            assert "\n" not in str(error)
+            assert str(path) in str(error) or "no static equilibrium" in str(error)
+    assert 0.5 * times < refused < times

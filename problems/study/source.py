@@ -179,15 +179,15 @@ def texts_of(table: Mapping[str, Any], key: str) -> tuple[str, ...]:
     return tuple(value)
 
 
-def printed_numbers(table: Mapping[str, Any], columns: Mapping[str, int]) -> dict[str, tuple[float | None, ...]]:
+def printed_numbers(table: Mapping[str, Any], columns: Mapping[str, int | None]) -> dict[str, tuple[float | None, ...]]:
     """Return the printed numbers of a part by column, from its key ``printed``; nan stands for a missing number.
 
     Parameters
     ----------
     table : mapping
         The table of the part.
-    columns : mapping of str to int
-        Number of rows of each column that may be given.
+    columns : mapping of str to int or None
+        Number of rows of each column that may be given; None if only the finding of the part tells.
 
     Raises
     ------
@@ -203,7 +203,7 @@ def printed_numbers(table: Mapping[str, Any], columns: Mapping[str, int]) -> dic
             raise InputError(f"must be one of {', '.join(columns)}, got {shown(name)}", "printed")
         if not is_sequence(values):
             raise InputError(f"must be a list of numbers, got {shown(values)}", f"printed: {name}")
-        if len(values) != columns[name]:
+        if len(values) != (columns[name] or len(values)):
             raise InputError(f"has {len(values)} values for {columns[name]} rows", f"printed: {name}")
         found[name] = tuple(None if value != value else number(value, f"printed: {name}") for value in values)
     return found

@@ -4,7 +4,7 @@ import copy
 import math
 import random
 import tomllib
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
@@ -76,7 +76,7 @@ KEYS = ("x", "beam", "laws", "records", "printed", "runs", "name", "file", "othe
 class TestDefaults:
     """A file without [[parts]] has the parts that its tables suggest."""
 
-    TABLES = {
+    TABLES: ClassVar = {
         "match": ("[match]\ntargets = [1.85]\n", ["match"]),
         "decays": ('[[decays]]\nfile = "a.csv"\n[[decays]]\nfile = "a.csv"\n', ["decays"]),
         "simulation": ("[simulation]\nduration = 0.1\n", ["simulation"]),
@@ -132,9 +132,9 @@ MISTAKES = {  # what is replaced, by what, and the message after the name of the
     "runs of numbers": (f"[{{{RUN}, laws = [\"weak\"]}}]", "[1]", ": [parts]: swing: runs: 1: must be a table, got 1"),
     "mode of a run": ("mode = 1, amplitude = 0.01, stop = 0.5, f", "mode = 13, amplitude = 0.01, stop = 0.5, f",
                       ": [parts]: swing: runs: 1: mode: must be a whole number, 1 to 12, got 13"),
-    "amplitude": ("amplitude = 0.01, stop = 0.5, f", "amplitude = nan, stop = 0.5, f",
+    "amplitude": ("amplitude = 0.01, stop", "amplitude = nan, stop",
                   ": [parts]: swing: runs: 1: amplitude: must be a finite number, got nan"),
-    "unknown law": ('laws = ["weak"]}]', 'laws = ["week"]}]', ": [parts]: swing: runs: 1: laws: there is no law 'week'"),
+    "unknown law": ('laws = ["weak"]}]', 'laws = ["week"]}]', ": [parts]: swing: runs: 1: laws: there is no law"),
     "law without a name": ('name = "weak"', "", ": [laws]: the key 'name' is missing"),
     "repeated law": ('name = "found"', 'name = "weak"', ": [laws]: name: must be made of letters, digits and _, and d"),
     "unknown kind of law": ('law = "quadratic"', 'law = "cubic"',
@@ -166,7 +166,7 @@ MISTAKES = {  # what is replaced, by what, and the message after the name of the
     "decay without a file": (DECAYS, '[[parts]]\nkind = "decays"\n', ": [parts]: decays: records: there are none"),
     "file that is absent": (DECAYS, '[[decays]]\nfile = "none.csv"\n[[parts]]\nkind = "decays"\n', "none.csv: "),
     "law of decays": (DECAYS, f'{DECAYS}law = "cubic"\n', ": [parts]: decays: law: must be one of"),
-    "samples of a decay": ("duration = 2.0", "duration = 2e8", ": [parts]: decays: records: 1: duration: gives 4e+10 s"),
+    "samples of a decay": ("duration = 2.0", "duration = 2e8", ": [parts]: decays: records: 1: duration: gives 4e+10"),
     "ratio of a decay": ("damping_ratio = 0.02", "damping_ratio = 1.0",
                          ": [parts]: decays: records: 1: damping_ratio: must be at least 0 and below 1, got 1"),
     "empty label": ('["Table 3"]', '["--"]', ": [parts]: swing: a label must have letters or digits, and differ"),
@@ -222,7 +222,7 @@ def _places(value: Any):
             yield from _places(item)
 
 
-@pytest.mark.parametrize(("name", "times"), [("all", 2500), ("paper", 60)])
+@pytest.mark.parametrize(("name", "times"), [("all", 1500), ("paper", 30)])
 def test_a_mutated_study_is_read_or_refused(study_file, name, times):
     """Nothing but our errors comes out, in one line, with the name of the file."""
     rng, refused = random.Random(7), 0

@@ -89,6 +89,8 @@ class CombinedLaw(Part):
         """Return the law, the drag coefficients, and the damping ratio against amplitude."""
         rows = found[self.decays].data
         measured = _coefficients(rows, self.decays)
+        if len(self.printed.get("eta2", measured)) != len(measured):
+            raise InputError(f"must have one value per mode, {len(measured)}", f"{self.heading.name}: printed: eta2")
         modes = natural_modes(Model(self.choice.beam(found)), count=len(measured))
         fit = fit_combined_law(measured, modes)
         drag = [self._drag_coefficient(fit, one.eta2, math.sqrt(one.covariance[1, 1])) for one in measured]
@@ -244,7 +246,7 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
             laws,
             amplitudes,
             Air(**air),
-            printed_numbers(given, ("eta2",)),
+            printed_numbers(given, {"eta2": None}),
         )
 
 

@@ -117,7 +117,7 @@ MISTAKES = {  # what is replaced, by what, and the message after the name of the
     "unknown key of the study": (BEAM, f"{BEAM}[study]\ncolour = 1\n", ": [study]: unknown key 'colour'"),
     "seed": (BEAM, f"{BEAM}[study]\nseed = -1\n", ": [study]: seed: must be a whole number"),
     "title": (BEAM, f"{BEAM}[study]\ntitle = 1\n", ": [study]: title: must be a text, got 1"),
-    "unknown kind": ('kind = "omitted"', 'kind = "omited"', ": [parts]: kind must be one of amplitudes, beam,"),
+    "unknown kind": ('kind = "omitted"', 'kind = "omited"', ": [parts]: kind must be one of beam,"),
     "no kind": ('kind = "omitted"', "", ": [parts]: kind must be one of"),
     "reserved name": ('name = "swing"', 'name = "timing"', ": [parts]: name: must be made of letters"),
     "unusable name": ('name = "swing"', 'name = "a b"', ": [parts]: name: must be made of letters"),

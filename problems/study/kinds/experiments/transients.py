@@ -1,6 +1,6 @@
 """A part with simulated experiments: Figures 17 to 27, Tables 8, 11 and 12 of the paper.
 
-Each run drives a mode of the beam, stops, and lets it decay under several laws (``problems.study.kinds.experiments.experiment``).
+Each run drives a mode of the beam, stops, and lets it decay under several laws (``experiment``).
 """
 
 from __future__ import annotations

@@ -22,7 +22,6 @@ extensions = [
     "sphinx_gallery.gen_gallery",
 ]
 exclude_patterns = ["_build"]
-suppress_warnings = ["toc.not_readable"]
 smartquotes_action = "D"  # dashes alone: an apostrophe may be a derivative
 
 myst_enable_extensions = ["colon_fence"]

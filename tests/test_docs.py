@@ -31,7 +31,14 @@ from problems.cli import main
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if not {"_build", "gallery"} & set(path.relative_to(DOCS).parts))
-SLOW = ("export.md", "tutorials/export.md", "tutorials/large_motion.md")  # pages that take more than ten seconds
+SLOW = (  # pages that take more than ten seconds
+    "export.md",
+    "how_to/choosing_a_law.md",
+    "how_to/many_runs.md",
+    "how_to/own_optimiser.md",
+    "tutorials/export.md",
+    "tutorials/large_motion.md",
+)
 READ = ("text", "json", "c", "matlab")
 SET_UP = ("python3 -m venv ", "python -m venv ", "pip install ", ". .venv/bin/activate", ".venv/bin/pip install ")
 FENCE = re.compile(r"(?P<indent> *)(?P<fence>`{3,}|~{3,})(?P<language>.*)")

@@ -7,7 +7,8 @@ amplitude would).  At e0 = 76 mm on 500 mm the tip displacement of mode 2 is 0.1
 load it would be 1.5 %, after a force at the tip 2.4 %.
 
 Radau integrates the motion: the sudden release moves the mesh too, and the default integrator changes to Radau within
-the first millisecond.  Amplitudes below ``RESOLVED`` are not resolved at its default tolerance.
+the first millisecond.  With ``TOLERANCE`` and ``STEPS``, amplitudes are within 0.05 % of those at a 300 times smaller
+tolerance, down to ``RESOLVED``.
 
 The envelope on the beam consists of the peaks of the tip displacement across the beam, that by the formula is a(t) of
 Eq. (27) with f and e0.  The motion by the formula starts at rest, unlike Eq. (27) as printed:
@@ -26,14 +27,14 @@ from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import brentq, root_scalar
 from scipy.signal import find_peaks
 
 from ancf_casadi.damping import QuadraticDamping
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, quadratic_envelope
 from ancf_casadi.decay.envelope import damping_curve
 from ancf_casadi.dynamics.simulation import simulate
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.point_load import PointLoad
@@ -44,8 +45,8 @@ from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
 SAMPLES = 40  # per period
+TOLERANCE, STEPS = 1e-5, 24  # tolerance of the integrator, and its least number of steps per period
 LARGEST_START = 0.6  # tip displacement relative to the length, beyond which the load hardly moves the tip across
-ITERATIONS = 60  # of the search for the load
 RESOLVED = 1e-5  # m, least amplitude that the simulation resolves on a beam of half a metre
 
 
@@ -167,6 +168,8 @@ def simulate_decay(
         duration=duration + 1 / frequency,  # so that the last peak lies beyond the end
         sample_rate=SAMPLES * frequency,
         method="radau",
+        tolerance=TOLERANCE,
+        largest_step=1 / (STEPS * frequency),
     )
     tip, ω = run.tip @ _across(modes), 2 * math.pi * frequency
     first, second = (abs(float(modes.modal_coordinate(start.coordinates, mode))) for mode in range(2))
@@ -223,12 +226,10 @@ def displaced(modes: Modes, amplitude: float) -> Equilibrium:
     def missing(factor: float) -> float:
         return float(bent(factor).tip @ _across(modes)) - amplitude
 
-    upper = amplitude
-    for _ in range(ITERATIONS):
-        if missing(upper) >= 0.0:
-            break
-        upper *= 1.25
-    return bent(float(brentq(missing, 0.0, upper, xtol=1e-9 * amplitude)))
+    found = root_scalar(missing, method="secant", x0=amplitude, x1=1.02 * amplitude, xtol=1e-7 * amplitude)
+    if not found.converged:
+        raise EquilibriumError(f"no load was found that displaces the tip by {amplitude:g} m; start with less")
+    return bent(float(found.root))
 
 
 def peaks(time: Array, displacement: Array) -> Envelope:

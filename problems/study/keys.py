@@ -10,7 +10,7 @@ tables of a TOML file:
   [study]       title, text, source (a reference), printed_by (origin of printed
                 numbers), seed
 {beam.KEYS}{match.KEYS}\
-  [[decays]]    measured free decays, one per mode: file, column, unit, time,
+  [[decays]]    measured free decays: file, column, unit, time,
                 time_unit, rate, from, to, release_time
   [[laws]]      damping laws: name, title, terms = [{{law = "modal", ...}}, ...] with
                 the keys of [[damping]], or terms = [{{part = "PART"}}]

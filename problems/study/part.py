@@ -41,7 +41,7 @@ class Effort:
 
 
 FULL = Effort(steps_per_period=24, driving=1.0, window=1.0)
-QUICK = Effort(steps_per_period=12, driving=0.1, window=0.4)
+QUICK = Effort(steps_per_period=12, driving=0.05, window=0.3)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
 from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_keys, choice, flag, located, number, physical, positive, shown, whole
 from ancf_casadi.support.prefixes import prefixed
@@ -36,8 +37,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 KEYS = """\
-  kind = "decays"       free decays, one per mode: law ("linear", "quadratic",
-                        "auto", ...), offset (true or false), records = [{file,
+  kind = "decays"       free decays: law ("auto", "linear", "quadratic", ...;
+                        default: the best for each measured record), offset (true or false), records = [{file,
                         column, unit, time, time_unit, rate, from, to,
                         release_time}, ...] (default: the tables [[decays]]), or
                         records = [{synthetic = {frequency (Hz), amplitude (m),
@@ -46,6 +47,7 @@ KEYS = """\
                         printed = {frequency (Hz), damping_ratio (%), eta1, eta2}
 """
 RECORD = {"file", "column", "unit", "from", "to", "release_time", *READING}
+LAW_NAMES = (*LAWS, "auto")
 PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
 FRAME_RATE, DURATION, NOISE = 500.0, 5.0, 0.2e-3  # 1/s, s, m: of synthetic decays
 ZOOMED, SHORT_ZOOM = 12, 3  # periods drawn in detail, and of a record with many samples per period
@@ -62,8 +64,8 @@ class Decay:
     ----------
     time, values : ndarray
         Times, s, and values in the SI unit of the sensor.
-    unit : str
-        This unit.
+    sensor : Sensor
+        The sensor.
     label : str
         Name of the record.
     synthetic : str
@@ -74,7 +76,7 @@ class Decay:
 
     time: Array
     values: Array
-    unit: str
+    sensor: Sensor
     label: str
     synthetic: str
     release_time: float
@@ -129,7 +131,7 @@ def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
         As ``fit_decay``.
     """
     release = None if math.isnan(decay.release_time) else decay.release_time
-    record = Measurement(decay.time, decay.values, decay.label)
+    record = Measurement(decay.time, decay.values, decay.label, decay.sensor)
     with located(decay.label):
         fit: DecayFit = fit_decay(record, law=law, offset=offset, release_time=release)  # type: ignore[arg-type]
     names = ("frequency", "damping_ratio", "eta1", "eta2", "amplitude", "correlation")
@@ -228,9 +230,11 @@ class Decays(Part):
             errors = tuple(scale * fit.errors[name] for fit in fits)
             return Column(head, values, unit, errors, printed_values(self.printed, name))
 
-        columns = [Column("mode", tuple(range(1, len(fits) + 1)))]
-        if not all(decay.synthetic for decay in self.decays):
-            columns.append(Column("record", tuple(decay.label for decay in self.decays)))
+        columns = [Column("record", tuple(decay.label for decay in self.decays))]
+        if all(decay.synthetic for decay in self.decays):
+            columns = [Column("mode", tuple(range(1, len(fits) + 1)))]
+        if len({fit.law for fit in fits}) > 1 or self.law == "auto":
+            columns.append(Column("law", tuple(fit.law for fit in fits)))
         columns.append(column("frequency", "frequency", "Hz"))
         damped_by_rate = any(fit.law != "linear" for fit in fits)
         if damped_by_rate:
@@ -272,20 +276,21 @@ class Decays(Part):
         name = f"{self.heading.name}_{mode}"
         values = fit.quantities
         title = f"f = {values['frequency']:.5g} Hz,  ζ = {100 * values['damping_ratio']:.3g} %"
-        if fit.law != "linear":
+        if fit.law in ("quadratic", "one-mode"):
             title = f"f = {values['frequency']:.5g} Hz,  η1 = {values['eta1']:.3g} 1/s,  η2 = {values['eta2']:.3g} 1/m"
-        kind = "synthetic record" if decay.synthetic else decay.label
+        which = f"Mode {mode}: free decay (synthetic record)" if decay.synthetic else f"Free decay {decay.label}"
         caption = (
-            f"Mode {mode}: free decay ({kind}) and its fit by the {fit.law} law.  Top: extremes over the whole "
-            "record.  Middle: first periods.  Bottom: record less fit."
+            f"{which} and its fit by the {fit.law} law.  Top: extremes over the whole record.  Middle: first periods.  "
+            "Bottom: record less fit."
         )
-        return drawn(name, caption, lambda: _decay_figure(decay, fit, f"mode {mode}:  {title}"))
+        head = f"mode {mode}" if decay.synthetic else decay.label
+        return drawn(name, caption, lambda: _decay_figure(decay, fit, f"{head}:  {title}"))
 
 
 def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
     """Draw a decay with its fit, its first periods, and the residuals."""
     figure, (whole_record, first, remainder) = new_figure(4.6, 3)
-    size, unit = prefixed(float(np.abs(fit.measured).max()), decay.unit)
+    size, unit = prefixed(float(np.abs(fit.measured).max()), decay.sensor.unit)
     label = "synthetic record" if decay.synthetic else "record"
     frequency = fit.quantities["frequency"]
     draw_band(whole_record, band(fit.time, fit.measured, frequency), 1 / size, filled=True, color="black", label=label)
@@ -294,13 +299,13 @@ def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
     first.plot(fit.time[shown], fit.measured[shown] / size, "k.", ms=3, label=label)
     first.plot(fit.fine_time, fit.fine / size, **line(1), lw=1, label="fit")
     rest = fit.measured - fit.fitted
-    rest_size, rest_unit = prefixed(float(np.abs(rest).max()), decay.unit)
+    rest_size, rest_unit = prefixed(float(np.abs(rest).max()), decay.sensor.unit)
     windows = np.unique(np.linspace(0, len(rest) - 1, min(WINDOWS, len(rest))).astype(int))
     low, high = (extreme.reduceat(rest, windows) / rest_size for extreme in (np.minimum, np.maximum))
     remainder.vlines(fit.time[windows], low, high, color="black", lw=0.7)
-    remainder.set(xlabel="time, s", ylabel=f"residual, {rest_unit}")
+    remainder.set(xlabel="time, s", ylabel=f"residual, {rest_unit}" if rest_unit else "residual")
     for axes in (whole_record, first):
-        axes.set_ylabel(f"displacement, {unit}")
+        axes.set_ylabel(f"{decay.sensor.quantity}, {unit}" if unit else decay.sensor.quantity)
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     figure.align_ylabels()
     figure.suptitle(f"{title}{';  SYNTHETIC DATA' if decay.synthetic else ''}", fontsize=9, ha="left", x=0.02)
@@ -349,7 +354,7 @@ def _measured(source: Source, table: Any, where: str) -> Decay:
         record = Measurement.from_recording(recording, table.get("column"), unit=table.get("unit"))
         record = record.cut(table.get("from"), table.get("to"))
         release = number(table["release_time"], "release_time") if "release_time" in table else math.nan
-    return Decay(record.time, record.values, record.sensor.unit, record.name, "", release)
+    return Decay(record.time, record.values, record.sensor, record.name, "", release)
 
 
 def _synthetic(table: Any, given: Mapping[str, Any], study_seed: int, mode: int) -> Decay:
@@ -383,7 +388,7 @@ def _synthetic(table: Any, given: Mapping[str, Any], study_seed: int, mode: int)
         f"Synthetic decays by {law}, because no raw record was published: {rate:g} samples/s, {duration:g} s, white "
         f"noise of {1e3 * noise:g} mm, seed {seed}."
     )
-    return Decay(time, values, "m", f"mode {mode}, synthetic", about, 0.0)
+    return Decay(time, values, Sensor(), f"mode {mode}, synthetic", about, 0.0)
 
 
 KIND = Kind(Decays.kind, "Free decays", KEYS, read)

@@ -29,8 +29,9 @@ KEYS = """\
   kind = "transients"   simulated experiments: beam ("PART"), laws (names of
                         [[laws]]), runs = [{mode, amplitude (m, at the tip), stop
                         (s), frequency (Hz), window (s), laws, measured_ratio}, ...],
-                        printed = {LAW = [damping ratio of each run, %]}
+                        draw (true or false: figures), printed = {LAW = [damping ratio of each run, %]}
 """
+TAKEN = {"experiment", "runs"}  # other keys of its numbers
 MISSED = 0.05  # relative difference from the requested amplitude that the table explains
 
 
@@ -43,23 +44,27 @@ class Transients(ExperimentPart):
     ----------
     printed : dict
         Printed damping ratios (%) of the runs by law.
+    draw : bool
+        Whether to draw figures.
     """
 
     kind = "transients"
     numbers = dict[str, Any]
 
     printed: dict[str, tuple[float | None, ...]]
+    draw: bool
 
     def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
         """Return the damping ratios, the amplitudes, and a figure per run."""
         by_run = results_of(self.runs, results)
-        figures = [
+        tables = (self._ratios(by_run), self._amplitudes(by_run))
+        return Finding(Outcome(self._data(by_run)), tables, self._figures(by_run) if self.draw else ())
+
+    def _figures(self, by_run: Sequence[Sequence[ExperimentResult]]) -> tuple[Drawing, ...]:
+        of_runs = [
             self._drawing(k, run, of_laws) for k, (run, of_laws) in enumerate(zip(self.runs, by_run, strict=True))
         ]
-        if len(self.runs) > 2:
-            figures.append(self._overview(by_run))
-        tables = (self._ratios(by_run), self._amplitudes(by_run))
-        return Finding(Outcome(self._data(by_run)), tables, tuple(figures))
+        return (*of_runs, self._overview(by_run)) if len(self.runs) > 2 else tuple(of_runs)
 
     def _laws(self) -> list[LawChoice]:
         """Return all laws once, in their order."""
@@ -231,12 +236,12 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     InputError
         If a key or value cannot be used.
     """
-    check_keys(given, {"runs"}, {"beam", "laws", "printed"}, where)
+    check_keys(given, {"runs"}, {"beam", "laws", "printed", "draw"}, where)
     runs = read_runs(source, given, where)
     names = [law.name for run in runs for law in run.laws]
     with located(where):
         printed = printed_numbers(given, dict.fromkeys(names, len(runs)))
-    return Transients(heading, source.beam_choice(given, where), runs, printed)
+    return Transients(heading, source.beam_choice(given, where), runs, printed, draw)
 
 
 KIND = Kind(Transients.kind, "Excitation, stop and decay", KEYS, read)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
-from ancf_casadi.support.inputs import check_keys, located
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.inputs import check_keys, flag, located
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
 from problems.study.kind import Kind
@@ -239,7 +240,11 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     check_keys(given, {"runs"}, {"beam", "laws", "printed", "draw"}, where)
     runs = read_runs(source, given, where)
     names = [law.name for run in runs for law in run.laws]
+    taken = TAKEN & set(names)
+    if taken:
+        raise InputError(f"the name {', '.join(sorted(taken))} is taken in results.json; rename the law", where)
     with located(where):
+        draw = flag(given.get("draw", True), "draw")
         printed = printed_numbers(given, dict.fromkeys(names, len(runs)))
     return Transients(heading, source.beam_choice(given, where), runs, printed, draw)
 

@@ -124,8 +124,9 @@ def _program() -> str:
     """Return a hash of the sources of this program and of the versions that determine its numbers."""
     digest = hashlib.sha256(f"{version('casadi')} {version('numpy')} {version('scipy')}".encode())
     for package in (ancf_casadi, problems):
-        for path in sorted(Path(str(package.__file__)).parent.rglob("*.py")):
-            digest.update(path.read_bytes())
+        folder = Path(str(package.__file__)).parent
+        for path in sorted(folder.rglob("*.py")):
+            digest.update(str(path.relative_to(folder)).encode() + path.read_bytes())
     return digest.hexdigest()
 
 

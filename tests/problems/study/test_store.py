@@ -1,0 +1,206 @@
+"""Kept results: keys that change with every input, content that keeps every bit, files that are never trusted."""
+
+import dataclasses
+import math
+import pickle
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from ancf_casadi import Beam
+from ancf_casadi.support.arrays import Array
+from problems.study import store as store_module
+from problems.study.part import Task
+from problems.study.store import SUFFIX, Kept, Store, decoded, encoded, key_of, run_task
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Data of every type that results have."""
+
+    values: Array
+    counts: np.ndarray
+    numbers: dict[str, float]
+    pairs: tuple[tuple[float, float], ...]
+    text: str
+    content: bytes
+    beam: Beam | None
+    anything: Any
+
+
+def sample(scale: float, beam: Beam | None = None) -> Sample:
+    return Sample(
+        values=np.array([[0.1 * scale, math.nan, -math.inf], [math.inf, -0.0, 5e-324]]),
+        counts=np.arange(4, dtype=np.int32),
+        numbers={"pi": math.pi, "none": math.nan, "most": math.inf},
+        pairs=((0.1, 1e300), (math.nan, 2.0)),
+        text="η2 = 0.11 1/m",
+        content=b"\x89PNG\x00",
+        beam=beam,
+        anything={"rows": [1, 2.5, None, True], "ratio": 0.1 + 0.2},
+    )
+
+
+def other(scale: float, beam: Beam | None = None) -> Sample:
+    return sample(scale, beam)
+
+
+def touch(path: str) -> list[float]:
+    Path(path).write_text("executed")
+    return []
+
+
+@pytest.fixture
+def beam(paper_beam) -> Beam:
+    return paper_beam(3)
+
+
+class TestKey:
+    def test_is_the_same_each_time(self, beam):
+        assert key_of(Task(sample, (1.0, beam))) == key_of(Task(sample, (1.0, dataclasses.replace(beam)), cost=9.0))
+
+    def test_changes_with_any_input(self, beam):
+        """One bit of a number, one element of the beam, a type, the order, the function."""
+        array = np.array([1.0, 2.0])
+        inputs = [
+            (1.0, None), (np.nextafter(1.0, 2.0).item(), None), (math.nan, None), (-0.0, None), (0.0, None), (1, None),
+            ("1.0", None), (1.0, beam), (beam, 1.0), (1.0, beam.with_(tip_mass=1e-9)),
+            (1.0, beam.with_(density=8000.1)),
+            (array, None), (array.astype(np.float32), None), (array.reshape(1, 2), None), (array[::-1], None),
+            ({"a": 1.0}, None), ({"b": 1.0}, None), ([1.0, 2.0], None),
+        ]  # fmt: skip
+        tasks = [*(Task(sample, given) for given in inputs), Task(other, inputs[0])]
+        assert len({key_of(task) for task in tasks}) == len(tasks)
+
+    @pytest.mark.parametrize("change", ["source", "new", "renamed", "version"])
+    def test_changes_with_the_program(self, tmp_path, monkeypatch, change):
+        """The sources stand in for those of this program, in a folder of their own."""
+        folder = tmp_path / "package"
+        (folder / "sub").mkdir(parents=True)
+        (folder / "__init__.py").write_text("")
+        (folder / "sub" / "law.py").write_text("eta = 1\n")
+        (folder / "laws.toml").write_text("eta = 1\n")
+        package = type("Package", (), {"__file__": str(folder / "__init__.py")})
+        monkeypatch.setattr(store_module, "problems", package)
+        program: Callable[[], str] = store_module._program.__wrapped__
+        before = program()
+        assert program() == before
+        if change == "source":
+            (folder / "sub" / "law.py").write_text("eta = 2\n")
+        elif change == "new":
+            (folder / "sub" / "more.py").write_text("x = 1\n")
+        elif change == "renamed":
+            (folder / "sub" / "law.py").rename(folder / "sub" / "rule.py")
+        else:
+            monkeypatch.setattr(store_module, "version", lambda name: "0")
+        assert program() != before
+
+    def test_names_what_is_no_plain_data(self):
+        with pytest.raises(NotImplementedError, match="function is not plain data"):
+            key_of(Task(sample, (lambda: 0,)))
+
+
+class TestContent:
+    def test_keeps_every_bit(self, beam):
+        given = sample(1 / 3, beam)
+        found = run_task(Task(sample, (1 / 3, beam))).result(Task(sample, ()))
+        assert type(found) is Sample
+        for name in ("values", "counts"):
+            ours, theirs = getattr(found, name), getattr(given, name)
+            assert (ours.dtype, ours.shape, ours.tobytes()) == (theirs.dtype, theirs.shape, theirs.tobytes())
+        assert repr(found.numbers) == repr(given.numbers)
+        assert repr(found.pairs) == repr(given.pairs)
+        assert (found.text, found.content, found.anything) == (given.text, given.content, given.anything)
+        assert found.beam == beam
+
+    @pytest.mark.parametrize("array", [np.empty((0, 3)), np.array(2.0), np.ones((2, 3)).T, np.arange(9)[::2]])
+    def test_keeps_arrays_of_any_shape(self, array):
+        found = decoded(encoded(array), np.ndarray)
+        assert (found.dtype, found.shape) == (array.dtype, array.shape)
+        assert np.array_equal(found, array)
+
+    def test_a_number_of_numpy_is_a_number(self):
+        assert decoded(encoded([np.float64(0.1), np.int64(3), np.bool_(True)]), list[Any]) == [0.1, 3, True]
+
+
+class TestFiles:
+    def test_come_back_in_another_store(self, tmp_path):
+        task = Task(sample, (2.0,))
+        kept = run_task(task)
+        Store(tmp_path / "steps").keep(key_of(task), kept)
+        assert Store(tmp_path / "steps").get(key_of(task), task) == kept
+
+    def test_that_are_missing_are_none(self, tmp_path):
+        assert Store(tmp_path / "none").get("0" * 24, Task(sample, (2.0,))) is None
+
+    @pytest.mark.parametrize(
+        "kind", ["empty", "cut", "longer", "text", "zeros", "number", "objects", "pickle", "harm", "shape", "dtype"]
+    )
+    def test_that_are_damaged_or_foreign_are_ignored(self, tmp_path, monkeypatch, kind):
+        """Truncated files, other types, arrays of objects and pickles: none is used, none is executed."""
+        monkeypatch.chdir(tmp_path)
+        task = Task(sample, (2.0,))
+        store, key = Store(tmp_path), key_of(task)
+        store.keep(key, run_task(task))
+        path = tmp_path / f"{key}{SUFFIX}"
+        good = path.read_bytes()
+        path.write_bytes(_damaged(good, kind))
+        assert store.get(key, task) is None
+        assert not (tmp_path / "harm").exists()
+        path.write_bytes(good)
+        assert store.get(key, task) is not None
+
+    def test_of_every_length_are_ignored(self, tmp_path):
+        """A file that was cut at any byte."""
+        task = Task(sample, (2.0,))
+        store, key = Store(tmp_path), key_of(task)
+        store.keep(key, run_task(task))
+        path = tmp_path / f"{key}{SUFFIX}"
+        good = path.read_bytes()
+        for size in range(len(good)):
+            path.write_bytes(good[:size])
+            assert store.get(key, task) is None, size
+
+    def test_of_other_studies_are_removed(self, tmp_path):
+        store, tasks = Store(tmp_path), [Task(sample, (scale,)) for scale in (1.0, 2.0, 3.0)]
+        for task in tasks:
+            store.keep(key_of(task), run_task(task))
+        (tmp_path / "notes.txt").write_text("mine")
+        store.discard_all_but({key_of(tasks[1])})
+        assert [store.get(key_of(task), task) is None for task in tasks] == [True, False, True]
+        assert (tmp_path / "notes.txt").read_text() == "mine"
+        shutil.rmtree(tmp_path)
+        store.discard_all_but(set())
+
+
+class _Harm:
+    def __reduce__(self):
+        return touch, ("harm",)
+
+
+def _damaged(good: bytes, kind: str) -> bytes:
+    kept = msgspec.msgpack.decode(good)
+    content = msgspec.msgpack.decode(kept["content"])
+
+    def again(**changes: Any) -> bytes:
+        return msgspec.msgpack.encode({"seconds": 1.0, "content": msgspec.msgpack.encode(content | changes)})
+
+    return {
+        "empty": lambda: b"",
+        "cut": lambda: good[: len(good) // 2],
+        "longer": lambda: good + b"\0",
+        "text": lambda: b"seconds = 1.0",
+        "zeros": lambda: bytes(len(good)),
+        "number": lambda: encoded(Kept(1.0, encoded(3.0))),
+        "objects": lambda: again(values=["|O", [1], bytes(8)]),
+        "shape": lambda: again(values=["<f8", [7], bytes(8)]),
+        "dtype": lambda: again(values=["<f9", [1], bytes(8)]),
+        "pickle": lambda: pickle.dumps(_Harm()),
+        "harm": lambda: again(values=pickle.dumps(_Harm())),
+    }[kind]()

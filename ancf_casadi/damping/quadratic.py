@@ -106,6 +106,15 @@ class QuadraticDamping(DampingLaw):
         ------
         InputError
             If the drag coefficient is negative or not finite, or the density is not positive.
+
+        Examples
+        --------
+        >>> from ancf_casadi import Beam, QuadraticDamping
+        >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+        ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+        >>> law = QuadraticDamping.from_drag(drag_coefficient=0.99, air_density=1.2, beam=beam)
+        >>> round(law.eta2, 3)  # 1/m
+        0.11
         """
         check_instance(beam, "beam", Beam)
         drag_coefficient = number(drag_coefficient, "drag_coefficient")

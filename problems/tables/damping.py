@@ -16,13 +16,14 @@ from problems.tables.study import Study, checked
 KEYS = """\
   [[damping]]   law = "rayleigh": alpha (1/s), beta (s),
                 stiffness ("strain-rate", "tangent" or "reference")
-                law = "quadratic": eta1 (1/s), eta2 (1/m)
+                law = "quadratic": eta1 (1/s), eta2 (1/m); or drag_coefficient,
+                air_density (kg/m^3)
                 law = "modal": ratios, frequencies (Hz)
                 several tables add up
 """
 OF_LAW = {
     "rayleigh": {"alpha", "beta", "stiffness"},
-    "quadratic": {"eta1", "eta2"},
+    "quadratic": {"eta1", "eta2", "drag_coefficient", "air_density"},
     "modal": {"ratios", "frequencies"},
 }
 
@@ -121,6 +122,10 @@ def _term(table: Any, model: Model, where: str) -> DampingLaw:
     required = {"law", "ratios"} if kind == "modal" else {"law"}
     given = checked(table, required, OF_LAW[kind], where)
     arguments = {key: value for key, value in given.items() if key != "law"}
+    if kind == "quadratic" and {"drag_coefficient", "air_density"} & arguments.keys():
+        checked(table, {"law", "drag_coefficient", "air_density"}, set(), where)
+        with located(where):
+            return QuadraticDamping.from_drag(**arguments, beam=model.beam)
     if kind != "modal":
         with located(where):
             return RayleighDamping(**arguments) if kind == "rayleigh" else QuadraticDamping(**arguments)

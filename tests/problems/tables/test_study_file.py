@@ -241,3 +241,18 @@ def test_examples_can_be_read(name):
         assert read_match(path)[1]["targets"] == [1.85, 10.19, 26.84, 53.20, 88.60]
     else:
         assert read_simulation(path).settings["sample_rate"] == 500.0
+
+
+def test_a_quadratic_law_may_be_given_by_its_drag_coefficient(tmp_path):
+    """Cd = 2 rho h eta2 (1183/876)/rho_air: 0.99 for the beam of the paper with eta2 = 0.11 1/m."""
+    path = tmp_path / "air.toml"
+    beam = "length = 0.5\nwidth = 5e-3\nthickness = 0.5e-3\ndensity = 8000.0\nelastic_modulus = 210e9\nelements = 4\n"
+    law = '[[damping]]\nlaw = "quadratic"\ndrag_coefficient = 0.99\n'
+    path.write_text(f"[beam]\n{beam}{law}air_density = 1.2\n")
+    assert read_source(str(path)).damping.eta2 == pytest.approx(0.11, rel=1e-3)
+    path.write_text(f"[beam]\n{beam}{law}air_density = 1.2\neta2 = 0.1\n")
+    with pytest.raises(InputError, match="eta2"):
+        read_source(str(path))
+    path.write_text(f"[beam]\n{beam}{law}")
+    with pytest.raises(InputError, match="air_density"):
+        read_source(str(path))

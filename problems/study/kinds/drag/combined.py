@@ -109,8 +109,13 @@ class CombinedLaw(Part):
                 for n, (one, c) in enumerate(zip(drag, fit.drag_constants, strict=True))
             ],
         }
+        frequencies = [one.frequency for one in measured]
+        terms = (
+            {"law": "modal", "ratios": list(fit.ratios), "frequencies": frequencies},
+            {"law": "quadratic", "eta2": fit.eta2},
+        )
         return Finding(
-            Outcome(data), (self._law(fit, total), self._drag(fit, drag, viscous.tolist())),
+            Outcome(data, terms=terms), (self._law(fit, total), self._drag(fit, drag, viscous.tolist())),
             self._drawings(fit, modes, found, rows), fit.warnings,
         )  # fmt: skip
 

@@ -17,7 +17,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.support.inputs import numbers
 from problems import Global, MeasuredModes, PerElement, Smooth
-from problems.tables.study_file import read_match, read_model, read_simulation
+from problems.tables.study_file import read_match, read_model, read_simulation, read_source
 
 BEAM = """
 [beam]

@@ -281,14 +281,16 @@ def array(values: ArrayLike, where: str, *, finite: bool = True) -> Array:
     return result
 
 
-def check_keys(table: dict[str, Any], required: set[str], optional: set[str], where: str) -> None:
+def check_keys(table: Any, required: set[str], optional: set[str], where: str) -> None:
     """Check that a table has all required keys and no unknown key.
 
     Raises
     ------
     InputError
-        Naming the first missing key and all unknown ones, or the first unknown key.
+        If it is no table; naming the first missing key and all unknown ones, or the first unknown key.
     """
+    if not isinstance(table, dict):
+        raise InputError(f"must be a table, got {shown(table)}", where)
     unknown = sorted(table.keys() - required - optional)
     for key in sorted(required - table.keys()):
         instead = f"; unknown keys: {', '.join(map(shown, unknown))}" if unknown else ""

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ancf_casadi.support.inputs import located
 from ancf_casadi.support.parallel import processes, run_all
 from problems.study.part import Effort, Finding, Outcome, Part, Study, Task
 from problems.study.store import Store, key_of, run_task
@@ -131,4 +132,5 @@ class _Runner:
 
 
 def _finding(kind: str, part: Part, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
-    return part.finding(results, found, effort)
+    with located(part.heading.name):
+        return part.finding(results, found, effort)

@@ -346,8 +346,6 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
 
 def _measured(source: Source, table: Any, where: str) -> Decay:
     """Return the decay in a file."""
-    if not isinstance(table, dict):
-        raise InputError(f"must be a table, got {shown(table)}", where)
     check_keys(table, {"file"}, RECORD - {"file"}, where)
     recording = read_file(source.file, table, where)
     with located(where):

@@ -1,11 +1,15 @@
 """Studies that run in a moment: texts of TOML files, and the study of the paper in small."""
 
 import json
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from problems.study.paper import PAPER
+from problems.study.study import StudyReport, run_study
 
 BEAM = """
 [beam]
@@ -16,6 +20,10 @@ density = 8000.0
 elastic_modulus = 210e9
 elements = 3
 """
+SMALL = {
+    "element", "standard_beam", "photographs", "modal_identification", "proportional", "quadratic",
+    "frequency_matching", "damping_comparison",
+}  # fmt: skip
 RAYLEIGH = """
 [[parts]]
 kind = "rayleigh"
@@ -68,3 +76,17 @@ def without_times(results: dict[str, Any]) -> dict[str, Any]:
         return [kept(item) for item in value] if isinstance(value, list) else value
 
     return kept(results)
+
+
+@pytest.fixture(scope="session")
+def small_paper(tmp_path_factory) -> StudyReport:
+    """The study of the paper in small: eight elements, the promised parts, a moment of the first experiment."""
+    tables = tomllib.loads(PAPER.read_text(encoding="utf-8"))
+    tables["beam"]["elements"] = 8
+    parts = {part["name"]: part for part in tables["parts"] if part["name"] in SMALL}
+    comparison = parts["damping_comparison"]
+    comparison["runs"] = [{**comparison["runs"][0], "amplitude": 0.02, "stop": 1.0}]
+    comparison["printed"] = {law: values[:1] for law, values in comparison["printed"].items()}
+    folder = tmp_path_factory.mktemp("paper")
+    (folder / "small.toml").write_text(toml({**tables, "parts": list(parts.values())}), encoding="utf-8")
+    return run_study(folder / "small.toml", folder / "results", quick=True)

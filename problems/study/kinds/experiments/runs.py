@@ -122,8 +122,6 @@ def read_runs(source: Source, given: dict[str, Any], where: str) -> tuple[Run, .
     runs = []
     for k, table in enumerate(given["runs"], start=1):
         place = f"{where}: runs: {k}"
-        if not isinstance(table, dict):
-            raise InputError(f"must be a table, got {shown(table)}", place)
         check_keys(table, RUN, OPTIONAL, place)
         names = table.get("laws", given.get("laws", []))
         if not is_sequence(names) or not names:

@@ -1,0 +1,236 @@
+"""The study of the paper: every table and figure in order, the promised numbers, and their values."""
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+
+from problems.cli import main
+from problems.study import paper
+from problems.study.kinds.omitted import Omitted
+from problems.study.paper import PAPER
+from problems.study.part import Study
+from problems.study.reading import read_study
+from tests.problems.study.conftest import without_times
+
+PROPORTIONAL = (0.0100, 0.0028, 0.003358, 0.005656, 0.009057)  # Eq. (16) with alpha 0.228181 and beta 3.18013e-5
+PROMISED = {
+    "modal_identification": {"mode", "frequency_hz", "frequency_stderr_hz", "damping_ratio", "damping_ratio_stderr"},
+    "proportional": {"alpha", "beta"},
+    "quadratic": {"mode", "eta1", "eta2_per_m", "equivalent_damping_ratio"},
+    "frequency_matching": {
+        "target_hz", "standard_hz", "matched_hz", "width_m", "thickness_m", "elastic_modulus", "density",
+        "max_relative_error", "at_bound", "iterations", "solve_seconds",
+    },
+    "damping_comparison": {"experiment", "generic", "proportional", "quadratic"},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return read_study(PAPER)
+
+
+class TestContents:
+    """The list of tables and figures, without a run."""
+
+    @pytest.mark.parametrize(("kind", "last"), [("Table", 12), ("Figure", 27)])
+    def test_has_every_table_and_figure_in_order(self, study, kind, last):
+        labels = [
+            label
+            for part in study.parts
+            for label in (part.heading.tables if kind == "Table" else part.heading.figures)
+        ]
+        assert labels == [f"{kind} {number}" for number in range(1, last + 1)]
+
+    def test_says_why_the_photographs_are_not_computed(self, study):
+        (omitted,) = (part for part in study.parts if isinstance(part, Omitted))
+        assert omitted.heading.figures == ("Figure 2", "Figure 3", "Figure 4")
+        assert "Photographs" in omitted.reason
+
+    def test_cites_the_paper(self, study):
+        for word in ("J. W. Lee", "H. W. Kim", "H. C. Ku", "W. S. Yoo", study.title, "325 (2009) 722-741"):
+            assert word in study.source
+
+    def test_experiments_are_those_of_the_paper(self, study):
+        """Section 5.2: frequency and stop time of each mode; each law simulated in each mode."""
+        (part,) = (part for part in study.parts if part.heading.name == "damping_comparison")
+        runs = [(run.frequency, run.stop) for run in part.runs]
+        assert runs == [(1.85, 15.0), (10.19, 20.0), (26.84, 12.0), (53.20, 10.0), (88.60, 6.0)]
+        assert all([law.name for law in run.laws] == ["generic", "proportional", "quadratic"] for run in part.runs)
+        assert tuple(run.measured_ratio for run in part.runs) == paper.DAMPING_RATIOS
+
+
+class TestResults:
+    """The study in small."""
+
+    def test_has_the_promised_keys(self, small_paper):
+        """The meaning of a key never changes silently."""
+        for name, keys in PROMISED.items():
+            rows = small_paper.results[name]
+            for row in rows if isinstance(rows, list) else [rows]:
+                assert keys <= row.keys(), name
+        for name in ("modal_identification", "quadratic"):
+            assert [row["mode"] for row in small_paper.results[name]] == [1, 2, 3, 4, 5]
+        assert list(small_paper.results["timing"]) == [part.heading.name for part in small_paper.parts]
+
+    def test_validates_against_its_schema(self, small_paper):
+        folder = small_paper.page.parent
+        schema, results = (json.loads((folder / name).read_text()) for name in ("results.schema.json", "results.json"))
+        validator = jsonschema.Draft202012Validator(schema)
+        validator.check_schema(schema)
+        validator.validate(results)
+        assert results == small_paper.to_dict()
+
+    @pytest.mark.parametrize(
+        ("part", "change"),
+        [
+            ("modal_identification", lambda rows: rows[0].pop("frequency_hz")),
+            ("modal_identification", lambda rows: rows[0].update(frequency_hz="1.85")),
+            ("proportional", lambda numbers: numbers.update(alpha=None)),
+            ("timing", lambda times: times.update(proportional=-1.0)),
+            ("study", lambda about: about.pop("seed")),
+        ],
+    )
+    def test_does_not_validate_otherwise(self, small_paper, part, change):
+        schema = json.loads((small_paper.page.parent / "results.schema.json").read_text())
+        results = json.loads((small_paper.page.parent / "results.json").read_text())
+        change(results[part])
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(results, schema)
+
+    def test_values_are_si_and_fractions(self, small_paper):
+        results = small_paper.results
+        matching = results["frequency_matching"]
+        assert matching["target_hz"] == list(paper.FREQUENCIES)
+        assert matching["matched_hz"] == pytest.approx(paper.FREQUENCIES, rel=1e-6)
+        assert matching["width_m"] == pytest.approx([5e-3] * 8, rel=0.1 + 1e-9)
+        assert matching["thickness_m"] == pytest.approx([0.5e-3] * 8, rel=0.1 + 1e-9)
+        assert matching["density"] == pytest.approx(8000.0, rel=0.1 + 1e-9)
+        assert matching["elastic_modulus"] == pytest.approx(210e9, rel=0.1 + 1e-9)
+        assert results["proportional"]["alpha"] == pytest.approx(0.228181, abs=5e-7)
+        assert results["proportional"]["beta"] == pytest.approx(3.18013e-5, abs=5e-11)
+        comparison = results["damping_comparison"]
+        assert comparison["experiment"] == [0.01]
+        assert comparison["generic"] == pytest.approx([0.01], rel=0.02)
+        assert comparison["proportional"] == pytest.approx([0.01], rel=0.02)
+
+    def test_fits_recover_the_numbers_of_the_paper(self, small_paper):
+        """Each number of Tables 2 and 4 lies within four standard errors, which the noise determines."""
+        for row, f, ratio in zip(
+            small_paper.results["modal_identification"], paper.FREQUENCIES, paper.DAMPING_RATIOS, strict=True
+        ):
+            assert abs(row["frequency_hz"] - f) < 4 * row["frequency_stderr_hz"]
+            assert abs(row["damping_ratio"] - ratio) < 4 * row["damping_ratio_stderr"]
+            assert row["damping_ratio_stderr"] < 0.02 * ratio
+            assert row["synthetic"]
+        rows = small_paper.results["quadratic"]
+        for row, eta1, eta2 in zip(rows, paper.ETA1, paper.ETA2, strict=True):
+            assert abs(row["eta1"] - eta1) < 4 * row["eta1_stderr"]
+            assert abs(row["eta2_per_m"] - eta2) < 4 * row["eta2_stderr_per_m"]
+            assert row["correlation"] < -0.9
+
+    def test_eta2_of_the_higher_modes_is_uncertain(self, small_paper):
+        """Erratum 18: with this noise, eta2 of modes 1 to 5 is uncertain by 3, 22, 47, 73 and 18 %."""
+        rows = small_paper.results["quadratic"]
+        uncertain = [row["eta2_stderr_per_m"] / eta2 for row, eta2 in zip(rows, paper.ETA2, strict=True)]
+        assert uncertain == pytest.approx([0.03, 0.22, 0.47, 0.73, 0.18], rel=0.35)
+
+    def test_tables_stand_beside_the_papers_numbers(self, small_paper):
+        """The printed numbers, those computed, and the right values beside misprints."""
+        tables = {label: table for part in small_paper.parts for label, table in part.tables}
+        assert [label for label in tables if "A" not in label] == [
+            "Table 1", "Table 2", "Table 3", "Table 4", "Table 9", "Table 10", "Table 11",
+        ]  # fmt: skip
+        assert {table.source for table in tables.values() if "paper" in table.heads()} == {"paper"}
+        frequency = next(column for column in tables["Table 2"].columns if column.head == "frequency")
+        assert frequency.printed == paper.FREQUENCIES
+        (beta,) = (row for row in tables["Table 3"].table().rows if row[0] == "beta")
+        assert beta[2] == pytest.approx(3.18e-5, rel=1e-3)
+        assert beta[-1] == 3.18e-4
+        assert any("ten times" in note for note in tables["Table 3"].notes)
+
+    def test_synthetic_data_say_so(self, small_paper):
+        """Erratum 20: no raw record is published; table, note and each figure say that the decays are synthetic."""
+        for part in small_paper.parts:
+            if part.heading.name in ("modal_identification", "quadratic"):
+                for _, table in part.tables:
+                    assert "synthetic" in table.title
+                    assert any("no raw record was published" in note for note in table.notes)
+                for _, figure in part.figures:
+                    assert "synthetic" in figure.caption
+                    assert "SYNTHETIC" in figure.svg
+
+    def test_the_command_prints_what_it_writes(self, small_paper, tmp_path, monkeypatch, capsys):
+        """The finished steps are those of the study above."""
+        folder = small_paper.page.parent
+        monkeypatch.chdir(folder.parent)
+        assert main(["study", "small.toml", "--quick", "--jobs", "1", "--json"]) == 0
+        printed = capsys.readouterr().out
+        assert json.loads(printed) == json.loads((folder / "results.json").read_text())
+        assert json.loads(printed) == small_paper.to_dict()
+        assert main(["study", "small.toml", "--quick", "--jobs", "1"]) == 0
+        *text, last = capsys.readouterr().out.splitlines()
+        assert (folder.parent / last).samefile(small_paper.page)
+        assert any(line.startswith("Table 2. ") for line in text)
+
+
+def finished(out: Path, *, killed: bool = False) -> dict[str, Any]:
+    """Return the results of ``reproduce --quick``, as a user runs it, or end it with SIGKILL midway."""
+    command = [sys.executable, "-m", "problems.cli", "reproduce", "--quick", "--jobs", "2", "--json", "--out", str(out)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        if killed:
+            while len(list(out.rglob("*.msgpack"))) < 25:
+                assert process.poll() is None
+                time.sleep(0.05)
+            process.send_signal(signal.SIGKILL)
+            process.communicate()
+            return {}
+        output, errors = process.communicate(timeout=280)
+    assert process.returncode == 0, errors
+    assert "Warning" not in errors
+    return json.loads(output)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="kill -9 is a signal of POSIX")
+def test_the_command_reproduces_the_paper_and_resumes(tmp_path, monkeypatch):
+    """All tables and figures; values within a few per cent; the same numbers after kill -9 and a restart."""
+    monkeypatch.delenv("ANCF_CASADI_COMPILE", raising=False)  # as a user runs it
+    results = finished(tmp_path / "whole")
+    assert results == json.loads((tmp_path / "whole" / "results.json").read_text())
+    jsonschema.validate(results, json.loads((tmp_path / "whole" / "results.schema.json").read_text()))
+    labels = [label for part in results["study"]["parts"] for label in (*part["tables"], *part["figures"])]
+    labels += results["photographs"]["omitted"]
+    expected = {f"Table {k}" for k in range(1, 13)} | {f"Figure {k}" for k in range(1, 28)}
+    assert expected <= set(labels)
+    assert len(labels) == len(set(labels))
+    comparison = results["damping_comparison"]
+    assert comparison["generic"] == pytest.approx(paper.DAMPING_RATIOS, rel=0.05)
+    assert comparison["proportional"] == pytest.approx(PROPORTIONAL, rel=0.03)
+    ratios = np.array(paper.ETA1[0]) / (4 * math.pi * np.array(paper.FREQUENCIES))  # of eta1 alone
+    assert (np.array(comparison["quadratic"]) > ratios).all()
+    for part in ("independence", "damping_comparison", "individual_quadratic"):
+        for row in results[part]["runs"]:
+            assert row["damping_ratio"] == pytest.approx(row["expected_damping_ratio"], abs=1.2e-4, rel=0.03)
+    assert all(abs(row["damping_ratio"]) < 1.2e-4 for row in results["numerical_damping"]["runs"])
+    assert results["frequency_matching"]["max_relative_error"] < 1e-6
+    assert results["uniform_beam"]["max_relative_error"] == pytest.approx(0.0299, abs=2e-4)
+    finished(tmp_path / "killed", killed=True)
+    kept = {path.name for path in (tmp_path / "killed" / "steps").iterdir() if path.suffix == ".msgpack"}
+    assert not (tmp_path / "killed" / "results.json").exists()
+    again = finished(tmp_path / "killed")
+    assert without_times(again) == without_times(results)
+    assert len(kept & {path.name for path in (tmp_path / "whole" / "steps").iterdir()}) >= 25
+    assert {path.name for path in (tmp_path / "killed").rglob("*.svg")} == {
+        path.name for path in (tmp_path / "whole").rglob("*.svg")
+    }

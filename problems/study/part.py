@@ -64,6 +64,8 @@ class Heading:
         Origin of the printed numbers, such as ``paper``.
     section : str
         Title of a section of the document that begins here; none if empty.
+    draw : bool
+        Whether the document shows its figures.
     """
 
     name: str
@@ -74,6 +76,7 @@ class Heading:
     notes: tuple[str, ...] = ()
     source: str = "printed"
     section: str = ""
+    draw: bool = True
 
 
 @dataclass(frozen=True)

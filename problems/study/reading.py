@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import located, shown, whole
+from ancf_casadi.support.inputs import flag, located, shown, whole
 from problems.study.document.labels import file_name
 from problems.study.kinds.registry import KINDS
 from problems.study.part import Heading, Part, Study
@@ -24,7 +24,7 @@ USUAL = {  # parts that a table suggests
     "records": ("motion",),
 }  # fmt: skip
 STUDY = {"title", "text", "source", "printed_by", "seed"}
-HEADING = {"name", "title", "text", "tables", "figures", "notes", "section"}
+HEADING = {"name", "title", "text", "tables", "figures", "notes", "section", "draw"}
 RESERVED = {"study", "timing", "versions", "data"}  # other keys of results.json
 
 
@@ -112,6 +112,7 @@ def _heading(table: dict[str, Any], kind: str, printed_by: str, before: Mapping[
             notes=texts_of(table, "notes"),
             source=printed_by,
             section=text_of(table, "section", ""),
+            draw=flag(table.get("draw", True), "draw"),
         )
 
 

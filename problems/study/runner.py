@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -133,4 +133,5 @@ class _Runner:
 
 def _finding(kind: str, part: Part, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
     with located(part.heading.name):
-        return part.finding(results, found, effort)
+        finding = part.finding(results, found, effort)
+    return finding if part.heading.draw else replace(finding, figures=())

@@ -214,6 +214,7 @@ class Decays(Part):
         figures = tuple(
             self._drawing(mode, decay, fit)
             for mode, (decay, fit) in enumerate(zip(self.decays, fits, strict=True), start=1)
+            if self.heading.draw
         )
         warnings = tuple(
             f"{decay.label}: {warning}"

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import check_keys, flag, located
+from ancf_casadi.support.inputs import check_keys, located
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
 from problems.study.kind import Kind
@@ -30,7 +30,7 @@ KEYS = """\
   kind = "transients"   simulated experiments: beam ("PART"), laws (names of
                         [[laws]]), runs = [{mode, amplitude (m, at the tip), stop
                         (s), frequency (Hz), window (s), laws, measured_ratio}, ...],
-                        draw (true or false: figures), printed = {LAW = [damping ratio of each run, %]}
+                        printed = {LAW = [damping ratio of each run, %]}
 """
 TAKEN = {"experiment", "runs"}  # other keys of its numbers
 MISSED = 0.05  # relative difference from the requested amplitude that the table explains
@@ -45,21 +45,18 @@ class Transients(ExperimentPart):
     ----------
     printed : dict
         Printed damping ratios (%) of the runs by law.
-    draw : bool
-        Whether to draw figures.
     """
 
     kind = "transients"
     numbers = dict[str, Any]
 
     printed: dict[str, tuple[float | None, ...]]
-    draw: bool
 
     def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
         """Return the damping ratios, the amplitudes, and a figure per run."""
         by_run = results_of(self.runs, results)
         tables = (self._ratios(by_run), self._amplitudes(by_run))
-        return Finding(Outcome(self._data(by_run)), tables, self._figures(by_run) if self.draw else ())
+        return Finding(Outcome(self._data(by_run)), tables, self._figures(by_run) if self.heading.draw else ())
 
     def _figures(self, by_run: Sequence[Sequence[ExperimentResult]]) -> tuple[Drawing, ...]:
         of_runs = [
@@ -237,16 +234,15 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     InputError
         If a key or value cannot be used.
     """
-    check_keys(given, {"runs"}, {"beam", "laws", "printed", "draw"}, where)
+    check_keys(given, {"runs"}, {"beam", "laws", "printed"}, where)
     runs = read_runs(source, given, where)
     names = [law.name for run in runs for law in run.laws]
     taken = TAKEN & set(names)
     if taken:
         raise InputError(f"the name {', '.join(sorted(taken))} is taken in results.json; rename the law", where)
     with located(where):
-        draw = flag(given.get("draw", True), "draw")
         printed = printed_numbers(given, dict.fromkeys(names, len(runs)))
-    return Transients(heading, source.beam_choice(given, where), runs, printed, draw)
+    return Transients(heading, source.beam_choice(given, where), runs, printed)
 
 
 KIND = Kind(Transients.kind, "Excitation, stop and decay", KEYS, read)

@@ -45,8 +45,8 @@ def _reproduce(options: argparse.Namespace) -> Output:
     return _run(options, PAPER, "ancf-casadi reproduce")
 
 
-def _run(options: argparse.Namespace, path: Path, command: str) -> Output:
-    from problems.study.study import run_study
+def _run(options: argparse.Namespace, path: Path | None, command: str) -> Output:
+    from problems.study.study import run_study  # slow to import, and only needed here
 
     report = run_study(
         path,

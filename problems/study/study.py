@@ -86,7 +86,7 @@ class StudyReport:
 
 
 def run_study(
-    path: str | Path = PAPER,
+    path: str | Path | None = None,
     out: str | Path = "results",
     *,
     quick: bool = False,
@@ -101,8 +101,8 @@ def run_study(
 
     Parameters
     ----------
-    path : str or Path
-        TOML file of the study; the study of the paper by default.
+    path : str or Path, optional
+        TOML file of the study; the study of the paper if not given.
     out : str or Path
         Folder of the results.
     quick : bool
@@ -137,7 +137,7 @@ def run_study(
     check_instance(executor, "executor", Executor, NoneType)
     folder = check_folder(out)
     quick, jobs = flag(quick, "quick"), whole(jobs, "jobs", 1)
-    study = read_study(path)
+    study = read_study(PAPER if path is None else path)
     findings, steps = run_parts(
         study,
         folder,

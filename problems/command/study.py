@@ -40,9 +40,7 @@ def _study(options: argparse.Namespace) -> Output:
 
 
 def _reproduce(options: argparse.Namespace) -> Output:
-    from problems.study.paper import PAPER
-
-    return _run(options, PAPER, "ancf-casadi reproduce")
+    return _run(options, None, "ancf-casadi reproduce")
 
 
 def _run(options: argparse.Namespace, path: Path | None, command: str) -> Output:

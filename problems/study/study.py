@@ -7,7 +7,6 @@
         print(report.page)
 
 The folder then holds ``report.html``, ``results.json`` with its schema, and the tables and figures as files.
-``PAPER`` is the study of the paper.
 """
 
 from __future__ import annotations

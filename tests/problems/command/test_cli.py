@@ -42,7 +42,6 @@ from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
 from problems.study import runner
 from problems.study import study as study_module
-from problems.study.paper import PAPER
 from problems.tables import records
 from problems.tables.base import AXES
 from problems.tables.columns import READING
@@ -265,7 +264,7 @@ def test_reproduce_is_the_study_of_the_paper(files, capsys, monkeypatch):
 
     monkeypatch.setattr(study_module, "run_study", run)
     assert main(["reproduce", "--quick", "--jobs", "3", "--out", "study"]) == 1
-    assert calls.pop("arguments") == (PAPER, Path("study"))
+    assert calls.pop("arguments") == (None, Path("study"))
     command = "ancf-casadi reproduce --quick"
     assert calls == {"quick": True, "jobs": 3, "progress": False, "command": command}
     assert one_line(capsys) == "ancf-casadi: no minimum was found"
@@ -599,7 +598,7 @@ class TestUnusableInput:
             ('"quadratic"', '"cubic"', "[damping]: law must be one of rayleigh, quadratic, modal, got 'cubic'"),
             ('"quadratic"', '["quadratic"]', "[damping]: law must be one of rayleigh, quadratic, modal, got ['quad"),
             ("eta2 = 0.11", "eta2 = -0.11", "[damping]: eta2: must not be negative, got -0.11"),
-            ("eta2 = 0.11", "zeta2 = 0.11", "[damping]: unknown key 'zeta2'; known are eta1, eta2, law"),
+            ("eta2 = 0.11", "zeta2 = 0.11", "[damping]: unknown key 'zeta2'; known are air_density, drag_coefficient, eta1, eta2, law"),
             ("frequency = 1.876", "frequency = 0", "[base]: frequency: must be positive, got 0"),
             ("stop = 0.2 ", "stop_at = 'once'\nstop = 'late' ", "[base]: stop: must be a finite number, got 'late'"),
             ("duration = 0.4", "duration = 0", "[simulation]: duration: must be positive, got 0"),

@@ -183,7 +183,7 @@ class TestSimulation:
             ("[damping]\nlaw = ['modal']\n", r"\[damping\]: law must be one of .*, got \['modal'\]"),
             (
                 "[damping]\nlaw = 'quadratic'\nalpha = 1\n",
-                r"\[damping\]: unknown key 'alpha'; known are eta1",
+                r"\[damping\]: unknown key 'alpha'; known are air_density, drag_coefficient, eta1",
             ),
             ("[damping]\nlaw = 'rayleigh'\nalpha = -1\n", r"\[damping\]: alpha: must not be negative"),
             ("[damping]\nlaw = 'modal'\n", r"\[damping\]: the key 'ratios' is missing"),

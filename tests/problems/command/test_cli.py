@@ -598,7 +598,11 @@ class TestUnusableInput:
             ('"quadratic"', '"cubic"', "[damping]: law must be one of rayleigh, quadratic, modal, got 'cubic'"),
             ('"quadratic"', '["quadratic"]', "[damping]: law must be one of rayleigh, quadratic, modal, got ['quad"),
             ("eta2 = 0.11", "eta2 = -0.11", "[damping]: eta2: must not be negative, got -0.11"),
-            ("eta2 = 0.11", "zeta2 = 0.11", "[damping]: unknown key 'zeta2'; known are air_density, drag_coefficient, eta1, eta2, law"),
+            (
+                "eta2 = 0.11",
+                "zeta2 = 0.11",
+                "[damping]: unknown key 'zeta2'; known are air_density, drag_coefficient, eta1, eta2, law",
+            ),
             ("frequency = 1.876", "frequency = 0", "[base]: frequency: must be positive, got 0"),
             ("stop = 0.2 ", "stop_at = 'once'\nstop = 'late' ", "[base]: stop: must be a finite number, got 'late'"),
             ("duration = 0.4", "duration = 0", "[simulation]: duration: must be positive, got 0"),

@@ -126,7 +126,9 @@ def difference(value: Cell, printed: float | None) -> str:
     if printed == 0.0:
         return "0" if value == 0.0 else f"{value:+.2g}"
     relative = value / printed - 1
-    return "0" if abs(relative) < SAME else f"{100 * relative:+.2g} %"
+    if abs(relative) < SAME:
+        return "0"
+    return f"{100 * relative:+.2g} %" if abs(relative) < 0.995 else f"{100 * relative:+.0f} %"
 
 
 def printed_values(given: Mapping[str, Sequence[float | None]], name: str) -> tuple[float | None, ...] | None:

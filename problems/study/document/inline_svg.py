@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-BLACK = ("#000000", "#222222", "black")  # ink of axes, text and records
+INK = re.compile(r"((?:fill|stroke|stop-color)(?:: *|=\"))(?:#000000|#222222|black)\b")  # of axes, text and records
 
 
 def inline_svg(svg: str, name: str, caption: str) -> str:
@@ -24,8 +24,7 @@ def inline_svg(svg: str, name: str, caption: str) -> str:
     element = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', element)
     element = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", element)
     element = re.sub(r'xlink:href="#([^"]+)"', rf'xlink:href="#{name}-\1"', element)
-    for colour in BLACK:
-        element = element.replace(colour, "currentColor")
+    element = INK.sub(r"\1currentColor", element)
     width, height = re.search(r'width="([\d.]+)pt" height="([\d.]+)pt"', element).groups()  # type: ignore[union-attr]
     element = re.sub(r'width="[\d.]+pt" height="[\d.]+pt"', "", element, count=1)
     opening = f'<svg role="img" aria-label="{_attribute(caption)}" style="aspect-ratio: {width} / {height}"'

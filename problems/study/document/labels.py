@@ -66,16 +66,6 @@ def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]
     return tuple(shown)
 
 
-def contents(shown: tuple[Shown, ...]) -> list[str]:
-    """Return the labels of all tables and figures in the order of the document, with those that are not computed."""
-    found = []
-    for part in shown:
-        if part.reason:
-            found += [*part.heading.tables, *part.heading.figures]
-        found += [label for label, _ in part.tables] + [label for label, _ in part.figures]
-    return found
-
-
 def file_name(label: str) -> str:
     """Return the name of the files of a labelled table or figure: ``figure_05`` for Figure 5.
 

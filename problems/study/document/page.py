@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
 from problems.study.data_table import DataTable
 from problems.study.document.inline_svg import inline_svg
@@ -72,7 +72,7 @@ def _paragraphs(text: str) -> Markup:
 
 
 def _svg(label: str, svg: str, caption: str) -> Markup:
-    return Markup(inline_svg(svg, file_name(label), str(escape(caption))))
+    return Markup(inline_svg(svg, file_name(label), caption))
 
 
 def _numeric(table: DataTable) -> list[bool]:

@@ -1,0 +1,239 @@
+"""The document is one file that needs nothing else, and shows texts of users as texts."""
+
+import csv
+import io
+import json
+import re
+from collections import Counter
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from problems.study.document.inline_svg import inline_svg
+from problems.study.document.labels import file_name, labelled
+from problems.study.part import Finding, Heading, Outcome, Study
+from problems.study.study import StudyReport, run_study
+from tests.problems.study.conftest import BEAM, DECAYS, RAYLEIGH
+from tests.problems.study.test_runner import Doubles
+
+NASTY = '<script>alert("x")</script> & $\\bad$ {{ 7 * 7 }} black'
+LAW = """
+[[laws]]
+name = "drag"
+title = TEXT
+terms = [{law = "quadratic", eta1 = 1.0}]
+
+[[parts]]
+kind = "transients"
+title = TEXT
+text = TEXT
+section = TEXT
+notes = [TEXT]
+figures = ["Figure <b>"]
+laws = ["drag"]
+runs = [{mode = 1, amplitude = 0.005, stop = 1.0}]
+
+[[parts]]
+kind = "omitted"
+reason = TEXT
+tables = ["Table 5"]
+"""
+RESOURCES = {"link": "href", "script": "src", "img": "src", "iframe": "src", "object": "data", "source": "src"}
+VOID = {"meta", "br", "img", "link", "hr", "input"}
+
+
+class Page(HTMLParser):
+    """Elements of a page: ids, links, texts by element, and whether every element is closed."""
+
+    def __init__(self, page: Path) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.links: list[str] = []
+        self.loaded: list[str] = []
+        self.names: Counter[str] = Counter()
+        self.texts: list[tuple[str, str]] = []
+        self.handlers: list[str] = []
+        self._open: list[str] = []
+        self.source = page.read_text(encoding="utf-8")
+        self.feed(self.source)
+        assert self._open == []
+
+    def handle_startendtag(self, tag, attributes):
+        self.handle_starttag(tag, attributes)
+        if tag not in VOID:
+            self.handle_endtag(tag)
+
+    def handle_starttag(self, tag, attributes):
+        self.names[tag] += 1
+        for name, value in attributes:
+            if name == "id":
+                self.ids.append(value)
+            if name == "href" and tag == "a":
+                self.links.append(value)
+            if RESOURCES.get(tag) == name or (name == "xlink:href" and not value.startswith("#")):
+                self.loaded.append(value)
+            if name.startswith("on"):
+                self.handlers.append(name)
+        if tag not in VOID:
+            self._open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self._open.pop() == tag
+
+    def handle_data(self, data):
+        if data.strip():
+            self.texts.append((self._open[-1] if self._open else "", data))
+
+
+@pytest.fixture(scope="module")
+def page(small_paper) -> Page:
+    return Page(small_paper.page)
+
+
+@pytest.fixture(scope="module")
+def nasty(tmp_path_factory) -> StudyReport:
+    """A study whose every text has the letters of HTML, of formulas and of templates."""
+    folder, text = tmp_path_factory.mktemp("nasty"), json.dumps(NASTY)
+    head = f"[study]\ntitle = {text}\ntext = {text}\nsource = {text}\nprinted_by = {text}\n"
+    (folder / "study.toml").write_text(head + BEAM + DECAYS + LAW.replace("TEXT", text), encoding="utf-8")
+    return run_study(folder / "study.toml", folder / "results", quick=True, command=f"study {NASTY}")
+
+
+class TestPage:
+    def test_loads_nothing_and_runs_nothing(self, page):
+        """No script, no style sheet, no picture, no font from elsewhere; links lead to files beside it."""
+        assert page.loaded == []
+        assert page.handlers == []
+        assert page.names["script"] == page.names["img"] == page.names["link"] == page.names["iframe"] == 0
+        assert not re.search(r"@import|url\((?!#)|@font-face", page.source)
+        assert not [link for link in page.links if re.match(r"\w+:|//", link)]
+
+    def test_ids_are_unique_and_links_lead_somewhere(self, page, small_paper):
+        assert [name for name, count in Counter(page.ids).items() if count > 1] == []
+        for link in page.links:
+            if link.startswith("#"):
+                assert link[1:] in page.ids
+            else:
+                assert (small_paper.page.parent / link).is_file(), link
+        for used in re.findall(r'xlink:href="#([^"]+)"|url\(#([^)]+)\)', page.source):
+            assert "".join(used) in page.ids
+
+    def test_shows_every_table_and_figure_with_files(self, page, small_paper):
+        folder, text = small_paper.page.parent, "".join(data for _, data in page.texts)
+        assert page.names["svg"] == sum(len(part.figures) for part in small_paper.parts)
+        for part in small_paper.parts:
+            for label, table in part.tables:
+                assert f"{label}." in text
+                content = (folder / "tables" / f"{file_name(label)}.csv").read_text(encoding="utf-8")
+                assert len(list(csv.reader(io.StringIO(content)))) == 1 + len(table.columns[0].values)
+            for label, figure in part.figures:
+                assert f"{label}." in text
+                name = file_name(label)
+                assert (folder / "figures" / f"{name}.svg").read_text(encoding="utf-8") == figure.svg
+                assert (folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+        files = {path.stem for kind in ("tables", "figures") for path in (folder / kind).iterdir()}
+        labels = [label for part in small_paper.parts for label, _ in (*part.tables, *part.figures)]
+        assert files == {file_name(label) for label in labels}
+
+    def test_names_what_is_not_computed(self, page):
+        text = "".join(data for _, data in page.texts)
+        assert "Figure 2, Figure 3, Figure 4" in text
+        assert "not computed" in text
+
+    def test_names_command_versions_seed_and_times(self, page, small_paper):
+        text = "".join(data for _, data in page.texts)
+        assert "Seed of all random numbers: 20" in text
+        for name, version in small_paper.results["versions"].items():
+            assert f"{name} {version}" in text
+        for step in small_paper.steps:
+            assert f"{step.seconds:.1f}" in text
+        assert "Quick look" in text
+
+    def test_ink_is_the_colour_of_the_text(self, page):
+        """Black axes and records would vanish on a dark page; other colours stay."""
+        svg = page.source[page.source.index("<main>") : page.source.index("</main>")]
+        assert not re.search(r"(fill|stroke): *(#000000|#222222|black)", svg)
+        assert "stroke: currentColor" in svg
+        assert "#009e73" in svg
+
+    def test_fits_a_phone(self, page):
+        """The width of the device, figures that shrink, and tables that scroll on their own."""
+        assert '<meta name="viewport" content="width=device-width, initial-scale=1">' in page.source
+        assert page.source.count('<div class="scroll">\n<table') == page.names["table"]
+        assert not re.search(r"<svg[^>]*\bwidth=", page.source)
+
+
+class TestTextsOfUsers:
+    def test_are_texts(self, nasty):
+        """A tag, a formula and a template in every text: the page shows them as they were written."""
+        page = Page(nasty.page)
+        assert page.names["script"] == 0
+        places = [(tag, data) for tag, data in page.texts if NASTY in data]
+        assert {tag for tag, _ in places} >= {"title", "h1", "h2", "h3", "p", "li", "a", "code", "td", "text"}
+        assert "49" not in "".join(data for _, data in page.texts if "7 * 7" in data)
+        assert [name for name, count in Counter(page.ids).items() if count > 1] == []
+
+    def test_stand_in_the_files_as_they_are(self, nasty):
+        folder = nasty.page.parent
+        assert json.loads((folder / "results.json").read_text())["study"]["title"] == NASTY
+        table = next(table for part in nasty.parts for _, table in part.tables if table.heads()[1] == "law")
+        rows = list(csv.reader(io.StringIO(table.table().csv())))
+        assert any(NASTY in row for row in rows)
+        assert NASTY in nasty.report()
+
+    def test_name_files_in_the_folder_alone(self, nasty):
+        figures = {path.name for path in (nasty.page.parent / "figures").iterdir()}
+        assert "figure_b.svg" in figures
+        assert {path.parent.name for path in nasty.page.parent.rglob("*.svg")} == {"figures"}
+
+
+class TestLabels:
+    def part(self, name: str, **labels: tuple[str, ...]) -> Doubles:
+        return Doubles(Heading(name, name, **labels), (), (), "")
+
+    @pytest.mark.parametrize(
+        ("label", "name"),
+        [("Table 2", "table_02"), ("Figure 27", "figure_27"), ("Table A1", "table_a1"), ("Bild 3", "bild_03"),
+         ("../../Table 1", "table_01"), ("Figure 3/4", "figure_3_4"), ("C:\\x", "c_x"), ("Tafel ü", "tafel_ü"),
+         ("--", "")],
+    )  # fmt: skip
+    def test_name_files(self, label, name):
+        assert file_name(label) == name
+
+    def test_others_are_numbered(self, small_paper):
+        """Two tables in parts without labels; in a study with labels, theirs start with A and avoid those given."""
+        table, figure = small_paper.parts[1].tables[0][1], small_paper.parts[0].figures[0][1]
+        finding = Finding(Outcome({}), (table, table), (figure,))
+        plain = Study("plain", (self.part("a"), self.part("b")))
+        shown = labelled(plain, {"a": finding, "b": finding})
+        assert [label for part in shown for label, _ in part.tables] == ["Table 1", "Table 2", "Table 3", "Table 4"]
+        assert [label for part in shown for label, _ in part.figures] == ["Figure 1", "Figure 2"]
+        own = Study("own", (self.part("a", tables=("Table 7",)), self.part("b", figures=("Table A1",))))
+        shown = labelled(own, {"a": finding, "b": finding})
+        assert [label for part in shown for label, _ in part.tables] == ["Table 7", "Table A2", "Table A3", "Table A4"]
+        assert [label for part in shown for label, _ in part.figures] == ["Figure A1", "Table A1"]
+
+
+def test_a_study_without_labels_counts(study_file, tmp_path):
+    report = run_study(study_file(BEAM, RAYLEIGH, DECAYS), tmp_path / "results")
+    assert [label for part in report.parts for label, _ in (*part.tables, *part.figures)] == [
+        "Table 1", "Table 2", "Figure 1", "Table 3", "Figure 2", "Figure 3",
+    ]  # fmt: skip
+
+
+def test_names_inside_a_figure_become_its_own():
+    svg = (
+        '<?xml version="1.0"?>\n<svg width="10.5pt" height="20pt" viewBox="0 0 10 20"><metadata>x</metadata>'
+        '<clipPath id="p1"/><g id="axes" style="fill: #222222; stroke: black" clip-path="url(#p1)">'
+        '<use xlink:href="#p1" style="stroke: #009e73"/><text style="fill:#000000">black #222222</text></g></svg>'
+    )
+    found = inline_svg(svg, "figure_05", 'a "b" <c>')
+    assert found.startswith('<svg role="img" aria-label="a &quot;b&quot; &lt;c>" style="aspect-ratio: 10.5 / 20"')
+    assert 'id="figure_05-p1"' in found
+    assert "url(#figure_05-p1)" in found
+    assert 'xlink:href="#figure_05-p1"' in found
+    assert "fill: currentColor; stroke: currentColor" in found
+    assert '<text style="fill:currentColor">black #222222</text>' in found
+    assert "#009e73" in found
+    assert "metadata" not in found

@@ -17,6 +17,7 @@ tables of a TOML file:
 {damping.KEYS}\
   [[parts]]     the document in order; without it, the parts that the other tables
                 suggest.  Each part has a kind and may have a name (its key in
-                results.json), title, text, section, notes, draw (true or false:
-                figures), and the labels of its tables and figures
+                results.json), title, text, section, notes, draw (false: without
+                figures), quick (false: not in a quick look), and the labels of its
+                tables and figures
 {"".join(kind.keys for kind in KINDS.values())}"""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 from ancf_casadi.mechanics.beam import Beam
@@ -66,6 +66,8 @@ class Heading:
         Title of a section of the document that begins here; none if empty.
     draw : bool
         Whether the document shows its figures.
+    quick : bool
+        Whether it belongs to a quick look.
     """
 
     name: str
@@ -77,6 +79,7 @@ class Heading:
     source: str = "printed"
     section: str = ""
     draw: bool = True
+    quick: bool = True
 
 
 @dataclass(frozen=True)
@@ -191,3 +194,10 @@ class Study:
     text: str = ""
     source: str = ""
     seed: int = 0
+
+    def shortened(self) -> Study:
+        """Return the study without the parts that a quick look leaves out, and without those that need them."""
+        kept: dict[str, Part] = {part.heading.name: part for part in self.parts if part.heading.quick}
+        while missing := [name for name, part in kept.items() if not set(part.needs) <= kept.keys()]:
+            kept = {name: part for name, part in kept.items() if name not in missing}
+        return replace(self, parts=tuple(kept.values()))

@@ -24,7 +24,7 @@ USUAL = {  # parts that a table suggests
     "records": ("motion",),
 }  # fmt: skip
 STUDY = {"title", "text", "source", "printed_by", "seed"}
-HEADING = {"name", "title", "text", "tables", "figures", "notes", "section", "draw"}
+HEADING = {"name", "title", "text", "tables", "figures", "notes", "section", "draw", "quick"}
 RESERVED = {"study", "timing", "versions", "data"}  # other keys of results.json
 
 
@@ -113,6 +113,7 @@ def _heading(table: dict[str, Any], kind: str, printed_by: str, before: Mapping[
             source=printed_by,
             section=text_of(table, "section", ""),
             draw=flag(table.get("draw", True), "draw"),
+            quick=flag(table.get("quick", True), "quick"),
         )
 
 

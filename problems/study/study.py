@@ -136,7 +136,8 @@ def run_study(
     check_instance(executor, "executor", Executor, NoneType)
     folder = check_folder(out)
     quick, jobs = flag(quick, "quick"), whole(jobs, "jobs", 1)
-    study = read_study(PAPER if path is None else path)
+    whole_study = read_study(PAPER if path is None else path)
+    study = whole_study.shortened() if quick else whole_study
     findings, steps = run_parts(
         study,
         folder,
@@ -146,9 +147,10 @@ def run_study(
         progress=flag(progress, "progress"),
     )
     shown = labelled(study, findings)
+    left_out = tuple(part.heading.title for part in whole_study.parts if part not in study.parts)
     versions = {"ancf-casadi": __version__, **{name: version(name) for name in ("casadi", "numpy", "scipy")}}
     numbers = results(study, shown, steps, versions, quick=quick)
-    document = page(study, shown, steps, Circumstances(command, versions, quick))
+    document = page(study, shown, steps, Circumstances(command, versions, quick, left_out))
     _write(folder, study, shown, numbers, document)
     return StudyReport(folder / PAGE, numbers, shown, steps)
 

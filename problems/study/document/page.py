@@ -31,11 +31,14 @@ class Circumstances:
         Versions of the programs.
     quick : bool
         Whether the simulations were shortened.
+    left_out : tuple of str
+        Titles of the parts that a quick look leaves out.
     """
 
     command: str
     versions: dict[str, str]
     quick: bool
+    left_out: tuple[str, ...] = ()
 
 
 def page(study: Study, shown: Sequence[Shown], steps: Sequence[Step], about: Circumstances) -> str:

@@ -74,7 +74,8 @@ def run_parts(
         runner = _Runner(Store(folder / STEPS), executor, progress)
         while waiting:
             ready = [part for part in waiting if all(name in findings for name in part.needs)]
-            waiting = [part for part in waiting if part not in ready]
+            ahead = {part.heading.name for part in ready}
+            waiting = [part for part in waiting if part.heading.name not in ahead]
             found = {part.heading.name: {name: findings[name].outcome for name in part.needs} for part in ready}
             findings |= runner.level(ready, found, effort)
     runner.store.discard_all_but(set(runner.keys))

@@ -147,7 +147,7 @@ def run_study(
         progress=flag(progress, "progress"),
     )
     shown = labelled(study, findings)
-    left_out = tuple(part.heading.title for part in whole_study.parts if part not in study.parts)
+    left_out = tuple(part.heading.title for part in whole_study.parts if part.heading.name not in findings)
     versions = {"ancf-casadi": __version__, **{name: version(name) for name in ("casadi", "numpy", "scipy")}}
     numbers = results(study, shown, steps, versions, quick=quick)
     document = page(study, shown, steps, Circumstances(command, versions, quick, left_out))

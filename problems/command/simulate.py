@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -36,7 +37,9 @@ def _run(options: argparse.Namespace) -> Output:
     study = read_simulation(options.file)
     out, plot = new_files([options.file], options.out, options.plot)
     with located(f"{options.file}: [simulation]"):
-        run = simulate(study.model, damping=study.damping, base=study.base, progress=True, **study.settings)
+        run = simulate(
+            study.model, damping=study.damping, base=study.base, progress=sys.stderr.isatty(), **study.settings
+        )
     if run.interrupted:
         raise KeyboardInterrupt
     files = []

@@ -11,6 +11,8 @@ The folder then holds ``report.html``, ``results.json`` with its schema, and the
 
 from __future__ import annotations
 
+import contextlib
+import re
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
@@ -31,6 +33,7 @@ from problems.study.reading import read_study
 from problems.study.results import results, schema
 from problems.study.runner import Step, run_parts
 
+NUMBERED = re.compile(r"(table|figure)_a?\d+\.(csv|svg|png)")  # names of files of tables and figures
 PAGE, NUMBERS, SCHEMA = "report.html", "results.json", "results.schema.json"
 
 
@@ -156,7 +159,7 @@ def run_study(
 
 
 def _write(folder: Path, study: Study, shown: tuple[Shown, ...], numbers: Mapping[str, Any], document: str) -> None:
-    """Write all files of a study, all or none."""
+    """Write all files of a study, all or none, and remove numbered ones that are left from another study."""
     contents: dict[Path, str | bytes] = {}
     for part in shown:
         for label, table in part.tables:
@@ -168,3 +171,7 @@ def _write(folder: Path, study: Study, shown: tuple[Shown, ...], numbers: Mappin
     contents[folder / NUMBERS] = to_json(numbers)
     contents[folder / PAGE] = document
     write_files(contents)
+    for earlier in (*folder.glob("tables/*"), *folder.glob("figures/*")):
+        if NUMBERED.fullmatch(earlier.name) and earlier not in contents:  # of another study in this folder
+            with contextlib.suppress(OSError):
+                earlier.unlink()

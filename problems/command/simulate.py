@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -37,9 +36,7 @@ def _run(options: argparse.Namespace) -> Output:
     study = read_simulation(options.file)
     out, plot = new_files([options.file], options.out, options.plot)
     with located(f"{options.file}: [simulation]"):
-        run = simulate(
-            study.model, damping=study.damping, base=study.base, progress=sys.stderr.isatty(), **study.settings
-        )
+        run = simulate(study.model, damping=study.damping, base=study.base, progress=True, **study.settings)
     if run.interrupted:
         raise KeyboardInterrupt
     files = []

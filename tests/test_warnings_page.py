@@ -73,7 +73,7 @@ def makers(path):
         texts = {name for name in called if "str" in ast.unparse(functions[name].returns or ast.Constant(""))}
         found |= texts
         waiting |= texts
-    return [functions[name] for name in found]
+    return [functions[name] for name in sorted(found)]
 
 
 def plain(text):

@@ -1,0 +1,126 @@
+"""A simulated experiment against the prediction of each law, closed forms, and the other integrator."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ancf_casadi import InputError, Model, natural_modes
+from problems.study import paper
+from problems.study.kinds.experiments.experiment import Experiment, participation, run_experiment
+
+LAWS = {
+    "generic": ({"law": "modal", "ratios": list(paper.DAMPING_RATIOS), "frequencies": list(paper.FREQUENCIES)},),
+    "proportional": ({"law": "rayleigh", "alpha": 0.228181, "beta": 3.18013e-5, "stiffness": "tangent"},),
+    "quadratic": ({"law": "quadratic", "eta1": 0.15, "eta2": 0.11},),
+}
+
+
+@pytest.fixture(scope="module")
+def third(paper_beam) -> Experiment:
+    """The third mode of the paper's beam on a coarse mesh, which is quick to simulate, without damping."""
+    return Experiment(
+        beam=paper_beam(5), terms=(), mode=3, frequency=0.0, amplitude=1.5e-3, stop=1.2, window=0.0, shortening=0.3,
+        steps_per_period=24,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def first(third) -> Experiment:
+    """The first mode at a large swing, 7.6 cm of 50 cm."""
+    return replace(third, mode=1, amplitude=0.076, stop=1.5)
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_decay_after_the_stop_has_the_predicted_ratio(third, name):
+    """The whole beam, driven and stopped, against the prediction of each law for the mode and amplitude."""
+    result = run_experiment(replace(third, terms=LAWS[name]))
+    assert result.expected_ratio > 4e-4
+    assert result.damping_ratio == pytest.approx(result.expected_ratio, abs=2e-6, rel=1e-3)
+    assert result.frequency == pytest.approx(result.natural_frequency, rel=1e-3)
+    assert result.reached == pytest.approx(1.5e-3, rel=0.01)
+    assert result.amplitude < result.reached
+
+
+def test_no_law_is_no_damping(third):
+    """The integrator damps a thousand times less than the weakest law, and the amplitude is as planned."""
+    result = run_experiment(third)
+    assert result.expected_ratio == 0.0
+    assert abs(result.damping_ratio) < 1e-6
+    assert result.amplitude == pytest.approx(1.5e-3, rel=0.01)
+    assert np.ptp(result.curve[:, 0]) < 2e-3 * result.amplitude
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_first_mode_at_large_swing(first, name):
+    """The ratio is still the predicted one, within 2 %."""
+    result = run_experiment(replace(first, terms=LAWS[name]))
+    assert result.amplitude > 0.055
+    assert result.damping_ratio == pytest.approx(result.expected_ratio, rel=0.02)
+
+
+def test_quadratic_damping_falls_with_the_amplitude_and_generic_damping_does_not(first):
+    """Along one decay: eta1/(2 omega) + 4 eta2 A/(3 pi), and a constant."""
+    for name in ("quadratic", "generic"):
+        result = run_experiment(replace(first, terms=LAWS[name], shortening=0.5))
+        amplitude, ratio, _ = result.curve.T
+        slope, rest = np.polyfit(amplitude, ratio, 1)
+        expected = 4 * 0.11 / (3 * math.pi) if name == "quadratic" else 0.0
+        assert slope == pytest.approx(expected, rel=0.1, abs=3e-3)
+        if name == "quadratic":
+            assert rest == pytest.approx(0.15 / (4 * math.pi * result.natural_frequency), rel=0.05)
+
+
+def test_both_integrators_agree(third):
+    """Motion around the stop and damping ratio, by methods that have nothing in common."""
+    task = replace(third, terms=LAWS["quadratic"], mode=2, amplitude=4e-3, stop=0.4, shortening=0.2)
+    radau, idas = run_experiment(task), run_experiment(replace(task, method="idas"))
+    extent = np.abs(radau.stop_motion).max()
+    assert np.abs(radau.stop_motion - idas.stop_motion).max() < 5e-3 * extent
+    assert idas.damping_ratio == pytest.approx(radau.damping_ratio, rel=0.02)
+    assert idas.steps > 5 * radau.steps
+
+
+def test_what_figures_show_is_the_motion(third):
+    """Relative to the clamp, zero at the start, around the stop, and over the last period.
+
+    The excitation begins with the velocity omega A, which gives mode 1 the amplitude Gamma_1 omega A/omega_1.
+    """
+    result = run_experiment(replace(third, terms=LAWS["generic"]))
+    slow = 1.566 * result.natural_frequency * result.base_amplitude / 1.876
+    assert result.motion.high.max() == pytest.approx(result.reached + slow, rel=0.05)
+    assert abs(result.motion.high[0]) < 0.05 * result.reached
+    assert result.stop_time[0] < 0.0 < result.stop_time[-1]
+    assert result.decay_time[0] >= result.stop + 2 / result.natural_frequency
+    assert np.ptp(result.shapes[:, -1, 0]) == pytest.approx(2 * result.reached, rel=0.06)
+    clamp = result.shapes[:, 0]
+    assert np.abs(clamp[:, 0]).max() <= result.base_amplitude * (1 + 1e-6)
+    assert np.abs(clamp[:, 1]).max() < 1e-12
+
+
+def test_drives_at_the_given_frequency_until_the_given_time(third):
+    task = replace(third, terms=LAWS["generic"], frequency=28.0, stop=0.8)
+    result = run_experiment(task)
+    assert 0.8 <= result.stop <= 0.8 + 0.5 / 28.0
+    assert result.reached < 1.5e-3  # away from the resonance
+
+
+@pytest.mark.parametrize(("mode", "gamma"), [(1, 1.5660), (2, 0.8679), (3, 0.5089)])
+def test_participation_of_a_uniform_cantilever(paper_beam, mode, gamma):
+    """2 sigma/(beta L) times the tip of the shape: 1.566, 0.868, 0.509 by the classical mode shapes."""
+    modes = natural_modes(Model(paper_beam(20, gravity=(0.0, 0.0))), count=3)
+    assert participation(modes, mode - 1) == pytest.approx(gamma, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("terms", "message"),
+    [
+        (({"law": "cubic"},), "damping: law must be one of rayleigh, quadratic, modal, got 'cubic'"),
+        (({"law": "quadratic", "eta1": -1.0},), "eta1"),
+        (({"law": "modal", "ratios": [0.01, 0.01], "frequencies": [1.0]},), "frequencies"),
+    ],
+)
+def test_an_unusable_law_is_refused(third, terms, message):
+    with pytest.raises(InputError, match=message):
+        run_experiment(replace(third, terms=terms))

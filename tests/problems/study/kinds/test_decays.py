@@ -1,0 +1,140 @@
+"""Decays of a study: synthetic ones that are Eq. (9) or (27) with white noise, measured ones, and their fits."""
+
+import math
+from dataclasses import replace
+
+import casadi as cs
+import numpy as np
+import pytest
+
+from ancf_casadi import FitError, InputError
+from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
+from problems.study import paper
+from problems.study.kinds.decays import NOISE, fit_plain
+from problems.study.paper import PAPER
+from problems.study.part import FULL
+from problems.study.reading import read_study
+from problems.study.study import run_study
+
+QUADRATIC = """
+[[parts]]
+kind = "decays"
+law = "quadratic"
+offset = false
+seed = 3
+records = [
+    {synthetic = {frequency = 3.0, eta1 = 0.3, eta2 = 5.0, amplitude = 0.02}},
+    {synthetic = {frequency = 7.0, eta1 = 0.2, eta2 = 8.0, amplitude = 0.02}},
+]
+"""
+
+
+@pytest.fixture(scope="module")
+def parts() -> dict:
+    return {part.heading.name: part for part in read_study(PAPER).parts}
+
+
+def exact(name: str) -> list[np.ndarray]:
+    """The closed forms with the numbers of the paper."""
+    time = cs.DM(np.arange(0.0, 5.0, 1 / 500))
+    angular = [2 * math.pi * f for f in paper.FREQUENCIES]
+    if name == "quadratic":
+        rows = zip(angular, paper.ETA1, paper.ETA2, paper.EQUIVALENT_AMPLITUDES, strict=True)
+        return [quadratic_decay(time, *map(cs.DM, row), cs.DM(0.0)).full().ravel() for row in rows]
+    amplitudes = (0.050, 0.015, 0.008, 0.005, 0.005)
+    rows = zip(angular, paper.DAMPING_RATIOS, amplitudes, strict=True)
+    return [linear_decay(time, *map(cs.DM, row), cs.DM(0.0)).full().ravel() for row in rows]
+
+
+class TestSynthetic:
+    @pytest.mark.parametrize("name", ["modal_identification", "quadratic"])
+    def test_is_the_closed_form_and_white_noise(self, parts, name):
+        """Noise of the stated size, not correlated in time or between modes."""
+        noises = []
+        for decay, clean in zip(parts[name].decays, exact(name), strict=True):
+            assert len(decay.time) == 2500
+            assert "white noise of 0.2 mm" in decay.synthetic
+            noises.append(decay.values - clean)
+        for k, noise in enumerate(noises):
+            assert np.std(noise) == pytest.approx(NOISE, rel=0.06)
+            assert abs(np.mean(noise)) < 4 * NOISE / math.sqrt(noise.size)
+            for other in (noise[1:], *(another[1:] for another in noises[:k])):
+                assert abs(np.corrcoef(noise[:-1], other)[0, 1]) < 4 / math.sqrt(noise.size)
+
+    def test_is_the_same_each_time_and_differs_with_the_seed(self, parts, study_file):
+        again = {part.heading.name: part for part in read_study(PAPER).parts}
+        for name in ("modal_identification", "quadratic"):
+            for ours, theirs in zip(parts[name].decays, again[name].decays, strict=True):
+                assert ours.values.tobytes() == theirs.values.tobytes()
+        one, two = (read_study(study_file(QUADRATIC.replace("seed = 3", seed))).parts[0] for seed in ("", "seed = 4"))
+        assert not np.array_equal(one.decays[0].values, two.decays[0].values)
+
+    def test_seed_of_the_study_holds_without_another(self, study_file):
+        text = QUADRATIC.replace("seed = 3", "")
+        one, two, same = (
+            read_study(study_file(f"[study]\nseed = {seed}\n", text)).parts[0].decays[0].values for seed in (1, 2, 1)
+        )
+        assert not np.array_equal(one, two)
+        assert np.array_equal(one, same)
+
+
+class TestFits:
+    @pytest.mark.parametrize("seed", [3, 4, 5])
+    def test_recover_the_truth_within_their_errors(self, study_file, seed):
+        """Frequency, eta1 and eta2 within four standard errors; the equivalent ratio at the amplitude of release."""
+        (part,) = read_study(study_file(QUADRATIC.replace("seed = 3", f"seed = {seed}"))).parts
+        results = [task.function(*task.inputs) for task in part.tasks({}, FULL)]
+        rows = part.finding(results, {}, FULL).outcome.data
+        for row, (f, eta1, eta2) in zip(rows, [(3.0, 0.3, 5.0), (7.0, 0.2, 8.0)], strict=True):
+            assert abs(row["frequency_hz"] - f) < 4 * row["frequency_stderr_hz"]
+            assert abs(row["eta1"] - eta1) < 4 * row["eta1_stderr"]
+            assert abs(row["eta2_per_m"] - eta2) < 4 * row["eta2_stderr_per_m"]
+            assert row["eta2_stderr_per_m"] < 0.1 * eta2
+            ratio = eta1 / (4 * math.pi * f) + 4 * eta2 * row["amplitude_m"] / (3 * math.pi)
+            assert row["equivalent_damping_ratio"] == pytest.approx(ratio, rel=0.02)
+
+    def test_of_a_record_without_damping_is_zero(self, study_file):
+        """The ratio is a result: where the record has none, none is found."""
+        undamped = "offset = false\nrecords = [{synthetic = {frequency = 3.0, damping_ratio = 0.0, amplitude = 0.02}}]"
+        (part,) = read_study(study_file('[[parts]]\nkind = "decays"\nduration = 10.0\n', undamped)).parts
+        (fit,) = [task.function(*task.inputs) for task in part.tasks({}, FULL)]
+        assert abs(fit.quantities["damping_ratio"]) < 5e-5
+
+    def test_name_the_record_that_cannot_be_fitted(self, study_file):
+        (part,) = read_study(study_file(QUADRATIC)).parts
+        decay = part.decays[0]
+        still = replace(decay, values=0 * decay.values)
+        with pytest.raises((InputError, FitError), match="mode 1"):
+            fit_plain(still, "linear", False)
+
+
+def test_measured_and_synthetic_records_stand_in_one_table(study_file, tmp_path):
+    """A file in mm with a release in the middle; its figure is not called synthetic."""
+    time = np.arange(0.0, 4.0, 0.005)
+    omega, after = 2 * math.pi * 4.0, np.maximum(time - 0.5, 0.0)
+    motion = 8.0 * np.exp(-0.01 * omega * after) * np.cos(omega * after)
+    motion += 1e-3 * np.random.default_rng(1).standard_normal(time.size)
+    np.savetxt(tmp_path / "tip.csv", np.c_[time, motion], delimiter=",", header="time_s,tip_mm", comments="")
+    synthetic = "{synthetic = {frequency = 9.0, damping_ratio = 0.01, amplitude = 0.01}}"
+    records = f'records = [{{file = "tip.csv", release_time = 0.5}}, {synthetic}]'
+    report = run_study(study_file('[[parts]]\nkind = "decays"\n', records), tmp_path / "results")
+    measured, synthetic = report.results["decays"]
+    assert (measured["synthetic"], synthetic["synthetic"]) == (False, True)
+    assert measured["frequency_hz"] * math.sqrt(1 - 0.01**2) == pytest.approx(4.0, rel=2e-4)
+    assert measured["amplitude_m"] == pytest.approx(8e-3, rel=0.01)
+    (_, first), (_, second) = report.parts[0].figures
+    assert "SYNTHETIC" not in first.svg
+    assert "SYNTHETIC" in second.svg
+
+
+def test_a_changed_file_is_fitted_again(study_file, tmp_path):
+    """A result is kept under what its files hold, not under their names."""
+    time = np.arange(0.0, 4.0, 0.005)
+    path = study_file('[[decays]]\nfile = "tip.csv"\n')
+    found = []
+    for frequency in (4.0, 5.0):
+        omega = 2 * math.pi * frequency
+        motion = 8.0 * np.exp(-0.01 * omega * time) * np.cos(omega * time)
+        np.savetxt(tmp_path / "tip.csv", np.c_[time, motion], delimiter=",", header="time_s,tip_mm", comments="")
+        found.append(run_study(path, tmp_path / "results").results["decays"][0]["frequency_hz"])
+    assert found == pytest.approx([4.0, 5.0], rel=2e-4)

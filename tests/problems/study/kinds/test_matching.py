@@ -1,0 +1,73 @@
+"""A matched beam in a study: its numbers, its figures, and the beam that later parts take."""
+
+import numpy as np
+import pytest
+
+from ancf_casadi import Model, natural_modes
+from problems.study import paper
+from problems.study.part import FULL
+from problems.study.reading import read_study
+from problems.study.study import run_study
+from tests.problems.study.conftest import BEAM
+
+MATCH = """
+[match]
+targets = [1.85, 10.19]
+bounds = 0.1
+"""
+LATER = """
+[[parts]]
+kind = "match"
+weightless = 7850.0
+printed = {standard = [1.67, 10.47]}
+
+[[parts]]
+kind = "modes"
+count = 2
+beam = "match"
+"""
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("match")
+    (folder / "study.toml").write_text(BEAM + MATCH + LATER, encoding="utf-8")
+    return run_study(folder / "study.toml", folder / "results")
+
+
+def test_later_parts_take_the_matched_beam(report):
+    assert report.results["modes"]["frequency_hz"] == pytest.approx([1.85, 10.19], rel=1e-6)
+    assert report.results["match"]["matched_hz"] == pytest.approx([1.85, 10.19], rel=1e-6)
+
+
+def test_the_beam_of_the_outcome_has_the_frequencies(study_file):
+    part, _ = read_study(study_file(BEAM, MATCH, LATER)).parts
+    results = [task.function(*task.inputs) for task in part.tasks({}, FULL)]
+    beam = part.finding(results, {}, FULL).outcome.beam
+    assert natural_modes(Model(beam), count=2).frequencies == pytest.approx([1.85, 10.19], rel=1e-6)
+    data = results[0].data
+    assert beam.density[0] == data["density"] == data["density_per_element"][0]
+    assert beam.elastic_modulus[0] == data["elastic_modulus"]
+    assert np.abs(np.array(beam.width) / 5e-3 - 1).max() < 0.1 + 1e-9
+
+
+def test_tables_name_properties_and_frequencies(report):
+    (_, properties), (_, frequencies) = report.parts[0].tables
+    assert [row[0] for row in properties.table().rows] == ["width", "thickness", "density", "elastic modulus"]
+    heads = frequencies.heads()
+    assert heads[:4] == ["mode", "measured, Hz", "before, Hz", "7850 kg/m³, no gravity, Hz"]
+    assert heads[4:6] == ["printed", "difference"]
+    assert any("IPOPT" in note for note in properties.notes)
+
+
+def test_the_standard_frequencies_need_another_density_and_no_gravity(study_file):
+    """Erratum 1: the column beside the match has those of Table 10."""
+    text = BEAM.replace("elements = 3", "elements = 20")
+    targets = f"[match]\ntargets = {list(paper.FREQUENCIES)}\n"
+    part, _ = read_study(
+        study_file(text, targets, LATER.replace("[1.67, 10.47]", "[1.67, 10.47, 29.32, 57.46, 94.97]"))
+    ).parts
+    results = [task.function(*task.inputs) for task in part.tasks({}, FULL)]
+    _, table = part.finding(results, {}, FULL).tables
+    (column,) = (column for column in table.columns if column.printed and column.printed[0] == 1.67)
+    assert column.values == pytest.approx([1.67, 10.47, 29.32, 57.46, 94.97], rel=1e-3)

@@ -1,0 +1,84 @@
+"""Coefficients of Rayleigh damping in a study: Eq. (17), their errors, and the law for later parts."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ancf_casadi import InputError
+from problems.study import paper
+from problems.study.paper import PAPER
+from problems.study.part import FULL, Outcome
+from problems.study.reading import read_study
+from problems.study.study import run_study
+from tests.problems.study.conftest import DECAYS, RAYLEIGH
+
+
+def finding(study_file, *pieces: str, **found: Outcome):
+    parts = {part.kind: part for part in read_study(study_file(*pieces)).parts}
+    return parts["rayleigh"].finding((), found, FULL)
+
+
+def test_eq_17_with_table_2(study_file):
+    """Erratum 4: alpha = 0.228181 1/s, beta = 3.18013e-5 s; a tenth of the printed beta."""
+    outcome = finding(study_file, RAYLEIGH).outcome
+    assert outcome.data["alpha"] == pytest.approx(0.228181, abs=5e-7)
+    assert outcome.data["beta"] == pytest.approx(3.18013e-5, abs=5e-11)
+    assert outcome.data["alpha_stderr"] is None
+    (term,) = outcome.terms
+    assert term == {"law": "rayleigh", "alpha": outcome.data["alpha"], "beta": outcome.data["beta"]}
+
+
+def test_errors_are_those_of_two_equations(study_file):
+    """Linear propagation through 2 zeta_i omega_i = alpha + beta omega_i^2, by hand."""
+    outcome = finding(study_file, RAYLEIGH, "ratio_std = [1e-4, 2e-4]\n").outcome
+    angular = 2 * math.pi * np.array(paper.FREQUENCIES[:2])
+    matrix = np.linalg.inv(np.column_stack([1 / (2 * angular), angular / 2]))
+    expected = np.sqrt(np.diag(matrix @ np.diag([1e-8, 4e-8]) @ matrix.T))
+    assert [outcome.data["alpha_stderr"], outcome.data["beta_stderr"]] == pytest.approx(expected, rel=1e-6)
+
+
+def test_errors_come_from_the_identified_decays(study_file):
+    rows = [
+        {"damping_ratio": 0.01, "damping_ratio_stderr": 1e-4},
+        {"damping_ratio": 0.0028, "damping_ratio_stderr": 2e-4},
+    ]
+    by_hand = finding(study_file, RAYLEIGH, "ratio_std = [1e-4, 2e-4]\n").outcome.data
+    text = f'{RAYLEIGH}identified_by = "decays"\n'
+    assert finding(study_file, DECAYS, text, decays=Outcome([*rows, rows[0]])).outcome.data == by_hand
+    unknown = [{**rows[0], "damping_ratio_stderr": None}, rows[1]]
+    assert finding(study_file, DECAYS, text, decays=Outcome(unknown)).outcome.data["alpha_stderr"] is None
+
+
+@pytest.mark.parametrize("data", [{"alpha": 1.0}, [], [{"damping_ratio": 0.01}], [{"frequency_hz": 1.0}] * 2])
+def test_another_part_than_decays_is_refused(study_file, data):
+    text = f'{RAYLEIGH}identified_by = "decays"\n'
+    with pytest.raises(InputError, match="rayleigh: identified_by: the part 'decays' does not identify these 2 modes"):
+        finding(study_file, DECAYS, text, decays=Outcome(data))
+
+
+def test_the_table_shows_the_ratio_of_every_mode(study_file):
+    """Erratum 5: Eq. (16) gives 0.3358, 0.5656, 0.9057 % for modes 3 to 5."""
+    others = "others = {frequencies = [26.84, 53.20, 88.60], ratios = [0.0028, 0.0023, 0.0030]}\n"
+    _, ratios = finding(study_file, RAYLEIGH, others).tables
+    assert [row[0] for row in ratios.table().rows] == pytest.approx(paper.FREQUENCIES)
+    assert [row[1] for row in ratios.table().rows] == pytest.approx([1.0, 0.28, 0.28, 0.23, 0.30])
+    assert [row[2] for row in ratios.table().rows] == pytest.approx([1.0, 0.28, 0.3358, 0.5656, 0.9057], abs=5e-5)
+
+
+def test_misprint_and_reason_stand_beside_the_value():
+    """Erratum 4 in Table 3 of the paper."""
+    parts = {part.heading.name: part for part in read_study(PAPER).parts}
+    rows = [{"damping_ratio": 0.01, "damping_ratio_stderr": 1e-4}] * 2
+    table, _ = parts["proportional"].finding((), {"modal_identification": Outcome(rows)}, FULL).tables
+    alpha, beta = table.cells()
+    assert alpha[-2:] == ["0.228", "+0.079 %"]
+    assert beta[-2:] == ["0.000318", "-90 %"]
+    assert any("ten times" in note for note in table.notes)
+
+
+def test_a_study_of_two_numbers_is_a_document(study_file, tmp_path):
+    report = run_study(study_file(RAYLEIGH, "examples = [[4.0, 0.0], [4.0, 0.1]]\n"), tmp_path / "results")
+    assert report.results["rayleigh"]["alpha"] == pytest.approx(0.228181, abs=5e-7)
+    ((_, figure),) = report.parts[0].figures
+    assert figure.svg.count("β = 0.1 s") == 1

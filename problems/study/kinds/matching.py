@@ -216,7 +216,7 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
         If a key or value cannot be used.
     """
     check_keys(given, set(), {*MATCH_KEYS, "weightless", "printed"}, where)
-    request = {key: given[key] for key in MATCH_KEYS & given.keys()}
+    request = {key: value for key, value in given.items() if key in MATCH_KEYS}
     if not request:
         request = source.file.table("match", {"targets"}, MATCH_KEYS - {"targets"})
     with located(where):

@@ -2,8 +2,11 @@
 
 import dataclasses
 import math
+import os
 import pickle
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,6 +67,23 @@ def beam(paper_beam) -> Beam:
 class TestKey:
     def test_is_the_same_each_time(self, beam):
         assert key_of(Task(sample, (1.0, beam))) == key_of(Task(sample, (1.0, dataclasses.replace(beam)), cost=9.0))
+
+    def test_is_the_same_in_every_process(self):
+        """Tasks and parts of the paper, read under two orders of hashing."""
+        code = (
+            "from problems.study.paper import PAPER; from problems.study.part import FULL, Task\n"
+            "from problems.study.reading import read_study; from problems.study.store import key_of\n"
+            "for part in read_study(PAPER).parts:\n"
+            "    tasks = () if part.needs else part.tasks({}, FULL)\n"
+            "    print(part.heading.name, *map(key_of, (*tasks, Task(print, (part,)))))\n"
+        )
+        one, two = (
+            subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONHASHSEED": seed}, check=True,
+                           capture_output=True, text=True).stdout.splitlines()
+            for seed in ("1", "2")
+        )  # fmt: skip
+        assert one == two
+        assert any(line.startswith("frequency_matching ") for line in one)
 
     def test_changes_with_any_input(self, beam):
         """One bit of a number, one element of the beam, a type, the order, the function."""

@@ -87,8 +87,12 @@ class DataTable:
             rows.append(row)
         return rows
 
+    def text(self) -> str:
+        """Return the table for a terminal, as a document shows it."""
+        return Table(self.name, self.title, self.heads(), self.cells(), self.notes).text()
+
     def table(self) -> Table:
-        """Return the table with one number per cell, for a terminal or CSV."""
+        """Return the table with one number per cell, all digits, for CSV."""
         heads: list[str] = []
         cells: list[Sequence[Cell]] = []
         for column in self.columns:

@@ -82,7 +82,7 @@ class StudyReport:
         """Return the tables as text."""
         texts = []
         for part in self.parts:
-            texts += [f"{label}. {table.table().text()}" for label, table in part.tables]
+            texts += [f"{label}. {table.text()}" for label, table in part.tables]
             texts += [f"note: {warning}" for warning in part.finding.warnings]
         return "\n\n".join(texts)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, TypedDict, final
 
 import numpy as np
 
@@ -79,6 +79,25 @@ def match_plain(beam: Beam, request: dict[str, Any]) -> Matched:
     return Matched(match.beam, data, ranges, tuple(data["identified"]))
 
 
+class MatchNumbers(TypedDict):
+    """A matched beam: the keys of ``FrequencyMatch.to_dict``, of which these are promised."""
+
+    target_hz: list[float]
+    standard_hz: list[float]
+    matched_hz: list[float]
+    width_m: list[float]
+    thickness_m: list[float]
+    density: float  # of the first element
+    elastic_modulus: float  # of the first element
+    density_per_element: list[float]
+    elastic_modulus_per_element: list[float]
+    max_relative_error: float
+    at_bound: list[str]
+    iterations: int
+    solve_seconds: float
+    warnings: list[str]
+
+
 @final
 @dataclass(frozen=True)
 class Match(Part):
@@ -97,7 +116,7 @@ class Match(Part):
     """
 
     kind = "match"
-    numbers = dict[str, Any]
+    numbers = MatchNumbers
 
     beam: Beam
     request: dict[str, Any]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, TypedDict, final
 
 import numpy as np
 
@@ -36,6 +36,32 @@ TAKEN = {"experiment", "runs"}  # other keys of its numbers
 MISSED = 0.05  # relative difference from the requested amplitude that the table explains
 
 
+class RunNumbers(TypedDict):
+    """An experiment under a law."""
+
+    mode: int
+    law: str
+    requested_amplitude_m: float
+    reached_amplitude_m: float
+    base_amplitude_m: float
+    stop_s: float
+    amplitude_m: float
+    frequency_hz: float
+    damping_ratio: float
+    damping_ratio_stderr: float
+    expected_damping_ratio: float
+    steps: int
+
+
+class TransientNumbers(TypedDict):
+    """Experiments; beside these keys, one list of damping ratios per law, in the order of the runs.
+
+    ``experiment`` holds the measured ratios, if they are given.
+    """
+
+    runs: list[RunNumbers]
+
+
 @final
 @dataclass(frozen=True)
 class Transients(ExperimentPart):
@@ -48,7 +74,7 @@ class Transients(ExperimentPart):
     """
 
     kind = "transients"
-    numbers = dict[str, Any]
+    numbers = TransientNumbers
 
     printed: dict[str, tuple[float | None, ...]]
 

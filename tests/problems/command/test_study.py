@@ -1,0 +1,105 @@
+"""``study`` on the file that ``init`` writes, and on measured records of another beam."""
+
+import json
+import math
+import shutil
+from pathlib import Path
+
+import pytest
+
+DATA = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam"
+SHORT = {"duration = 2.0 ": "duration = 0.5 ", "stop = 1.0 ": "stop = 0.2 ", "elements = 8": "elements = 4"}
+SILICONE = """
+[study]
+title = "A silicone beam released from straight"
+
+[beam]
+length = 0.1
+width = 0.03
+thickness = 0.03
+density = 1070.0
+elastic_modulus = 264e3
+elements = 4
+axis = [1.0, 0.0]
+
+[[decays]]
+file = "beam_gravity_tip.csv"
+
+[[decays]]
+file = "beam_load52_tip.csv"
+
+[[damping]]
+law = "rayleigh"
+beta = 1e-3
+
+[[records]]
+file = "beam_gravity_tip.csv"
+sensor = "displacement"
+direction = [0.0, 1.0]
+start = "straight"
+release_time = 0.71
+to = 1.9
+
+[[predictions]]
+file = "beam_load52_tip.csv"
+sensor = "displacement"
+direction = [0.0, 1.0]
+start = "straight"
+release_time = 0.44
+to = 1.9
+tip_mass = 0.052
+
+[fit]
+properties = ["elastic_modulus"]
+bounds = {elastic_modulus = [0.7, 1.4]}
+"""
+
+
+def test_the_file_of_init_is_a_study(run, tmp_path):
+    """Beam, modes, match, simulation and the fit that recovers the law of the simulation, as one document."""
+    assert run("init").code == 0
+    path, text = tmp_path / "study.toml", (tmp_path / "study.toml").read_text()
+    for long, short in SHORT.items():
+        assert long in text
+        text = text.replace(long, short)
+    path.write_text(text)
+    assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
+    done = run("study", "study.toml", "--jobs", "1", "--json")
+    assert done.code == 0, done.err
+    results = json.loads(done.out)
+    assert [part["name"] for part in results["study"]["parts"]] == ["beam", "modes", "match", "simulation", "motion"]
+    assert results["match"]["matched_hz"] == pytest.approx([1.85, 10.19, 26.84], rel=1e-6)
+    for one, truth in zip(results["motion"]["fit"]["unknowns"], (0.005, 0.003, 0.11), strict=True):
+        low, high = one["interval_95"]
+        assert low < truth < high
+    assert "A hanging strip of spring steel" in (tmp_path / "results" / "report.html").read_text()
+
+
+def test_without_its_motion_it_names_the_file(run):
+    assert run("init").code == 0
+    done = run("study", "study.toml", "--jobs", "1")
+    assert (done.code, done.out) == (2, "")
+    assert "motion.csv" in done.err
+
+
+@pytest.mark.skipif(not DATA.exists(), reason="the measured records are not part of the repository")
+def test_two_silicone_records_are_a_document(run, tmp_path):
+    """Free decays of two records, a fit to one and the prediction of the other, without code."""
+    for name in ("beam_gravity_tip.csv", "beam_load52_tip.csv"):
+        shutil.copy(DATA / name, tmp_path)
+    (tmp_path / "silicone.toml").write_text(SILICONE)
+    done = run("study", "silicone.toml", "--jobs", "1", "--json")
+    assert done.code == 0, done.err
+    results = json.loads(done.out)
+    assert [part["name"] for part in results["study"]["parts"]] == ["beam", "modes", "decays", "motion"]
+    free, loaded = results["decays"]
+    assert not free["synthetic"]
+    assert loaded["frequency_hz"] < 0.7 * free["frequency_hz"]  # 52 g at the tip
+    (factor,) = (one["value"] for one in results["motion"]["fit"]["unknowns"] if one["name"] == "elastic_modulus")
+    fitted = math.sqrt(factor) * results["modes"]["frequency_hz"][0]  # stiff enough for gravity not to matter
+    assert fitted == pytest.approx(free["frequency_hz"], rel=0.02)
+    ((channel,),) = [one["channels"] for one in results["motion"]["predictions"]]
+    assert channel["relative_error"] < 0.5
+    page = (tmp_path / "results" / "report.html").read_text()
+    assert "A silicone beam released from straight" in page
+    assert page.count("<svg") == 5

@@ -52,8 +52,8 @@ PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
 FRAME_RATE, DURATION, NOISE = 500.0, 5.0, 0.2e-3  # 1/s, s, m: of synthetic decays
 ZOOMED, SHORT_ZOOM = 12, 3  # periods drawn in detail, and of a record with many samples per period
 MOST_SAMPLES = 10_000_000  # of a synthetic decay
-MOST_ZOOMED = 500  # samples drawn in detail
-WINDOWS = 500  # of the drawn residuals
+MOST_ZOOMED = 300  # samples drawn in detail
+WINDOWS = 300  # of the drawn residuals
 
 
 @dataclass(frozen=True)

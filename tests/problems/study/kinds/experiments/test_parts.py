@@ -1,0 +1,136 @@
+"""Parts that show simulated experiments: their numbers agree with each other and with the laws."""
+
+import math
+
+import numpy as np
+import pytest
+
+from ancf_casadi import InputError
+from problems.study.part import FULL, QUICK
+from problems.study.reading import read_study
+from problems.study.study import StudyReport, run_study
+from tests.problems.study.conftest import BEAM
+
+LAWS = """
+[[laws]]
+name = "modal"
+terms = [{law = "modal", ratios = [0.02, 0.01]}]
+
+[[laws]]
+name = "drag"
+title = "air drag"
+terms = [{law = "quadratic", eta1 = 0.2, eta2 = 2.0}]
+"""
+PARTS = """
+[[parts]]
+kind = "transients"
+laws = ["modal", "drag"]
+runs = [
+    {mode = 2, amplitude = 0.004, stop = 5.0, measured_ratio = 0.01, laws = ["modal"]},
+    {mode = 1, amplitude = 0.02, stop = 60.0},
+    {mode = 1, amplitude = 0.01, stop = 60.0, laws = ["drag"]},
+]
+printed = {modal = [1.0, 2.0, nan]}
+
+[[parts]]
+kind = "amplitudes"
+laws = ["modal", "drag"]
+runs = [{mode = 1, amplitude = 0.02, stop = 60.0}]
+
+[[parts]]
+kind = "shapes"
+laws = ["modal"]
+runs = [{mode = 1, amplitude = 0.02, stop = 60.0}]
+
+[[parts]]
+kind = "integrators"
+laws = ["modal"]
+runs = [{mode = 1, amplitude = 0.02, stop = 3.0}]
+"""
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory) -> StudyReport:
+    folder = tmp_path_factory.mktemp("experiments")
+    (folder / "study.toml").write_text(BEAM + LAWS + PARTS, encoding="utf-8")
+    return run_study(folder / "study.toml", folder / "results", quick=True)
+
+
+def test_ratios_stand_under_their_laws_in_the_order_of_the_runs(report):
+    """Laws that are not simulated in a run have no ratio there."""
+    found = report.results["transients"]
+    assert found["experiment"] == [0.01, None, None]
+    assert found["modal"][:2] == pytest.approx([0.01, 0.02], rel=0.02)
+    assert found["modal"][2] is None
+    assert found["drag"][0] is None
+    assert found["drag"][1] > found["drag"][2] > 0.2 / (4 * math.pi * 1.9)  # falls with the amplitude
+    assert [(row["mode"], row["law"]) for row in found["runs"]] == [
+        (2, "modal"), (1, "modal"), (1, "drag"), (1, "drag"),
+    ]  # fmt: skip
+    for row in found["runs"]:
+        assert row["damping_ratio"] == pytest.approx(row["expected_damping_ratio"], rel=0.05)
+
+
+def test_the_table_is_in_ascending_order_of_the_modes(report):
+    """With the printed number of the same run beside each ratio, and none where none is printed."""
+    (_, ratios), (_, amplitudes) = report.parts[0].tables
+    assert ratios.columns[0].values == amplitudes.columns[0].values == (1, 1, 1, 2)
+    assert ratios.columns[1].values == ("modal", "air drag", "air drag", "modal")
+    simulated = next(column for column in ratios.columns if column.printed)
+    assert simulated.printed[0] == 2.0
+    assert simulated.printed[1:3] == (None, None)
+    assert simulated.printed[3] == 1.0
+    assert simulated.values[3] == pytest.approx(1.0, rel=0.02)
+
+
+def test_a_synthetic_measurement_says_so(report):
+    figures = [figure for _, figure in report.parts[0].figures]
+    assert ["synthetic" in figure.svg for figure in figures[:3]] == [True, False, False]
+    assert "synthetic" in figures[0].caption
+
+
+def test_the_curve_of_a_decay_is_that_of_the_law(report):
+    modal, drag = report.results["amplitudes"]
+    assert modal["damping_ratio"] == pytest.approx([0.02] * len(modal["damping_ratio"]), rel=0.03)
+    expected = 0.2 / (4 * math.pi * np.array(drag["frequency_hz"])) + 8.0 * np.array(drag["amplitude_m"]) / (
+        3 * math.pi
+    )
+    assert drag["damping_ratio"] == pytest.approx(expected, rel=0.05)
+    assert len(drag["amplitude_m"]) > 2
+
+
+def test_the_shapes_span_the_motion(report):
+    (row,) = report.results["shapes"]
+    reached = report.results["transients"]["runs"][1]["reached_amplitude_m"]
+    assert row["tip_across_m"] == pytest.approx(2 * reached, rel=0.1)
+    assert 0.0 < row["tip_along_m"] < 0.1 * row["tip_across_m"]
+
+
+def test_both_integrators_agree(report):
+    (row,) = report.results["integrators"]
+    assert row["idas"] == pytest.approx(row["radau"], rel=0.02)
+    assert row["largest_difference_m"] < 0.01 * 0.02
+
+
+def test_equal_experiments_run_once(report):
+    """The same excitation in three parts: the second part takes its results from the first."""
+    by_name = {step.name: step for step in report.steps}
+    assert [by_name[name].tasks for name in ("transients", "amplitudes", "shapes")] == [4, 2, 1]
+    files = list((report.page.parent / "steps").glob("*.msgpack"))
+    assert len(files) == 4 + 2 + len(report.parts)
+
+
+def test_a_quick_look_drives_for_less_time(study_file):
+    part = read_study(study_file(BEAM, LAWS, PARTS)).parts[0]
+    for effort in (FULL, QUICK):
+        experiment = part.tasks({}, effort)[0].inputs[0]
+        assert experiment.stop == pytest.approx(5.0 * effort.driving)
+    assert QUICK.driving < 0.2 < FULL.driving == 1.0
+    assert QUICK.steps_per_period < FULL.steps_per_period
+
+
+@pytest.mark.parametrize("name", ["experiment", "runs"])
+def test_a_law_cannot_take_the_name_of_another_key(study_file, name):
+    text = (LAWS + PARTS).replace('"drag"', f'"{name}"')
+    with pytest.raises(InputError, match=f"transients: the name {name} is taken in results.json"):
+        read_study(study_file(BEAM, text))

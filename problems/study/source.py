@@ -10,6 +10,7 @@ from typing import Any
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.support.inputs import is_sequence, located, number, shown
 from problems.study.part import Outcome, Terms
 from problems.tables.beam import read_beam
@@ -113,11 +114,17 @@ class Source:
         Raises
         ------
         InputError
-            If there is none.
+            If there is none, or it comes from a document with strain measures other than the defaults.
         """
         if "beam" not in self.file.tables:
             raise InputError("the table is missing; this part needs a beam", self.file.where("beam"))
-        return read_beam(self.file).model
+        model = read_beam(self.file).model
+        if model.measures != StrainMeasures():
+            raise InputError(
+                "the document has strain measures that this part does not support; use the defaults",
+                self.file.where("beam"),
+            )
+        return model
 
     @property
     def most_modes(self) -> int:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypedDict, final
 
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import check_keys, located
 from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part
@@ -55,7 +56,10 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     """
     check_keys(given, {"reason"}, set(), where)
     with located(where):
-        return Omitted(heading, text_of(given, "reason", ""))
+        reason = text_of(given, "reason", "")
+        if not reason.strip():
+            raise InputError("must not be empty; say why the tables and figures are not computed", "reason")
+        return Omitted(heading, reason)
 
 
 KIND = Kind(Omitted.kind, "Not computed", KEYS, read)

@@ -1,0 +1,89 @@
+"""Parts that show what other commands compute: the beam, its modes, a motion, and laws compared on measured motion."""
+
+import numpy as np
+import pytest
+
+from ancf_casadi import Beam, InputError, Model, StrainMeasures, natural_modes
+from ancf_casadi.export import Document, write_document
+from problems.command.init import STUDY
+from problems.study.reading import read_study
+from problems.study.study import run_study
+from tests.problems.study.conftest import BEAM
+
+MOTION = """
+[[damping]]
+law = "quadratic"
+eta1 = 2.0
+
+[base]
+file = "clamp.csv"
+x = "x_m"
+
+[simulation]
+duration = 0.5
+sample_rate = 200.0
+method = "radau"
+"""
+
+
+def clamp(path, amplitude: float) -> None:
+    time = np.linspace(0.0, 0.5, 101)
+    np.savetxt(path, np.c_[time, amplitude * np.sin(2 * np.pi * 2.0 * time) ** 2], delimiter=",", header="time_s,x_m",
+               comments="")  # fmt: skip
+
+
+def test_the_frequencies_are_those_of_the_beam(study_file, tmp_path):
+    report = run_study(study_file(BEAM, '[[parts]]\nkind = "modes"\ncount = 3\n'), tmp_path / "results")
+    beam = Beam.from_toml(tmp_path / "study.toml")
+    assert report.results["modes"]["frequency_hz"] == natural_modes(Model(beam), count=3).frequencies.tolist()
+
+
+def test_properties_that_vary_are_means_and_say_so(study_file, tmp_path):
+    text = BEAM.replace("width = 5e-3", "width = [4e-3, 5e-3, 6e-3]").replace(
+        "elements = 3", "elements = 3\ntip_mass = 2e-3"
+    )
+    report = run_study(study_file(text, '[[parts]]\nkind = "beam"\n'), tmp_path / "results")
+    ((_, table),) = report.parts[0].tables
+    assert table.columns[2].values == pytest.approx((500.0, 5.0, 0.5, 8000.0, 210.0))
+    assert any("width vary along the beam" in note for note in table.notes)
+    assert any("2 g" in note for note in table.notes)
+    assert report.results["beam"]["width"] == [4e-3, 5e-3, 6e-3]
+
+
+def test_a_motion_is_computed_again_if_a_file_changes(study_file, tmp_path):
+    """The clamp moves twice as far: the tip does too, and damping takes four times the energy."""
+    found, path = [], study_file(BEAM, MOTION)
+    for amplitude in (1e-4, 2e-4, 2e-4):
+        clamp(tmp_path / "clamp.csv", amplitude)
+        report = run_study(path, tmp_path / "results")
+        found.append((report.results["simulation"], report.steps[-1].kept))
+    (one, _), (two, kept), (three, again) = found
+    assert two["tip_travel_m"][0] == pytest.approx(2 * one["tip_travel_m"][0], rel=1e-3)
+    assert two["dissipated_energy_j"] == pytest.approx(4 * one["dissipated_energy_j"], rel=1e-3)
+    assert two["balance_error_j"] < 1e-3 * two["dissipated_energy_j"]
+    assert three == two
+    assert (kept, again) == (0, 2)
+
+
+def test_a_comparison_needs_two_laws(study_file, tmp_path):
+    clamp(tmp_path / "motion.csv", 1e-3)
+    text = STUDY.format(name="study.toml").partition("[[damping]]")
+    one_law = (
+        f'{text[0]}[[damping]]\nlaw = "quadratic"\neta2 = 0.1\n[[records]]\nfile = "motion.csv"\nsensor = "position"\n'
+    )
+    with pytest.raises(InputError, match=r"\[parts\]: comparison: there is only one law; add tables \[\[damping\]\]"):
+        read_study(study_file(one_law, '[[parts]]\nkind = "comparison"\n'))
+
+
+def test_a_beam_with_other_strain_measures_is_refused(study_file, tmp_path, paper_beam):
+    """The parts compute with the default measures, and must not pretend otherwise."""
+    write_document(tmp_path / "beam.json", Document(Model(paper_beam(3), StrainMeasures(axial="green"))))
+    with pytest.raises(InputError, match=r"\[beam\]: the document has strain measures that this part does not support"):
+        read_study(study_file('[beam]\ndocument = "beam.json"\n'))
+    write_document(tmp_path / "beam.json", Document(Model(paper_beam(3))))
+    assert len(read_study(study_file('[beam]\ndocument = "beam.json"\n')).parts) == 2
+
+
+def test_what_is_omitted_has_a_reason(study_file):
+    with pytest.raises(InputError, match=r"\[parts\]: omitted: reason: must not be empty"):
+        read_study(study_file('[[parts]]\nkind = "omitted"\nreason = " "\nfigures = ["Figure 1"]\n'))

@@ -83,14 +83,14 @@ def test_both_integrators_agree(third):
 
 
 def test_what_figures_show_is_the_motion(third):
-    """Relative to the clamp, zero at the start, around the stop, and over the last period.
+    """Relative to the clamp, from zero on, around the stop, and over the last period.
 
     The excitation begins with the velocity omega A, which gives mode 1 the amplitude Gamma_1 omega A/omega_1.
     """
     result = run_experiment(replace(third, terms=LAWS["generic"]))
     slow = 1.566 * result.natural_frequency * result.base_amplitude / 1.876
     assert result.motion.high.max() == pytest.approx(result.reached + slow, rel=0.05)
-    assert abs(result.motion.high[0]) < 0.05 * result.reached
+    assert result.motion.low[0] <= 0.0 <= result.motion.high[0] < 0.2 * result.reached
     assert result.stop_time[0] < 0.0 < result.stop_time[-1]
     assert result.decay_time[0] >= result.stop + 2 / result.natural_frequency
     assert np.ptp(result.shapes[:, -1, 0]) == pytest.approx(2 * result.reached, rel=0.06)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypedDict, final
 
-from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.support.inputs import check_keys
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn
@@ -117,7 +117,9 @@ class MotionFit(FilePart):
             Column("to", tuple(one["interval_95"][1] for one in unknowns)),
         )  # fmt: skip
         name, heading = self.heading.name, self.heading
-        tables = [DataTable(name, "Estimates from the measured motion", columns, heading.notes)]
+        factors = sorted({one["name"] for one in unknowns} & set(PROPERTIES))
+        notes = (*([f"Factors of the given values: {', '.join(factors)}."] if factors else []), *heading.notes)
+        tables = [DataTable(name, "Estimates from the measured motion", columns, notes)]
         if fitted.predictions:
             tables.append(self._predictions(fitted))
         outcome = Outcome({"fit": fitted.fit, "predictions": list(fitted.predictions)}, beam=fitted.beam)

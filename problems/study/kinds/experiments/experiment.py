@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -217,12 +217,11 @@ def _excitation(experiment: Experiment, modes: Modes, ratio: float) -> tuple[Har
     """Return the base motion and the length of the fitted decay, given the damping ratio at the requested amplitude."""
     mode = experiment.mode - 1
     ω = float(modes.angular_frequencies[mode])
-    growth = -math.expm1(-ratio * ω * experiment.stop) / (2 * ratio) if ratio else ω * experiment.stop / 2
-    base = HarmonicBase(
-        amplitude=experiment.amplitude / (participation(modes, mode) * growth),
-        frequency=experiment.frequency or ω / (2 * math.pi),
-        stop=experiment.stop,
-    )
+    frequency = experiment.frequency or ω / (2 * math.pi)
+    unit = HarmonicBase(amplitude=1.0, frequency=frequency, stop=experiment.stop)
+    driven = unit.stop_time  # the first instant of zero velocity after the given stop
+    growth = -math.expm1(-ratio * ω * driven) / (2 * ratio) if ratio else ω * driven / 2
+    base = replace(unit, amplitude=experiment.amplitude / (participation(modes, mode) * growth))
     halving = math.log(2) * base.frequency / (ratio * ω) if ratio else math.inf  # periods
     periods = experiment.window * base.frequency or min(halving, LONGEST_WINDOW)
     return base, max(experiment.shortening * periods, SHORTEST_WINDOW) / base.frequency

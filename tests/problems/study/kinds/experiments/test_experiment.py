@@ -54,9 +54,12 @@ def test_no_law_is_no_damping(third):
 
 @pytest.mark.parametrize("name", LAWS)
 def test_first_mode_at_large_swing(first, name):
-    """The motion reaches the requested amplitude at the stop, and its ratio is the predicted one, within 2 %."""
+    """The ratio is the predicted one, within 2 %.
+
+    The amplitude grows from 0 in three periods; its last extreme is at most half a period before the stop.
+    """
     result = run_experiment(replace(first, terms=LAWS[name]))
-    assert result.reached == pytest.approx(first.amplitude, rel=0.05)
+    assert (1 - 0.5 / 3) * first.amplitude < result.reached < first.amplitude
     assert result.amplitude > 0.05
     assert result.damping_ratio == pytest.approx(result.expected_ratio, rel=0.02)
 

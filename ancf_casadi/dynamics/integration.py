@@ -16,11 +16,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 
 from ancf_casadi.dynamics.idas import integrate_by_idas
+from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
 from ancf_casadi.dynamics.segments import InitialValueProblem, Segment, SegmentSolution, divide
 from ancf_casadi.dynamics.start import MotionSetup, TimedPiece
@@ -140,7 +142,12 @@ class Integration:
             largest_step=min(self.largest_step, piece.largest_step),
             options={**bound, **self.options},
         )
-        return integrate_by_radau(problem) if use.method == "radau" else integrate_by_idas(problem)
+        return integrate_by_radau(problem, self._form) if use.method == "radau" else integrate_by_idas(problem)
+
+    @cached_property
+    def _form(self) -> Collocation:
+        """The Functions of a Radau step."""
+        return Collocation(self.setup.equations)
 
     def _segments(self, piece: TimedPiece) -> list[Segment]:
         rate = self.setup.sample_rate

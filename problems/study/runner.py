@@ -7,10 +7,10 @@ Each result is written as soon as it is there, so that a study that is stopped a
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -69,9 +69,8 @@ def run_parts(
     findings: dict[str, Finding] = {}
     waiting = list(study.parts)
     with contextlib.ExitStack() as stack:
-        if executor is None and jobs > 1:
-            executor = stack.enter_context(processes(jobs))  # once, because each process takes a second to start
-        runner = _Runner(Store(folder / STEPS), executor, progress)
+        start = partial(stack.enter_context, processes(jobs)) if executor is None and jobs > 1 else lambda: executor
+        runner = _Runner(Store(folder / STEPS), start, progress)
         while waiting:
             ready = [part for part in waiting if all(name in findings for name in part.needs)]
             ahead = {part.heading.name for part in ready}
@@ -85,11 +84,16 @@ def run_parts(
 class _Runner:
     """The executor, the store and the times of a study that runs."""
 
-    def __init__(self, store: Store, executor: Executor | None, progress: bool) -> None:
+    def __init__(self, store: Store, start: Callable[[], Executor | None], progress: bool) -> None:
         self.store = store
         self.keys: list[str] = []
         self.steps: dict[str, Step] = {}
-        self._executor, self._progress = executor, progress
+        self._start, self._progress = start, progress
+
+    @cached_property
+    def _executor(self) -> Executor | None:
+        """The executor of all tasks, started with the first one, because each process takes a second to start."""
+        return self._start()
 
     def level(
         self, parts: Sequence[Part], found: Mapping[str, Mapping[str, Outcome]], effort: Effort
@@ -124,8 +128,8 @@ class _Runner:
             sizes=[by_key[key].cost for key in missing],
             title=title,
             each=lambda k, result: self.store.keep(missing[k], result),
-            executor=self._executor,
-            progress=self._progress,
+            executor=self._executor if missing else None,
+            progress=self._progress and bool(missing),
         )
         all_kept = kept | dict(zip(missing, done, strict=True))
         results = [all_kept[key].result(task) for key, task in zip(keys, tasks, strict=True)]

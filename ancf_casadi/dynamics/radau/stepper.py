@@ -43,15 +43,22 @@ MOST_STEPS_BETWEEN_SAMPLES = 200_000
 AT_ONCE = 8  # largest number of samples evaluated in one call
 
 
-def integrate_by_radau(problem: InitialValueProblem) -> Iterator[SegmentSolution]:
+def integrate_by_radau(problem: InitialValueProblem, form: Collocation) -> Iterator[SegmentSolution]:
     """Integrate over a smooth piece of the excitation, and yield the solution on each segment.
+
+    Parameters
+    ----------
+    problem : InitialValueProblem
+        The motion to compute.
+    form : Collocation
+        The Functions of a step, which all pieces of a motion share.
 
     Raises
     ------
     SimulationError
         If no step is small enough, or the steps are too many.
     """
-    stepper = Stepper(Collocation(problem.equations), problem.equations.parameters, problem)
+    stepper = Stepper(form, problem.equations.parameters, problem)
     size, steps, energies = problem.equations.model.size, 0, np.zeros(ENERGIES)
     for segment in problem.segments:
         samples: list[tuple[Array, ...]] = [tuple(np.empty((0, width)) for width in (size, size, NODE, ENERGIES))]

@@ -1,4 +1,4 @@
-"""The study of the paper, and the printed numbers of ``paper.toml`` that tests, benchmarks and docs share.
+"""The printed numbers of ``paper.toml`` that tests, benchmarks and docs share.
 
 SI units; frequencies are in Hz, damping ratios are fractions, eta2 is in 1/m.
 
@@ -11,13 +11,10 @@ Journal of Sound and Vibration 325 (2009) 722-741, Tables 1, 2, 4, 9 and 10.
 from __future__ import annotations
 
 import tomllib
-from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 from ancf_casadi.mechanics.beam import Beam
-
-PAPER = Path(str(files("problems.study").joinpath("paper.toml")))
+from problems.study.study import PAPER
 
 _TABLES = tomllib.loads(PAPER.read_text(encoding="utf-8"))
 _PARTS = {part["name"]: part for part in _TABLES["parts"]}

@@ -53,7 +53,7 @@ def run_parts(
     Parameters
     ----------
     study : Study
-        The study; parts that need others follow them.
+        The study; a part may stand before those that it needs.
     folder : Path
         Folder of the results, with the finished tasks of an earlier run.
     effort : Effort

@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from importlib.metadata import version
+from importlib.resources import files
 from pathlib import Path
 from types import NoneType
 from typing import Any
@@ -27,12 +28,12 @@ from ancf_casadi.support.tables import to_json
 from ancf_casadi.version import __version__
 from problems.study.document.labels import Shown, file_name, labelled
 from problems.study.document.page import Circumstances, page
-from problems.study.paper import PAPER
 from problems.study.part import FULL, QUICK, Study
 from problems.study.reading import read_study
 from problems.study.results import results, schema
 from problems.study.runner import Step, run_parts
 
+PAPER = Path(str(files("problems.study").joinpath("paper.toml")))  # the study of the paper
 NUMBERED = re.compile(r"(table|figure)_a?\d+\.(csv|svg|png)")  # names of files of tables and figures
 PAGE, NUMBERS, SCHEMA = "report.html", "results.json", "results.schema.json"
 

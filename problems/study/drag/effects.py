@@ -28,7 +28,6 @@ from dataclasses import dataclass
 import casadi as cs
 import numpy as np
 from scipy.optimize import brentq, root_scalar
-from scipy.signal import find_peaks
 
 from ancf_casadi.damping import QuadraticDamping
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, quadratic_envelope
@@ -43,6 +42,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import physical, positive
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
+from problems.study.turning_points import turning_points
 
 SAMPLES = 40  # per period
 TOLERANCE, STEPS = 1e-5, 24  # tolerance of the integrator, and its least number of steps per period
@@ -234,8 +234,7 @@ def displaced(modes: Modes, amplitude: float) -> Equilibrium:
 
 def peaks(time: Array, displacement: Array) -> Envelope:
     """Return the envelope through the turning points of an oscillation about 0, from its start at a turning point."""
-    size = np.abs(displacement)
-    at, _ = find_peaks(size)
+    size, at = np.abs(displacement), turning_points(displacement)
     before, here, after = size[at - 1], size[at], size[at + 1]
     shift = (before - after) / (2 * (before - 2 * here + after))  # of a parabola through three samples
     top = here - (before - after) * shift / 4

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, TypedDict, final
 
 from ancf_casadi.mechanics.beam import PROPERTIES, Beam
@@ -83,9 +82,10 @@ def fit_plain(given: TablesOfFile, name: str) -> FittedMotion:
     figures = [drawn(name, "Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
     predictions: list[MotionPrediction] = []
     for k, (record, mass) in enumerate(motions.predictions, start=1):
-        predictions.append(fit.predict(record, tip_mass=mass))
+        prediction = fit.predict(record, tip_mass=mass)
+        predictions.append(prediction)
         caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
-        figures.append(drawn(f"{name}_prediction_{k}", caption, partial(predictions[-1].figure)))
+        figures.append(drawn(f"{name}_prediction_{k}", caption, prediction.figure))
     warnings = (*fit.warnings, *(warning for prediction in predictions for warning in prediction.warnings))
     return FittedMotion(
         fit.to_dict(), tuple(one.to_dict() for one in predictions), fit.model.beam, tuple(figures), warnings

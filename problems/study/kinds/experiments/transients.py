@@ -21,6 +21,7 @@ from problems.study.kinds.experiments.experiment import ExperimentResult
 from problems.study.kinds.experiments.runs import ExperimentPart, Run, read_runs, results_of
 from problems.study.part import Effort, Finding, Heading, Outcome
 from problems.study.source import LawChoice, Source, printed_numbers
+from problems.study.turning_points import turning_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -239,9 +240,8 @@ def _run_figure(run: Run, results: Sequence[ExperimentResult]) -> Figure:
 
 def _peaks(result: ExperimentResult) -> tuple[Any, Any]:
     """Return times and sizes of the extremes of the decay."""
-    size = np.abs(result.decay)
-    inner = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
-    return result.decay_time[inner], size[inner]
+    at = turning_points(result.decay)
+    return result.decay_time[at], np.abs(result.decay[at])
 
 
 def _draw_measured(axes: Axes, run: Run, result: ExperimentResult) -> None:

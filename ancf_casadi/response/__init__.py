@@ -1,0 +1,1 @@
+"""Steady-state vibration: periodic motion, response curves and backbones, by harmonic balance."""

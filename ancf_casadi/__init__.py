@@ -23,6 +23,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.recording import Recording, read_recording
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.reduction import ReducedModel, ReducedTrajectory, reduce_model, simulate_reduced
+from ancf_casadi.response.linear_frf import LinearFrf, linear_frf
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.version import __version__
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
@@ -42,6 +43,7 @@ __all__ = [
     "HarmonicLoad",
     "InputError",
     "LawCurve",
+    "LinearFrf",
     "Measurement",
     "ModalDamping",
     "Model",
@@ -65,6 +67,7 @@ __all__ = [
     "Trajectory",
     "__version__",
     "damping_curve",
+    "linear_frf",
     "mac",
     "motion",
     "natural_modes",

@@ -1,1 +1,1 @@
-"""Steady-state vibration: periodic motion, response curves and backbones, by harmonic balance."""
+"""Steady-state vibration: periodic motion, response curves and backbones by harmonic balance, and small motion."""

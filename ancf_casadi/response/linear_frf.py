@@ -1,0 +1,298 @@
+"""Frequency response functions of small motion about an equilibrium.
+
+The receptance H_ij is the displacement at a point i per force at a point j, both along given directions, as complex
+amplitudes (``ancf_casadi.response.small_motion``).  The mobility is i omega H and the accelerance -omega^2 H.  The
+transmissibility is the displacement of a point per displacement of the base, absolute or relative to the base.
+
+References
+----------
+D. J. Ewins, Modal Testing: Theory, Practice and Application, Research Studies Press (2000), Chapter 2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import NoneType
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.response.small_motion import SmallMotion
+from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.inputs import array, check_instance, choice, is_sequence, number, vector
+from ancf_casadi.support.tables import Table
+from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+from ancf_casadi.vibration.modes import Modes, natural_modes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FrfKind = Literal["receptance", "mobility", "accelerance", "transmissibility", "relative-transmissibility"]
+
+UNITS = {
+    "receptance": "m/N",
+    "mobility": "m/(N s)",
+    "accelerance": "m/(N s^2)",
+    "transmissibility": "1",
+    "relative-transmissibility": "1",
+}
+DERIVATIVES = {"receptance": 0, "mobility": 1, "accelerance": 2}  # powers of i omega
+MODES = 5  # resonances in the frequencies that are chosen if none are given
+WIDE, SPREAD = (0.2, 1.3), 10.0  # these frequencies, relative to the first and last mode; half-widths about a resonance
+AMPLITUDE = 0.01  # of the tip, in lengths of the beam, at which the damping ratios are compared with those at rest
+DIFFERENT = 0.01  # relative difference of the damping ratios beyond which there is a warning
+
+
+@dataclass(frozen=True, eq=False)
+class LinearFrf:
+    """Frequency response functions of small motion.
+
+    Parameters
+    ----------
+    kind : {"receptance", "mobility", "accelerance", "transmissibility", "relative-transmissibility"}
+        Kind of the functions.
+    frequencies : array (k,)
+        Frequencies, Hz.
+    values : array (outputs, inputs, k)
+        Complex values, in ``unit``; one input, the motion of the base, for the transmissibilities.
+    points, load_points : tuple of float
+        Arc lengths of the responding and of the loaded points from the clamp, m; without loaded points, the base moves.
+    direction, load_direction : (float, float)
+        Directions of the responses, and of the loads or the base motion; unit vectors.
+    modes : Modes
+        The first modes about the equilibrium.
+    damping : DampingLaw
+        The damping law.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, RayleighDamping, linear_frf
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> frf = linear_frf(Model(beam), RayleighDamping(alpha=0.2), [1.0, 2.0], kind="mobility")
+    >>> frf.values.shape, frf.unit
+    ((1, 1, 2), 'm/(N s)')
+    """
+
+    kind: FrfKind
+    frequencies: Array
+    values: ComplexArray
+    points: tuple[float, ...]
+    load_points: tuple[float, ...]
+    direction: tuple[float, float]
+    load_direction: tuple[float, float]
+    modes: Modes = field(repr=False)
+    damping: DampingLaw
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return UNITS[self.kind]
+
+    @property
+    def amplitude(self) -> Array:
+        """Absolute values (outputs, inputs, k)."""
+        return np.abs(self.values)
+
+    @property
+    def phase(self) -> Array:
+        """Phase angles (outputs, inputs, k), rad, in (-pi, pi]; negative if the response lags."""
+        return np.asarray(np.angle(self.values))
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Limitations of small motion."""
+        count, length = self.modes.count, self.modes.model.beam.length
+        rest, moving = (self.damping.damping_ratios(self.modes, np.full(count, a)) for a in (0.0, AMPLITUDE * length))
+        if np.allclose(moving, rest, rtol=DIFFERENT, atol=0.0):
+            return ()
+        return (
+            "the damping depends on the amplitude, and these functions hold for very small motion only: at an "
+            f"amplitude of {1e3 * AMPLITUDE * length:.2g} mm of the tip, the damping ratio of mode 1 is "
+            f"{moving[0]:.3g}, not {rest[0]:.3g}",
+        )
+
+    def labels(self) -> list[list[str]]:
+        """Return the name of each function, as ``0.5 m / 0.25 m``, response before load."""
+        loads = [f"{s:.4g} m" for s in self.load_points] or ["base"]
+        return [[f"{s:.4g} m / {load}" for load in loads] for s in self.points]
+
+    def table(self) -> Table:
+        """Return the peaks of each function with amplitude and phase."""
+        rows: list[tuple[str | float, ...]] = []
+        for names, row in zip(self.labels(), self.values, strict=True):
+            for name, values in zip(names, row, strict=True):
+                size = np.abs(values)
+                peaks = 1 + np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:]))
+                rows += [
+                    (name, float(self.frequencies[k]), float(size[k]), math.degrees(np.angle(values[k])))
+                    for k in peaks.tolist()
+                ]
+        columns = ("response / load", "frequency_Hz", f"amplitude, {self.unit}", "phase_deg")
+        ratios = self.damping.damping_ratios(self.modes, np.zeros(self.modes.count))
+        pairs = zip(self.modes.frequencies.tolist(), ratios.tolist(), strict=True)
+        own = ", ".join(f"{frequency:.4g} Hz ({100 * ratio:.3g} %)" for frequency, ratio in pairs)
+        title = f"Peaks of the {self.kind.replace('-', ' ')} at {len(self.frequencies)} frequencies"
+        return Table("frf", title, columns, rows, (f"natural frequencies (damping ratios): {own}",))
+
+    def report(self) -> str:
+        """Return the result as text."""
+        return "\n".join([self.table().text(), *(f"  note: {note}" for note in self.warnings)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON, real and imaginary parts apart, lists in the order (outputs, inputs, k)."""
+        return {
+            "kind": self.kind,
+            "unit": self.unit,
+            "frequencies_hz": self.frequencies.tolist(),
+            "real": self.values.real.tolist(),
+            "imaginary": self.values.imag.tolist(),
+            "points_m": list(self.points),
+            "load_points_m": list(self.load_points),
+            "direction": list(self.direction),
+            "load_direction": list(self.load_direction),
+            "warnings": list(self.warnings),
+        }
+
+    def figure(self) -> Figure:
+        """Draw amplitude and phase against frequency (Bode plot)."""
+        from ancf_casadi.response.bode import Curve, bode_figure  # matplotlib is slow to import
+
+        names = [name for row in self.labels() for name in row]
+        values = self.values.reshape(len(names), -1)
+        curves = [Curve(name, self.frequencies, column) for name, column in zip(names, values, strict=True)]
+        return bode_figure([curves], self.kind.replace("-", " ") + (f", {self.unit}" if self.unit != "1" else ""))
+
+
+def linear_frf(
+    model: Model,
+    damping: DampingLaw | None = None,
+    frequencies: ArrayLike | None = None,
+    *,
+    kind: FrfKind = "receptance",
+    points: float | Sequence[float] | None = None,
+    load_points: float | Sequence[float] | None = None,
+    direction: tuple[float, float] | None = None,
+    load_direction: tuple[float, float] | None = None,
+    equilibrium: Equilibrium | None = None,
+) -> LinearFrf:
+    """Return frequency response functions of small motion about an equilibrium, solved directly at each frequency.
+
+    Drag that is quadratic in the velocity has no effect in small motion; friction counts with its slope at rest.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    damping : DampingLaw, optional
+        The damping law; none if not given.
+    frequencies : array_like (k,), optional
+        Frequencies, Hz, 0 or more; chosen to show the first five resonances if not given.
+    kind : {"receptance", "mobility", "accelerance", "transmissibility", "relative-transmissibility"}
+        Displacement, velocity or acceleration per force, or absolute or relative displacement per displacement of the
+        base.
+    points : float or sequence of float, optional
+        Arc lengths of the responding points from the clamp, m; the tip if not given.
+    load_points : float or sequence of float, optional
+        Arc lengths of the points at which a force acts, m; the tip if not given.
+    direction : (float, float), optional
+        Direction of the responses, of any positive length; across the axis of the beam at its clamp if not given, in
+        the direction of x for a hanging beam.
+    load_direction : (float, float), optional
+        Direction of the forces or of the base motion; that of the responses if not given.
+    equilibrium : Equilibrium, optional
+        The equilibrium; by default under gravity alone.
+
+    Raises
+    ------
+    InputError
+        If an argument is not of its kind, a point is not on the beam, or a frequency is a resonance without damping.
+    EquilibriumError
+        If the equilibrium is unstable, or none is found.
+
+    Examples
+    --------
+    The tip of a strip moves 46 times as far as its base at resonance:
+
+    >>> from ancf_casadi import Beam, Model, RayleighDamping, linear_frf
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> law = RayleighDamping(alpha=0.4)
+    >>> frf = linear_frf(Model(beam), law, [1.0, 1.876, 3.0], kind="transmissibility")
+    >>> frf.amplitude[0, 0].round(1)
+    array([ 1.6, 46.1,  1.6])
+    """
+    check_instance(model, "model", Model)
+    check_instance(damping, "damping", DampingLaw, NoneType)
+    check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
+    choice(kind, get_args(FrfKind), "kind")
+    moved = kind not in DERIVATIVES
+    if moved and load_points is not None:
+        raise InputError(f"has no meaning for a {kind}, in which the base moves", "load_points")
+    axis = model.beam.axis
+    response_direction = _unit((-axis[1], axis[0]) if direction is None else direction, "direction")
+    input_direction = response_direction if load_direction is None else _unit(load_direction, "load_direction")
+    responding, loaded = _points(model, points, "points"), () if moved else _points(model, load_points, "load_points")
+    law = damping or RayleighDamping()
+    rest = equilibrium or static_equilibrium(model)
+    modes = natural_modes(model, count=min(MODES, model.size - NODE), equilibrium=rest)
+    f = _chosen(modes, law) if frequencies is None else _frequencies(frequencies)
+
+    system = SmallMotion(rest, law)
+    outputs = system.rows(responding, response_direction)
+    if moved:
+        values = system.relative_transmissibility(f, outputs, input_direction)
+        if kind == "transmissibility":
+            values += np.dot(response_direction, input_direction)
+    else:
+        values = system.receptance(f, outputs, system.rows(loaded, input_direction))
+        values = values * (2j * np.pi * f) ** DERIVATIVES[kind]
+    if not np.isfinite(values).all():
+        raise InputError("one is a natural frequency of the beam, and there is no damping", "frequencies")
+    return LinearFrf(kind, f, values, responding, loaded, response_direction, input_direction, modes, law)
+
+
+def _unit(direction: Any, where: str) -> tuple[float, float]:
+    """Return a direction as a unit vector."""
+    x, y = vector(direction, where)
+    length = math.hypot(x, y)
+    if length == 0.0:
+        raise InputError("must not be the zero vector", where)
+    return x / length, y / length
+
+
+def _points(model: Model, given: Any, where: str) -> tuple[float, ...]:
+    """Return arc lengths of points on the beam."""
+    if given is None:
+        return (model.beam.length,)
+    values = tuple(number(s, where) for s in given) if is_sequence(given) else (number(given, where),)
+    if not values:
+        raise InputError("there are none", where)
+    for s in values:
+        if not 0.0 <= s <= model.beam.length:
+            raise InputError(f"must be on the beam, 0 to {model.beam.length:g} m, got {s:g}", where)
+    return values
+
+
+def _frequencies(given: ArrayLike) -> Array:
+    """Return frequencies as an array."""
+    f = np.atleast_1d(array(given, "frequencies"))
+    if f.ndim != 1 or not f.size or (f < 0.0).any():
+        raise InputError("must be one or more frequencies, Hz, 0 or more", "frequencies")
+    return f
+
+
+def _chosen(modes: Modes, law: DampingLaw) -> Array:
+    """Return frequencies that show the resonances of the modes, close together where the response changes fast."""
+    f = modes.frequencies
+    ratios = np.clip(law.damping_ratios(modes, np.zeros(modes.count)), 1e-4, 0.1)
+    even = np.geomspace(WIDE[0] * f[0], WIDE[1] * f[-1], 400)
+    near = SPREAD * np.sinh(np.linspace(-4.0, 4.0, 61)) / np.sinh(4.0)
+    return np.unique(np.concatenate([even, *(own * (1 + ratio * near) for own, ratio in zip(f, ratios, strict=True))]))

@@ -1,6 +1,6 @@
 """Identification of damping and properties of very flexible beams, and simulation of their large motion."""
 
-from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
+from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping, RayleighDamping
 from ancf_casadi.decay.envelope import DampingCurve, LawCurve, damping_curve
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
 from ancf_casadi.dynamics.derivatives.differentiable import motion
@@ -39,6 +39,7 @@ __all__ = [
     "EquilibriumError",
     "FitError",
     "FixedBase",
+    "FrictionDamping",
     "HarmonicBase",
     "HarmonicLoad",
     "InputError",

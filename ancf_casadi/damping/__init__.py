@@ -1,10 +1,11 @@
-"""External damping laws of Section 4 of the paper, and sums of laws.
+"""External damping laws: those of Section 4 of the paper, dry friction, and sums of laws.
 
 A law adds the force Q_damp(e, e_t) to the left-hand side of the equation of motion, M e_tt + Q_damp + Q_e = Q_g.  The
 velocities e_t are those in the laboratory frame: external damping resists motion relative to the still air.
 
     proportional    Rayleigh (proportional)  Q = alpha M e_t + beta (stiffness part),              Eqs. (11)-(16)
     quadratic       quadratic                Q = int S^T (gamma1 v + gamma2 |v| v) dp,             Eqs. (19)-(26)
+    friction        dry friction             Q = int S^T gamma0 v/|v| dp
     generic         modal (generic)          Q = R M Phi diag(2 zeta omega) Phi^T M R^T e_t,       Eqs. (28)-(32)
     law             parameters of a law, sums of laws
     turning         rotation R of the modal law with the clamp
@@ -22,6 +23,7 @@ References
 (damping is on the left), Eq. (31) (Phi^-T = M Phi), and the unit of eta2 (1/m; the tables of the paper use 1/mm).
 """
 
+from ancf_casadi.damping.friction import FRICTION_CONSTANT, FrictionDamping
 from ancf_casadi.damping.generic import ModalDamping
 from ancf_casadi.damping.law import DampingLaw, Forces, Parameter, SumOfLaws
 from ancf_casadi.damping.proportional import ProportionalStiffness, RayleighDamping
@@ -29,8 +31,10 @@ from ancf_casadi.damping.quadratic import DRAG_CONSTANT, QuadraticDamping
 
 __all__ = [
     "DRAG_CONSTANT",
+    "FRICTION_CONSTANT",
     "DampingLaw",
     "Forces",
+    "FrictionDamping",
     "ModalDamping",
     "Parameter",
     "ProportionalStiffness",

@@ -78,6 +78,10 @@ class Forces(Protocol):
     def drag_force(self) -> Callable[..., Any]:
         """(e_t, p) -> int S^T mu |v| v dp."""
 
+    @property
+    def friction_force(self) -> Callable[..., Any]:
+        """(e_t, p, v0) -> int S^T mu v/(|v|^2 + v0^2)^(1/2) dp."""
+
 
 class DampingLaw(ABC):
     """Base class of the damping laws; ``+`` adds the forces of two laws.
@@ -260,6 +264,21 @@ def check_coefficients(law: DampingLaw, *names: str) -> None:
         if value < 0.0:
             raise InputError(f"must not be negative, got {value:g}", name)
         object.__setattr__(law, name, value)
+
+
+def amplitude_of_each(modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
+    """Return the magnitude of the tip amplitude of each mode, (m,), m.
+
+    Raises
+    ------
+    InputError
+        If ``modes`` are not Modes, or there is not one finite amplitude per mode.
+    """
+    check_instance(modes, "modes", Modes)
+    found = numbers(amplitudes, "amplitudes")
+    if len(found) != modes.count:
+        raise InputError(f"has {len(found)} values for {modes.count} modes", "amplitudes")
+    return np.abs(found)
 
 
 def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:

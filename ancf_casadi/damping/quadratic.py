@@ -34,6 +34,7 @@ from ancf_casadi.damping.law import (
     Forces,
     Parameter,
     S,
+    amplitude_of_each,
     check_coefficients,
     nonzero,
     values_by_name,
@@ -42,7 +43,7 @@ from ancf_casadi.damping.law import (
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, number, numbers, positive
+from ancf_casadi.support.inputs import check_instance, number, positive
 from ancf_casadi.vibration.modes import Modes
 
 DRAG_CONSTANT = 1183 / 876  # exact in Eqs. (24) and (25), where the paper rounds its inverse to 0.74
@@ -158,11 +159,7 @@ class QuadraticDamping(DampingLaw):
         InputError
             If there is not one amplitude per mode.
         """
-        check_instance(modes, "modes", Modes)
-        amplitudes = numbers(amplitudes, "amplitudes")
-        if len(amplitudes) != modes.count:
-            raise InputError(f"has {len(amplitudes)} values for {modes.count} modes", "amplitudes")
-        model = modes.model
+        tip, model = amplitude_of_each(modes, amplitudes), modes.model
         shapes = modes.shapes / modes.tip_amplitudes()
         modal_mass = (shapes * (model.mass(model.properties).sparse() @ shapes)).sum(axis=0)
         b, c = (
@@ -170,4 +167,4 @@ class QuadraticDamping(DampingLaw):
             for function in (model.line_inertia_force, model.drag_force)
         )
         linear = self.eta1 * b / (2 * modes.angular_frequencies)
-        return np.asarray(linear + 4 * self.eta2 * DRAG_CONSTANT * c * np.abs(amplitudes) / (3 * math.pi))
+        return np.asarray(linear + 4 * self.eta2 * DRAG_CONSTANT * c * tip / (3 * math.pi))

@@ -43,5 +43,4 @@ def elastic_clamp() -> Element:
         mass=cs.SX.zeros(8, 8),
         line_mass=cs.SX.zeros(8, 8),
         gravity=cs.SX.zeros(8, 2),
-        drag_force=cs.SX.zeros(8),
     )

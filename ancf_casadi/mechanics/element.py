@@ -24,6 +24,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -34,7 +35,7 @@ from ancf_casadi.mechanics.shape import gauss_pairs, shape_matrix
 from ancf_casadi.mechanics.strain import StrainMeasures, axial_strains, bending_strains
 
 MASS_POINTS = 4  # exact: the integrand has degree 6
-DRAG_POINTS = 4  # approximate: |v| v is not a polynomial
+DRAG_POINTS = 4  # of drag and friction; approximate: |v| v and v/|v| are not polynomials
 ELEMENT_PROPERTIES = 7  # width, thickness, density, elastic modulus, length, x and y of the axis
 STILL = 1e-9  # m/s; |v| is smoothed below this speed, because it has no derivative at rest
 
@@ -71,6 +72,9 @@ class Element:
         (p, g) -> Q_g (d), Eq. (7).
     drag_force : Function
         (e_t, p) -> int S^T mu |v| v dp (d), the integral in Eq. (23), to be multiplied by a coefficient in 1/m.
+    friction_force : Function
+        (e_t, p, v0) -> int S^T mu v/(|v|^2 + v0^2)^(1/2) dp (d), smoothed below the speed v0 (m/s), to be multiplied by
+        a coefficient in m/s^2.
     """
 
     strain_energy: cs.Function
@@ -84,6 +88,7 @@ class Element:
     line_inertia_force: cs.Function
     gravity_force: cs.Function
     drag_force: cs.Function
+    friction_force: cs.Function
 
 
 @lru_cache(maxsize=8)
@@ -104,11 +109,6 @@ def element(measures: StrainMeasures) -> Element:
         shape = shape_matrix(xi)
         unit_mass += w * shape.T @ shape
         unit_weight += w * shape.T
-    drag_force = cs.SX.zeros(8)
-    for xi, w in gauss_pairs(DRAG_POINTS):
-        shape = shape_matrix(xi)
-        v = shape @ (units * e_t)
-        drag_force += units * (w * mu * l * cs.sqrt(cs.sumsqr(v) + STILL**2) * (shape.T @ v))
     mass = mu * l * (units @ units.T) * unit_mass
     return derived_element(
         inputs=(e, e_t, p),
@@ -118,7 +118,7 @@ def element(measures: StrainMeasures) -> Element:
         mass=mass,
         line_mass=mass,
         gravity=mu * l * cs.repmat(units, 1, 2) * unit_weight,
-        drag_force=drag_force,
+        surface=[(shape_matrix(xi) @ cs.diag(units), w * mu * l) for xi, w in gauss_pairs(DRAG_POINTS)],
     )
 
 
@@ -130,7 +130,7 @@ def derived_element(
     mass: cs.SX,
     line_mass: cs.SX,
     gravity: cs.SX,
-    drag_force: cs.SX,
+    surface: Sequence[tuple[cs.SX, cs.SX]] = (),
 ) -> Element:
     """Derive the Functions of an element with a mass and the strain energy U = 1/2 sum_i d_i s_i^2.
 
@@ -146,8 +146,8 @@ def derived_element(
         M, and the part of M from mass along the beam.
     gravity : SX (d, 2)
         Q_g per unit acceleration of gravity.
-    drag_force : SX (d,)
-        int S^T mu |v| v dp.
+    surface : sequence of (SX (2, d), SX)
+        S and the mass at each point where drag and friction act.
     """
     e, e_t, p = inputs
     s, d = strains, weights
@@ -155,7 +155,10 @@ def derived_element(
     strain_rate_force = cs.jtimes(s, e, d * cs.jtimes(s, e, e_t), True)
     tangent_force = cs.jtimes(elastic_force, e, e_t)
     tangent_stiffness = cs.triu2symm(cs.triu(cs.densify(cs.jacobian(elastic_force, e))))  # the matrix is symmetric
-    g = cs.SX.sym("g", 2)
+    g, v0 = cs.SX.sym("g", 2), cs.SX.sym("v0")
+    moving = [(m * shape.T, shape @ e_t) for shape, m in surface]
+    drag_force = sum((side @ v * cs.sqrt(cs.sumsqr(v) + STILL**2) for side, v in moving), 0 * e_t)
+    friction_force = sum((side @ v / cs.sqrt(cs.sumsqr(v) + v0**2) for side, v in moving), 0 * e_t)
 
     def function(name: str, inputs: list[cs.SX], output: Any) -> cs.Function:
         return cs.Function(name, inputs, [cs.cse(cs.densify(output))])
@@ -172,4 +175,5 @@ def derived_element(
         line_inertia_force=function("line_inertia_force", [e_t, p], line_mass @ e_t),
         gravity_force=function("gravity_force", [p, g], gravity @ g),
         drag_force=function("drag_force", [e_t, p], drag_force),
+        friction_force=function("friction_force", [e_t, p, v0], friction_force),
     )

@@ -175,6 +175,19 @@ class Model:
         return self._force("drag_force", "e_t")
 
     @cached_property
+    def friction_force(self) -> cs.Function:
+        """``(e_t, P, v0) -> int S^T mu v/(|v|^2 + v0^2)^(1/2) dp``, smoothed below the speed v0 (m/s)."""
+        _, p = self._symbols()
+        e_t, v0 = cs.MX.sym("e_t", self.size), cs.MX.sym("v0")
+        forces = [
+            group.element.friction_force.map(group.count)(
+                group.gather(e_t), group.properties(p), cs.repmat(v0, 1, group.count)
+            )
+            for group in self.groups
+        ]
+        return cs.Function("friction_force", [e_t, p, v0], [self.sum_at_nodes(forces)], ["e_t", "P", "v0"], ["Q"])
+
+    @cached_property
     def mass(self) -> cs.Function:
         """P -> M, Eq. (7), sparse."""
         _, p = self._symbols()

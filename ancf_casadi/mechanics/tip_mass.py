@@ -1,6 +1,6 @@
 """The mass at the tip: one more element, with a single node.
 
-A mass m has the inertia m r_tt and the weight m g.  It is a point, so no drag acts on it.
+A mass m has the inertia m r_tt and the weight m g.  It is a point, so neither drag nor friction acts on it.
 """
 
 from __future__ import annotations
@@ -25,5 +25,4 @@ def tip_mass() -> Element:
         mass=m * position @ position.T,
         line_mass=cs.SX.zeros(4, 4),
         gravity=m * position,
-        drag_force=cs.SX.zeros(4),
     )

@@ -17,6 +17,7 @@ R B diag(d) B^T R^T e_t of Eq. (32), turns by the rotation phi of the clamp.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -213,11 +214,19 @@ class ProjectedForces:
 
     def drag_force(self, v: cs.SX, properties: cs.SX) -> cs.SX:
         """Return the modal force of int S^T mu |v| v dp, (m,)."""
+        return self._surface_force(lambda square: cs.sqrt(square + STILL**2))
+
+    def friction_force(self, v: cs.SX, properties: cs.SX, smoothing_speed: float) -> cs.SX:
+        """Return the modal force of int S^T mu v/(|v|^2 + v0^2)^(1/2) dp with the smoothing speed v0, (m,)."""
+        return self._surface_force(lambda square: 1 / cs.sqrt(square + smoothing_speed**2))
+
+    def _surface_force(self, factor: Callable[[cs.SX], cs.SX]) -> cs.SX:
+        """Return the modal force of int S^T mu f(|v|^2) v dp, (m,)."""
         motion, projection = self.motion, self.motion.projection
         shape = cs.DM(projection.drag_shape)
         x, y = (motion.base[3 + k] + shape @ part for k, part in enumerate(motion.slope_velocity))
-        weighted_speed = cs.DM(projection.drag_mass) * cs.sqrt(x**2 + y**2 + STILL**2)
-        return motion.modal_force(shape.T @ (weighted_speed * x), shape.T @ (weighted_speed * y))
+        weight = cs.DM(projection.drag_mass) * factor(x**2 + y**2)
+        return motion.modal_force(shape.T @ (weight * x), shape.T @ (weight * y))
 
 
 def _mass_factor(projection: Projection) -> cs.DM:

@@ -49,6 +49,10 @@ law = "quadratic"           # air drag
 eta2 = 0.11                 # 1/m
 
 # [[damping]]
+# law = "friction"
+# eta0 = 0.01               # m/s^2
+
+# [[damping]]
 # law = "rayleigh"
 # alpha = 0.01              # 1/s
 # beta = 1e-5               # s

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping
+from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping, RayleighDamping
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import located, numbers, shown
@@ -18,13 +18,20 @@ KEYS = """\
                 stiffness ("strain-rate", "tangent" or "reference")
                 law = "quadratic": eta1 (1/s), eta2 (1/m); or drag_coefficient,
                 air_density (kg/m^3)
+                law = "friction": eta0 (m/s^2), smoothing_speed (m/s)
                 law = "modal": ratios, frequencies (Hz)
                 several tables add up
 """
 OF_LAW = {
     "rayleigh": {"alpha", "beta", "stiffness"},
     "quadratic": {"eta1", "eta2", "drag_coefficient", "air_density"},
+    "friction": {"eta0", "smoothing_speed"},
     "modal": {"ratios", "frequencies"},
+}
+PLAIN: dict[str, Callable[..., DampingLaw]] = {
+    "rayleigh": RayleighDamping,
+    "quadratic": QuadraticDamping,
+    "friction": FrictionDamping,
 }
 
 
@@ -126,9 +133,9 @@ def _term(table: Any, model: Model, where: str) -> DampingLaw:
         checked(table, {"law", "drag_coefficient", "air_density"}, set(), where)
         with located(where):
             return QuadraticDamping.from_drag(**arguments, beam=model.beam)
-    if kind != "modal":
+    if kind in PLAIN:
         with located(where):
-            return RayleighDamping(**arguments) if kind == "rayleigh" else QuadraticDamping(**arguments)
+            return PLAIN[kind](**arguments)
     ratios = numbers(arguments.pop("ratios"), f"{where}: ratios")
     if "frequencies" in arguments:
         arguments["frequencies"] = numbers(arguments["frequencies"], f"{where}: frequencies")

@@ -10,6 +10,7 @@ import scipy.linalg
 from scipy.optimize import least_squares
 
 from ancf_casadi import (
+    FrictionDamping,
     InputError,
     ModalDamping,
     Model,
@@ -23,7 +24,7 @@ from ancf_casadi import (
 from ancf_casadi.damping import SumOfLaws
 
 NUMERICAL_DAMPING = 2e-5
-ALPHA, BETA, ETA1, ETA2 = 0.2, 2e-4, 0.15, 5.0
+ALPHA, BETA, ETA0, ETA1, ETA2 = 0.2, 2e-4, 0.3, 0.15, 5.0
 RATIOS = (0.010, 0.005)
 
 
@@ -40,6 +41,7 @@ OBJECTIVE = {
     "tangent": lambda modes, k: RayleighDamping(beta=k * BETA, stiffness="tangent"),
     "Rayleigh": lambda modes, k: RayleighDamping(k * ALPHA, k * BETA),
     "air, linear": lambda modes, k: QuadraticDamping(eta1=k * ETA1),
+    "friction, creeping": lambda modes, k: FrictionDamping(eta0=k * ETA0, smoothing_speed=1.0),
     "generic": lambda modes, k: ModalDamping(modes, [k * zeta for zeta in RATIOS]),
     "generic + Rayleigh + air": lambda modes, k: (
         ModalDamping(modes, [k * zeta for zeta in RATIOS])
@@ -323,14 +325,18 @@ def test_laws_add_up_in_force_and_ratio_in_any_order(modes):
     rng = np.random.default_rng(0)
     model = modes.model
     e, e_t = modes.equilibrium.coordinates + 0.01 * rng.normal(size=model.size), rng.normal(size=model.size)
-    laws = [ModalDamping(modes, RATIOS), QuadraticDamping(ETA1, ETA2), RayleighDamping(ALPHA, BETA)]
+    laws = [
+        ModalDamping(modes, RATIOS),
+        QuadraticDamping(ETA1, ETA2),
+        RayleighDamping(ALPHA, BETA) + FrictionDamping(0.05),
+    ]
     amplitudes = np.full(5, 0.01)
     forces = sum(force(law, model, e, e_t) for law in laws)
     ratios = sum(law.damping_ratios(modes, amplitudes) for law in laws)
     for both in (laws[0] + laws[1] + laws[2], laws[2] + (laws[1] + laws[0])):
         np.testing.assert_allclose(force(both, model, e, e_t), forces, atol=1e-12 * abs(forces).max())
         np.testing.assert_allclose(both.damping_ratios(modes, amplitudes), ratios, rtol=1e-12)
-        assert len(both.laws) == 3
+        assert len(both.laws) == 4
 
 
 @pytest.mark.parametrize("law", [*OBJECTIVE.values(), lambda modes, k: QuadraticDamping(eta2=k * ETA2)])

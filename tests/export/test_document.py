@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from ancf_casadi import (
     Beam,
     DampingLaw,
+    FrictionDamping,
     InputError,
     ModalDamping,
     Model,
@@ -89,6 +90,7 @@ def identified(paper_beam):
         + ModalDamping(loaded, (0.003,), frequencies=(1.9,))
         + QuadraticDamping(eta1=0.1 / 3, eta2=0.11)
         + RayleighDamping(alpha=1 / 7, beta=1e-5 / 3, stiffness="tangent")
+        + FrictionDamping(eta0=0.1 / 7)
     )
     time = np.arange(0.0, 4.0, 0.01)
     noise = np.random.default_rng(3).standard_normal(time.size)
@@ -139,6 +141,7 @@ class TestRoundTrip:
                     RayleighDamping(alpha, beta),
                     QuadraticDamping(eta1, eta2),
                     RayleighDamping(alpha, beta, stiffness="tangent") + QuadraticDamping(eta1, eta2),
+                    FrictionDamping(eta1) + FrictionDamping(eta2, smoothing_speed=1e-4),
                     SumOfLaws((RayleighDamping(alpha), SumOfLaws((QuadraticDamping(eta1),)))),
                 ]
             )

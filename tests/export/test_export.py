@@ -10,6 +10,7 @@ import pytest
 
 from ancf_casadi import (
     EquilibriumError,
+    FrictionDamping,
     InputError,
     ModalDamping,
     Model,
@@ -34,7 +35,10 @@ def model(paper_beam):
 @pytest.fixture(scope="module", params=["local", "generic"])
 def functions(request, model):
     generic = ModalDamping(natural_modes(model), (0.01, 0.02)) + QuadraticDamping(eta1=0.1, eta2=0.2)
-    laws = {"local": RayleighDamping(alpha=0.2, beta=3e-5) + QuadraticDamping(eta2=0.2), "generic": generic}
+    laws = {
+        "local": RayleighDamping(alpha=0.2, beta=3e-5) + QuadraticDamping(eta2=0.2) + FrictionDamping(0.05),
+        "generic": generic,
+    }
     return beam_functions(model, laws[request.param], markers=(0.2, 0.35), modes=3)
 
 

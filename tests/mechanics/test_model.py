@@ -75,7 +75,7 @@ def test_the_clamp_fixes_the_four_coordinates_of_the_first_node(model):
 def test_energies_and_forces_are_the_sums_over_the_elements_with_their_own_properties(model):
     e, velocity, g = deformed(model, 0), np.random.default_rng(1).normal(size=model.size), [1.0, -9.81]
     energy = 0.0
-    sums = {name: np.zeros(model.size) for name in ("elastic", "tangent", "strain_rate", "drag", "gravity")}
+    sums = {name: np.zeros(model.size) for name in ("elastic", "tangent", "strain_rate", "drag", "friction", "gravity")}
     one, properties = model.element, properties_of_elements(model)
     for k, (part, part_velocity) in enumerate(zip(elements_of(e), elements_of(velocity), strict=True)):
         p, rows = properties[:, k], slice(4 * k, 4 * k + 8)
@@ -84,6 +84,7 @@ def test_energies_and_forces_are_the_sums_over_the_elements_with_their_own_prope
         sums["tangent"][rows] += dense(one.tangent_force, part, part_velocity, p)
         sums["strain_rate"][rows] += dense(one.strain_rate_force, part, part_velocity, p)
         sums["drag"][rows] += dense(one.drag_force, part_velocity, p)
+        sums["friction"][rows] += dense(one.friction_force, part_velocity, p, 0.5)
         sums["gravity"][rows] += dense(one.gravity_force, p, g)
     P = model.properties
     assert float(model.strain_energy(e, P)) == pytest.approx(energy, rel=1e-13)
@@ -92,6 +93,7 @@ def test_energies_and_forces_are_the_sums_over_the_elements_with_their_own_prope
         "tangent": dense(model.tangent_force, e, velocity, P),
         "strain_rate": dense(model.strain_rate_force, e, velocity, P),
         "drag": dense(model.drag_force, velocity, P),
+        "friction": dense(model.friction_force, velocity, P, 0.5),
         "gravity": dense(model.gravity_force, P, g),
     }
     for name, expected in sums.items():

@@ -7,6 +7,7 @@ import scipy.optimize
 
 from ancf_casadi import (
     Beam,
+    FrictionDamping,
     HarmonicBase,
     InputError,
     ModalDamping,
@@ -128,6 +129,7 @@ def projected(reduced, q, v, base, force):
         (lambda modes: RayleighDamping(alpha=0.2), 1e-9),
         (lambda modes: ModalDamping(modes, RATIOS), 1e-9),
         (lambda modes: QuadraticDamping(eta2=0.11), 5e-5),
+        (lambda modes: FrictionDamping(eta0=0.1), 5e-3),
         (lambda modes: QuadraticDamping(eta1=0.1, eta2=0.1) + ModalDamping(modes, RATIOS[:2]), 5e-5),
     ],
 )

@@ -9,12 +9,13 @@ import numpy as np
 from msgspec import UNSET
 from msgspec.structs import asdict, replace
 
-from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
+from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document.strict_json import place
 from ancf_casadi.export.document.structs import (
     BeamData,
     EquilibriumData,
+    FrictionData,
     LawData,
     ModalData,
     ModesData,
@@ -52,11 +53,13 @@ def law_data(law: DampingLaw, model: Model) -> LawData:
             return data_of(law, RayleighData)
         case QuadraticDamping():
             return data_of(law, QuadraticData)
+        case FrictionDamping():
+            return data_of(law, FrictionData)
         case ModalDamping():
             return ModalData(tuple(law.ratios), tuple(law.frequencies or ()), _modes_data(law.modes, model))
         case SumOfLaws():
             return SumData(tuple(law_data(term, model) for term in law.laws))
-    known = ", ".join(kind.__name__ for kind in (RayleighDamping, QuadraticDamping, ModalDamping))
+    known = ", ".join(kind.__name__ for kind in (RayleighDamping, QuadraticDamping, FrictionDamping, ModalDamping))
     message = f"a {type(law).__name__} cannot be written to a document; only {known} and their sums can"
     raise InputError(message, "damping")
 
@@ -91,6 +94,9 @@ def law_from(data: LawData, model: Model, where: str) -> DampingLaw:
         case QuadraticData():
             with located(where):
                 return QuadraticDamping(**asdict(data))
+        case FrictionData():
+            with located(where):
+                return FrictionDamping(**asdict(data))
         case ModalData():
             modes = _modes_from(data.modes, model, place(where, "modes"))
             with located(where):

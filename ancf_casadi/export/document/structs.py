@@ -9,6 +9,7 @@
     law          other keys
     rayleigh     alpha (1/s), beta (s), stiffness
     quadratic    eta1 (1/s), eta2 (1/m)
+    friction     eta0 (m/s^2), smoothing_speed (m/s)
     modal        ratios, frequencies (Hz), modes
     sum          laws, which act together
 
@@ -113,6 +114,13 @@ class QuadraticData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="
     eta2: NotNegative
 
 
+class FrictionData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="friction"):
+    """Dry friction along the beam; eta0 in m/s^2, smoothing_speed in m/s."""
+
+    eta0: NotNegative
+    smoothing_speed: Positive
+
+
 class ModalData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="modal"):
     """Modal (generic) damping, M Phi diag(2 zeta omega) Phi^T M; one ratio and one measured frequency per mode."""
 
@@ -130,7 +138,7 @@ class SumData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", 
     laws: Annotated[tuple[LawData, ...], Meta(min_length=1)]
 
 
-LawData = RayleighData | QuadraticData | ModalData | SumData
+LawData = RayleighData | QuadraticData | FrictionData | ModalData | SumData
 
 NAMES = {  # allowed values of the keys that hold a name
     "law": [kind.__struct_config__.tag for kind in get_args(LawData)],

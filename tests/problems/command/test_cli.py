@@ -595,8 +595,16 @@ class TestUnusableInput:
             ),
             ("ratios = [0.0050,", f"ratios = [{'0.01, ' * 16}", "[damping]: ratios: has 20 values for 16 modes"),
             ("ratios = [0.0050,", "rations = [0.0050,", "[damping]: the key 'ratios' is missing"),
-            ('"quadratic"', '"cubic"', "[damping]: law must be one of rayleigh, quadratic, modal, got 'cubic'"),
-            ('"quadratic"', '["quadratic"]', "[damping]: law must be one of rayleigh, quadratic, modal, got ['quad"),
+            (
+                '"quadratic"',
+                '"cubic"',
+                "[damping]: law must be one of rayleigh, quadratic, friction, modal, got 'cubic'",
+            ),
+            (
+                '"quadratic"',
+                '["quadratic"]',
+                "[damping]: law must be one of rayleigh, quadratic, friction, modal, got ['quad",
+            ),
             ("eta2 = 0.11", "eta2 = -0.11", "[damping]: eta2: must not be negative, got -0.11"),
             (
                 "eta2 = 0.11",

@@ -7,6 +7,7 @@ import pytest
 
 from ancf_casadi import (
     Beam,
+    FrictionDamping,
     HarmonicBase,
     InputError,
     ModalDamping,
@@ -151,6 +152,8 @@ class TestSimulation:
             ('law = "rayleigh"\nalpha = 0.2\nbeta = 1e-5\n', RayleighDamping(0.2, 1e-5)),
             ('law = "rayleigh"\nbeta = 1e-5\nstiffness = "tangent"\n', RayleighDamping(0.0, 1e-5, stiffness="tangent")),
             ('law = "quadratic"\neta1 = 0.15\neta2 = 0.11\n', QuadraticDamping(0.15, 0.11)),
+            ('law = "friction"\neta0 = 0.05\n', FrictionDamping(0.05)),
+            ('law = "friction"\neta0 = 0.05\nsmoothing_speed = 1e-4\n', FrictionDamping(0.05, 1e-4)),
         ],
     )
     def test_one_law(self, file, head, text, law):
@@ -178,8 +181,14 @@ class TestSimulation:
     @pytest.mark.parametrize(
         ("text", "message"),
         [
-            ("[damping]\neta2 = 0.1\n", r"\[damping\]: law must be one of rayleigh, quadratic, modal, got None"),
-            ("[damping]\nlaw = 'air'\n", r"\[damping\]: law must be one of rayleigh, quadratic, modal, got 'air'"),
+            (
+                "[damping]\neta2 = 0.1\n",
+                r"\[damping\]: law must be one of rayleigh, quadratic, friction, modal, got None",
+            ),
+            (
+                "[damping]\nlaw = 'air'\n",
+                r"\[damping\]: law must be one of rayleigh, quadratic, friction, modal, got 'air'",
+            ),
             ("[damping]\nlaw = ['modal']\n", r"\[damping\]: law must be one of .*, got \['modal'\]"),
             (
                 "[damping]\nlaw = 'quadratic'\nalpha = 1\n",

@@ -11,6 +11,7 @@ import pytest
 from ancf_casadi import (
     Beam,
     FitError,
+    FrictionDamping,
     HarmonicBase,
     InputError,
     ModalDamping,
@@ -328,6 +329,13 @@ def test_the_right_law_is_selected(model):
     assert comparison.best.law.eta2 == pytest.approx(8.0, rel=0.2)
     assert "best by BIC: QuadraticDamping(eta2)" in comparison.report()
     assert comparison.to_dict()["best"] == "QuadraticDamping(eta2)"
+
+
+def test_friction_is_told_from_drag_and_its_coefficient_recovered(model):
+    laws = [QuadraticDamping(eta2=4.0), FrictionDamping(eta0=0.3)]
+    comparison = compare_laws(model, record(model, FrictionDamping(eta0=1.0), 6), laws, tolerance=1e-5)
+    assert comparison.verdict.best == 1 and comparison.verdict.settled
+    assert abs(comparison.best.law.eta0 - 1.0) < 3 * comparison.best.standard_errors["eta0"] < 0.1
 
 
 def test_laws_that_explain_a_record_equally_are_not_distinguished():

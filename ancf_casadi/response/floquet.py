@@ -44,9 +44,8 @@ from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.support.arrays import Array, ComplexArray
 
 STAGES = 7
-SMALL = (
-    32  # degrees of freedom up to which all frequencies that N samples can excite are resolved in a few milliseconds
-)
+SMALL = 32  # degrees of freedom up to which all that N samples can excite is resolved within milliseconds
+LEAST_RESOLVED = 8  # oscillations per period
 TOLERANCE = 1e-6  # of a magnitude; undamped vibrations stay on the unit circle only to rounding and truncation
 
 Bifurcation = Literal["fold", "branch point", "period doubling", "Neimark-Sacker"]
@@ -65,7 +64,8 @@ def floquet_multipliers(K: Array, D: Array, M: Array, period: float, *, resolved
         Period T, s.
     resolved : float, optional
         Highest frequency at which multipliers are accurate to 3e-6, in oscillations per period; higher frequencies are
-        damped.  The time grows in proportion.  The default is N/4 for up to 32 degrees of freedom, otherwise N/8.
+        damped.  The time grows in proportion.  The default is N/4 for up to 32 degrees of freedom, otherwise N/8, but
+        at least 8.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def floquet_multipliers(K: Array, D: Array, M: Array, period: float, *, resolved
     """
     samples, size, _ = K.shape
     if resolved is None:
-        resolved = samples / (4 if size <= SMALL else 8)
+        resolved = max(LEAST_RESOLVED, samples / (4 if size <= SMALL else 8))
     steps = max(2, int(np.ceil(2 * resolved)))
     try:
         stiffness, damping, mass = (_at_stages(A, steps) for A in (K, D, M))

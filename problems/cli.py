@@ -21,11 +21,11 @@ from ancf_casadi.support.interrupts import raised_endings
 from ancf_casadi.support.progress import counter
 from ancf_casadi.support.tables import wrapped
 from ancf_casadi.version import __version__
-from problems.command.compare_laws import add_compare_laws
 from problems.command.export import add_export
-from problems.command.fit_decay import add_fit_decay
-from problems.command.fit_modes import add_fit_modes
-from problems.command.fit_motion import add_fit_motion
+from problems.command.fits.compare_laws import add_compare_laws
+from problems.command.fits.fit_decay import add_fit_decay
+from problems.command.fits.fit_modes import add_fit_modes
+from problems.command.fits.fit_motion import add_fit_motion
 from problems.command.init import add_init
 from problems.command.inspect import add_inspect
 from problems.command.match import add_match

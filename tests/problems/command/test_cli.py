@@ -36,10 +36,10 @@ from ancf_casadi.export.targets import fmu
 from ancf_casadi.support.interrupts import ENDING
 from ancf_casadi.version import __version__
 from problems.cli import main
-from problems.command import fit_decay as fit_decay_command
 from problems.command import match as match_command
 from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
+from problems.command.fits import fit_decay as fit_decay_command
 from problems.study import runner
 from problems.study import study as study_module
 from problems.tables import records

@@ -1,0 +1,1 @@
+"""The subcommands that fit measurements, one file each."""

@@ -9,6 +9,12 @@ The virtual work of all forces in Eq. (6) gives one equation per mode,
 
     Theta^T n . (P^T M P (n theta_tt - r' theta_t^2) - P^T M 1 (g - u_tt) + P^T Q_damp) + f_0 + K_b q = 0.
 
+The resultant of the forces on all nodes, 1^T (M e_tt - M 1 g + Q_damp), is the force of the base on the clamp.  The
+two components of this resultant follow the m modal forces wherever a force has m + 2 components: these belong to the
+coordinates (q, u).
+
+A motion may have N instants side by side.  Then q and v are (m, N), a component of r' is (k, N), and so on.
+
 A damping law combines the forces of ``ProjectedForces`` as it combines those of the full model.  The strain-rate force
 is that of bending alone, K_b q_t.  The tangent stiffness also includes the tension that balances gravity and the
 acceleration of the clamp, but not the tension due to the motion of the beam itself.  The modal (generic) law,
@@ -20,6 +26,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as cs
 
@@ -28,6 +35,9 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.element import STILL
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.projection import Projection
+from ancf_casadi.support.arrays import Array
+
+Expression = Any  # SX or MX
 
 BASE_SIZE = 9  # displacement (x, y) and rotation of the clamp, their velocities and their accelerations
 
@@ -40,81 +50,96 @@ class ReducedMotion:
     ----------
     projection : Projection
         The constants of the reduced model.
-    q, v : SX
+    q, v : SX or MX
         Modal coordinates and their velocities, (m,).
-    base : SX
+    base : SX or MX
         Motion of the clamp, (9,).
-    gravity : SX
+    gravity : SX or MX
         Acceleration of gravity, (2,), m/s^2.
     """
 
     projection: Projection
-    q: cs.SX
-    v: cs.SX
-    base: cs.SX
-    gravity: cs.SX
+    q: Expression
+    v: Expression
+    base: Expression
+    gravity: Expression
 
     @cached_property
-    def slope(self) -> tuple[cs.SX, cs.SX]:
+    def slope(self) -> tuple[Expression, Expression]:
         """Components of r', each (k,)."""
         slopes = self.projection.slopes
-        angle = self.base[2] + cs.DM(slopes.angles) + cs.DM(slopes.rotations) @ self.q
-        return cs.DM(slopes.lengths) * cs.cos(angle), cs.DM(slopes.lengths) * cs.sin(angle)
+        turned = cs.DM(slopes.rotations) @ self.q
+        angle = _rows(self.base[2, :], turned) + _columns(slopes.angles, turned) + turned
+        lengths = _columns(slopes.lengths, turned)
+        return lengths * cs.cos(angle), lengths * cs.sin(angle)
 
     @cached_property
-    def angular_velocity(self) -> cs.SX:
+    def angular_velocity(self) -> Expression:
         """Angular velocity theta_t of the slopes, (k,), rad/s."""
-        return self.base[5] + cs.DM(self.projection.slopes.rotations) @ self.v
+        turning = cs.DM(self.projection.slopes.rotations) @ self.v
+        return _rows(self.base[5, :], turning) + turning
 
     @cached_property
-    def slope_velocity(self) -> tuple[cs.SX, cs.SX]:
+    def slope_velocity(self) -> tuple[Expression, Expression]:
         """Components of r'_t, each (k,)."""
         x, y = self.slope
         return -y * self.angular_velocity, x * self.angular_velocity
 
     @property
-    def relative_gravity(self) -> cs.SX:
+    def relative_gravity(self) -> Expression:
         """Acceleration of gravity in the frame of the accelerated clamp, g - u_tt, (2,)."""
-        return self.gravity - self.base[6:8]
+        acceleration = self.base[6:8, :]
+        return cs.repmat(self.gravity, 1, acceleration.size2()) - acceleration
 
-    def nodal(self, x: cs.SX, y: cs.SX, base: cs.SX) -> cs.SX:
+    def nodal(self, x: Expression, y: Expression, base: Expression) -> Expression:
         """Return u + P (x, y) at all nodes, (4 n + 4,): e from slopes and u, or e_t from their velocities."""
         shape = cs.DM(self.projection.slopes.shape)
         position = cs.repmat(cs.DM([1.0, 0.0]), shape.size1() // 2, 1)
         return cs.vec(cs.horzcat(shape @ x + position * base[0], shape @ y + position * base[1]).T)
 
-    def modal_force(self, x: cs.SX, y: cs.SX) -> cs.SX:
+    def modal_force(self, x: Expression, y: Expression) -> Expression:
         """Return the modal forces of forces (x, y) on the slopes, (m,)."""
         slope_x, slope_y = self.slope
         return cs.DM(self.projection.slopes.rotations.T) @ (slope_x * y - slope_y * x)
 
-    def inertia(self, x: cs.SX, y: cs.SX) -> cs.SX:
+    def inertia(self, x: Expression, y: Expression) -> Expression:
         """Return the modal forces of P^T M P (x, y), where (x, y) is a velocity or acceleration of the slopes, (m,)."""
-        factor, (side_x, side_y) = _mass_factor(self.projection), self._factored_jacobian
-        return side_x.T @ (factor @ x) + side_y.T @ (factor @ y)
+        mass = cs.DM(self.projection.mass_factor.T @ self.projection.mass_factor)
+        return self.modal_force(mass @ x, mass @ y)
 
     @property
-    def mass(self) -> cs.SX:
+    def mass(self) -> Expression:
         """Mass matrix M(q) of the modal coordinates, (m, m)."""
         x, y = self._factored_jacobian
         return x.T @ x + y.T @ y
 
-    @property
-    def undamped_forces(self) -> cs.SX:
-        """Left side of the equation of motion at q_tt = 0, without the damping force, (m,)."""
-        x, y = self.slope
-        square, angular_acceleration = self.angular_velocity**2, self.base[8]
-        weight = cs.DM(self.projection.mass_moment)
-        inertia = self.inertia(-y * angular_acceleration - x * square, x * angular_acceleration - y * square)
-        gravity = self.modal_force(weight * self.relative_gravity[0], weight * self.relative_gravity[1])
-        return inertia - gravity + cs.DM(self.projection.rest_force) + self.bending(self.q)
+    def undamped_forces(self, a: Expression) -> Expression:
+        """Return the left side of the equation of motion at q_tt = a, without the damping force, (m + 2,)."""
+        (x, y), gravity = self.slope, self.relative_gravity
+        square, turning = self.angular_velocity**2, cs.DM(self.projection.slopes.rotations) @ a
+        turning += _rows(self.base[8, :], turning)
+        x_tt, y_tt = -y * turning - x * square, x * turning - y * square
+        moment, mass = cs.DM(self.projection.mass_moment), self.projection.total_mass
+        inertia = self.inertia(x_tt, y_tt) - self.modal_force(moment @ gravity[0, :], moment @ gravity[1, :])
+        modal = inertia + _columns(self.projection.rest_force, inertia) + self.bending(self.q)
+        return cs.vertcat(modal, moment.T @ x_tt - mass * gravity[0, :], moment.T @ y_tt - mass * gravity[1, :])
 
-    def bending(self, q: cs.SX) -> cs.SX:
+    def tip_force(self, load: Expression) -> Expression:
+        """Return the force of a load (force x and y, N, and moment, N m) at the tip, (m + 2,)."""
+        x, y = self.slope
+        position, slope = (cs.DM(row) for row in self.projection.slopes.shape[-2:])
+        tau_x, tau_y = slope.T @ x, slope.T @ y
+        turn = load[2, :] / (tau_x**2 + tau_y**2)
+        force_x = position @ load[0, :] - slope @ (tau_y * turn)
+        force_y = position @ load[1, :] + slope @ (tau_x * turn)
+        return cs.vertcat(self.modal_force(force_x, force_y), load[:2, :])
+
+    def bending(self, q: Expression) -> Expression:
         """Return K_b times modal coordinates or their velocities, (m,)."""
         return cs.DM(self.projection.bending_stiffness) @ q
 
-    def damping(self, law: DampingLaw, parameters: cs.SX, model: Model) -> cs.SX:
-        """Return the modal force of a damping law of the full model, (m,).
+    def damping(self, law: DampingLaw, parameters: Expression, model: Model) -> Expression:
+        """Return the force of a damping law of the full model, (m + 2,).
 
         Raises
         ------
@@ -122,11 +147,12 @@ class ReducedMotion:
             If the law needs a force that the reduced model does not have.
         """
         properties = cs.SX(cs.DM(model.properties))
-        local = law.local_force(ProjectedForces(self), self.q, self.v, properties, parameters)
+        position, velocity = cs.vertcat(self.q, self.base[:2, :]), cs.vertcat(self.v, self.base[3:5, :])
+        local = law.local_force(ProjectedForces(self), position, velocity, properties, parameters)
         return local + self._low_rank_damping(law, parameters, model)
 
     @property
-    def energies(self) -> tuple[cs.SX, cs.SX, cs.SX]:
+    def energies(self) -> tuple[Expression, Expression, Expression]:
         """Kinetic energy, strain energy and potential of gravity, J."""
         projection, u, u_t = self.projection, self.base[:2], self.base[3:5]
         slope, velocity = cs.horzcat(*self.slope), cs.horzcat(*self.slope_velocity)
@@ -139,35 +165,33 @@ class ReducedMotion:
         )
 
     @cached_property
-    def _factored_jacobian(self) -> tuple[cs.SX, cs.SX]:
+    def _factored_jacobian(self) -> tuple[Expression, Expression]:
         """Return R times the derivative of each component of the slopes with respect to q, (k, m)."""
         x, y = self.slope
         rotations, factor = cs.DM(self.projection.slopes.rotations), _mass_factor(self.projection)
         m = self.q.numel()
         return factor @ (cs.repmat(-y, 1, m) * rotations), factor @ (cs.repmat(x, 1, m) * rotations)
 
-    def _low_rank_damping(self, law: DampingLaw, parameters: cs.SX, model: Model) -> cs.SX:
-        """Return the modal force of R B diag(d) B^T R^T e_t, where R rotates by phi."""
+    def _low_rank_damping(self, law: DampingLaw, parameters: Expression, model: Model) -> Expression:
+        """Return the force of R B diag(d) B^T R^T e_t, where R rotates by phi, (m + 2,)."""
         symbols = cs.MX.sym("parameters", parameters.numel())
         d = cs.Function("d", [symbols], [law.modal_coefficients(symbols)])(parameters)
-        B, angle = law.projection(model), self.base[2]
+        B, angle = law.projection(model), self.base[2, :]
         slopes = [cs.DM(self.projection.slopes.shape.T @ B[component::2]) for component in (0, 1)]
         clamp = [cs.DM(B[component::4].sum(axis=0)) for component in (0, 1)]
         slope_velocity = _rotated(-angle, *self.slope_velocity)
-        clamp_velocity = _rotated(-angle, self.base[3], self.base[4])
-        modal_velocity = cs.SX.zeros(B.shape[1])
-        for component in (0, 1):
-            modal_velocity += slopes[component].T @ slope_velocity[component]
-            modal_velocity += clamp[component] * clamp_velocity[component]
-        force = d * modal_velocity
-        return self.modal_force(*_rotated(angle, slopes[0] @ force, slopes[1] @ force))
+        clamp_velocity = _rotated(-angle, self.base[3, :], self.base[4, :])
+        x, y = (slopes[c].T @ slope_velocity[c] + clamp[c] @ clamp_velocity[c] for c in (0, 1))
+        force = cs.repmat(d, 1, x.size2()) * (x + y)
+        modal = self.modal_force(*_rotated(angle, slopes[0] @ force, slopes[1] @ force))
+        return cs.vertcat(modal, *_rotated(angle, clamp[0].T @ force, clamp[1].T @ force))
 
 
 @dataclass(frozen=True, eq=False)
 class ProjectedForces:
-    """The forces that a damping law combines, projected on the modes; see ``damping.Forces``.
+    """The forces that a damping law combines, on the coordinates (q, u), each (m + 2,); see ``damping.Forces``.
 
-    The forces are those of ``motion``.  The arguments q and v are not used, because they lack the motion of the clamp.
+    The forces are those of ``motion``; their arguments are not used.
 
     Parameters
     ----------
@@ -177,34 +201,34 @@ class ProjectedForces:
 
     motion: ReducedMotion
 
-    def inertia_force(self, v: cs.SX, properties: cs.SX) -> cs.SX:
-        """Return the modal force of M e_t, (m,)."""
-        motion = self.motion
-        moment = cs.DM(motion.projection.mass_moment)
-        clamp = motion.modal_force(moment * motion.base[3], moment * motion.base[4])
-        return motion.inertia(*motion.slope_velocity) + clamp
+    def inertia_force(self, v: Expression, properties: Expression) -> Expression:
+        """Return the force of M e_t."""
+        motion, (x, y) = self.motion, self.motion.slope_velocity
+        moment, mass = cs.DM(motion.projection.mass_moment), motion.projection.total_mass
+        x_t, y_t = motion.base[3, :], motion.base[4, :]
+        modal = motion.inertia(x, y) + motion.modal_force(moment @ x_t, moment @ y_t)
+        return cs.vertcat(modal, moment.T @ x + mass * x_t, moment.T @ y + mass * y_t)
 
-    def line_inertia_force(self, v: cs.SX, properties: cs.SX) -> cs.SX:
-        """Return the modal force of int S^T mu r_t dp, which excludes the mass at the tip, (m,)."""
-        motion = self.motion
-        shape = cs.DM(motion.projection.slopes.shape[-2])
-        x, y = (motion.base[3 + k] + cs.dot(shape, part) for k, part in enumerate(motion.slope_velocity))
-        weight = motion.projection.tip_mass * shape
-        return self.inertia_force(v, properties) - motion.modal_force(weight * x, weight * y)
+    def line_inertia_force(self, v: Expression, properties: Expression) -> Expression:
+        """Return the force of int S^T mu r_t dp, which excludes the mass at the tip."""
+        tip, mass = self.motion.projection.slopes.shape[-2:-1], self.motion.projection.tip_mass
+        x, y = self._velocities(tip)
+        return self.inertia_force(v, properties) - self._of_points(tip, mass * x, mass * y)
 
-    def strain_rate_force(self, q: cs.SX, v: cs.SX, properties: cs.SX) -> cs.SX:
-        """Return the modal force of Q_v in bending, K_b q_t, (m,)."""
-        return self.motion.bending(self.motion.v)
+    def strain_rate_force(self, q: Expression, v: Expression, properties: Expression) -> Expression:
+        """Return the force of Q_v in bending, K_b q_t."""
+        return _without_resultant(self.motion.bending(self.motion.v))
 
-    def tangent_force(self, q: cs.SX, v: cs.SX, properties: cs.SX) -> cs.SX:
-        """Return the modal force of K e_t, under the tension due to gravity and the acceleration of the clamp, (m,)."""
+    def tangent_force(self, q: Expression, v: Expression, properties: Expression) -> Expression:
+        """Return the force of K e_t, under the tension due to gravity and the acceleration of the clamp."""
         motion = self.motion
         (x, y), gravity = motion.slope, motion.relative_gravity
-        tension = cs.DM(motion.projection.mass_moment) * (x * gravity[0] + y * gravity[1])
+        moment = _columns(motion.projection.mass_moment, x)
+        tension = moment * (x * _rows(gravity[0, :], x) + y * _rows(gravity[1, :], x))
         rotations = cs.DM(motion.projection.slopes.rotations)
-        return motion.bending(motion.v) + rotations.T @ (motion.angular_velocity * tension)
+        return _without_resultant(motion.bending(motion.v) + rotations.T @ (motion.angular_velocity * tension))
 
-    def reference_force(self, v: cs.SX, properties: cs.SX) -> cs.SX:
+    def reference_force(self, v: Expression, properties: Expression) -> Expression:
         """Refuse K e_t with K of the straight beam, which the reduced model does not have."""
         raise InputError(
             "the reduced model has no force of the reference stiffness, which resists rigid rotations; "
@@ -212,21 +236,30 @@ class ProjectedForces:
             "damping",
         )
 
-    def drag_force(self, v: cs.SX, properties: cs.SX) -> cs.SX:
-        """Return the modal force of int S^T mu |v| v dp, (m,)."""
+    def drag_force(self, v: Expression, properties: Expression) -> Expression:
+        """Return the force of int S^T mu |v| v dp."""
         return self._surface_force(lambda square: cs.sqrt(square + STILL**2))
 
-    def friction_force(self, v: cs.SX, properties: cs.SX, smoothing_speed: float) -> cs.SX:
-        """Return the modal force of int S^T mu v/(|v|^2 + v0^2)^(1/2) dp with the smoothing speed v0, (m,)."""
+    def friction_force(self, v: Expression, properties: Expression, smoothing_speed: float) -> Expression:
+        """Return the force of int S^T mu v/(|v|^2 + v0^2)^(1/2) dp with the smoothing speed v0."""
         return self._surface_force(lambda square: 1 / cs.sqrt(square + smoothing_speed**2))
 
-    def _surface_force(self, factor: Callable[[cs.SX], cs.SX]) -> cs.SX:
-        """Return the modal force of int S^T mu f(|v|^2) v dp, (m,)."""
-        motion, projection = self.motion, self.motion.projection
-        shape = cs.DM(projection.drag_shape)
-        x, y = (motion.base[3 + k] + shape @ part for k, part in enumerate(motion.slope_velocity))
-        weight = cs.DM(projection.drag_mass) * factor(x**2 + y**2)
-        return motion.modal_force(shape.T @ (weight * x), shape.T @ (weight * y))
+    def _surface_force(self, factor: Callable[[Expression], Expression]) -> Expression:
+        """Return the force of int S^T mu f(|v|^2) v dp."""
+        projection = self.motion.projection
+        x, y = self._velocities(projection.drag_shape)
+        weight = _columns(projection.drag_mass, x) * factor(x**2 + y**2)
+        return self._of_points(projection.drag_shape, weight * x, weight * y)
+
+    def _velocities(self, shape: Array) -> tuple[Expression, Expression]:
+        """Return the velocities (d,) of points whose positions are u + ``shape`` (d, k) times the slopes."""
+        x, y = (cs.DM(shape) @ part for part in self.motion.slope_velocity)
+        return x + _rows(self.motion.base[3, :], x), y + _rows(self.motion.base[4, :], y)
+
+    def _of_points(self, shape: Array, x: Expression, y: Expression) -> Expression:
+        """Return the force of forces (x, y) at such points."""
+        modal = self.motion.modal_force(cs.DM(shape.T) @ x, cs.DM(shape.T) @ y)
+        return cs.vertcat(modal, cs.sum1(x), cs.sum1(y))
 
 
 def _mass_factor(projection: Projection) -> cs.DM:
@@ -234,7 +267,22 @@ def _mass_factor(projection: Projection) -> cs.DM:
     return cs.sparsify(cs.DM(projection.mass_factor))
 
 
-def _rotated(angle: cs.SX, x: cs.SX, y: cs.SX) -> tuple[cs.SX, cs.SX]:
-    """Return the components of vectors rotated by an angle."""
-    cosine, sine = cs.cos(angle), cs.sin(angle)
+def _rotated(angle: Expression, x: Expression, y: Expression) -> tuple[Expression, Expression]:
+    """Return the components of vectors rotated by the angle of each instant."""
+    cosine, sine = _rows(cs.cos(angle), x), _rows(cs.sin(angle), x)
     return cosine * x - sine * y, sine * x + cosine * y
+
+
+def _rows(row: Expression, like: Expression) -> Expression:
+    """Return a row repeated for each row of another expression."""
+    return cs.repmat(row, like.size1(), 1)
+
+
+def _columns(column: Array, like: Expression) -> cs.DM:
+    """Return a column repeated for each column of an expression."""
+    return cs.repmat(cs.DM(column), 1, like.size2())
+
+
+def _without_resultant(modal: Expression) -> Expression:
+    """Return an internal force, whose resultant is zero."""
+    return cs.vertcat(modal, type(modal).zeros(2, modal.size2()))

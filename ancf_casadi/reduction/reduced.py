@@ -101,6 +101,8 @@ class ReducedModel(ReducedFunctions):
         The modes kept.
     law : DampingLaw
         The damping law.
+    projection : Projection
+        Constants of the equation of motion.
     parameters, states, base, outputs, rhs, step, mass, energies, tip, markers, coordinates
         As in ``ReducedFunctions``.
 
@@ -118,6 +120,7 @@ class ReducedModel(ReducedFunctions):
 
     modes: Modes
     law: DampingLaw
+    projection: Projection
 
     @property
     def model(self) -> Model:
@@ -196,6 +199,7 @@ def reduce_model(
     return ReducedModel(
         modes=modes,
         law=law,
+        projection=projection,
         parameters=parameters,
         states=modal_signals(modes.frequencies.tolist()),
         base=base_signals(),
@@ -238,7 +242,7 @@ def _functions(
     e_t = motion.nodal(*motion.slope_velocity, base[3:5])
     M = ReducedMotion(projection, q, v, cs.SX.zeros(BASE_SIZE), p[:2]).mass  # the same at any position of the clamp
     T, U, V = motion.energies
-    forces = motion.undamped_forces + motion.damping(law, p[2:], model)
+    forces = (motion.undamped_forces(cs.SX.zeros(m)) + motion.damping(law, p[2:], model))[:m]
     positions = cs.horzcat(cs.SX(2, 0), *(cs.DM(model.interpolation(s)) @ e for s in markers))
 
     def function(name: str, arguments: Sequence[str], **outputs: cs.SX) -> cs.Function:

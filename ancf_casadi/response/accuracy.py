@@ -1,0 +1,107 @@
+"""Error of a periodic motion due to its number of harmonics and of samples.
+
+A motion with H harmonics and N samples is put into the equation of motion at 2 N samples.  The harmonics of the
+residual beyond H would drive the missing harmonics of the motion,
+
+    x_k = -Z_k^-1 r_k,    Z_k = K + i k omega D - (k omega)^2 M    with the mean matrices of a period,
+
+and those up to H, which vanish at N samples, shift the unknowns along the normal of the curve.  Both are compared with
+the size of the motion.  Forces with a kink, such as drag and friction, decide both numbers: their harmonics fall as
+1/k^3 and 1/k.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ancf_casadi.response.balance import HarmonicBalance, Linearisation, Setting
+from ancf_casadi.response.fourier import fourier
+from ancf_casadi.support.arrays import Array
+
+CHECKED = 3  # harmonics of the residual are checked up to this multiple of H
+FIRST_HARMONICS = 5
+MOST_HARMONICS = 99
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Estimated errors of a motion, relative to its size.
+
+    Parameters
+    ----------
+    harmonics : float
+        Size of the missing harmonics.
+    samples : float
+        Error of the coefficients due to the sampling.
+    """
+
+    harmonics: float
+    samples: float
+
+    @property
+    def largest(self) -> float:
+        """The larger of both."""
+        return max(self.harmonics, self.samples)
+
+
+def size_of(balance: HarmonicBalance, C: Array) -> float:
+    """Return the size of the motion about its mean, relative to the scale of the system."""
+    return float((np.abs(C[1:]) / balance.system.scale).max())
+
+
+def errors_of(
+    balance: HarmonicBalance,
+    C: Array,
+    setting: Setting,
+    linear: Linearisation,
+    size: float,
+    shift: Callable[[Array], Array],
+) -> Errors:
+    """Return the estimated errors of a motion, relative to a size.
+
+    Parameters
+    ----------
+    balance, C, setting
+        The motion.
+    linear : Linearisation
+        Derivatives at the motion.
+    size : float
+        Size of the motion.
+    shift : callable
+        Returns the change of the coefficients, (2 H + 1, n), due to a residual (2 H + 1, n).
+    """
+    series, system = balance.fourier, balance.system
+    most = min(CHECKED * series.harmonics, series.samples - 1)
+    finer = replace(balance, fourier=fourier(series.harmonics, 2 * series.samples, series.half))
+    whole = fourier(most, 2 * series.samples, series.half)
+    r = np.where(whole.allowed(system.mirror), whole.analysis @ finer.sampled_residual(C, setting).T, 0.0)
+    K, D, M = (system.matrix(entries.mean(axis=0)) for entries in linear.matrices)
+    if series.half:
+        K, D, M = (matrix * (system.mirror[:, None] == system.mirror) for matrix in (K, D, M))
+    D = D - setting.growth * M
+    k = setting.omega * np.arange(series.harmonics + 1, most + 1)
+    missing = r[series.size :: 2] - 1j * r[series.size + 1 :: 2]
+    Z = K + 1j * k[:, None, None] * D - k[:, None, None] ** 2 * M
+    x = np.linalg.solve(Z, missing[:, :, None])[:, :, 0]
+    return Errors(
+        float((np.abs(x) / system.scale).max(initial=0.0)) / size,
+        float((np.abs(shift(r[: series.size])) / system.scale).max()) / size,
+    )
+
+
+def refined(errors: Errors, harmonics: int, samples: int, tolerance: float) -> tuple[int, int]:
+    """Return larger numbers of harmonics and samples where an error exceeds the tolerance."""
+    if errors.harmonics > tolerance:
+        harmonics = harmonics + max(2, harmonics // 3)
+        samples = max(samples, least_samples(harmonics))
+    if errors.samples > tolerance:
+        samples *= 2
+    return harmonics, samples
+
+
+def least_samples(harmonics: int) -> int:
+    """Return the number of samples to begin with, 4 (H + 1)."""
+    return 4 * (harmonics + 1)

@@ -1,0 +1,214 @@
+"""Harmonic balance: the periodic motion of a second-order system as algebraic equations.
+
+The motion q(tau) = E(tau) C, tau = omega t, has the velocity v = omega q' and the acceleration a = omega^2 q''.  The
+coefficients of the residual (``system``) at N samples of one period,
+
+    F(C) = W R(q, v, a - xi v, u, p) = 0,
+
+are 2 H + 1 equations for each coordinate (alternating frequency-time method).  The term xi v is a negative damping
+-xi M v, which makes a damped free vibration periodic; it is 0 in a forced motion.  The derivatives are exact,
+
+    dF/dC     = sum_s W_s (K E_s + omega (D - xi M) E'_s + omega^2 M E''_s),
+    dF/domega = W (D q' + M (2 omega q'' - xi q') + U du/domega),
+    dF/dA     = W U du/dA,      dF/dxi = -W M v,      dF/dp = W dR/dp.
+
+References
+----------
+T. M. Cameron, J. H. Griffin, An alternating frequency/time domain method for calculating the steady-state response of
+nonlinear dynamic systems, Journal of Applied Mechanics 56 (1989).
+M. Krack, J. Gross, Harmonic Balance for Nonlinear Vibration Problems, Springer (2019).
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import casadi as cs
+import numpy as np
+import scipy.sparse
+from numpy.typing import NDArray
+
+from ancf_casadi.response.drive import Drive
+from ancf_casadi.response.fourier import Fourier
+from ancf_casadi.response.system import SampledFunctions, SecondOrderSystem
+from ancf_casadi.support.arrays import Array
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a periodic motion depends on, besides the system.
+
+    Parameters
+    ----------
+    omega : float
+        Angular frequency, rad/s.
+    amplitude : float
+        Amplitude A of the excitation.
+    growth : float
+        Coefficient xi of the negative damping, 1/s.
+    value : float
+        Value of the parameter of the system that varies; not a number if none does.
+    """
+
+    omega: float
+    amplitude: float
+    growth: float = 0.0
+    value: float = math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """Derivatives of the equations at a motion.
+
+    Parameters
+    ----------
+    by_coefficients : array (c, c)
+        dF/dC for the c coefficients that are not zero by symmetry, in the order of ``C.ravel()``.
+    by_omega, by_amplitude, by_growth, by_value : array (c,)
+        Derivatives with respect to the setting.
+    matrices : (array, array, array)
+        Entries of K, D and M at the samples, (N, k).
+    """
+
+    by_coefficients: Array
+    by_omega: Array
+    by_amplitude: Array
+    by_growth: Array
+    by_value: Array
+    matrices: tuple[Array, Array, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class HarmonicBalance:
+    """The equations of harmonic balance of a system under a drive.
+
+    Parameters
+    ----------
+    system : SecondOrderSystem
+        The system.
+    drive : Drive
+        Its excitation.
+    fourier : Fourier
+        Harmonics and samples.
+    varied : int, optional
+        Index of the parameter of the system whose value belongs to the setting.
+    """
+
+    system: SecondOrderSystem
+    drive: Drive
+    fourier: Fourier
+    varied: int | None = None
+
+    def parameters(self, setting: Setting) -> Array:
+        """Return the parameters p of the system."""
+        values = self.system.values.copy()
+        if self.varied is not None:
+            values[self.varied] = setting.value
+        return values
+
+    def motion(self, C: Array, setting: Setting) -> list[Array]:
+        """Return q, v, a and u at the samples, (n, N) and (e, N)."""
+        series, omega = self.fourier, setting.omega
+        u, _, _ = self.drive.samples(series.phases, omega, setting.amplitude)
+        factors = (series.basis, omega * series.slope, omega**2 * series.curvature)
+        q, v, a = (np.ascontiguousarray((factor @ C).T) for factor in factors)
+        return [q, v, a, u]
+
+    def residual(self, C: Array, setting: Setting) -> Array:
+        """Return F, (2 H + 1, n)."""
+        return np.asarray(self.fourier.analysis @ self.sampled_residual(C, setting).T)
+
+    def sampled_residual(self, C: Array, setting: Setting) -> Array:
+        """Return R at the samples, (n, N)."""
+        q, v, a, u = self.motion(C, setting)
+        R = self._functions.balance(q, v, a - setting.growth * v, u, self.parameters(setting))
+        return np.asarray(R.full())
+
+    def linearised(self, C: Array, setting: Setting) -> Linearisation:
+        """Return the derivatives of F."""
+        system, series, omega, growth = self.system, self.fourier, setting.omega, setting.growth
+        q, v, a, u = self.motion(C, setting)
+        _, growing, shape = self.drive.samples(series.phases, omega, setting.amplitude)
+        inputs = (q, v, a - growth * v, u, self.parameters(setting), growing, shape)
+        k, d, m, by_growing, by_shape = (part.full() for part in self._functions.tangents(*inputs))
+        drag = d - growth * m
+        J = self._assembled((k, omega * drag, omega**2 * m))
+        speed = self._times(drag, v / omega) + self._times(m, 2 / omega * a) + by_growing
+        analysed = (series.analysis @ part.T for part in (speed, by_shape, -self._times(m, v)))
+        by_omega, by_amplitude, by_growth = (part[self.allowed] for part in analysed)
+        by_value = np.zeros_like(by_omega)
+        if self.varied is not None:
+            by_value = self.by_parameters(C, setting, np.eye(len(system.parameters))[:, [self.varied]])[:, 0]
+        return Linearisation(J, by_omega, by_amplitude, by_growth, by_value, (k.T, d.T, m.T))
+
+    def by_parameters(self, C: Array, setting: Setting, directions: Array) -> Array:
+        """Return dF/dp times directions (l, k) in the space of the parameters, (c, k)."""
+        q, v, a, u = self.motion(C, setting)
+        inputs = (q, v, a - setting.growth * v, u, self.parameters(setting))
+        R = _directional(self.system, self.fourier.count)(*inputs, directions).full()
+        columns = R.reshape(self.system.size, directions.shape[1], -1)
+        return np.asarray(np.einsum("as,iks->aik", self.fourier.analysis, columns)[self.allowed])
+
+    def sampled_powers(self, C: Array, setting: Setting) -> tuple[Array, Array]:
+        """Return the power lost to damping and the power supplied at the samples, (N,), W."""
+        motion = self.motion(C, setting)
+        lost, supplied = self._functions.powers(*motion, self.parameters(setting))
+        return lost.full().ravel(), supplied.full().ravel()
+
+    @cached_property
+    def allowed(self) -> NDArray[np.bool_]:
+        """Which coefficients are not zero by symmetry, (2 H + 1, n)."""
+        return self.fourier.allowed(self.system.mirror)
+
+    @property
+    def _functions(self) -> SampledFunctions:
+        return self.system.functions(self.fourier.count)
+
+    def _assembled(self, blocks: tuple[Array, Array, Array]) -> Array:
+        """Return dF/dC from the entries (k, N) of the factors of E, E' and E''."""
+        mirror, series = self.system.mirror, self.fourier
+        place = np.full(self.allowed.shape, -1)
+        place[self.allowed] = np.arange(self.allowed.sum())
+        J = np.zeros((self.allowed.sum(), self.allowed.sum()))
+        rows, columns = self.system.entries
+        kinds = np.unique(mirror) if series.half else [None]
+        for own, other in itertools.product(kinds, kinds):
+            those = (
+                np.ones(len(rows), dtype=bool) if own is None else (mirror[rows] == own) & (mirror[columns] == other)
+            )
+            if not those.any():
+                continue
+            i, j = rows[those], columns[those]
+            a, b = np.flatnonzero(self.allowed[:, i[0]]), np.flatnonzero(self.allowed[:, j[0]])
+            sums = np.zeros((len(i), len(a) * len(b)))
+            for block, products in zip(blocks, series.products, strict=True):
+                entries, pairs = block[those], products[:, a[:, None], b].reshape(series.count, -1)
+                varies = np.ptp(entries, axis=1) > 0.0
+                sums[varies] += entries[varies] @ pairs
+                sums[~varies] += np.outer(entries[~varies, 0], pairs.sum(axis=0))
+            at_row, at_column = place[np.ix_(a, i)].T, place[np.ix_(b, j)].T
+            J[at_row[:, :, None], at_column[:, None, :]] = sums.reshape(len(i), len(a), len(b))
+        return J
+
+    def _times(self, entries: Array, vectors: Array) -> Array:
+        """Return the products of the matrices with entries (k, N) and the vectors (n, N) of each sample, (n, N)."""
+        return np.asarray(self._row_sums @ (entries * vectors[self.system.entries[1]]))
+
+    @cached_property
+    def _row_sums(self) -> scipy.sparse.csr_array:
+        """The matrix (n, k) that adds up entries of equal row."""
+        rows, n = self.system.entries[0], self.system.size
+        return scipy.sparse.csr_array((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(n, len(rows)))
+
+
+@lru_cache(maxsize=16)
+def _directional(system: SecondOrderSystem, samples: int) -> cs.Function:
+    """Return (q, v, a, u, p, direction) -> dR/dp times the direction, (n, N), for any number of directions."""
+    function = system.functions(samples).differentiable
+    symbols = [cs.MX.sym(function.name_in(k), function.size1_in(k), function.size2_in(k)) for k in range(5)]
+    direction = cs.MX.sym("direction", symbols[4].numel())
+    product = cs.jtimes(cs.vec(function(*symbols)), symbols[4], direction)
+    return cs.Function("directional", [*symbols, direction], [cs.reshape(cs.densify(product), -1, samples)])

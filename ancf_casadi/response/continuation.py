@@ -1,0 +1,289 @@
+"""Pseudo-arclength continuation of a curve of periodic motions, through folds.
+
+From a point z_0 with the unit tangent t, in scaled unknowns (``family``), the next point fulfils
+
+    t . (z - z_0)/s = h,        guess z_0 + h s t,
+
+which is regular at folds, where the curve turns in frequency.  The step h follows the angle between successive tangents
+and is halved where Newton's method fails or the angle is large.  At each point the numbers of harmonics and samples are
+increased until the estimated error (``accuracy``) is below the tolerance.
+
+References
+----------
+R. Seydel, Practical Bifurcation and Stability Analysis, Springer (2010), Chapter 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+
+from ancf_casadi.exceptions import NumericsError
+from ancf_casadi.response.accuracy import (
+    FIRST_HARMONICS,
+    MOST_HARMONICS,
+    Errors,
+    errors_of,
+    least_samples,
+    refined,
+    size_of,
+)
+from ancf_casadi.response.balance import Setting
+from ancf_casadi.response.family import Family
+from ancf_casadi.response.floquet import floquet_multipliers
+from ancf_casadi.response.newton import Condition, Factors, Jacobian, NotFound, jacobian_at, solve
+from ancf_casadi.support.arrays import Array, ComplexArray
+
+FIRST_STEP = 0.05
+SMALLEST_STEP = 1e-7
+LARGEST_STEP = 4.0
+SMALLEST_SIZE = 1e-12  # of a motion, relative to the scale of the system
+ANGLE = 0.25  # rad between successive tangents that the steps aim at
+LARGEST_ANGLE = 0.6  # rad; beyond it, a step may have left the curve
+SPARE = 1e-3  # error relative to the tolerance at which harmonics are dropped
+LOCATED = 1e-9  # width of the interval around a located point, relative to the step
+MOST_TRIALS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A point of a curve of periodic motions.
+
+    Parameters
+    ----------
+    family : Family
+        The equations, with the numbers of harmonics and samples of the point.
+    z : array
+        Unknowns.
+    jacobian : Jacobian
+        Derivatives of the equations at the point.
+    errors : Errors
+        Estimated errors relative to the size of the motion.
+    """
+
+    family: Family
+    z: Array
+    jacobian: Jacobian
+    errors: Errors
+
+    @property
+    def coefficients(self) -> Array:
+        """C, (2 H + 1, n)."""
+        return self.family.split(self.z)[0]
+
+    @property
+    def setting(self) -> Setting:
+        """Frequency, amplitude of the drive and so on."""
+        return self.family.split(self.z)[1]
+
+    @cached_property
+    def multipliers(self) -> ComplexArray:
+        """Floquet multipliers, the largest first."""
+        system = self.family.balance.system
+        K, D, M = (system.matrix(part) for part in self.jacobian.linear.matrices)
+        if self.family.balance.fourier.half:
+            signs = system.mirror[:, None] * system.mirror
+            K, D, M = (np.concatenate([half, signs * half]) for half in (K, D, M))
+        return floquet_multipliers(K, D, M, 2 * np.pi / self.setting.omega)
+
+    def tangent(self, along: Array) -> Array:
+        """Return the unit tangent of the curve in scaled unknowns, in the direction of another vector."""
+        right = np.zeros(len(self.z))
+        right[-1] = 1.0
+        t = self.jacobian.factorised(along, self.family.scale).solve(right)
+        return np.asarray(t / np.linalg.norm(t))
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """A step of the continuation.
+
+    Parameters
+    ----------
+    start : Point
+        The point before.
+    tangent : array
+        Unit tangent there.
+    length : float
+        Arclength h.
+    end : Point
+        The point after.
+    end_tangent : array
+        Unit tangent there.
+    """
+
+    start: Point
+    tangent: Array
+    length: float
+    end: Point
+    end_tangent: Array
+
+
+def unit(family: Family, name: str) -> Array:
+    """Return the unit vector of a free entry of the setting."""
+    row = np.zeros(len(family.scale))
+    row[family.place(name)] = 1.0
+    return row
+
+
+def point_at(
+    family: Family, guess: Array, condition: Condition, tolerance: float, near: Jacobian | None = None
+) -> Point:
+    """Return the point near a guess that fulfils a condition, with enough harmonics and samples.
+
+    Raises
+    ------
+    NotFound
+        If Newton's method does not converge.
+    NumericsError
+        If the motion needs too many harmonics.
+    """
+    while True:
+        z = solve(family, guess, condition, near)
+        jacobian, balance, series = jacobian_at(family, z), family.balance, family.balance.fourier
+        C, setting = family.split(z)
+        size = max(size_of(balance, C), SMALLEST_SIZE)
+        factors = jacobian.factorised(condition.row, family.scale)
+        errors = errors_of(balance, C, setting, jacobian.linear, size, partial(_shift, family, factors))
+        if not np.isfinite(errors.largest):
+            raise NotFound
+        if errors.largest <= tolerance:
+            return Point(replace(family, size=size), z, jacobian, errors)
+        harmonics, samples = refined(errors, series.harmonics, series.samples, tolerance)
+        if harmonics > MOST_HARMONICS or samples > least_samples(MOST_HARMONICS):
+            raise NumericsError(
+                f"the motion needs more than {MOST_HARMONICS} harmonics or {least_samples(MOST_HARMONICS)} samples per "
+                f"period: its error is {errors.largest:.1g}; use a larger tolerance, or a smoother force"
+            )
+        guess, near = family.resized(z, harmonics), None
+        row, origin = (family.resized(part, harmonics) for part in (condition.row, condition.origin))
+        condition = replace(condition, row=row, origin=origin)
+        family = family.with_series(harmonics, samples)
+
+
+def _shift(family: Family, factors: Factors, residual: Array) -> Array:
+    """Return the change of the coefficients due to a residual of harmonic balance, (2 H + 1, n)."""
+    right = np.zeros(len(family.scale))
+    right[: family.balance.allowed.sum()] = residual[family.balance.allowed]
+    return family.split(family.scale * factors.solve(right))[0]
+
+
+def follow(
+    first: Point, direction: Array, tolerance: float, limits: Mapping[str, float], first_step: float = FIRST_STEP
+) -> Iterator[Step]:
+    """Yield the steps along a curve.
+
+    Parameters
+    ----------
+    first : Point
+        First point.
+    direction : array
+        Vector that has a positive product with the tangent at the first point.
+    tolerance : float
+        Largest error of each motion, relative to its size.
+    limits : mapping
+        Largest change of free entries of the setting in a step, by name.
+    first_step : float
+        First arclength.
+
+    Raises
+    ------
+    NumericsError
+        If no step is short enough, or a motion needs too many harmonics.
+    """
+    point, tangent, length = first, first.tangent(direction), first_step
+    while True:
+        for name, most in limits.items():
+            place = point.family.place(name)
+            rate = abs(tangent[place] * point.family.scale[place])
+            length = min(length, most / rate) if rate else length
+        try:
+            new = stepped(point, tangent, length, tolerance)
+        except NotFound:
+            angle = np.inf
+        else:
+            before = carried(tangent, point, new)
+            after = new.tangent(before)
+            angle = 2 * np.arcsin(min(float(np.linalg.norm(after - before)) / 2, 1.0))
+        if angle > LARGEST_ANGLE:
+            length /= 2
+            if length < SMALLEST_STEP:
+                raise NumericsError(
+                    f"the curve cannot be followed beyond {described(point)}: no step is short enough there"
+                )
+            continue
+        yield Step(point, tangent, length, new, after)
+        point = _lean(new, after, tolerance)
+        tangent = carried(after, new, point)
+        length = min(length * min(2.0, max(0.5, ANGLE / max(angle, 1e-3))), LARGEST_STEP)
+
+
+def stepped(point: Point, tangent: Array, length: float, tolerance: float) -> Point:
+    """Return the point at an arclength along the tangent.
+
+    Raises
+    ------
+    NotFound
+        If Newton's method does not converge.
+    """
+    family = point.family
+    guess = family.moved(point.z, length * family.scale * tangent)
+    near = point.jacobian if family.balance.system.retraction is np.add else None  # a beam that turns needs a new one
+    return point_at(family, guess, Condition(tangent, point.z, length), tolerance, near)
+
+
+def located(step: Step, test: Callable[[Point, Array], float], tolerance: float) -> Point:
+    """Return the point of a step at which a test function of point and tangent, of opposite signs at its ends, is zero.
+
+    Raises
+    ------
+    NotFound
+        If Newton's method does not converge.
+    """
+    left, right = 0.0, step.length
+    at_left, at_right = test(step.start, step.tangent), test(step.end, step.end_tangent)
+    size = max(abs(at_left), abs(at_right))
+    for _ in range(MOST_TRIALS):
+        middle = (left * at_right - right * at_left) / (at_right - at_left)
+        found = stepped(step.start, step.tangent, middle, tolerance)
+        value = test(found, found.tangent(carried(step.tangent, step.start, found)))
+        if right - left <= LOCATED * step.length or abs(value) <= LOCATED * size:
+            break
+        if (value > 0.0) == (at_right > 0.0):  # the Illinois method halves the value at an end that stays
+            right, at_right, at_left = middle, value, at_left / 2
+        else:
+            left, at_left, at_right = middle, value, at_right / 2
+    return found
+
+
+def carried(vector: Array, old: Point, new: Point) -> Array:
+    """Return a vector in scaled unknowns of one point as one of another, normalised."""
+    resized = old.family.resized(vector * old.family.scale, new.family.balance.fourier.harmonics) / new.family.scale
+    return np.asarray(resized / np.linalg.norm(resized))
+
+
+def _lean(point: Point, tangent: Array, tolerance: float) -> Point:
+    """Return the point, with two harmonics less if they are far below the tolerance."""
+    balance, series = point.family.balance, point.family.balance.fourier
+    highest = float((np.abs(point.coefficients[-4:]) / balance.system.scale).max()) / point.family.size
+    if series.harmonics <= FIRST_HARMONICS or max(highest, point.errors.largest) > SPARE * tolerance:
+        return point
+    harmonics = series.harmonics - 2
+    family = point.family.with_series(harmonics, max(least_samples(harmonics), series.samples // 2))
+    z, row = (point.family.resized(part, harmonics) for part in (point.z, tangent))
+    try:
+        return point_at(family, z, Condition(row, z, 0.0), tolerance)
+    except NotFound:
+        return point
+
+
+def described(point: Point) -> str:
+    """Return the free entries of the setting in words."""
+    setting, words = point.setting, []
+    for name in point.family.free:
+        value = getattr(setting, name)
+        words.append(f"{value / (2 * np.pi):.6g} Hz" if name == "omega" else f"{name} = {value:.4g}")
+    return ", ".join(words)

@@ -1,0 +1,172 @@
+"""A system with its excitation, and the motion of its points.
+
+The displacement of a point of a beam is taken relative to the clamp unless stated otherwise.  Its direction is across
+the beam, (-a_y, a_x) for the axis a, unless another is given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import NoneType
+
+import numpy as np
+
+from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.dynamics.base_motion import BaseMotion
+from ancf_casadi.dynamics.tip_load import TipLoad
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.reduction.forces import BASE_SIZE
+from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
+from ancf_casadi.response.balance import Setting
+from ancf_casadi.response.beam_systems import full_system, reduced_system
+from ancf_casadi.response.drive import Drive, HarmonicForce, beam_drive, force_drive, no_drive
+from ancf_casadi.response.fourier import basis_at, fourier
+from ancf_casadi.response.system import SecondOrderSystem
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_instance, vector, whole
+
+STRAIGHT = 1e-9  # of the length of the beam, or of a direction
+
+Body = Model | ReducedModel | SecondOrderSystem
+
+
+@dataclass(frozen=True, eq=False)
+class Excited:
+    """A system with its excitation.
+
+    Parameters
+    ----------
+    system : SecondOrderSystem
+        The system.
+    drive : Drive
+        The excitation.
+    body : Model, ReducedModel or None
+        The beam; None for a system of the user.
+    law : DampingLaw or None
+        The damping law of the beam.
+    """
+
+    system: SecondOrderSystem
+    drive: Drive
+    body: Model | ReducedModel | None
+    law: DampingLaw | None = None
+
+    @property
+    def model(self) -> Model | None:
+        """The full model of the beam."""
+        return self.body.model if isinstance(self.body, ReducedModel) else self.body
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the motion may have the mirror symmetry of the system: a beam is then excited across its axis."""
+        ax, ay = self.model.beam.axis if self.model else (0.0, 0.0)
+        along = abs(self.drive.direction[0] * ax + self.drive.direction[1] * ay)
+        return bool((self.system.mirror < 0.0).any()) and along <= STRAIGHT
+
+    def kinematics(self, C: Array, setting: Setting, phases: Array) -> tuple[Array, Array, Array]:
+        """Return coordinates and velocities (n, k), and the excitation (e, k), at phases (k,), rad."""
+        harmonics = len(C) // 2
+        basis = basis_at(phases, harmonics)
+        slope = basis @ fourier(harmonics, 2 * len(C)).derivative
+        u, _, _ = self.drive.samples(phases, setting.omega, setting.amplitude)
+        return (basis @ C).T, setting.omega * (slope @ C).T, u
+
+    def nodal(self, C: Array, setting: Setting, phases: Array) -> tuple[Array, Array]:
+        """Return nodal coordinates and velocities of a beam at phases (k,), each (k, 4 n + 4)."""
+        q, v, u = self.kinematics(C, setting, phases)
+        if isinstance(self.body, ReducedModel):
+            e, e_t = self.body.coordinates(q, v, u[:BASE_SIZE])
+            return e.full().T, e_t.full().T
+        assert isinstance(self.body, Model)
+        axis = np.tile(np.array(self.body.beam.axis)[:, None], (1, len(phases)))
+        clamped, clamped_t = np.vstack([u[:2], axis]), np.vstack([u[3:5], np.zeros((2, len(phases)))])
+        return np.vstack([clamped, q]).T, np.vstack([clamped_t, v]).T
+
+    def displacement(
+        self,
+        C: Array,
+        setting: Setting,
+        phases: Array,
+        point: float | None,
+        direction: Sequence[float] | None,
+        relative: bool,
+    ) -> Array:
+        """Return the displacement of a point of a beam, m, or a coordinate of a system, at phases (k,).
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam, the coordinate does not exist, or the direction is no vector.
+        """
+        model = self.model
+        if model is None:
+            index = whole(0 if point is None else point, "point", 0, self.system.size - 1)
+            return np.asarray(self.kinematics(C, setting, phases)[0][index])
+        place = model.beam.length if point is None else point
+        ax, ay = model.beam.axis
+        along = np.array((-ay, ax) if direction is None else vector(direction, "direction"))
+        if not along.any():
+            raise InputError("must not be the zero vector", "direction")
+        e, _ = self.nodal(C, setting, phases)
+        position = e @ model.interpolation(place).T
+        if relative:
+            position = position - e[:, :2]
+        return np.asarray(position @ (along / np.linalg.norm(along)))
+
+
+def excited(
+    body: Body,
+    damping: DampingLaw | None,
+    base: BaseMotion | None = None,
+    load: TipLoad | None = None,
+    force: HarmonicForce | None = None,
+    *,
+    free: bool = False,
+) -> Excited:
+    """Return a beam or a system with its excitation; ``free`` stands for none.
+
+    Raises
+    ------
+    InputError
+        If an argument is of the wrong kind, or there is not exactly one excitation.
+    EquilibriumError
+        If a beam has no equilibrium under gravity.
+    """
+    check_instance(body, "model", Model, ReducedModel, SecondOrderSystem)
+    check_instance(damping, "damping", DampingLaw, NoneType)
+    if isinstance(body, SecondOrderSystem):
+        for name, given in (("damping", damping), ("base", base), ("load", load)):
+            if given is not None:
+                raise InputError("belongs to a beam; a SecondOrderSystem has its own, and takes a HarmonicForce", name)
+        if free:
+            return Excited(body, no_drive(body.excitation), None)
+        check_instance(force, "force", HarmonicForce)
+        assert force is not None
+        return Excited(body, force_drive(force, body.excitation), None)
+    if force is not None:
+        raise InputError("belongs to a SecondOrderSystem; a beam takes a HarmonicBase or a HarmonicLoad", "force")
+    if isinstance(body, ReducedModel):
+        if damping is not None:
+            body = reduce_model(body.model, modes=body.modes, damping=damping)
+        damping, system = body.law, reduced_system(body)
+    else:
+        assert isinstance(body, Model)
+        damping = RayleighDamping() if damping is None else damping
+        system = full_system(body, damping)
+    return Excited(system, no_drive(system.excitation) if free else beam_drive(base, load), body, damping)
+
+
+def peak(values: Array) -> tuple[float, float]:
+    """Return half the peak-to-peak value of equally spaced samples of a period, and the mean of both peaks."""
+    top, bottom = _extreme(values), -_extreme(-values)
+    return (top - bottom) / 2, (top + bottom) / 2
+
+
+def _extreme(values: Array) -> float:
+    """Return the largest value, by a parabola through the largest sample and its neighbours."""
+    k = int(values.argmax())
+    before, at, after = values[k - 1], values[k], values[(k + 1) % len(values)]
+    curvature = before - 2 * at + after
+    return float(at - (after - before) ** 2 / (8 * curvature)) if curvature else float(at)

@@ -1,0 +1,116 @@
+"""A family of periodic motions with one free dimension, as equations for the continuation.
+
+The unknowns z = (C, y) are the coefficients of the motion that are not zero by symmetry, and some entries y of its
+setting: the frequency, the amplitude of the drive, a parameter of the system, or the negative damping.  With k entries
+in y, the equations are those of harmonic balance and k - 1 constraints g(C) = 0.  Their solutions form a curve.
+
+    curve                       y                   constraint
+    frequency response          omega               -
+    amplitude response          A                   -
+    held response amplitude     omega, A            |first harmonic| = constant
+    backbone                    omega, xi           phase of the mode
+
+Lengths along the curve are measured in z/s with the scale s of each unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ancf_casadi.response.balance import HarmonicBalance, Linearisation, Setting
+from ancf_casadi.response.fourier import fourier, resized
+from ancf_casadi.support.arrays import Array
+
+Constraint = Callable[[Array], tuple[float, Array]]  # C -> g and dg/dC
+
+
+@dataclass(frozen=True, eq=False)
+class Family:
+    """The equations of a curve of periodic motions.
+
+    Parameters
+    ----------
+    balance : HarmonicBalance
+        The equations of harmonic balance.
+    setting : Setting
+        The values that stay as they are.
+    free : tuple of str
+        Names of the fields of the setting that are unknown.
+    scales : tuple of float
+        Typical change of each of them.
+    size : float
+        Typical size of the motion, relative to the scale of the system.
+    constraints : tuple of callable
+        As many as there are free entries, less one.
+    """
+
+    balance: HarmonicBalance
+    setting: Setting
+    free: tuple[str, ...]
+    scales: tuple[float, ...]
+    size: float
+    constraints: tuple[Constraint, ...] = ()
+
+    @property
+    def scale(self) -> Array:
+        """Scale s of the unknowns."""
+        coefficients = np.tile(self.size * self.balance.system.scale, (self.balance.fourier.size, 1))[
+            self.balance.allowed
+        ]
+        return np.concatenate([coefficients, self.scales])
+
+    def place(self, name: str) -> int:
+        """Return the place of a free entry of the setting among the unknowns."""
+        return len(self.scale) - len(self.free) + self.free.index(name)
+
+    def joined(self, C: Array, setting: Setting) -> Array:
+        """Return the unknowns of a motion."""
+        return np.concatenate([C[self.balance.allowed], [getattr(setting, name) for name in self.free]])
+
+    def split(self, z: Array) -> tuple[Array, Setting]:
+        """Return coefficients and setting of the unknowns."""
+        count = len(self.free)
+        values = dict(zip(self.free, z[-count:].tolist(), strict=True))
+        C = np.zeros(self.balance.allowed.shape)
+        C[self.balance.allowed] = z[:-count]
+        return C, replace(self.setting, **values)
+
+    def moved(self, z: Array, change: Array) -> Array:
+        """Return the unknowns moved by a change, with the retraction of the system at each sample."""
+        system, series = self.balance.system, self.balance.fourier
+        if system.retraction is np.add:
+            return z + change
+        (C, _), (correction, _) = self.split(z), self.split(change)
+        q, dq = (series.basis @ part for part in (C, correction))
+        C = series.analysis @ system.retraction(q.T, dq.T).T
+        count = len(self.free)
+        return np.concatenate([C[self.balance.allowed], z[-count:] + change[-count:]])
+
+    def residual(self, z: Array) -> Array:
+        """Return the left sides of all equations."""
+        C, setting = self.split(z)
+        F = self.balance.residual(C, setting)[self.balance.allowed]
+        return np.concatenate([F, [g(C)[0] for g in self.constraints]])
+
+    def jacobian(self, z: Array) -> tuple[Array, Linearisation]:
+        """Return the derivatives of all equations, with one column more than rows, and those of harmonic balance."""
+        C, setting = self.split(z)
+        linear = self.balance.linearised(C, setting)
+        columns = [getattr(linear, f"by_{name}") for name in self.free]
+        J = np.hstack([linear.by_coefficients, np.stack(columns, axis=1)])
+        rows = [np.append(g(C)[1][self.balance.allowed], np.zeros(len(self.free))) for g in self.constraints]
+        return np.vstack([J, *rows]), linear
+
+    def with_series(self, harmonics: int, samples: int) -> Family:
+        """Return the family with other numbers of harmonics and samples."""
+        series = fourier(harmonics, samples, self.balance.fourier.half)
+        return replace(self, balance=replace(self.balance, fourier=series))
+
+    def resized(self, z: Array, harmonics: int) -> Array:
+        """Return the unknowns with another number of harmonics."""
+        (C, _), series = self.split(z), self.balance.fourier
+        allowed = fourier(harmonics, 4 * harmonics + 2, series.half).allowed(self.balance.system.mirror)
+        return np.append(resized(C, harmonics)[allowed], z[-len(self.free) :])

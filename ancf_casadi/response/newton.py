@@ -1,0 +1,139 @@
+"""Newton's method for a point of a family of periodic motions.
+
+One more equation, row . (z - z_0)/s = distance, selects a point of the curve: the row is the tangent at z_0
+(pseudo-arclength), or the unit vector of an entry that is prescribed.  The Jacobian matrix costs more than ten
+residuals and is kept as long as each step reduces the error fivefold.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from ancf_casadi.response.balance import Linearisation
+from ancf_casadi.response.family import Family
+from ancf_casadi.support.arrays import Array
+
+CONVERGED = 1e-10  # error of the unknowns relative to their scales
+ROUNDING = 1e-6  # largest step at which a stagnation is due to rounding
+CONTRACTION = 0.2  # with a slower decrease, the Jacobian matrix is evaluated anew
+FAR = 100.0  # largest step, relative to the scales
+MOST_ITERATIONS = 30
+MOST_JACOBIANS = 8
+
+
+class NotFound(Exception):
+    """No point was found near a guess; the continuation shortens its step."""
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """The equation row . (z - origin)/s = distance.
+
+    Parameters
+    ----------
+    row : array
+        Coefficients in scaled unknowns.
+    origin : array
+        z_0.
+    distance : float
+        Right side.
+    """
+
+    row: Array
+    origin: Array
+    distance: float
+
+
+@dataclass(frozen=True, eq=False)
+class Jacobian:
+    """The derivatives of the equations.
+
+    Parameters
+    ----------
+    matrix : array (k - 1, k)
+        Derivatives with respect to the unknowns.
+    linear : Linearisation
+        Derivatives of harmonic balance.
+    """
+
+    matrix: Array
+    linear: Linearisation
+
+    def factorised(self, row: Array, scale: Array) -> Factors:
+        """Return the LU factors in scaled unknowns, with a last row; other rows are divided by their largest entry."""
+        scaled = self.matrix * scale
+        rows = np.abs(scaled).max(axis=1)
+        factors = scipy.linalg.lu_factor(np.vstack([scaled / rows[:, None], row]), check_finite=False)
+        return Factors(factors, np.append(rows, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Factors:
+    """The LU factors of a matrix whose rows were divided by numbers.
+
+    Parameters
+    ----------
+    factors : tuple
+        LU factors and pivots.
+    rows : array
+        The numbers.
+    """
+
+    factors: Any
+    rows: Array
+
+    def solve(self, right: Array) -> Array:
+        """Return the solution, in scaled unknowns."""
+        return np.asarray(scipy.linalg.lu_solve(self.factors, right / self.rows, check_finite=False))
+
+
+def jacobian_at(family: Family, z: Array) -> Jacobian:
+    """Return the derivatives of the equations at z."""
+    return Jacobian(*family.jacobian(z))
+
+
+def solve(family: Family, guess: Array, condition: Condition, jacobian: Jacobian | None = None) -> Array:
+    """Return the unknowns of the point that fulfils a condition.
+
+    Parameters
+    ----------
+    family : Family
+        The equations.
+    guess : array
+        First unknowns.
+    condition : Condition
+        The last equation.
+    jacobian : Jacobian, optional
+        Derivatives near the guess.
+
+    Raises
+    ------
+    NotFound
+        If the iteration does not converge.
+    """
+    scale, z, evaluations, last = family.scale, guess, 1, np.inf
+    used = jacobian_at(family, z) if jacobian is None else jacobian
+    factors = used.factorised(condition.row, scale)
+    for _ in range(MOST_ITERATIONS):
+        gap = condition.row @ ((z - condition.origin) / scale) - condition.distance
+        step = -factors.solve(np.append(family.residual(z), gap))
+        length = float(np.abs(step).max())
+        if not length <= FAR:
+            raise NotFound
+        if length > CONTRACTION * last:
+            if last <= ROUNDING and length > last / 2:
+                return z
+            if evaluations == MOST_JACOBIANS:
+                raise NotFound
+            used, evaluations, last = jacobian_at(family, z), evaluations + 1, np.inf
+            factors = used.factorised(condition.row, scale)
+            continue
+        z = family.moved(z, scale * step)
+        if min(length / last, 1.0) * length <= CONVERGED and (last < np.inf or length <= CONVERGED):
+            return z
+        last = length
+    raise NotFound

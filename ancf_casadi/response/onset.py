@@ -1,0 +1,194 @@
+"""The periodic motion that a harmonic excitation reaches when it grows slowly from zero.
+
+Where several steady states exist, as between the folds of a response curve, this one is found by continuation: the
+curve of motions is followed in the amplitude of the excitation, from small motion, until it first has the requested
+amplitude.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+
+from ancf_casadi.damping import DampingLaw
+from ancf_casadi.dynamics.base_motion import BaseMotion
+from ancf_casadi.dynamics.tip_load import TipLoad
+from ancf_casadi.exceptions import NumericsError
+from ancf_casadi.response.accuracy import FIRST_HARMONICS, least_samples, size_of
+from ancf_casadi.response.balance import HarmonicBalance, Setting
+from ancf_casadi.response.continuation import Point, Step, follow, located, point_at, unit
+from ancf_casadi.response.drive import HarmonicForce
+from ancf_casadi.response.excited import Body, Excited, excited
+from ancf_casadi.response.family import Family
+from ancf_casadi.response.fourier import fourier
+from ancf_casadi.response.newton import Condition, NotFound
+from ancf_casadi.response.periodic import PeriodicMotion
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import positive
+
+TOLERANCE = 1e-6
+FIRST_SHARE = 0.01  # of the amplitude of the excitation, at which the continuation begins
+FIRST_STEP = 4.0
+MOST_STEPS = 300
+MOST_ITERATIONS = 50
+AT_REST = 1e-12
+
+
+def periodic_motion(
+    model: Body,
+    *,
+    damping: DampingLaw | None = None,
+    base: BaseMotion | None = None,
+    load: TipLoad | None = None,
+    force: HarmonicForce | None = None,
+    tolerance: float = TOLERANCE,
+) -> PeriodicMotion:
+    """Return the steady state of a vibration under harmonic excitation.
+
+    Of several steady states, it is the one reached when the excitation grows slowly from zero.  It need not be stable:
+    see ``stable`` of the result.
+
+    Parameters
+    ----------
+    model : Model, ReducedModel or SecondOrderSystem
+        The full beam, the beam in a few modes, or another system.
+    damping : DampingLaw, optional
+        The damping law; undamped if not given, and the law of the reduced model for a reduced model.
+    base : HarmonicBase, optional
+        Motion of the clamp.
+    load : HarmonicLoad, optional
+        Load at the tip, instead of a base motion.
+    force : HarmonicForce, optional
+        Excitation of a SecondOrderSystem.
+    tolerance : float
+        Largest estimated error of the motion, relative to its size; it decides the numbers of harmonics and samples.
+
+    Raises
+    ------
+    InputError
+        If there is not exactly one excitation, it is not harmonic, or it stops.
+    EquilibriumError
+        If the beam has no equilibrium under gravity.
+    NumericsError
+        If the motion cannot be followed up to the amplitude of the excitation, or needs too many harmonics.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, periodic_motion, reduce_model
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> reduced = reduce_model(Model(beam), modes=2, damping=RayleighDamping(alpha=0.5))
+    >>> motion = periodic_motion(reduced, base=HarmonicBase(amplitude=5e-3, frequency=1.9))
+    >>> print(f"the tip swings {1e3 * motion.amplitude():.0f} mm")
+    the tip swings 170 mm
+    """
+    tolerance = positive(tolerance, "tolerance")
+    subject = excited(model, damping, base, load, force)
+    return motion_of(subject, grown(subject, subject.drive.omega, subject.drive.amplitude, tolerance))
+
+
+def motion_of(subject: Excited, point: Point) -> PeriodicMotion:
+    """Return a point of a curve as a periodic motion."""
+    balance = point.family.balance
+    return PeriodicMotion(subject, balance, point.coefficients, point.setting, point.multipliers, point.errors)
+
+
+def grown(subject: Excited, omega: float, amplitude: float, tolerance: float) -> Point:
+    """Return the motion, with the amplitude as the free entry, that a slowly growing excitation reaches.
+
+    Raises
+    ------
+    NumericsError
+        If the motion cannot be followed up to the amplitude.
+    """
+    first = FIRST_SHARE * amplitude
+    series = fourier(FIRST_HARMONICS, least_samples(FIRST_HARMONICS), subject.symmetric)
+    balance = HarmonicBalance(subject.system, subject.drive, series)
+    at_rest, setting = rest(balance, omega), Setting(omega, 0.0)
+    linear = balance.linearised(at_rest, setting)
+    try:
+        change = np.zeros_like(at_rest)
+        change[balance.allowed] = -scipy.linalg.solve(linear.by_coefficients, linear.by_amplitude)
+    except np.linalg.LinAlgError:
+        raise _undamped(omega) from None
+    size = size_of(balance, first * change)
+    family = Family(balance, setting, ("amplitude",), (amplitude,), size)
+    start = family.joined(at_rest, setting)
+    moved = family.moved(start, family.joined(first * change, Setting(omega, first)))
+    row = unit(family, "amplitude")
+    try:
+        point = point_at(family, moved, Condition(row, start, first / amplitude), tolerance)
+    except NotFound:
+        raise _undamped(omega) from None
+    return reached(point, "amplitude", amplitude, tolerance)
+
+
+def reached(point: Point, name: str, value: float, tolerance: float) -> Point:
+    """Return the point at which a free entry of the setting first has a value, on the curve in its direction.
+
+    Raises
+    ------
+    NumericsError
+        If the curve does not reach it within 300 steps.
+    """
+    direction = np.sign(value - getattr(point.setting, name)) * unit(point.family, name)
+    for count, step in enumerate(follow(point, direction, tolerance, {}, FIRST_STEP)):
+        before, after = (getattr(end.setting, name) - value for end in (step.start, step.end))
+        if (before < 0.0) != (after < 0.0):
+            return set_to(step, name, value, tolerance)
+        if count == MOST_STEPS:
+            break
+    raise NumericsError(
+        f"the amplitude of the excitation stays below {value:g} for {MOST_STEPS} steps along the curve of motions; "
+        "without enough damping a resonance has no steady state: add damping, or change the frequency"
+    )
+
+
+def set_to(step: Step, name: str, value: float, tolerance: float) -> Point:
+    """Return the point of a step at which a free entry of the setting has a value.
+
+    Raises
+    ------
+    NumericsError
+        If it is not found.
+    """
+    family = step.start.family
+    scale = family.scale[family.place(name)]
+    try:
+        near = located(step, lambda point, _: (getattr(point.setting, name) - value) / scale, tolerance)
+        own = near.family
+        row, scale = unit(own, name), own.scale[own.place(name)]
+        condition = Condition(row, near.z, (value - getattr(near.setting, name)) / scale)
+        return point_at(own, near.z, condition, tolerance, near.jacobian)
+    except NotFound:
+        raise NumericsError(
+            f"no periodic motion was found at {name} = {value:g}; try a slightly different value"
+        ) from None
+
+
+def rest(balance: HarmonicBalance, omega: float) -> Array:
+    """Return the coefficients at rest without excitation, (2 H + 1, n).
+
+    Raises
+    ------
+    NumericsError
+        If there is no equilibrium near ``system.rest``.
+    """
+    C = np.zeros((balance.fourier.size, balance.system.size))
+    C[0] = balance.system.rest
+    setting = Setting(omega, 0.0)
+    for _ in range(MOST_ITERATIONS):
+        linear = balance.linearised(C, setting)
+        K = balance.system.matrix(linear.matrices[0][0])
+        change = -scipy.linalg.solve(K, balance.residual(C, setting)[0])
+        C[0] += change
+        if (np.abs(change) / balance.system.scale).max() <= AT_REST:
+            return C
+    raise NumericsError("the system has no equilibrium near its state of rest; give another one")
+
+
+def _undamped(omega: float) -> NumericsError:
+    return NumericsError(
+        f"there is no steady state at {omega / (2 * np.pi):.6g} Hz, even of small motion: an undamped mode is in "
+        "resonance there; add damping, or change the frequency"
+    )

@@ -1,0 +1,189 @@
+"""The result of harmonic balance: a periodic motion under harmonic excitation."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.reduction.forces import BASE_SIZE
+from ancf_casadi.reduction.reduced import ReducedModel
+from ancf_casadi.reduction.stepping import ReducedTrajectory
+from ancf_casadi.response.accuracy import Errors
+from ancf_casadi.response.balance import HarmonicBalance, Setting
+from ancf_casadi.response.beam_systems import base_force
+from ancf_casadi.response.excited import Excited, peak
+from ancf_casadi.response.floquet import is_stable
+from ancf_casadi.response.fourier import fourier
+from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.inputs import whole
+
+FINE = 512  # samples of a period for peaks and harmonics of a point
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicMotion:
+    """A periodic motion; the phase of the excitation is sin(omega t).
+
+    Parameters
+    ----------
+    excited : Excited
+        The system with its excitation.
+    balance : HarmonicBalance
+        The equations, with the numbers of harmonics and samples.
+    coefficients : array (2 H + 1, n)
+        Fourier coefficients of the coordinates: mean, then cosine and sine of each harmonic.
+    setting : Setting
+        Angular frequency, amplitude of the excitation and so on.
+    multipliers : array (2 n,)
+        Floquet multipliers, the largest first.
+    errors : Errors
+        Estimated errors relative to the size of the motion.
+    """
+
+    excited: Excited
+    balance: HarmonicBalance
+    coefficients: Array
+    setting: Setting
+    multipliers: ComplexArray
+    errors: Errors
+
+    @property
+    def frequency(self) -> float:
+        """Frequency, Hz."""
+        return self.setting.omega / (2 * math.pi)
+
+    @property
+    def drive_amplitude(self) -> float:
+        """Amplitude of the excitation, m, N or N m."""
+        return self.setting.amplitude
+
+    @property
+    def harmonic_count(self) -> int:
+        """Number H of harmonics."""
+        return len(self.coefficients) // 2
+
+    @property
+    def stable(self) -> bool:
+        """Whether small disturbances die out: no Floquet multiplier lies outside the unit circle."""
+        return is_stable(self.multipliers)
+
+    def displacement(
+        self, point: float | None = None, *, direction: Sequence[float] | None = None, relative: bool = True
+    ) -> Array:
+        """Return the displacement of a point at 512 equally spaced instants of a period, (512,).
+
+        Parameters
+        ----------
+        point : float, optional
+            Arc length of the point of a beam, m, the tip if not given; the number of a coordinate, from 0, of another
+            system.
+        direction : (float, float), optional
+            Direction; across the beam if not given.
+        relative : bool
+            Whether to take the position relative to the clamp; otherwise it is that in the laboratory frame.
+
+        Raises
+        ------
+        InputError
+            If the point or coordinate does not exist.
+        """
+        phases = fourier(0, FINE).phases
+        return self.excited.displacement(self.coefficients, self.setting, phases, point, direction, relative)
+
+    def amplitude(
+        self, point: float | None = None, *, direction: Sequence[float] | None = None, relative: bool = True
+    ) -> float:
+        """Return half the peak-to-peak displacement of a point; the arguments are those of ``displacement``."""
+        return peak(self.displacement(point, direction=direction, relative=relative))[0]
+
+    def harmonics(
+        self, point: float | None = None, *, direction: Sequence[float] | None = None, relative: bool = True
+    ) -> ComplexArray:
+        """Return the complex amplitudes X_k of the displacement, Im sum X_k exp(i k omega t), k = 0, 1, ...
+
+        X_1 of a displacement A sin(omega t + phi) is A exp(i phi), and X_0 is i times the mean.  The arguments are
+        those of ``displacement``.
+        """
+        spectrum = np.fft.rfft(self.displacement(point, direction=direction, relative=relative)) / FINE
+        spectrum[1:] *= 2.0
+        return np.asarray(1j * spectrum)
+
+    def phase(
+        self, point: float | None = None, *, direction: Sequence[float] | None = None, relative: bool = True
+    ) -> float:
+        """Return the phase of the first harmonic relative to the excitation, rad; negative if it lags."""
+        return float(np.angle(self.harmonics(point, direction=direction, relative=relative)[1]))
+
+    @cached_property
+    def _energies(self) -> tuple[float, float]:
+        lost, supplied = self.balance.sampled_powers(self.coefficients, self.setting)
+        return float(lost.mean()) / self.frequency, float(supplied.mean()) / self.frequency
+
+    @property
+    def dissipated_energy(self) -> float:
+        """Energy lost to damping in a period, J."""
+        return self._energies[0]
+
+    @property
+    def supplied_energy(self) -> float:
+        """Energy supplied by the excitation in a period, J."""
+        return self._energies[1]
+
+    def trajectory(self, samples: int = FINE) -> Trajectory | ReducedTrajectory:
+        """Return the motion of a beam over one period, sampled at equal intervals; both ends are included.
+
+        Parameters
+        ----------
+        samples : int
+            Number of intervals.
+
+        Raises
+        ------
+        InputError
+            If the motion is not that of a beam, or the samples are too few for its harmonics.
+        """
+        body, setting = self.excited.body, self.setting
+        count = whole(samples, "samples", 2 * self.harmonic_count + 1)
+        if body is None:
+            raise InputError("has no trajectory, because it is not a beam; use displacement(index)", "system")
+        began = time.perf_counter()
+        phases = 2 * np.pi * np.arange(count + 1) / count
+        q, v, u = self.excited.kinematics(self.coefficients, setting, phases)
+        instants = phases / setting.omega
+        if isinstance(body, ReducedModel):
+            return ReducedTrajectory(body, instants, q.T, v.T, u[:BASE_SIZE].T, 0, time.perf_counter() - began)
+        e, e_t = self.excited.nodal(self.coefficients, setting, phases)
+        own = replace(self.balance, fourier=fourier(self.harmonic_count, count))
+        motion, parameters = own.motion(self.coefficients, setting), own.parameters(setting)
+        force = base_force(body, self.excited.law).map(count)(*motion, np.tile(parameters[:, None], count)).full()
+        lost, supplied = (_integral(power, instants) for power in own.sampled_powers(self.coefficients, setting))
+        nothing, by_base = np.zeros(count + 1), self.excited.drive.moves_base
+        return Trajectory(
+            model=body,
+            time=instants,
+            coordinates=e,
+            velocities=e_t,
+            clamp_force=np.hstack([force, force[:, :1]]).T,
+            tip_load=u[BASE_SIZE:].T,
+            dissipated_energy=lost,
+            base_work=supplied if by_base else nothing,
+            load_work=nothing if by_base else supplied,
+            steps=0,
+            wall_seconds=time.perf_counter() - began,
+            integrators=(IntegratorUse(0.0, "harmonic balance", self.errors.largest),),
+        )
+
+
+def _integral(power: Array, instants: Array) -> Array:
+    """Return the integral, from the first instant, of a power at equally spaced samples of a period."""
+    spectrum = np.fft.fft(power)
+    rates = 2j * np.pi * np.fft.fftfreq(len(power), instants[1])
+    swinging = np.fft.ifft(np.divide(spectrum, rates, out=np.zeros_like(spectrum), where=rates != 0.0)).real
+    return np.asarray(power.mean() * instants + np.append(swinging, swinging[0]) - swinging[0])

@@ -1,0 +1,251 @@
+"""The small interface to a vibrating system: a second-order equation of motion with an excitation.
+
+    0 = R(q, v, a, u, p)
+
+for n coordinates q, their velocities v and accelerations a, the excitation u (e,) and parameters p.  R is linear in a.
+Harmonic balance needs R, its derivatives
+
+    K = dR/dq,    D = dR/dv,    M = dR/da,    U = dR/du,
+
+and for the balance of energy the power lost to damping and the power supplied by the excitation.  The full beam, the
+reduced beam and systems of users are such systems.  All of them are evaluated at the N samples of a period at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.damping import Parameter
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.inputs import array, instances
+
+MOST_KEPT = 32  # numbers of samples for which the Functions of a system are kept
+
+
+class SampledFunctions(NamedTuple):
+    """A system at N samples, as Functions of q, v, a (n, N), u (e, N) and p.
+
+    Parameters
+    ----------
+    balance : Function
+        -> R (n, N).
+    tangents : Function
+        Has two further inputs u_1, u_2 (e, N) -> the entries of K, D and M (k, N); U u_1 and U u_2 (n, N).
+    powers : Function
+        -> the power lost to damping, and the power supplied by the excitation, each (1, N).
+    differentiable : Function
+        -> R, like ``balance``, which may be machine code without derivatives.
+    """
+
+    balance: cs.Function
+    tangents: cs.Function
+    powers: cs.Function
+    differentiable: cs.Function
+
+
+@dataclass(frozen=True, eq=False)
+class SecondOrderSystem:
+    """A system of second-order equations of motion.
+
+    Parameters
+    ----------
+    functions : callable
+        Returns the Functions for a number of samples.
+    entries : (array, array)
+        Rows and columns (k,) of the entries of K, D and M, each place once.
+    parameters : tuple of Parameter
+        The parameters p, with their values.
+    excitation : int
+        Number e of components of the excitation.
+    rest : array (n,)
+        Coordinates near those at rest without excitation.
+    scale : array (n,)
+        Typical size of each coordinate.
+    mirror : array (n,)
+        Signs P of a mirror symmetry, R(P q, P v, P a, -u) = P R(q, v, a, u); ones if there is none.
+    retraction : callable
+        Moves coordinates (n, N) by corrections (n, N), to first order the sum of both.  A sum would stretch a beam that
+        turns.
+
+    Examples
+    --------
+    An oscillator with a cubic stiffness:
+
+    >>> import casadi as cs
+    >>> from ancf_casadi import Parameter, SecondOrderSystem
+    >>> q, v, a, u, mu = (cs.SX.sym(name) for name in ("q", "v", "a", "u", "mu"))
+    >>> duffing = SecondOrderSystem.of(
+    ...     q, v, a, u, mu, conservative=a + q + mu * q**3, damping=0.02 * v, excitation=u,
+    ...     parameters=[Parameter("mu", 0.5, "1/m^2", "cubic stiffness")])
+    >>> duffing.size
+    1
+    """
+
+    functions: Callable[[int], SampledFunctions]
+    entries: tuple[Index, Index]
+    parameters: tuple[Parameter, ...]
+    excitation: int
+    rest: Array
+    scale: Array
+    mirror: Array
+    retraction: Callable[[Array, Array], Array] = np.add
+
+    @classmethod
+    def of(
+        cls,
+        q: cs.SX,
+        v: cs.SX,
+        a: cs.SX,
+        u: cs.SX,
+        p: cs.SX | None = None,
+        *,
+        conservative: cs.SX,
+        damping: cs.SX | None = None,
+        excitation: cs.SX | None = None,
+        parameters: Sequence[Parameter] = (),
+        rest: Array | Sequence[float] | None = None,
+        scale: Array | Sequence[float] | None = None,
+    ) -> SecondOrderSystem:
+        """Return the system ``conservative + damping = excitation`` of CasADi expressions.
+
+        Parameters
+        ----------
+        q, v, a : SX
+            Symbols of coordinates, velocities and accelerations, (n,).
+        u : SX
+            Symbol of the excitation, (e,).
+        p : SX, optional
+            Symbol of the parameters.
+        conservative : SX
+            Forces of inertia and stiffness, (n,); linear in ``a``.
+        damping : SX, optional
+            Damping forces, (n,).  A force with a kink, such as friction, needs many samples; replace sign(v) by
+            v/sqrt(v^2 + v0^2) with a small velocity v0.
+        excitation : SX, optional
+            Exciting forces, (n,), which may depend on all symbols.
+        parameters : sequence of Parameter
+            Names and values of ``p``.
+        rest : array_like (n,), optional
+            Coordinates at rest, from which an equilibrium is sought; zero if not given.
+        scale : array_like (n,), optional
+            Typical size of each coordinate; 1 if not given.
+
+        Raises
+        ------
+        InputError
+            If the numbers of entries disagree, or the expressions contain other symbols.
+        """
+        n = q.numel()
+        none = cs.SX.zeros(n)
+        p = cs.SX(0, 1) if p is None else p
+        own = instances(parameters, "parameters", Parameter)
+        if p.numel() != len(own):
+            raise InputError(f"has {len(own)} entries for {p.numel()} symbols", "parameters")
+        damping, excitation = (none if part is None else part for part in (damping, excitation))
+        for name, part in (("v", v), ("a", a), ("conservative", conservative), ("damping", damping),
+                           ("excitation", excitation)):  # fmt: skip
+            if part.numel() != n:
+                raise InputError(f"has {part.numel()} entries for {n} coordinates", name)
+        symbols = [q, v, a, u, p]
+        strange = [
+            symbol.name()
+            for symbol in cs.symvar(cs.vertcat(conservative, damping, excitation))
+            if not any(cs.depends_on(given, symbol) for given in symbols)
+        ]
+        if strange:
+            raise InputError(f"contains the unknown symbols {', '.join(strange)}; make them entries of p", "system")
+        rows, columns = dense_entries(n)
+        return cls(
+            functions=_sampled(symbols, conservative + damping - excitation, cs.dot(v, damping), cs.dot(v, excitation)),
+            entries=(rows, columns),
+            parameters=own,
+            excitation=u.numel(),
+            rest=_vector(rest, n, 0.0, "rest"),
+            scale=_vector(scale, n, 1.0, "scale"),
+            mirror=np.ones(n),
+        )
+
+    @property
+    def size(self) -> int:
+        """Number n of coordinates."""
+        return len(self.rest)
+
+    @cached_property
+    def values(self) -> Array:
+        """The values of p."""
+        return np.array([own.value for own in self.parameters], dtype=float)
+
+    def matrix(self, values: Array) -> Array:
+        """Return the matrices (..., n, n) of entries (..., k) of K, D or M."""
+        rows, columns = self.entries
+        result = np.zeros((*values.shape[:-1], self.size, self.size))
+        result[..., rows, columns] = values
+        return result
+
+    def with_values(self, values: Sequence[float] | Array) -> SecondOrderSystem:
+        """Return the system with other values of its parameters, in their order."""
+        given = array(values, "values")
+        if given.shape != (len(self.parameters),):
+            raise InputError(f"has {given.size} entries for {len(self.parameters)} parameters", "values")
+        own = zip(self.parameters, given.tolist(), strict=True)
+        return replace(self, parameters=tuple(replace(one, value=value) for one, value in own))
+
+
+def dense_entries(size: int) -> tuple[Index, Index]:
+    """Return rows and columns of all entries of a square matrix, column by column."""
+    columns, rows = np.divmod(np.arange(size * size), size)
+    return rows, columns
+
+
+def cached(functions: Callable[[int], SampledFunctions]) -> Callable[[int], SampledFunctions]:
+    """Return functions of the number of samples that are derived once for each number."""
+    return lru_cache(maxsize=MOST_KEPT)(functions)
+
+
+def side_by_side(one: cs.Function, samples: int, shared: int = 4) -> cs.Function:
+    """Return the Function of N samples that evaluates a Function of one, whose input number ``shared`` is the same."""
+    names = one.name_in()
+    widths = [1 if k == shared else samples for k in range(len(names))]
+    symbols = [cs.MX.sym(name, one.numel_in(k), widths[k]) for k, name in enumerate(names)]
+    results = one.map(samples).call(
+        [cs.repmat(x, 1, samples // width) for x, width in zip(symbols, widths, strict=True)]
+    )
+    return cs.Function(one.name(), symbols, results, names, one.name_out())
+
+
+def _sampled(
+    symbols: Sequence[cs.SX], residual: cs.SX, lost: cs.SX, supplied: cs.SX
+) -> Callable[[int], SampledFunctions]:
+    """Return the Functions of a residual and powers that are given in the symbols q, v, a, u and p."""
+    q, v, a, u, _ = symbols
+    names = ["q", "v", "a", "u", "p"]
+    directions = [cs.SX.sym(name, u.numel()) for name in ("u_1", "u_2")]
+    matrices = [cs.vec(cs.densify(cs.jacobian(residual, own))) for own in (q, v, a)]
+    driven = [cs.densify(cs.jtimes(residual, u, direction)) for direction in directions]
+    balance = cs.Function("balance", list(symbols), [cs.densify(residual)], names, ["R"], {"cse": True})
+    tangents = cs.Function("tangents", [*symbols, *directions], [*matrices, *driven], [*names, "u_1", "u_2"],
+                           ["K", "D", "M", "R_1", "R_2"], {"cse": True})  # fmt: skip
+    powers = cs.Function("powers", list(symbols), [cs.densify(lost), cs.densify(supplied)], names, ["lost", "supplied"])
+
+    def functions(samples: int) -> SampledFunctions:
+        plain, linear, power = (side_by_side(one, samples) for one in (balance, tangents, powers))
+        return SampledFunctions(plain, linear, power, plain)
+
+    return cached(functions)
+
+
+def _vector(given: Array | Sequence[float] | None, size: int, default: float, where: str) -> Array:
+    """Return a vector of the given size, filled with the default if it is not given."""
+    if given is None:
+        return np.full(size, default)
+    values = np.atleast_1d(array(given, where))
+    if values.shape != (size,):
+        raise InputError(f"has {values.size} entries for {size} coordinates", where)
+    return values

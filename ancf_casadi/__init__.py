@@ -1,6 +1,6 @@
 """Identification of damping and properties of very flexible beams, and simulation of their large motion."""
 
-from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping, RayleighDamping
+from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, Parameter, QuadraticDamping, RayleighDamping
 from ancf_casadi.decay.envelope import DampingCurve, LawCurve, damping_curve
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
 from ancf_casadi.dynamics.derivatives.differentiable import motion
@@ -24,6 +24,10 @@ from ancf_casadi.records.recording import Recording, read_recording
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.reduction import ReducedModel, ReducedTrajectory, reduce_model, simulate_reduced
 from ancf_casadi.response.linear_frf import LinearFrf, linear_frf
+from ancf_casadi.response.onset import periodic_motion
+from ancf_casadi.response.periodic import PeriodicMotion
+from ancf_casadi.response.systems.drive import HarmonicForce
+from ancf_casadi.response.systems.system import SecondOrderSystem
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.version import __version__
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
@@ -41,6 +45,7 @@ __all__ = [
     "FixedBase",
     "FrictionDamping",
     "HarmonicBase",
+    "HarmonicForce",
     "HarmonicLoad",
     "InputError",
     "LawCurve",
@@ -50,6 +55,8 @@ __all__ = [
     "Model",
     "Modes",
     "NumericsError",
+    "Parameter",
+    "PeriodicMotion",
     "PointLoad",
     "QuadraticDamping",
     "RayleighDamping",
@@ -58,6 +65,7 @@ __all__ = [
     "ReducedTrajectory",
     "SampledBase",
     "SampledLoad",
+    "SecondOrderSystem",
     "Section",
     "Sensor",
     "SimulationError",
@@ -72,6 +80,7 @@ __all__ = [
     "mac",
     "motion",
     "natural_modes",
+    "periodic_motion",
     "read_recording",
     "reduce_model",
     "run_all",

@@ -24,7 +24,7 @@ S = TypeVar("S", cs.SX, cs.MX)
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a damping law or of a base motion.
+    """A parameter of a damping law, a base motion or a system.
 
     Parameters
     ----------
@@ -38,6 +38,12 @@ class Parameter:
         Meaning.
     lower, upper : float
         Usual bounds of an estimate.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Parameter
+    >>> Parameter("stiffness", 2.0, "N/m", "stiffness of the spring").upper
+    inf
     """
 
     name: str

@@ -19,11 +19,11 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
-from ancf_casadi.response.balance import Setting
-from ancf_casadi.response.beam_systems import full_system, reduced_system
-from ancf_casadi.response.drive import Drive, HarmonicForce, beam_drive, force_drive, no_drive
-from ancf_casadi.response.fourier import basis_at, fourier
-from ancf_casadi.response.system import SecondOrderSystem
+from ancf_casadi.response.harmonic_balance.balance import Setting
+from ancf_casadi.response.harmonic_balance.fourier import basis_at, fourier
+from ancf_casadi.response.systems.beams import full_system, reduced_system
+from ancf_casadi.response.systems.drive import Drive, HarmonicForce, beam_drive, force_drive, no_drive
+from ancf_casadi.response.systems.system import SecondOrderSystem
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, vector, whole
 

@@ -15,12 +15,12 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import ReducedModel
 from ancf_casadi.reduction.stepping import ReducedTrajectory
-from ancf_casadi.response.accuracy import Errors
-from ancf_casadi.response.balance import HarmonicBalance, Setting
-from ancf_casadi.response.beam_systems import base_force
 from ancf_casadi.response.excited import Excited, peak
 from ancf_casadi.response.floquet import is_stable
-from ancf_casadi.response.fourier import fourier
+from ancf_casadi.response.harmonic_balance.accuracy import Errors
+from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
+from ancf_casadi.response.harmonic_balance.fourier import fourier
+from ancf_casadi.response.systems.beams import base_force
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import whole
 
@@ -45,6 +45,22 @@ class PeriodicMotion:
         Floquet multipliers, the largest first.
     errors : Errors
         Estimated errors relative to the size of the motion.
+
+    Examples
+    --------
+    >>> import math
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, periodic_motion, reduce_model
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> reduced = reduce_model(Model(beam), modes=2, damping=RayleighDamping(alpha=0.5))
+    >>> motion = periodic_motion(reduced, base=HarmonicBase(amplitude=5e-3, frequency=1.9))
+    >>> print(f"{math.degrees(motion.phase()):.0f} degrees")
+    -123 degrees
+    >>> motion.stable
+    True
+    >>> tip, middle = motion.amplitude(), motion.amplitude(0.25)
+    >>> bool(abs(motion.supplied_energy / motion.dissipated_energy - 1) < 1e-9)
+    True
     """
 
     excited: Excited

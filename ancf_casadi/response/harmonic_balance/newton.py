@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from ancf_casadi.response.balance import Linearisation
-from ancf_casadi.response.family import Family
+from ancf_casadi.response.harmonic_balance.balance import Linearisation
+from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.support.arrays import Array
 
 CONVERGED = 1e-10  # error of the unknowns relative to their scales

@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ancf_casadi.response.balance import HarmonicBalance, Linearisation, Setting
-from ancf_casadi.response.fourier import fourier, resized
+from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Linearisation, Setting
+from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
 from ancf_casadi.support.arrays import Array
 
 Constraint = Callable[[Array], tuple[float, Array]]  # C -> g and dg/dC

@@ -24,8 +24,8 @@ from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.shape import gauss
 from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
 from ancf_casadi.reduction.reduced import ReducedModel
-from ancf_casadi.response.drive import BEAM_EXCITATION
-from ancf_casadi.response.system import SampledFunctions, SecondOrderSystem, cached, dense_entries, side_by_side
+from ancf_casadi.response.systems.drive import BEAM_EXCITATION
+from ancf_casadi.response.systems.system import SampledFunctions, SecondOrderSystem, cached, dense_entries, side_by_side
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.vibration.equilibrium import static_equilibrium
@@ -194,7 +194,7 @@ class Turning:
         cosine, sine = growth * np.cos(angle), growth * np.sin(angle)
         moved = pairs + turn
         moved[: self.slopes] = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=1)
-        return np.linalg.solve(self.matrix, moved.reshape(q.shape) - self.constant[:, None])
+        return np.asarray(np.linalg.solve(self.matrix, moved.reshape(q.shape) - self.constant[:, None]))
 
 
 @dataclass(frozen=True, eq=False)

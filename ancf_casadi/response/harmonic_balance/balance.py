@@ -31,9 +31,9 @@ import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
 
-from ancf_casadi.response.drive import Drive
-from ancf_casadi.response.fourier import Fourier
-from ancf_casadi.response.system import SampledFunctions, SecondOrderSystem
+from ancf_casadi.response.harmonic_balance.fourier import Fourier
+from ancf_casadi.response.systems.drive import Drive
+from ancf_casadi.response.systems.system import SampledFunctions, SecondOrderSystem
 from ancf_casadi.support.arrays import Array
 
 

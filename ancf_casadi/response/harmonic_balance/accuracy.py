@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ancf_casadi.response.balance import HarmonicBalance, Linearisation, Setting
-from ancf_casadi.response.fourier import fourier
+from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Linearisation, Setting
+from ancf_casadi.response.harmonic_balance.fourier import fourier
 from ancf_casadi.support.arrays import Array
 
 CHECKED = 3  # harmonics of the residual are checked up to this multiple of H

@@ -22,7 +22,8 @@ from functools import cached_property, partial
 import numpy as np
 
 from ancf_casadi.exceptions import NumericsError
-from ancf_casadi.response.accuracy import (
+from ancf_casadi.response.floquet import floquet_multipliers
+from ancf_casadi.response.harmonic_balance.accuracy import (
     FIRST_HARMONICS,
     MOST_HARMONICS,
     Errors,
@@ -31,10 +32,9 @@ from ancf_casadi.response.accuracy import (
     refined,
     size_of,
 )
-from ancf_casadi.response.balance import Setting
-from ancf_casadi.response.family import Family
-from ancf_casadi.response.floquet import floquet_multipliers
-from ancf_casadi.response.newton import Condition, Factors, Jacobian, NotFound, jacobian_at, solve
+from ancf_casadi.response.harmonic_balance.balance import Setting
+from ancf_casadi.response.harmonic_balance.family import Family
+from ancf_casadi.response.harmonic_balance.newton import Condition, Factors, Jacobian, NotFound, jacobian_at, solve
 from ancf_casadi.support.arrays import Array, ComplexArray
 
 FIRST_STEP = 0.05

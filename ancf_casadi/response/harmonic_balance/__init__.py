@@ -1,0 +1,1 @@
+"""Harmonic balance, and the continuation of its solutions."""

@@ -5,8 +5,9 @@ residual beyond H would drive the missing harmonics of the motion,
 
     x_k = -Z_k^-1 r_k,    Z_k = K + i k omega D - (k omega)^2 M    with the mean matrices of a period,
 
-and those up to H, which vanish at N samples, shift the unknowns along the normal of the curve.  Both are compared with
-the size of the motion.  Forces with a kink, such as drag and friction, decide both numbers: their harmonics fall as
+and those up to H, which vanish at N samples, shift the unknowns along the normal of the curve.  The missing harmonics change
+the residual up to H as well; near a resonance, this shift of the unknowns exceeds the missing harmonics themselves by a
+factor 1/zeta.  All are compared with the size of the motion.  Forces with a kink, such as drag and friction, decide both numbers: their harmonics fall as
 1/k^3 and 1/k.
 """
 
@@ -18,8 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Linearisation, Setting
-from ancf_casadi.response.harmonic_balance.fourier import fourier
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
+from ancf_casadi.support.arrays import Array, ComplexArray
 
 CHECKED = 3  # harmonics of the residual are checked up to this multiple of H
 FIRST_HARMONICS = 5
@@ -33,7 +34,7 @@ class Errors:
     Parameters
     ----------
     harmonics : float
-        Size of the missing harmonics.
+        Size of the missing harmonics, and of the error of the others that is due to them.
     samples : float
         Error of the coefficients due to the sampling.
     """
@@ -86,10 +87,15 @@ def errors_of(
     missing = r[series.size :: 2] - 1j * r[series.size + 1 :: 2]
     Z = K + 1j * k[:, None, None] * D - k[:, None, None] ** 2 * M
     x = np.linalg.solve(Z, missing[:, :, None])[:, :, 0]
-    return Errors(
-        float((np.abs(x) / system.scale).max(initial=0.0)) / size,
-        float((np.abs(shift(r[: series.size])) / system.scale).max()) / size,
-    )
+    longer = resized(C, most)
+    longer[series.size :: 2], longer[series.size + 1 :: 2] = -x.real, x.imag
+    R = replace(balance, fourier=whole).sampled_residual(longer, setting).T
+    feedback = np.where(series.allowed(system.mirror), (whole.analysis @ R - r)[: series.size], 0.0)
+
+    def largest(change: Array | ComplexArray) -> float:
+        return float((np.abs(change) / system.scale).max(initial=0.0)) / size
+
+    return Errors(max(largest(x), largest(shift(feedback))), largest(shift(r[: series.size])))
 
 
 def refined(errors: Errors, harmonics: int, samples: int, tolerance: float) -> tuple[int, int]:

@@ -243,20 +243,28 @@ def located(step: Step, test: Callable[[Point, Array], float], tolerance: float)
     NotFound
         If Newton's method does not converge.
     """
-    left, right = 0.0, step.length
-    at_left, at_right = test(step.start, step.tangent), test(step.end, step.end_tangent)
-    size = max(abs(at_left), abs(at_right))
+    at_start, at_end = test(step.start, step.tangent), test(step.end, step.end_tangent)
+    size, shortest, kept = max(abs(at_start), abs(at_end)), LOCATED * step.length, ""
     for _ in range(MOST_TRIALS):
-        middle = (left * at_right - right * at_left) / (at_right - at_left)
-        found = stepped(step.start, step.tangent, middle, tolerance)
-        value = test(found, found.tangent(carried(step.tangent, step.start, found)))
-        if right - left <= LOCATED * step.length or abs(value) <= LOCATED * size:
+        length = step.length * at_start / (at_start - at_end)
+        found = stepped(step.start, step.tangent, length, tolerance)
+        tangent = found.tangent(carried(step.tangent, step.start, found))
+        value = test(found, tangent)
+        if step.length <= shortest or abs(value) <= LOCATED * size:
             break
-        if (value > 0.0) == (at_right > 0.0):  # the Illinois method halves the value at an end that stays
-            right, at_right, at_left = middle, value, at_left / 2
+        if (value > 0.0) == (at_end > 0.0):  # the Illinois method halves the value at an end that is kept twice
+            at_start, at_end, kept = at_start / (2 if kept == "start" else 1), value, "start"
+            step = replace(step, length=length, end=found, end_tangent=tangent)
         else:
-            left, at_left, at_right = middle, value, at_right / 2
+            at_start, at_end, kept = value, at_end / (2 if kept == "end" else 1), "end"
+            step = Step(found, tangent, _ahead(found, tangent, step.end), step.end, step.end_tangent)
     return found
+
+
+def _ahead(point: Point, tangent: Array, other: Point) -> float:
+    """Return the arclength from one point to another along a tangent."""
+    z = other.family.resized(other.z, point.family.balance.fourier.harmonics)
+    return float(tangent @ ((z - point.z) / point.family.scale))
 
 
 def carried(vector: Array, old: Point, new: Point) -> Array:

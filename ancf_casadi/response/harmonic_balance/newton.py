@@ -116,23 +116,24 @@ def solve(family: Family, guess: Array, condition: Condition, jacobian: Jacobian
         If the iteration does not converge.
     """
     scale, z, evaluations, last = family.scale, guess, 1, np.inf
+    fresh = jacobian is None
     used = jacobian_at(family, z) if jacobian is None else jacobian
     factors = used.factorised(condition.row, scale)
     for _ in range(MOST_ITERATIONS):
         gap = condition.row @ ((z - condition.origin) / scale) - condition.distance
         step = -factors.solve(np.append(family.residual(z), gap))
         length = float(np.abs(step).max())
-        if not length <= FAR:
+        if fresh and not length <= FAR:
             raise NotFound
-        if length > CONTRACTION * last:
+        if not length <= min(FAR, CONTRACTION * last):
             if last <= ROUNDING and length > last / 2:
                 return z
             if evaluations == MOST_JACOBIANS:
                 raise NotFound
-            used, evaluations, last = jacobian_at(family, z), evaluations + 1, np.inf
+            used, evaluations, last, fresh = jacobian_at(family, z), evaluations + 1, np.inf, True
             factors = used.factorised(condition.row, scale)
             continue
-        z = family.moved(z, scale * step)
+        z, fresh = family.moved(z, scale * step), False
         if min(length / last, 1.0) * length <= CONVERGED and (last < np.inf or length <= CONVERGED):
             return z
         last = length

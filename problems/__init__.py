@@ -19,8 +19,12 @@ from problems.properties.fitting import fit_properties
 from problems.properties.prediction import Prediction
 from problems.properties.records import FrequencyRecord, StaticRecord
 from problems.properties.result import PropertyFit
+from problems.response.comparison import compare_laws
+from problems.response.fitting import fit_response
+from problems.response.prediction import ResponsePrediction
+from problems.response.record import ResponseRecord
+from problems.response.result import ResponseFit
 from problems.study.study import StudyReport, run_study
-from problems.transient.comparison import compare_laws
 from problems.transient.fitting import fit_transient
 from problems.transient.marker_record import MarkerRecord
 from problems.transient.motion_record import Camera, Channel, MotionRecord
@@ -47,6 +51,9 @@ __all__ = [
     "Prediction",
     "PropertyFit",
     "RayleighFit",
+    "ResponseFit",
+    "ResponsePrediction",
+    "ResponseRecord",
     "Smooth",
     "Smoothness",
     "StaticRecord",
@@ -59,6 +66,7 @@ __all__ = [
     "fit_modes",
     "fit_properties",
     "fit_rayleigh",
+    "fit_response",
     "fit_transient",
     "isolate_mode",
     "law_curve",

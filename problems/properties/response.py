@@ -177,11 +177,13 @@ class Differentiable(cs.Callback):
         The response.
     size : int
         Number of values m.
+    inputs : int
+        Number of inputs of the response.
     """
 
-    def __init__(self, respond: Respond, size: int) -> None:
+    def __init__(self, respond: Respond, size: int, inputs: int = len(FACTORS)) -> None:
         cs.Callback.__init__(self)
-        self._respond, self._size = respond, size
+        self._respond, self._size, self._inputs = respond, size, inputs
         self._last: tuple[Array, tuple[Array, Array]] | None = None
         self._jacobians: list[cs.Callback] = []
         self.construct("response", {})
@@ -192,13 +194,13 @@ class Differentiable(cs.Callback):
             try:
                 found = self._respond(factors)
             except (EquilibriumError, np.linalg.LinAlgError):
-                found = np.full(self._size, math.nan), np.full((self._size, len(FACTORS)), math.nan)
+                found = np.full(self._size, math.nan), np.full((self._size, self._inputs), math.nan)
             self._last = factors, found
         return self._last[1]
 
     def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        """Return the shape of the factors."""
-        return cs.Sparsity.dense(len(FACTORS), 1)
+        """Return the shape of the inputs."""
+        return cs.Sparsity.dense(self._inputs, 1)
 
     def get_sparsity_out(self, i: int) -> cs.Sparsity:
         """Return the shape of the values."""
@@ -214,16 +216,16 @@ class Differentiable(cs.Callback):
 
     def get_jacobian(self, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
         """Return the Jacobian as a Function of factors and values."""
-        self._jacobians.append(_Jacobian(self, name, self._size))
+        self._jacobians.append(_Jacobian(self, name, self._size, self._inputs))
         return self._jacobians[-1]
 
 
 class _Jacobian(cs.Callback):
     """The Jacobian of a response as CasADi asks for it."""
 
-    def __init__(self, response: Differentiable, name: str, size: int) -> None:
+    def __init__(self, response: Differentiable, name: str, size: int, inputs: int) -> None:
         cs.Callback.__init__(self)
-        self._response, self._size = response, size
+        self._response, self._size, self._inputs = response, size, inputs
         self.construct(name, {})
 
     def get_n_in(self) -> int:
@@ -232,11 +234,11 @@ class _Jacobian(cs.Callback):
 
     def get_sparsity_in(self, i: int) -> cs.Sparsity:
         """Return the shape of an input; the values are not used."""
-        return cs.Sparsity.dense(len(FACTORS), 1) if i == 0 else cs.Sparsity(self._size, 1)
+        return cs.Sparsity.dense(self._inputs, 1) if i == 0 else cs.Sparsity(self._size, 1)
 
     def get_sparsity_out(self, i: int) -> cs.Sparsity:
         """Return the shape of the Jacobian."""
-        return cs.Sparsity.dense(self._size, len(FACTORS))
+        return cs.Sparsity.dense(self._size, self._inputs)
 
     def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
         """Return the Jacobian."""

@@ -71,14 +71,14 @@ def transient_unknowns(
     """
     choices(fixed, [parameter.name for parameter in damping.parameters], "fixed")
     choices(properties, PROPERTIES, "properties")
-    found = [_of_parameter(own.name, own) for own in damping.parameters if own.name not in fixed]
+    found = [of_parameter(own.name, own) for own in damping.parameters if own.name not in fixed]
     found += [Unknown(name, 1.0, lower=1.0 - NEAR, upper=1.0 + NEAR) for name in properties]
     for k, record in enumerate(records):
         if base_amplitude:
-            found += [_of_parameter(amplitude_name(k, own.name), own) for own in record.own_base.parameters]
+            found += [of_parameter(amplitude_name(k, own.name), own) for own in record.own_base.parameters]
         if load:
             found += _of_load(k, record, load, model)
-        found += _of_sensors(k, record, model)
+        found += of_sensors(k, record, model)
     if not found:
         raise InputError(
             "nothing is to be estimated; give a coefficient a guess above 0, or fix fewer of them", "damping"
@@ -86,10 +86,11 @@ def transient_unknowns(
     strange = set(bounds) - {unknown.name for unknown in found}
     if strange:
         raise InputError(f"{', '.join(sorted(strange))}: not among the unknowns; remove these bounds", "bounds")
-    return [_within(unknown, bounds) for unknown in found]
+    return [within(unknown, bounds) for unknown in found]
 
 
-def _of_parameter(name: str, parameter: Parameter) -> Unknown:
+def of_parameter(name: str, parameter: Parameter) -> Unknown:
+    """Return a parameter of a law or of a base motion as an unknown."""
     unit = "" if parameter.unit == "1" else parameter.unit
     guess, scale = parameter.value, abs(parameter.value) or 1.0
     return Unknown(name, guess, scale, lower=parameter.lower, upper=parameter.upper, unit=unit)
@@ -113,7 +114,7 @@ def _of_load(k: int, record: MotionRecord, load: Sequence[str], model: Model) ->
     return [Unknown(load_name(k, name), value, abs(value) or scales[name], unit=units[name]) for name, value in values]
 
 
-def _of_sensors(k: int, record: MotionRecord, model: Model) -> list[Unknown]:
+def of_sensors(k: int, record: MotionRecord, model: Model) -> list[Unknown]:
     """Return the unknown release of a record, view of its camera, and offset and zero of each channel."""
     found = []
     if isinstance(record.release, tuple):
@@ -145,7 +146,7 @@ def _origin_guess(channel: Channel, model: Model) -> float:
     return float(channel.measurement.values.mean() - straight)
 
 
-def _within(unknown: Unknown, bounds: Bounds) -> Unknown:
+def within(unknown: Unknown, bounds: Bounds) -> Unknown:
     """Return an unknown with the bounds that the user gave."""
     if unknown.name not in bounds:
         return unknown

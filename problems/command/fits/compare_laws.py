@@ -18,8 +18,8 @@ from problems.command.record_options import (
     releases,
 )
 from problems.decay.comparison import compare_decay_laws
+from problems.response.comparison import compare_laws
 from problems.tables.study_file import MOTION_KEYS, read_motions
-from problems.transient.comparison import compare_laws
 
 
 def add_compare_laws(commands: Subcommands) -> None:

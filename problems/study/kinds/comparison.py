@@ -8,6 +8,7 @@ from typing import Any, TypedDict, final
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import check_keys
+from problems.response.comparison import compare_laws
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn
 from problems.study.files import FilePart, TablesOfFile
@@ -16,7 +17,6 @@ from problems.study.kinds.motion import TABLES
 from problems.study.part import Effort, Finding, Heading, Outcome, Task
 from problems.study.source import Source
 from problems.tables.study_file import motions_of
-from problems.transient.comparison import compare_laws
 
 KEYS = """\
   kind = "comparison"   the law that explains measured large motion best: the tables

@@ -1,4 +1,4 @@
-"""Comparison of damping laws on measured large motion: each law, in the nonlinear beam, is fitted to all records."""
+"""Comparison of damping laws on measured motions and response curves: each law is fitted to all records."""
 
 from __future__ import annotations
 
@@ -10,41 +10,43 @@ from typing import Any
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import instances
+from ancf_casadi.support.inputs import instances, is_sequence
 from ancf_casadi.support.parallel import run_all
+from problems.response.fitting import fit_response
+from problems.response.record import ResponseRecord
+from problems.response.result import ResponseFit
 from problems.transient.fitting import fit_transient
-from problems.transient.marker_record import Record
 from problems.transient.result import TransientFit, law_name
 
 
 def compare_laws(
     model: Model,
-    records: Record | Sequence[Record],
+    records: Any,
     laws: Sequence[DampingLaw],
     *,
     executor: Executor | None = None,
     jobs: int = 1,
     progress: bool = False,
     **settings: Any,
-) -> LawComparison[TransientFit]:
-    """Fit several damping laws to measured motions, and select one by information criteria.
+) -> LawComparison[TransientFit | ResponseFit]:
+    """Fit several damping laws to measured motions, response curves or both, and select one by information criteria.
 
     Parameters
     ----------
     model, records
-        As in ``fit_transient``.
+        As in ``fit_transient``, or, if a record is a ResponseRecord, as in ``fit_response``.
     laws : sequence of DampingLaw
         Laws with guesses of their parameters, the simplest first.
     executor, jobs, progress
         As in ``run_all``; the laws are fitted in parallel.  With ``jobs`` above 1 a script must call this under
         ``if __name__ == "__main__":``.
     **settings
-        Further settings of ``fit_transient``.
+        Further settings of ``fit_transient`` or ``fit_response``.
 
     Raises
     ------
     InputError
-        If there is no law, or as in ``fit_transient``.
+        If there is no law, or as in ``fit_transient`` and ``fit_response``.
     FitError
         If a fit does not converge.
 
@@ -62,7 +64,9 @@ def compare_laws(
     ('QuadraticDamping', 2.0)
     """
     laws = instances(laws, "laws", DampingLaw)
-    tasks = [partial(fit_transient, model, records, law, **settings) for law in laws]
-    fits = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="laws")
+    given = records if is_sequence(records) else [records]
+    fit = fit_response if any(isinstance(one, ResponseRecord) for one in given) else fit_transient
+    tasks = [partial(fit, model, records, law, **settings) for law in laws]
+    fits: list[Any] = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="laws")
     terms = tuple(tuple(own.name for own in law.parameters) for law in laws)
     return LawComparison(tuple(law_name(law) for law in laws), tuple(fits), terms)

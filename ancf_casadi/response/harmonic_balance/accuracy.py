@@ -5,10 +5,10 @@ residual beyond H would drive the missing harmonics of the motion,
 
     x_k = -Z_k^-1 r_k,    Z_k = K + i k omega D - (k omega)^2 M    with the mean matrices of a period,
 
-and those up to H, which vanish at N samples, shift the unknowns along the normal of the curve.  The missing harmonics change
-the residual up to H as well; near a resonance, this shift of the unknowns exceeds the missing harmonics themselves by a
-factor 1/zeta.  All are compared with the size of the motion.  Forces with a kink, such as drag and friction, decide both numbers: their harmonics fall as
-1/k^3 and 1/k.
+and those up to H, which vanish at N samples, shift the unknowns along the normal of the curve.  The missing harmonics
+change the residual up to H as well, and near a resonance this shifts the unknowns by more than the missing harmonics
+themselves, by a factor of about 1/zeta.  All are compared with the size of the motion.  Forces with a kink, such as
+drag and friction, decide both numbers: their harmonics fall as 1/k^3 and 1/k.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Linearisation, Setting
 from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
-from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.arrays import Array
 
 CHECKED = 3  # harmonics of the residual are checked up to this multiple of H
 FIRST_HARMONICS = 5
@@ -92,10 +92,11 @@ def errors_of(
     R = replace(balance, fourier=whole).sampled_residual(longer, setting).T
     feedback = np.where(series.allowed(system.mirror), (whole.analysis @ R - r)[: series.size], 0.0)
 
-    def largest(change: Array | ComplexArray) -> float:
-        return float((np.abs(change) / system.scale).max(initial=0.0)) / size
+    def largest(change: Array) -> float:
+        return float((change / system.scale).max(initial=0.0)) / size
 
-    return Errors(max(largest(x), largest(shift(feedback))), largest(shift(r[: series.size])))
+    shifted, sampled = (np.abs(shift(part)) for part in (feedback, r[: series.size]))
+    return Errors(max(largest(np.abs(x)), largest(shifted)), largest(sampled))
 
 
 def refined(errors: Errors, harmonics: int, samples: int, tolerance: float) -> tuple[int, int]:

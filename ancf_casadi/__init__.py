@@ -9,6 +9,7 @@ from ancf_casadi.dynamics.tip_load import HarmonicLoad, SampledLoad, TipLoad
 from ancf_casadi.dynamics.trajectory import State, Trajectory
 from ancf_casadi.exceptions import (
     AncfError,
+    ContinuationError,
     EquilibriumError,
     FitError,
     InputError,
@@ -23,11 +24,14 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.recording import Recording, read_recording
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.reduction import ReducedModel, ReducedTrajectory, reduce_model, simulate_reduced
+from ancf_casadi.response.backbone import Backbone, backbone
+from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.linear_frf import LinearFrf, linear_frf
 from ancf_casadi.response.onset import periodic_motion
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.response.systems.drive import HarmonicForce
 from ancf_casadi.response.systems.system import SecondOrderSystem
+from ancf_casadi.response.tracing import amplitude_response, frequency_response, parameter_response
 from ancf_casadi.support.parallel import run_all
 from ancf_casadi.version import __version__
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
@@ -35,8 +39,10 @@ from ancf_casadi.vibration.modes import Modes, mac, natural_modes
 
 __all__ = [
     "AncfError",
+    "Backbone",
     "BaseMotion",
     "Beam",
+    "ContinuationError",
     "DampingCurve",
     "DampingLaw",
     "Equilibrium",
@@ -63,6 +69,7 @@ __all__ = [
     "Recording",
     "ReducedModel",
     "ReducedTrajectory",
+    "ResponseCurve",
     "SampledBase",
     "SampledLoad",
     "SecondOrderSystem",
@@ -75,11 +82,15 @@ __all__ = [
     "TipLoad",
     "Trajectory",
     "__version__",
+    "amplitude_response",
+    "backbone",
     "damping_curve",
+    "frequency_response",
     "linear_frf",
     "mac",
     "motion",
     "natural_modes",
+    "parameter_response",
     "periodic_motion",
     "read_recording",
     "reduce_model",

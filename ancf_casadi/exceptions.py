@@ -129,6 +129,39 @@ class SimulationError(NumericsError):
         self.partial: Any = None
 
 
+class ContinuationError(NumericsError):
+    """A curve of periodic motions cannot be followed to its end.
+
+    Parameters
+    ----------
+    message : str
+        The failure, and advice.
+    stats : mapping, optional
+        Statistics of the solver.
+    partial : ResponseCurve or Backbone, optional
+        The curve up to there.
+
+    Examples
+    --------
+    A hard stop at q = 1:
+
+    >>> import casadi as cs
+    >>> from ancf_casadi import ContinuationError, HarmonicForce, SecondOrderSystem, frequency_response
+    >>> q, v, a, u = (cs.SX.sym(name) for name in ("q", "v", "a", "u"))
+    >>> stopped = SecondOrderSystem.of(
+    ...     q, v, a, u, conservative=a + q + 1e6 * cs.fmax(q - 1, 0), damping=0.05 * v, excitation=u)
+    >>> try:
+    ...     frequency_response(stopped, (0.1, 0.2), force=HarmonicForce(amplitude=0.1, frequency=0.1))
+    ... except ContinuationError as error:
+    ...     print(f"{error.partial.amplitude().max():.3f}")
+    1.000
+    """
+
+    def __init__(self, message: str, stats: Mapping[str, Any] | None = None, partial: Any = None) -> None:
+        super().__init__(message, stats)
+        self.partial = partial
+
+
 class FitError(NumericsError):
     """An estimation problem did not converge.
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from types import NoneType
 
+import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
@@ -17,7 +18,7 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.reduction.forces import BASE_SIZE
+from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
 from ancf_casadi.response.harmonic_balance.balance import Setting
 from ancf_casadi.response.harmonic_balance.fourier import basis_at, fourier
@@ -109,11 +110,20 @@ class Excited:
         along = np.array((-ay, ax) if direction is None else vector(direction, "direction"))
         if not along.any():
             raise InputError("must not be the zero vector", "direction")
-        e, _ = self.nodal(C, setting, phases)
-        position = e @ model.interpolation(place).T
+        position = self._position(C, setting, phases, model.interpolation(place))
         if relative:
-            position = position - e[:, :2]
+            position = position - self.drive.samples(phases, setting.omega, setting.amplitude)[0][:2].T
         return np.asarray(position @ (along / np.linalg.norm(along)))
+
+    def _position(self, C: Array, setting: Setting, phases: Array, interpolation: Array) -> Array:
+        """Return the position of a point of a beam at phases (k,), (k, 2), m."""
+        if not isinstance(self.body, ReducedModel):
+            return np.asarray(self.nodal(C, setting, phases)[0] @ interpolation.T)
+        q, v, u = self.kinematics(C, setting, phases)
+        projection, base = self.body.projection, cs.DM(u[:BASE_SIZE])
+        slope = ReducedMotion(projection, cs.DM(q), cs.DM(v), base, gravity=cs.DM(2, 1)).slope
+        shape = interpolation[0, ::2] @ projection.slopes.shape
+        return np.array([shape @ part.full() for part in slope]).T + u[:2].T
 
 
 def excited(

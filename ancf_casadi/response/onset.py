@@ -132,7 +132,7 @@ def reached(point: Point, name: str, value: float, tolerance: float) -> Point:
         If the curve does not reach it within 300 steps.
     """
     direction = np.sign(value - getattr(point.setting, name)) * unit(point.family, name)
-    for count, step in enumerate(follow(point, direction, tolerance, {}, FIRST_STEP)):
+    for count, step in enumerate(follow(point, direction, tolerance, FIRST_STEP)):
         before, after = (getattr(end.setting, name) - value for end in (step.start, step.end))
         if (before < 0.0) != (after < 0.0):
             return set_to(step, name, value, tolerance)

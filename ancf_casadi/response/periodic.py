@@ -24,7 +24,7 @@ from ancf_casadi.response.systems.beams import base_force
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import whole
 
-FINE = 512  # samples of a period for peaks and harmonics of a point
+FINE = 256  # samples of a period for peaks and harmonics of a point
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class PeriodicMotion:
     def displacement(
         self, point: float | None = None, *, direction: Sequence[float] | None = None, relative: bool = True
     ) -> Array:
-        """Return the displacement of a point at 512 equally spaced instants of a period, (512,).
+        """Return the displacement of a point at 256 equally spaced instants of a period, (256,).
 
         Parameters
         ----------

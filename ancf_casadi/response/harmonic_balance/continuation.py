@@ -15,7 +15,8 @@ R. Seydel, Practical Bifurcation and Stability Analysis, Springer (2010), Chapte
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -37,7 +38,6 @@ from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.response.harmonic_balance.newton import Condition, Factors, Jacobian, NotFound, jacobian_at, solve
 from ancf_casadi.support.arrays import Array, ComplexArray
 
-FIRST_STEP = 0.05
 SMALLEST_STEP = 1e-7
 LARGEST_STEP = 4.0
 SMALLEST_SIZE = 1e-12  # of a motion, relative to the scale of the system
@@ -84,6 +84,7 @@ class Point:
         """Floquet multipliers, the largest first."""
         system = self.family.balance.system
         K, D, M = (system.matrix(part) for part in self.jacobian.linear.matrices)
+        D = D - self.setting.growth * M
         if self.family.balance.fourier.half:
             signs = system.mirror[:, None] * system.mirror
             K, D, M = (np.concatenate([half, signs * half]) for half in (K, D, M))
@@ -120,6 +121,11 @@ class Step:
     length: float
     end: Point
     end_tangent: Array
+
+
+def endless(point: Point, tangent: Array) -> float:
+    """Set no limit to the length of a step."""
+    return math.inf
 
 
 def unit(family: Family, name: str) -> Array:
@@ -172,7 +178,11 @@ def _shift(family: Family, factors: Factors, residual: Array) -> Array:
 
 
 def follow(
-    first: Point, direction: Array, tolerance: float, limits: Mapping[str, float], first_step: float = FIRST_STEP
+    first: Point,
+    direction: Array,
+    tolerance: float,
+    first_step: float,
+    longest: Callable[[Point, Array], float] = endless,
 ) -> Iterator[Step]:
     """Yield the steps along a curve.
 
@@ -184,10 +194,10 @@ def follow(
         Vector that has a positive product with the tangent at the first point.
     tolerance : float
         Largest error of each motion, relative to its size.
-    limits : mapping
-        Largest change of free entries of the setting in a step, by name.
     first_step : float
         First arclength.
+    longest : callable
+        Returns the largest arclength of a step from a point with a tangent.
 
     Raises
     ------
@@ -196,10 +206,7 @@ def follow(
     """
     point, tangent, length = first, first.tangent(direction), first_step
     while True:
-        for name, most in limits.items():
-            place = point.family.place(name)
-            rate = abs(tangent[place] * point.family.scale[place])
-            length = min(length, most / rate) if rate else length
+        length = min(length, longest(point, tangent))
         try:
             new = stepped(point, tangent, length, tolerance)
         except NotFound:

@@ -145,7 +145,7 @@ class SecondOrderSystem:
         n = q.numel()
         none = cs.SX.zeros(n)
         p = cs.SX(0, 1) if p is None else p
-        own = instances(parameters, "parameters", Parameter)
+        own = instances(parameters, "parameters", Parameter) if p.numel() or len(parameters) else ()
         if p.numel() != len(own):
             raise InputError(f"has {len(own)} entries for {p.numel()} symbols", "parameters")
         damping, excitation = (none if part is None else part for part in (damping, excitation))

@@ -1,0 +1,324 @@
+"""Backbones: frequency and damping ratio of a free vibration against its amplitude.
+
+Without damping, a nonlinear normal mode is a family of periodic free vibrations that begins as a natural mode of small
+motion.  With a damping law, a free vibration decays; the negative damping -xi M v makes it periodic (extended periodic
+motion concept).  With the angular frequency omega of this motion, its damping ratio is
+
+    zeta = xi/(2 omega),
+
+which is that of the law for small motion, and the one that a slowly decaying free vibration has at the same amplitude.
+The same equations serve an undamped system, for which xi is zero.  The phase of the motion is set by the condition that
+the mode, phi^T M q, has no cosine in its first harmonic.
+
+References
+----------
+M. Krack, Nonlinear modal analysis of nonconservative systems: extension of the periodic motion concept, Computers &
+Structures 154 (2015).
+G. Kerschen, M. Peeters, J. C. Golinval, A. F. Vakakis, Nonlinear normal modes, Part I, Mechanical Systems and Signal
+Processing 23 (2009).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.linalg
+
+from ancf_casadi.damping import DampingLaw
+from ancf_casadi.exceptions import ContinuationError, InputError, NumericsError
+from ancf_casadi.response.excited import Body, Excited, excited
+from ancf_casadi.response.harmonic_balance.accuracy import FIRST_HARMONICS, least_samples, size_of
+from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
+from ancf_casadi.response.harmonic_balance.continuation import Point, follow, point_at
+from ancf_casadi.response.harmonic_balance.family import Family
+from ancf_casadi.response.harmonic_balance.fourier import fourier
+from ancf_casadi.response.harmonic_balance.newton import Condition, NotFound
+from ancf_casadi.response.onset import TOLERANCE, motion_of, rest
+from ancf_casadi.response.periodic import PeriodicMotion
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import number, physical, positive, whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+POINTS = 30
+MOST_POINTS = 1000
+FIRST_SHARE = 1e-3  # of the largest amplitude, at which the backbone begins
+FIRST_STEP = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Backbone:
+    """Frequency and damping ratio of a mode against its amplitude.
+
+    Parameters
+    ----------
+    mode : int
+        Number of the mode, from 1.
+    natural_frequency : float
+        Frequency of small motion, Hz.
+    motions : tuple of PeriodicMotion
+        The motions, with increasing amplitude.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, backbone, reduce_model
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> curve = backbone(reduce_model(Model(beam), modes=2), mode=2, amplitude=0.03)
+    >>> curve.amplitudes.shape == curve.frequencies.shape == curve.damping_ratios.shape
+    True
+    >>> print(f"{curve.frequency(0.02) / curve.natural_frequency - 1:.1%}")
+    -1.0%
+    """
+
+    mode: int
+    natural_frequency: float
+    motions: tuple[PeriodicMotion, ...]
+
+    @cached_property
+    def amplitudes(self) -> Array:
+        """Half the peak-to-peak displacement of the tip, m, or of the largest coordinate of another system, (k,)."""
+        return np.array([motion.amplitude(self._point) for motion in self.motions])
+
+    @property
+    def frequencies(self) -> Array:
+        """Frequency, (k,), Hz."""
+        return np.array([motion.frequency for motion in self.motions])
+
+    @property
+    def damping_ratios(self) -> Array:
+        """Damping ratio xi/(2 omega), (k,)."""
+        return np.array([motion.setting.growth / (2 * motion.setting.omega) for motion in self.motions])
+
+    def frequency(self, amplitude: float) -> float:
+        """Return the frequency at an amplitude, Hz, interpolated by a cubic spline.
+
+        Raises
+        ------
+        InputError
+            If the backbone does not reach the amplitude, or turns in amplitude.
+        """
+        return self._interpolated(self.frequencies, amplitude)
+
+    def damping_ratio(self, amplitude: float) -> float:
+        """Return the damping ratio at an amplitude, interpolated by a cubic spline.
+
+        Raises
+        ------
+        InputError
+            If the backbone does not reach the amplitude, or turns in amplitude.
+        """
+        return self._interpolated(self.damping_ratios, amplitude)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the backbone as plain data."""
+        return {
+            "mode": self.mode,
+            "natural_frequency_hz": self.natural_frequency,
+            "amplitudes": self.amplitudes.tolist(),
+            "frequencies_hz": self.frequencies.tolist(),
+            "damping_ratios": self.damping_ratios.tolist(),
+        }
+
+    def report(self) -> str:
+        """Return the backbone as a table."""
+        rows = zip(self.amplitudes, self.frequencies, self.damping_ratios, strict=True)
+        lines = [f"{amplitude:>12.5g}{frequency:>14.6f}{ratio:>14.4e}" for amplitude, frequency, ratio in rows]
+        return "\\n".join([f"mode {self.mode}, {self.natural_frequency:.6g} Hz in small motion",
+                          f"{'amplitude':>12}{'frequency, Hz':>14}{'damping ratio':>14}", *lines])  # fmt: skip
+
+    def figure(self) -> Figure:
+        """Draw frequency and damping ratio against amplitude."""
+        from ancf_casadi.response.drawing import backbone_figure  # matplotlib is slow to import
+
+        return backbone_figure({"": self})
+
+    @property
+    def _point(self) -> float | None:
+        """The point whose amplitude is given: the tip, or the largest coordinate."""
+        first = self.motions[0]
+        if first.excited.model is not None:
+            return None
+        return int(np.abs(first.coefficients[1:]).max(axis=0).argmax())
+
+    def _interpolated(self, values: Array, amplitude: float) -> float:
+        from scipy.interpolate import CubicSpline  # slow to import
+
+        at = number(amplitude, "amplitude")
+        if not self.amplitudes[0] <= at <= self.amplitudes[-1]:
+            raise InputError(
+                f"must be from {self.amplitudes[0]:.4g} to {self.amplitudes[-1]:.4g}, got {at:.4g}", "amplitude"
+            )
+        if (np.diff(self.amplitudes) <= 0.0).any():
+            raise InputError("has no single motion, because the backbone turns in amplitude; use motions", "amplitude")
+        return float(CubicSpline(self.amplitudes, values)(at))
+
+
+def backbone(
+    model: Body,
+    mode: int = 1,
+    *,
+    amplitude: float,
+    damping: DampingLaw | None = None,
+    points: int = POINTS,
+    tolerance: float = TOLERANCE,
+) -> Backbone:
+    """Return frequency and damping ratio of a mode against its amplitude, for a beam whose base is at rest.
+
+    Parameters
+    ----------
+    model : Model, ReducedModel or SecondOrderSystem
+        The full beam, the beam in a few modes, or another system, which is taken without excitation.
+    mode : int
+        Number of the mode, from 1.
+    amplitude : float
+        Amplitude at which the backbone ends: half the peak-to-peak displacement of the tip, m, or that of the largest
+        coordinate of another system.
+    damping : DampingLaw, optional
+        As in ``periodic_motion``.
+    points : int
+        Smallest number of points.
+    tolerance : float
+        Largest estimated error of each motion, relative to its size.
+
+    Raises
+    ------
+    InputError
+        If an argument is not in its range, or there is no such mode.
+    EquilibriumError
+        If the beam has no equilibrium under gravity.
+    NumericsError
+        If the system has no stable equilibrium near its state of rest.
+    ContinuationError
+        If the backbone cannot be followed to the amplitude; its ``partial`` holds the backbone up to there.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model, QuadraticDamping, backbone, reduce_model
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> reduced = reduce_model(Model(beam), modes=2, damping=QuadraticDamping(eta2=0.2))
+    >>> curve = backbone(reduced, mode=1, amplitude=0.1)
+    >>> for amplitude in (0.05, 0.1):  # of the tip, m
+    ...     print(f"{curve.frequency(amplitude):.4f} Hz, {curve.damping_ratio(amplitude):.2%}")
+    1.8764 Hz, 0.42%
+    1.8764 Hz, 0.85%
+    """
+    amplitude, tolerance = physical(amplitude, "amplitude"), positive(tolerance, "tolerance")
+    points = whole(points, "points", 2)
+    subject = excited(model, damping, free=True)
+    mode = whole(mode, "mode", 1, subject.system.size)
+    series = fourier(FIRST_HARMONICS, least_samples(FIRST_HARMONICS), subject.symmetric)
+    balance = HarmonicBalance(subject.system, subject.drive, series)
+    linear = _LinearMode.of(balance, mode)
+    first = _first(subject, balance, linear, FIRST_SHARE * amplitude, tolerance)
+    motions, frequency = [motion_of(subject, first)], linear.omega / (2 * math.pi)
+    amplitude_of = partial(
+        PeriodicMotion.amplitude, point=None if subject.model else int(np.abs(linear.shape).argmax())
+    )
+    most = float(linear.functional @ first.coefficients[2]) / amplitude_of(motions[0]) * amplitude / points
+
+    def longest(at: Point, tangent: Array) -> float:
+        change, _ = at.family.split(tangent * at.family.scale)
+        rate = abs(float(linear.functional @ change[2]))
+        return most / rate if rate else math.inf
+
+    direction = _row(first.family, linear)
+    try:
+        for step in follow(first, direction, tolerance, FIRST_STEP, longest):
+            motions.append(motion_of(subject, step.end))
+            if amplitude_of(motions[-1]) >= amplitude:
+                break
+            if len(motions) >= MOST_POINTS:
+                raise NumericsError(f"the backbone does not reach the amplitude within {MOST_POINTS} points")
+    except NumericsError as error:
+        raise ContinuationError(str(error), error.stats, Backbone(mode, frequency, tuple(motions))) from None
+    return Backbone(mode, frequency, tuple(motions))
+
+
+@dataclass(frozen=True, eq=False)
+class _LinearMode:
+    """A mode of small motion.
+
+    Parameters
+    ----------
+    rest : array (2 H + 1, n)
+        Coefficients at rest.
+    omega : float
+        Angular frequency, rad/s.
+    shape, functional : array (n,)
+        Mass-normalised shape phi, and M phi.
+    growth : float
+        phi^T D phi, 1/s.
+    """
+
+    rest: Array
+    omega: float
+    shape: Array
+    functional: Array
+    growth: float
+
+    @staticmethod
+    def of(balance: HarmonicBalance, mode: int) -> _LinearMode:
+        """Return a mode of a system."""
+        at_rest = rest(balance, 1.0)
+        entries = balance.linearised(at_rest, Setting(1.0, 0.0)).matrices
+        K, D, M = (balance.system.matrix(part[0]) for part in entries)
+        try:
+            squares, shapes = scipy.linalg.eigh((K + K.T) / 2, (M + M.T) / 2)
+        except np.linalg.LinAlgError:
+            raise NumericsError("the mass matrix is not positive definite at rest, so there are no modes") from None
+        if not squares[0] > 0.0:
+            raise NumericsError("the state of rest is unstable, so it has no modes")
+        shape = shapes[:, mode - 1]
+        return _LinearMode(at_rest, math.sqrt(squares[mode - 1]), shape, M @ shape, float(shape @ D @ shape))
+
+
+def _phase(functional: Array, C: Array) -> tuple[float, Array]:
+    """Return the cosine of the mode in the first harmonic, and its derivatives with respect to C."""
+    gradient = np.zeros_like(C)
+    gradient[1] = functional
+    return float(functional @ C[1]), gradient
+
+
+def _row(family: Family, linear: _LinearMode) -> Array:
+    """Return the unit vector along which the sine of the mode in the first harmonic grows."""
+    gradient = np.zeros(family.balance.allowed.shape)
+    gradient[2] = linear.functional
+    row = np.append(gradient[family.balance.allowed], np.zeros(len(family.free))) * family.scale
+    return np.asarray(row / np.linalg.norm(row))
+
+
+def _first(
+    subject: Excited, balance: HarmonicBalance, linear: _LinearMode, amplitude: float, tolerance: float
+) -> Point:
+    """Return the motion with a small amplitude."""
+    C, setting = linear.rest.copy(), Setting(linear.omega, 0.0, linear.growth)
+    change = np.zeros_like(C)
+    change[2] = linear.shape
+    tip = _amplitude(subject, C + change * 1e-6, setting) * 1e6
+    change *= amplitude / tip
+    size = size_of(balance, change)
+    constraint = partial(_phase, linear.functional)
+    scales = (linear.omega, linear.omega)
+    family = Family(balance, setting, ("omega", "growth"), scales, size, (constraint,))
+    start = family.joined(C, setting)
+    guess = family.moved(start, family.joined(change, Setting(0.0, 0.0, 0.0)))
+    row = _row(family, linear)
+    try:
+        return point_at(family, guess, Condition(row, guess, 0.0), tolerance)
+    except NotFound:
+        raise NumericsError("the mode was not found in small motion") from None
+
+
+def _amplitude(subject: Excited, C: Array, setting: Setting) -> float:
+    """Return the amplitude of the tip, or of the largest coordinate."""
+    if subject.model is None:
+        return float(np.abs(C[2]).max())
+    values = subject.displacement(C, setting, np.array([0.5, 1.5]) * math.pi, None, None, relative=True)
+    return float(abs(values[0] - values[1]) / 2)

@@ -1,0 +1,206 @@
+"""The result of a continuation: a curve of periodic motions with its stability, folds and jumps.
+
+A slow sweep follows the stable motions.  Where they end at a fold, or lose their stability, the vibration jumps to
+another stable motion at the same frequency, which lies further along the curve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ancf_casadi.response.floquet import Bifurcation
+from ancf_casadi.response.periodic import PeriodicMotion
+from ancf_casadi.support.arrays import Array
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class BifurcationPoint:
+    """A bifurcation on a curve.
+
+    Parameters
+    ----------
+    kind : {"fold", "branch point", "period doubling", "Neimark-Sacker"}
+        Its kind.
+    index : int
+        Number of the motion in the curve, from 0.
+    motion : PeriodicMotion
+        The motion there.
+    """
+
+    kind: Bifurcation
+    index: int
+    motion: PeriodicMotion
+
+
+class Jumps(NamedTuple):
+    """Values of the frequency, amplitude or parameter at which a slow sweep jumps.
+
+    Parameters
+    ----------
+    up, down : tuple of float
+        In a sweep towards larger and towards smaller values, in order.
+    """
+
+    up: tuple[float, ...]
+    down: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseCurve:
+    """A curve of periodic motions.
+
+    Parameters
+    ----------
+    free : {"omega", "amplitude", "value"}
+        Whether the frequency, the amplitude of the excitation or a parameter varies along the curve.
+    motions : tuple of PeriodicMotion
+        The motions in the order of the curve.
+    bifurcations : tuple of BifurcationPoint
+        The bifurcations, which are among the motions.
+    closed : bool
+        Whether the curve is closed.
+
+    Examples
+    --------
+    >>> import casadi as cs
+    >>> from ancf_casadi import HarmonicForce, SecondOrderSystem, frequency_response
+    >>> q, v, a, u = (cs.SX.sym(name) for name in ("q", "v", "a", "u"))
+    >>> duffing = SecondOrderSystem.of(q, v, a, u, conservative=a + q + 0.5 * q**3, damping=0.05 * v, excitation=u)
+    >>> curve = frequency_response(duffing, (0.1, 0.3), force=HarmonicForce(amplitude=0.1, frequency=0.1))
+    >>> print(f"jumps up at {curve.jumps.up[0]:.3f} Hz, down at {curve.jumps.down[0]:.3f} Hz")
+    jumps up at 0.215 Hz, down at 0.180 Hz
+    >>> curve.amplitude().shape == curve.frequencies.shape == curve.stable.shape
+    True
+    """
+
+    free: str
+    motions: tuple[PeriodicMotion, ...]
+    bifurcations: tuple[BifurcationPoint, ...]
+    closed: bool
+
+    @property
+    def frequencies(self) -> Array:
+        """Frequency, (k,), Hz."""
+        return np.array([motion.frequency for motion in self.motions])
+
+    @property
+    def drive_amplitudes(self) -> Array:
+        """Amplitude of the excitation, (k,), m, N or N m."""
+        return np.array([motion.drive_amplitude for motion in self.motions])
+
+    @property
+    def values(self) -> Array:
+        """What varies along the curve, (k,): the frequency, Hz, the amplitude of the excitation, or the parameter."""
+        return np.array([_value(motion, self.free) for motion in self.motions])
+
+    @cached_property
+    def stable(self) -> NDArray[np.bool_]:
+        """Whether each motion is stable, (k,)."""
+        return np.array([motion.stable for motion in self.motions])
+
+    def amplitude(
+        self, point: float | None = None, *, direction: Sequence[float] | None = None, relative: bool = True
+    ) -> Array:
+        """Return half the peak-to-peak displacement of a point, (k,), as ``PeriodicMotion.amplitude``."""
+        return np.array([one.amplitude(point, direction=direction, relative=relative) for one in self.motions])
+
+    def phase(
+        self, point: float | None = None, *, direction: Sequence[float] | None = None, relative: bool = True
+    ) -> Array:
+        """Return the phase of the first harmonic of a point relative to the excitation, (k,), rad, unwrapped."""
+        phases = [one.phase(point, direction=direction, relative=relative) for one in self.motions]
+        return np.unwrap(phases)
+
+    @cached_property
+    def jumps(self) -> Jumps:
+        """Values at which a slow sweep from the end of the curve with the lowest or highest value jumps."""
+        values, stable = self.values, self.stable
+        if values[0] > values[-1]:
+            values, stable = values[::-1], stable[::-1]
+        down = _jumps(-values[::-1], stable[::-1])
+        return Jumps(_jumps(values, stable), tuple(-value for value in down))
+
+    @property
+    def peak(self) -> PeriodicMotion:
+        """The motion with the largest amplitude, of the tip of a beam or the first coordinate of another system."""
+        return self.motions[int(self.amplitude().argmax())]
+
+    def report(self) -> str:
+        """Return bifurcations, jumps and the largest amplitude as text."""
+        name, unit = self.quantity
+        largest = self.peak
+        lines = [
+            f"{len(self.motions)} motions, {np.count_nonzero(~self.stable)} of them unstable",
+            f"largest amplitude  {largest.amplitude():.6g} at {name} {_value(largest, self.free):.6g} {unit}".rstrip(),
+        ]
+        for own in self.bifurcations:
+            where = f"{_value(own.motion, self.free):.6g} {unit}".rstrip()
+            lines.append(f"{own.kind:<19}{where}, amplitude {own.motion.amplitude():.6g}")
+        for direction, jumps in zip(("up", "down"), self.jumps, strict=True):
+            lines += [f"jump, sweeping {direction:<5}{value:.6g} {unit}".rstrip() for value in jumps]
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the curve as plain data, with amplitude and phase of the tip or of the first coordinate."""
+        return {
+            "free": self.free,
+            "values": self.values.tolist(),
+            "frequencies_hz": self.frequencies.tolist(),
+            "drive_amplitudes": self.drive_amplitudes.tolist(),
+            "amplitudes": self.amplitude().tolist(),
+            "phases_rad": self.phase().tolist(),
+            "stable": self.stable.tolist(),
+            "bifurcations": [
+                {"kind": own.kind, "index": own.index, "value": _value(own.motion, self.free)}
+                for own in self.bifurcations
+            ],
+            "jumps": {"up": list(self.jumps.up), "down": list(self.jumps.down)},
+            "closed": self.closed,
+        }
+
+    def figure(self, point: float | None = None) -> Figure:
+        """Draw amplitude and phase of a point; unstable motions are dashed, bifurcations marked."""
+        from ancf_casadi.response.drawing import response_figure  # matplotlib is slow to import
+
+        return response_figure({"": self}, point)
+
+    @property
+    def quantity(self) -> tuple[str, str]:
+        """Name and unit of what varies along the curve."""
+        if self.free == "omega":
+            return "frequency", "Hz"
+        if self.free == "amplitude":
+            return "amplitude of the excitation", self.motions[0].excited.drive.unit
+        own = self.motions[0].balance
+        parameter = own.system.parameters[own.varied or 0]
+        return parameter.name, parameter.unit if parameter.unit != "1" else ""
+
+
+def _value(motion: PeriodicMotion, free: str) -> float:
+    """Return what varies along a curve: the frequency, Hz, the amplitude of the excitation, or the parameter."""
+    return motion.frequency if free == "omega" else float(getattr(motion.setting, free))
+
+
+def _jumps(values: Array, stable: NDArray[np.bool_]) -> tuple[float, ...]:
+    """Return the values at which a sweep from the first motion of a curve towards larger values jumps."""
+    found, here = [], int(stable.argmax())
+    while here < len(values) - 1:
+        if values[here + 1] > values[here] and stable[here + 1]:
+            here += 1
+            continue
+        found.append(float(values[here]))
+        beyond = np.flatnonzero((values[:-1] < values[here]) & (values[1:] >= values[here]) & stable[1:])
+        later = beyond[beyond > here]
+        if not len(later):
+            break
+        here = int(later[0]) + 1
+    return tuple(found)

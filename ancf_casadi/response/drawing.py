@@ -1,0 +1,88 @@
+"""Figures of response curves and backbones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from ancf_casadi.response.backbone import Backbone
+from ancf_casadi.response.curve import ResponseCurve
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.colours import SERIES
+
+MARKERS = {"fold": "o", "branch point": "D", "period doubling": "s", "Neimark-Sacker": "^"}
+UNSTABLE = (0, (4, 2))
+
+
+def response_figure(curves: Mapping[str, ResponseCurve], point: float | None = None) -> Figure:
+    """Draw amplitude and phase of a point along curves, by label; unstable motions are dashed, bifurcations marked."""
+    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    first = next(iter(curves.values()))
+    name, unit = first.quantity
+    beam = first.motions[0].excited.model is not None
+    kinds: set[str] = set()
+    for (label, curve), (colour, _, _) in zip(curves.items(), SERIES * len(curves), strict=False):
+        x, stable = curve.values, curve.stable
+        amplitude, phase = (1e3 if beam else 1.0) * curve.amplitude(point), np.degrees(curve.phase(point))
+        for axes, y in ((above, amplitude), (below, phase)):
+            _draw(axes, x, y, stable, colour, label if axes is above else "")
+        for own in curve.bifurcations:
+            marker, place = MARKERS[own.kind], (x[own.index], amplitude[own.index])
+            above.plot(*place, marker, color=colour, fillstyle="none", markersize=5)
+            kinds.add(own.kind)
+    above.set_ylabel("amplitude (mm)" if beam else "amplitude")
+    below.set_ylabel("phase (degrees)")
+    below.set_xlabel(f"{name} ({unit})" if unit else name)
+    for axes in (above, below):
+        axes.grid(alpha=0.3)
+    _legend(above, kinds, any((~curve.stable).any() for curve in curves.values()))
+    return figure
+
+
+def _draw(axes: Axes, x: Array, y: Array, stable: NDArray[np.bool_], colour: str, label: str) -> None:
+    """Draw a curve, solid where stable and dashed where not."""
+    solid, dashed = np.where(stable, y, np.nan), np.where(stable, np.nan, y)
+    edges = np.flatnonzero(stable[1:] != stable[:-1])
+    dashed[edges], dashed[edges + 1] = y[edges], y[edges + 1]
+    axes.plot(x, solid, color=colour, label=label or None)
+    axes.plot(x, dashed, color=colour, linestyle=UNSTABLE, linewidth=1.0)
+
+
+def _legend(axes: Axes, kinds: set[str], unstable: bool) -> None:
+    """Add a legend of labels, bifurcations and dashes, if there is anything to explain."""
+    handles, labels = axes.get_legend_handles_labels()
+    if unstable:
+        handles.append(Line2D([], [], color="0.4", linestyle=UNSTABLE, linewidth=1.0))
+        labels.append("unstable")
+    for kind in MARKERS:
+        if kind in kinds:
+            handles.append(Line2D([], [], color="0.4", marker=MARKERS[kind], fillstyle="none", linestyle="none"))
+            labels.append(kind)
+    if handles:
+        axes.legend(handles, labels)
+
+
+def backbone_figure(backbones: Mapping[str, Backbone]) -> Figure:
+    """Draw frequency and damping ratio against amplitude, by label."""
+    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    beam = next(iter(backbones.values())).motions[0].excited.model is not None
+    for (label, curve), (colour, dash, _) in zip(backbones.items(), SERIES * len(backbones), strict=False):
+        x = (1e3 if beam else 1.0) * curve.amplitudes
+        above.plot(x, curve.frequencies, color=colour, linestyle=dash, label=label or None)
+        below.plot(x, 100.0 * curve.damping_ratios, color=colour, linestyle=dash)
+    above.set_ylabel("frequency (Hz)")
+    below.set_ylabel("damping ratio (%)")
+    below.set_xlabel("amplitude (mm)" if beam else "amplitude")
+    for axes in (above, below):
+        axes.grid(alpha=0.3)
+        axes.ticklabel_format(axis="y", useOffset=False)
+    if any(backbones):
+        above.legend()
+    return figure

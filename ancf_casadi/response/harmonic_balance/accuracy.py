@@ -90,12 +90,12 @@ def errors_of(
     longer = resized(C, most)
     longer[series.size :: 2], longer[series.size + 1 :: 2] = -x.real, x.imag
     R = replace(balance, fourier=whole).sampled_residual(longer, setting).T
-    feedback = np.where(series.allowed(system.mirror), (whole.analysis @ R - r)[: series.size], 0.0)
+    feedback, sampling = (whole.analysis @ R - r)[: series.size], r[: series.size] - balance.residual(C, setting)
 
     def largest(change: Array) -> float:
         return float((change / system.scale).max(initial=0.0)) / size
 
-    shifted, sampled = (np.abs(shift(part)) for part in (feedback, r[: series.size]))
+    shifted, sampled = (np.abs(shift(part)) for part in (feedback, sampling))
     return Errors(max(largest(np.abs(x)), largest(shifted)), largest(sampled))
 
 

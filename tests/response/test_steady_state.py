@@ -1,0 +1,98 @@
+"""Steady states of the full beam against long integrations in time, under each damping law."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    FrictionDamping,
+    HarmonicBase,
+    ModalDamping,
+    Model,
+    QuadraticDamping,
+    RayleighDamping,
+    natural_modes,
+    periodic_motion,
+    simulate,
+)
+
+MODAL_RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
+AMPLITUDE = {1: 1.5e-3, 3: 0.3e-3}  # of the base, m; the tip swings up to 0.23 L in mode 1
+FRICTION = {1: 0.1, 3: 2.0}  # eta0, m/s^2
+
+
+@pytest.fixture(scope="module")
+def beam(paper_beam):
+    """The paper's beam, hanging, with four elements."""
+    return Model(paper_beam(4))
+
+
+@pytest.fixture(scope="module")
+def modes(beam):
+    return natural_modes(beam, count=5)
+
+
+def law(name, modes, mode):
+    slow = RayleighDamping(alpha=0.2325, beta=2e-5)
+    return {
+        "Rayleigh": slow,
+        "quadratic": QuadraticDamping(0.2, 2.0),
+        "modal": ModalDamping(modes, MODAL_RATIOS),
+        "friction": slow + FrictionDamping(eta0=FRICTION[mode], smoothing_speed=0.1),
+    }[name]
+
+
+def continued(motion, damping, periods, factor=1.0, samples=8):
+    """Integrate from the steady state, with its velocities relative to the clamp times a factor."""
+    model, start = motion.trajectory().model, motion.trajectory().state(0)
+    velocities = start.velocities.copy()
+    velocities[4:] *= factor
+    base = HarmonicBase(motion.drive_amplitude, motion.frequency)
+    return simulate(
+        model, damping=damping, base=base, start=replace(start, velocities=velocities),
+        duration=periods / motion.frequency, sample_rate=samples * motion.frequency, method="radau", tolerance=1e-9,
+    )  # fmt: skip
+
+
+def distance(run, motion, samples=8):
+    """Return the largest distance of the tip in the last period from the steady state, relative to the length."""
+    expected = motion.trajectory(512).tip[:: 512 // samples]
+    return np.abs(run.tip[-samples - 1 :] - expected).max() / run.model.beam.length
+
+
+def check(motion, damping, periods=60):
+    """Check the balance of energy, and that a long integration from the steady state remains there."""
+    assert motion.supplied_energy == pytest.approx(motion.dissipated_energy, rel=1e-9)
+    assert motion.stable
+    assert distance(continued(motion, damping, periods), motion) < 1e-6
+
+
+def test_a_large_steady_state_continues_in_a_time_integration(beam, modes):
+    damping = law("Rayleigh", modes, 1)
+    motion = periodic_motion(beam, damping=damping, base=HarmonicBase(AMPLITUDE[1], modes.frequencies[0]))
+    assert motion.amplitude() > 0.2 * beam.beam.length
+    check(motion, damping)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ratio", [0.97, 0.99, 1.01])
+@pytest.mark.parametrize("mode", [1, 3])
+@pytest.mark.parametrize("name", ["Rayleigh", "quadratic", "modal", "friction"])
+def test_steady_states_under_each_law_continue_in_a_time_integration(beam, modes, name, mode, ratio):
+    damping = law(name, modes, mode)
+    base = HarmonicBase(AMPLITUDE[mode], ratio * modes.frequencies[mode - 1])
+    check(periodic_motion(beam, damping=damping, base=base), damping)
+
+
+@pytest.mark.slow
+def test_a_beam_that_starts_at_rest_reaches_the_steady_state(beam, modes):
+    damping = law("Rayleigh", modes, 1)
+    base = HarmonicBase(AMPLITUDE[1], 0.97 * modes.frequencies[0])
+    motion = periodic_motion(beam, damping=damping, base=base)
+    run = simulate(
+        beam, damping=damping, base=base, duration=240 / base.frequency, sample_rate=8 * base.frequency,
+        method="radau", tolerance=1e-9,
+    )  # fmt: skip
+    assert motion.amplitude() > 0.05 * beam.beam.length
+    assert distance(run, motion) < 1e-6

@@ -10,6 +10,9 @@ from problems.decay.mode_separation import fit_modes
 from problems.decay.proportional import RayleighFit, fit_rayleigh
 from problems.decay.result import DecayFit
 from problems.decay.takes import DecayFits
+from problems.frf.fitting import fit_frf
+from problems.frf.record import FrfRecord
+from problems.frf.result import FrfFit
 from problems.matching.frequency_matching import match_frequencies
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.preference import LeastChange, Smoothness
@@ -38,6 +41,8 @@ __all__ = [
     "DecayFits",
     "FrequencyMatch",
     "FrequencyRecord",
+    "FrfFit",
+    "FrfRecord",
     "Global",
     "IsolatedMode",
     "LawComparison",
@@ -63,6 +68,7 @@ __all__ = [
     "compare_laws",
     "fit_decay",
     "fit_decays",
+    "fit_frf",
     "fit_modes",
     "fit_properties",
     "fit_rayleigh",

@@ -31,12 +31,15 @@ class Curve:
         Complex values.
     style : str, optional
         A colour; the curve is then a thin line of it.  Curves without a style differ by colours and dashes.
+    phase : bool
+        Whether to draw the phase.
     """
 
     name: str
     frequencies: Array
     values: ComplexArray
     style: str = ""
+    phase: bool = True
 
 
 def bode_figure(columns: Sequence[Sequence[Curve]], label: str, titles: Sequence[str] = ()) -> Figure:
@@ -75,7 +78,8 @@ def _draw(above: Axes, below: Axes, curves: Sequence[Curve]) -> None:
             {"color": curve.style, "lw": 0.8} if curve.style else {"color": colour, "ls": dash, "lw": 1.2}
         )
         above.semilogy(curve.frequencies, np.abs(curve.values), label=curve.name or None, **line)
-        below.plot(curve.frequencies, _unbroken(np.degrees(np.angle(curve.values))), **line)
+        if curve.phase:
+            below.plot(curve.frequencies, _unbroken(np.degrees(np.angle(curve.values))), **line)
     f = np.concatenate([curve.frequencies for curve in curves])
     if f.min() > 0.0 and f.max() > WIDE_RATIO * f.min():
         below.set_xscale("log")

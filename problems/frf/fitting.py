@@ -1,0 +1,123 @@
+"""Fit of modal parameters to measured frequency response functions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.support.inputs import is_sequence, physical, shown, vector, whole
+from problems.frf.modal_sum import POWERS, ModalSum
+from problems.frf.poles import candidate_poles, poles_near
+from problems.frf.record import FrfRecord, as_record
+from problems.frf.refinement import ADVICE, refine
+from problems.frf.result import FrfFit, frf_result
+from problems.frf.selection import MOST_MODES, Selection, select_modes
+from problems.frf.trial import Trial
+from problems.frf.weights import first_deviations, given_deviations
+
+WEIGHTINGS = 3  # rounds in which weights and estimates settle
+DERIVATIVES = {
+    "receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 2, "relative-transmissibility": 2
+}  # fmt: skip
+
+
+def fit_frf(
+    record: FrfRecord,
+    *,
+    count: int | None = None,
+    frequencies: Sequence[float] | None = None,
+    band: tuple[float, float] | None = None,
+) -> FrfFit:
+    """Identify natural frequencies, damping ratios and mode shapes from frequency response functions.
+
+    sdypy-EMA gives the poles to start from; then all parameters are refined together by weighted least squares.  The
+    weights are those of the coherence or the standard deviations of the record, or follow from the residuals.
+
+    Parameters
+    ----------
+    record : FrfRecord
+        Measured functions.
+    count : int, optional
+        Number of modes in the band; as many as the record clearly shows if not given.
+    frequencies : sequence of float, optional
+        Approximate natural frequencies of the modes, Hz; sdypy-EMA is then not needed.
+    band : (float, float), optional
+        Lowest and highest frequency to fit, Hz; the whole record if not given.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of range, the record is too short for the modes, or sdypy-EMA is missing.
+    FitError
+        If there is no mode, or the fit does not converge.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import FrfRecord, fit_frf
+    >>> f, rng = np.linspace(1.0, 30.0, 1161), np.random.default_rng(0)
+    >>> terms = [a / (f0**2 - f**2 + 2j * z * f0 * f) for a, f0, z in ((3.0, 10.0, 0.01), (-2.0, 20.0, 0.005))]
+    >>> noise = rng.normal(0.0, 0.01, (2, f.size)).T @ [1, 1j]
+    >>> fit = fit_frf(FrfRecord(f, terms[0] + terms[1] + noise, "receptance"), frequencies=[10.1, 19.8])
+    >>> for k in (1, 2):
+    ...     print(f"{fit.frequencies[k - 1]:.3f} Hz, {fit.damping_ratios[k - 1]:.4f} "
+    ...           f"+- {fit.standard_errors[f'damping_ratio_{k}']:.4f}")
+    10.000 Hz, 0.0100 +- 0.0001
+    20.000 Hz, 0.0050 +- 0.0001
+    """
+    record = as_record(record)
+    if band is not None:
+        low, high = vector(band, "band")
+        if not low < high:
+            raise InputError(f"must be two frequencies, Hz, the lower one first, got {shown(band)}", "band")
+        record = record.between(low, high)
+    near = None if frequencies is None else _given(frequencies, record)
+    if near is not None and count is not None and count != len(near):
+        raise InputError(f"is {shown(count)}, but {len(near)} frequencies are given; leave it out", "count")
+    wanted = len(near) if near is not None else None if count is None else whole(count, "count", 1, MOST_MODES)
+    values = record.values.reshape(-1, len(record.frequencies)).T
+    model = ModalSum.of(record.frequencies, DERIVATIVES[record.kind], POWERS[0])
+    if wanted is not None and 2 * wanted + values.shape[1] * (2 * wanted + len(POWERS[0])) > values.size:
+        raise InputError(f"has too few frequencies, {len(record.frequencies)}, for {wanted} modes", "record")
+
+    given = given_deviations(record)
+    deviations = first_deviations(values) if given is None else given
+    scaled = values / np.sqrt(np.median(deviations**2, axis=0))
+    candidates = candidate_poles(record.frequencies, scaled) if near is None else poles_near(model, scaled, near)
+    selection = Selection(values, deviations, estimated=given is None, strict=wanted is None)
+    best = select_modes(selection, model, candidates, wanted)
+    if near is not None and len(best.frequencies) < len(near):
+        raise FitError(f"only {len(best.frequencies)} of the {wanted} modes were found; {ADVICE}")
+    settled = _ascending(_settled(selection, best))
+    found = len(settled.frequencies)
+    notes = [] if wanted is None or found == wanted else [f"the record supports {found} of {wanted} modes"]
+    return frf_result(record, refine(settled), notes)
+
+
+def _settled(selection: Selection, best: Trial) -> Trial:
+    """Return the fit with the weights that follow from its residuals."""
+    for _ in range(WEIGHTINGS):
+        best = selection.weighted(best)
+    return best
+
+
+def _ascending(fit: Trial) -> Trial:
+    """Return a fit with its modes in ascending order."""
+    order = np.argsort(fit.frequencies)
+    return replace(fit, frequencies=fit.frequencies[order], ratios=fit.ratios[order])
+
+
+def _given(frequencies: Any, record: FrfRecord) -> np.ndarray:
+    """Return approximate natural frequencies within the record."""
+    if not is_sequence(frequencies) or not len(frequencies):
+        raise InputError(f"must be one or more frequencies, got {shown(frequencies)}", "frequencies")
+    found = np.sort([physical(f, "frequencies") for f in frequencies])
+    low, high = record.frequencies[0], record.frequencies[-1]
+    for f in found.tolist():
+        if not low <= f <= high:
+            raise InputError(f"{f:g} Hz is outside the band, {low:g} to {high:g} Hz", "frequencies")
+    return found

@@ -1,0 +1,157 @@
+"""Candidates of poles, from the least-squares complex frequency-domain method (LSCF) of sdypy-EMA.
+
+The method fits a common-denominator model in discrete time to equally spaced lines; its order grows step by step, as in
+a stability chart.  All poles of all orders are candidates: ``selection`` chooses among them.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.support.arrays import Array, ComplexArray, Index
+from problems.frf.modal_sum import ModalSum, stacked
+
+MOST_ORDER = 40
+LINES_PER_ORDER = 3  # at least
+RATIOS = (1e-5, 0.6)  # least and largest damping ratio of a candidate
+GRID = (3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25)  # damping ratios to try at a given frequency
+SWEEPS = 2  # over the modes, in the choice of these damping ratios
+NEAR, DRIFT = 0.3, 2e-3  # distance of equal poles, relative to their half-width, and to their frequency
+LEAST_TIMES, OFTEN = 4, 0.25  # orders at which a recurring pole occurs: number, and share of all
+UNEVEN = 1e-3  # largest deviation of lines from equal spacing, relative to the spacing
+MODULE, MISSING = "sdypy.EMA", "sdypy-EMA"
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Possible modes.
+
+    Parameters
+    ----------
+    frequencies, ratios : array (c,)
+        Natural frequencies, Hz, and damping ratios.
+    recurring : array of int
+        Indices of the modes that recur in the chart, most often first.
+    """
+
+    frequencies: Array
+    ratios: Array
+    recurring: Index
+
+
+def candidate_poles(frequencies: Array, values: ComplexArray) -> Candidates:
+    """Return the poles of all orders in the band, and those among them that recur.
+
+    Parameters
+    ----------
+    frequencies : array (k,)
+        Frequencies, Hz.
+    values : array (k, F)
+        Measured values, scaled to equal noise.
+
+    Raises
+    ------
+    InputError
+        If sdypy-EMA is not installed.
+    FitError
+        If the method finds no pole.
+    """
+    ema = _library()
+    f, rows = _equally_spaced(frequencies, values.T)
+    order = max(2, min(MOST_ORDER, len(f) // LINES_PER_ORDER))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            model = ema.Model(rows, f, lower=f[0], upper=2 * f[-1], pol_order_high=order)
+            model.get_poles(method="lscf", show_progress=False)
+        except np.linalg.LinAlgError:
+            raise FitError("sdypy-EMA finds no poles; give approximate frequencies") from None
+    found = np.concatenate([np.asarray(part, dtype=float) for part in model.pole_freq])
+    ratios = np.concatenate([np.asarray(part, dtype=float) for part in model.pole_xi])
+    orders = np.repeat(np.arange(len(model.pole_freq)), [len(part) for part in model.pole_freq])
+    inside = (found >= f[0]) & (found <= f[-1]) & (ratios > RATIOS[0]) & (ratios < RATIOS[1])
+    if not inside.any():
+        raise FitError("sdypy-EMA finds no poles in the band; give approximate frequencies")
+    return Candidates(found[inside], ratios[inside], _recurring(found[inside], ratios[inside], orders[inside]))
+
+
+def _recurring(frequencies: Array, ratios: Array, orders: Index) -> Index:
+    """Return the indices of poles that occur at many orders, most often first, one for each group of near ones."""
+    poles = frequencies * (-ratios + 1j * np.sqrt(1 - ratios**2))
+    width = frequencies * ratios
+    distance = np.abs(poles[:, None] - poles)
+    near = distance < NEAR * width[:, None] + DRIFT * frequencies[:, None]
+    times = np.array([len(np.unique(orders[row])) for row in near])
+    found: list[int] = []
+    for k in np.argsort(-times, kind="stable").tolist():
+        if times[k] < max(LEAST_TIMES, OFTEN * (orders.max() + 1)):
+            break
+        if all(distance[k, other] > width[k] + DRIFT * frequencies[k] for other in found):
+            found.append(k)
+    return np.array(found, dtype=np.int64)
+
+
+def poles_near(model: ModalSum, values: ComplexArray, frequencies: Array) -> Candidates:
+    """Return one mode for each given frequency, Hz, with the damping ratio of a grid that explains the values best.
+
+    Parameters
+    ----------
+    model : ModalSum
+        The model.
+    values : array (k, F)
+        Measured values, scaled to equal noise.
+    frequencies : array (m,)
+        Approximate natural frequencies, Hz.
+    """
+    measured, ratios = stacked(values), np.full(len(frequencies), GRID[len(GRID) // 2])
+    for k in list(range(len(frequencies))) * SWEEPS:
+        rests = []
+        for ζ in GRID:
+            ratios[k] = ζ
+            columns = stacked(model.columns(frequencies, ratios))
+            q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
+            rests.append(-np.sum((q.T @ measured) ** 2))
+        ratios[k] = GRID[int(np.argmin(rests))]
+    return Candidates(frequencies, ratios, np.arange(len(frequencies)))
+
+
+def installed() -> bool:
+    """Return whether sdypy-EMA is installed."""
+    try:
+        return importlib.util.find_spec(MODULE) is not None
+    except (ModuleNotFoundError, ValueError):  # without sdypy, or switched off
+        return False
+
+
+def _library() -> Any:
+    """Return the module.
+
+    Raises
+    ------
+    InputError
+        If it is not installed.
+    """
+    if not installed():
+        raise InputError(
+            "is not installed, but finds the poles; pip install 'ancf-casadi[frf]', or give approximate frequencies",
+            MISSING,
+        )
+    return importlib.import_module(MODULE)
+
+
+def _equally_spaced(frequencies: Array, rows: ComplexArray) -> tuple[Array, ComplexArray]:
+    """Return equally spaced lines, interpolated if those given are not."""
+    even = np.linspace(frequencies[0], frequencies[-1], len(frequencies))
+    if np.abs(frequencies - even).max() <= UNEVEN * (even[1] - even[0]):
+        return frequencies, rows
+    step = float(np.median(np.diff(frequencies)))
+    even = np.linspace(frequencies[0], frequencies[-1], 1 + round((frequencies[-1] - frequencies[0]) / step))
+    even = even[: 20 * len(frequencies)] if len(even) > 20 * len(frequencies) else even
+    return even, np.array([np.interp(even, frequencies, row) for row in rows])

@@ -1,0 +1,221 @@
+"""Measured frequency response functions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.response.linear_frf import UNITS, FrfKind
+from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.inputs import array, check_instance, choice, instances, is_sequence, numbers, shown
+
+LEAST_LINES = 8
+SMOOTHED = 12  # lines on either side over which the scatter of repeated measurements is averaged
+
+
+@dataclass(frozen=True, eq=False)
+class FrfRecord:
+    """Measured frequency response functions: one or several outputs, one or several inputs.
+
+    Parameters
+    ----------
+    frequencies : array_like (k,)
+        Frequencies, Hz, positive and increasing.
+    values : array_like (outputs, inputs, k), (outputs, k) or (k,)
+        Complex values in SI units.
+    kind : {"receptance", "mobility", "accelerance", "transmissibility", "relative-transmissibility"}
+        Displacement, velocity or acceleration per force; or absolute or relative motion per motion of the base.
+    coherence : array_like, optional
+        Ordinary coherence, 0 to 1, in the shape of the values; it gives the weights.
+    std : array_like, optional
+        Standard deviations of the complex values, in the shape of the values, positive; they give the weights.
+    points : sequence of float, optional
+        Arc lengths of the outputs from the clamp, m.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than eight frequencies, a value is not finite, the shapes differ, both coherence and std are
+        given, or one of them is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import FrfRecord
+    >>> f = np.linspace(1.0, 3.0, 201)
+    >>> record = FrfRecord(f, 1.0 / (2.0**2 - f**2 + 0.04j * f), "receptance")
+    >>> record.outputs, record.inputs, record.values.shape
+    (1, 1, (1, 1, 201))
+    """
+
+    frequencies: Array
+    values: ComplexArray
+    kind: FrfKind
+    coherence: Array | None = None
+    std: Array | None = None
+    points: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        """Validate, and keep arrays."""
+        choice(self.kind, get_args(FrfKind), "kind")
+        f = array(self.frequencies, "frequencies")
+        if f.ndim != 1 or len(f) < LEAST_LINES:
+            raise InputError(f"needs at least {LEAST_LINES} frequencies", "frequencies")
+        if (np.diff(f) <= 0.0).any() or f[0] <= 0.0:
+            raise InputError("must be positive and increase; leave out the line at 0 Hz", "frequencies")
+        values = _complex(self.values)
+        values = values.reshape((1,) * (3 - values.ndim) + values.shape) if values.ndim == 1 else values
+        values = values[:, None, :] if values.ndim == 2 else values
+        if values.ndim != 3 or not values.size or values.shape[2] != len(f):
+            raise InputError(
+                f"must have the shape (outputs, inputs, {len(f)}), got {np.shape(self.values)}; the frequencies come "
+                "last",
+                "values",
+            )
+        for name, column in zip(
+            "outputs inputs".split(), (values.any(axis=(1, 2)), values.any(axis=(0, 2))), strict=True
+        ):
+            if not column.all():
+                raise InputError(f"are all zero in one of the {name}; leave it out", "values")
+        object.__setattr__(self, "frequencies", f)
+        object.__setattr__(self, "values", values)
+        self._check_quality()
+        if self.points is not None:
+            object.__setattr__(self, "points", numbers(self.points, "points"))
+            if len(self.points) != self.outputs:
+                raise InputError(f"has {len(self.points)} values for {self.outputs} outputs", "points")
+
+    def _check_quality(self) -> None:
+        """Check coherence and standard deviations."""
+        if self.coherence is not None and self.std is not None:
+            raise InputError("are given together with the coherence; give one of them", "std")
+        for name in ("coherence", "std"):
+            given = getattr(self, name)
+            if given is None:
+                continue
+            found = array(given, name)
+            if found.size != self.values.size:
+                raise InputError(f"must have the shape of the values, {self.values.shape}, got {found.shape}", name)
+            found = found.reshape(self.values.shape)
+            if name == "std" and not (found > 0.0).all():
+                raise InputError("must be positive", name)
+            if name == "coherence" and not ((found >= 0.0) & (found <= 1.0)).all():
+                raise InputError("must be between 0 and 1", name)
+            object.__setattr__(self, name, found)
+
+    @classmethod
+    def mean_of(cls, records: Sequence[FrfRecord]) -> FrfRecord:
+        """Return the mean of repeated measurements, with standard deviations from their scatter.
+
+        The scatter is averaged over neighbouring frequencies, because a few repetitions determine it badly at each.
+
+        Raises
+        ------
+        InputError
+            If there are fewer than two records, or they differ in frequencies, kind or shape.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from problems import FrfRecord
+        >>> f, rng = np.linspace(1.0, 3.0, 201), np.random.default_rng(0)
+        >>> true = 1.0 / (2.0**2 - f**2 + 0.04j * f)
+        >>> runs = [true + rng.normal(0.0, 1e-3, (2, 201)).T @ [1, 1j] for _ in range(4)]
+        >>> record = FrfRecord.mean_of([FrfRecord(f, run, "receptance") for run in runs])
+        >>> round(float(np.median(record.std)), 5)
+        0.00071
+        """
+        runs: tuple[FrfRecord, ...] = instances(records, "records", FrfRecord)
+        first = runs[0]
+        if len(runs) < 2:
+            raise InputError("needs at least two", "records")
+        for run in runs[1:]:
+            same = run.kind == first.kind and run.values.shape == first.values.shape
+            if not same or not np.array_equal(run.frequencies, first.frequencies):
+                raise InputError("differ in frequencies, kind or shape", "records")
+        values = np.array([run.values for run in runs])
+        variance = (np.abs(values - values.mean(axis=0)) ** 2).sum(axis=0) / (len(runs) - 1) / len(runs)
+        smooth = np.apply_along_axis(moving_mean, 2, variance, SMOOTHED)
+        if not (smooth > 0.0).all():
+            raise InputError("are equal, so their scatter is zero; give one of them", "records")
+        return cls(first.frequencies, values.mean(axis=0), first.kind, std=np.sqrt(smooth), points=first.points)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values."""
+        return UNITS[self.kind]
+
+    @property
+    def outputs(self) -> int:
+        """Number of outputs."""
+        return int(self.values.shape[0])
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs."""
+        return int(self.values.shape[1])
+
+    def between(self, low: float, high: float) -> FrfRecord:
+        """Return the part of the record in a band of frequencies, Hz.
+
+        Raises
+        ------
+        InputError
+            If the band has fewer than eight frequencies.
+        """
+        inside = (self.frequencies >= low) & (self.frequencies <= high)
+        if np.count_nonzero(inside) < LEAST_LINES:
+            raise InputError(f"has fewer than {LEAST_LINES} frequencies of the record", "band")
+        quality = {
+            name: None if getattr(self, name) is None else getattr(self, name)[:, :, inside]
+            for name in ("coherence", "std")
+        }
+        return FrfRecord(self.frequencies[inside], self.values[:, :, inside], self.kind, **quality, points=self.points)
+
+    def names(self) -> list[str]:
+        """Return a name of each function, output after output."""
+        outputs = [f"output {k}" for k in range(1, self.outputs + 1)]
+        if self.points is not None:
+            outputs = [f"{s:.4g} m" for s in self.points]
+        if self.inputs == 1:
+            return outputs
+        return [f"{name}, input {k}" for name in outputs for k in range(1, self.inputs + 1)]
+
+
+def as_record(given: Any) -> FrfRecord:
+    """Return a record of frequency response functions.
+
+    Raises
+    ------
+    InputError
+        If it is anything else.
+    """
+    check_instance(given, "record", FrfRecord)
+    found: FrfRecord = given
+    return found
+
+
+def moving_mean(values: Array, half: int) -> Array:
+    """Return the means over the neighbours on either side, fewer at the ends."""
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    k = np.arange(len(values))
+    low, high = np.maximum(k - half, 0), np.minimum(k + half + 1, len(values))
+    return np.asarray((sums[high] - sums[low]) / (high - low))
+
+
+def _complex(values: ArrayLike) -> ComplexArray:
+    """Return a copy of complex numbers as an array."""
+    if not is_sequence(values):
+        raise InputError(f"must be an array of complex numbers, got {shown(values)}", "values")
+    try:
+        found = np.array(values, dtype=complex)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError("must be complex numbers", "values") from None
+    if not np.isfinite(found).all():
+        raise InputError("must be finite", "values")
+    return found

@@ -1,0 +1,183 @@
+"""Refinement of all modal parameters by weighted least squares.
+
+The coefficients of a ``ModalSum`` enter linearly.  For given frequencies and damping ratios x, those of function o are
+therefore the solution of a linear problem, with the columns Phi(x), the weights W_o and the values y_o,
+
+    c_o(x) = argmin |W_o (Phi(x) c - y_o)|,
+
+and the fit of all parameters at once is the fit of x with the residuals W_o (Phi(x) c_o(x) - y_o) (variable
+projection).  The normal equations of c_o are those of columns that are orthonormal at the start, so that they are well
+conditioned near it.  Real and imaginary parts are series of residuals in the order of the frequencies.
+
+The covariance of x is that of ``ancf_casadi.estimation``, which allows for noise that is coloured along the frequency.
+Its variance is increased from N - n to N - n - F c degrees of freedom, for F functions with c coefficients each.  Noise
+that functions share, such as that of the force, makes their residuals r_o, r_p at line k correlate,
+
+    E(r_ko conj(r_kp)) = s^2 rho_kop,    rho_kop = alpha + beta W_ko H_ko conj(W_kp H_kp),
+
+with constants alpha and beta for each pair of functions, which follow from the products of the residuals and count if
+they are significant.  The covariance
+H S H' of x, with the derivatives J of the residuals and H H' = (J' J)^-1, becomes
+
+    S -> S^1/2 (1 + X) S^1/2,    X = sum_k sum_(o != p) Re(conj(J_ko H)' rho_kop J_kp H),
+
+as far as X increases it.  The coefficients have the covariance of the linear problem plus that due to x.
+
+References
+----------
+G. Golub, V. Pereyra, Separable nonlinear least squares: the variable projection method and its applications, Inverse
+Problems 19 (2003).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.least_squares import Unknown, least_squares
+from ancf_casadi.support.arrays import Array
+from problems.frf.modal_sum import stacked
+from problems.frf.trial import LARGEST_RATIO, LEAST_SCALE, Trial
+from problems.frf.weights import ROOM
+
+SHARED = 8.0  # squared size of alpha and beta, in their standard errors, from which they count; 1 in 3000 by chance
+ADVICE = "give approximate frequencies, ask for fewer modes, or choose a band"
+
+
+@dataclass(frozen=True, eq=False)
+class Refinement:
+    """Fitted modal parameters.
+
+    Parameters
+    ----------
+    trial : Trial
+        The modes that were fitted, and all that follows from them.
+    fit : Fit
+        Frequencies, Hz, and damping ratios, in turn.
+    """
+
+    trial: Trial
+    fit: Fit
+
+    @property
+    def inflation(self) -> float:
+        """Factor of the variances that allows for the fitted coefficients."""
+        samples = 2 * self.trial.values.size
+        return (samples - len(self.fit.names)) / (samples - self.trial.parameters)
+
+    @cached_property
+    def honest(self) -> Fit:
+        """The fit with a covariance that allows for the fitted coefficients and for noise that functions share."""
+        fit, free = self.fit, ~self.fit.active_bounds
+        covariance = self.inflation * fit.covariance
+        if self.trial.values.shape[1] > 1 and free.any() and fit.residual_rms > 0.0:
+            q, triangle = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
+            increase = self._shared(q)
+            scaled = triangle / fit.scale[free]
+            scatter = scaled @ covariance[np.ix_(free, free)] @ scaled.T
+            inverse = np.linalg.inv(scaled)
+            covariance[np.ix_(free, free)] = inverse @ _scaled(scatter, increase) @ inverse.T
+        return replace(fit, covariance=covariance)
+
+    def _shared(self, basis: Array) -> Array:
+        """Return X, as far as it is positive, for an orthonormal basis of the columns of J (N, n)."""
+        trial = self.trial
+        k, count = trial.values.shape
+        residuals = trial.weights * trial.residuals / np.sqrt(np.maximum(1 - trial.leverage, ROOM))
+        fitted = trial.weights * trial.fitted
+        level = float(np.mean(np.abs(residuals) ** 2))
+        parts = basis.reshape(count, 2, k, -1)
+        columns = parts[:, 0] + 1j * parts[:, 1]
+        x = np.zeros((basis.shape[1], basis.shape[1]))
+        for first in range(count):
+            for second in range(first):
+                product = residuals[:, first] * residuals[:, second].conj() / level
+                relative = fitted[:, first] * fitted[:, second].conj()
+                q = np.linalg.qr(np.column_stack([np.ones(k), relative / np.linalg.norm(relative)]))[0]
+                share = q.conj().T @ product
+                share[np.abs(share) ** 2 < SHARED] = 0.0
+                if share.any():
+                    x += 2 * ((columns[first].conj() * (q @ share)[:, None]).T @ columns[second]).real
+        eigenvalues, vectors = np.linalg.eigh((x + x.T) / 2)
+        return np.asarray((vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T)
+
+    def _coefficient_slopes(self, function: int) -> Array:
+        """Return the derivatives of the coefficients of a function by frequencies and damping ratios (c, 2 m)."""
+        trial, (q, triangle) = self.trial, self.trial.factors[function]
+        slopes = trial.model.slopes(trial.frequencies, trial.ratios, trial.coefficients[:, function, None])[0]
+        change = stacked(trial.weights[:, function, None] * slopes)
+        return np.asarray(-np.linalg.solve(triangle, q.T @ change))
+
+    def coefficient_covariance(self, function: int) -> Array:
+        """Return the covariance of the coefficients of a function (c, c); unknowns at a bound count as known."""
+        (q, triangle), fit, k = self.trial.factors[function], self.honest, len(self.trial.values)
+        own = slice(2 * k * function, 2 * k * (function + 1))
+        scatter = fit.noise.variance * np.eye(len(triangle))
+        if fit.noise.spectra:
+            padded = np.zeros((len(fit.residuals), q.shape[1]))
+            padded[own] = q
+            scatter = sum(
+                (s.form(padded) for s in fit.noise.spectra if own.start <= s.rows.start < own.stop), 0 * scatter
+            )
+        inverse, free = np.linalg.inv(triangle), ~fit.active_bounds
+        change = self._coefficient_slopes(function)[:, free]
+        shared = change @ fit.covariance[np.ix_(free, free)] @ change.T
+        return np.asarray(self.inflation * inverse @ scatter @ inverse.T + shared)
+
+
+def refine(start: Trial) -> Refinement:
+    """Fit all parameters, from a start.
+
+    Raises
+    ------
+    FitError
+        If the fit does not converge.
+    """
+    unknowns = []
+    for number, (f, ζ) in enumerate(zip(start.frequencies.tolist(), start.ratios.tolist(), strict=True), start=1):
+        scale = max(ζ, LEAST_SCALE)
+        unknowns.append(Unknown(f"frequency_{number}", f, scale=f * scale, lower=0.0, unit="Hz"))
+        ζ = min(max(ζ, 0.1 * LEAST_SCALE), 0.99 * LARGEST_RATIO)
+        unknowns.append(Unknown(f"damping_ratio_{number}", ζ, scale=scale, lower=0.0, upper=LARGEST_RATIO))
+    k, count = start.values.shape
+    fit = least_squares(
+        _projection(start),
+        unknowns,
+        gauss_newton=True,
+        series=[k] * (2 * count),
+        times=np.tile(start.model.frequencies, 2 * count),
+        advice=ADVICE,
+    )
+    return Refinement(replace(start, frequencies=fit.values[::2], ratios=fit.values[1::2]), fit)
+
+
+def _projection(start: Trial) -> Callable[..., cs.MX]:
+    """Return the function x -> residuals."""
+    x = cs.MX.sym("x", 2 * len(start.frequencies))
+    parts = cs.vertsplit(x)
+    columns = start.model.symbolic(parts[::2], parts[1::2])
+    residuals = []
+    for y, weight, (_, triangle) in zip(stacked(start.values).T, start.weights.T, start.factors, strict=True):
+        doubled = np.tile(weight, 2)
+        a = cs.DM(doubled[:, None]) * columns @ cs.DM(np.linalg.inv(triangle))
+        c = cs.solve(a.T @ a, a.T @ cs.DM(doubled * y))
+        residuals.append(a @ c - cs.DM(doubled * y))
+    function = cs.Function("projection", [x], [cs.vertcat(*residuals)])
+
+    def projected(*x: cs.MX) -> cs.MX:
+        found: cs.MX = function(cs.vertcat(*x))
+        return found
+
+    return projected
+
+
+def _scaled(scatter: Array, increase: Array) -> Array:
+    """Return S^1/2 (1 + X) S^1/2."""
+    eigenvalues, vectors = np.linalg.eigh((scatter + scatter.T) / 2)
+    root = (vectors * np.sqrt(np.maximum(eigenvalues, 0.0))) @ vectors.T
+    return np.asarray(root @ (np.eye(len(root)) + increase) @ root)

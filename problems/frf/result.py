@@ -1,0 +1,239 @@
+"""The result of a fit of frequency response functions: modal parameters, their uncertainty, and warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.result import known
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.inputs import array
+from ancf_casadi.support.tables import Table
+from problems.frf.limitations import limitations
+from problems.frf.record import FrfRecord
+from problems.frf.refinement import Refinement
+from problems.matching.measured_modes import MeasuredModes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class FrfFit:
+    """Modal parameters identified from frequency response functions, modes in ascending order.
+
+    Parameters
+    ----------
+    record : FrfRecord
+        The functions that were fitted, within the band.
+    frequencies : array (m,)
+        Undamped natural frequencies, Hz.
+    damping_ratios : array (m,)
+        Damping ratios.
+    constants : array (m, outputs, inputs)
+        Modal constants: the product of the mass-normalised shape at output and input, 1/kg for a record per force;
+        real, if the mode is.
+    constant_errors : array (m, outputs, inputs)
+        Standard errors of their real parts, plus i times those of their imaginary parts.
+    standard_errors : mapping of str to float
+        Standard errors of ``frequency_1``, Hz, ``damping_ratio_1``, and so on; nan at a bound.
+    intervals : mapping of str to (float, float)
+        Their 95 % intervals.
+    warnings : tuple of str
+        Limitations of the estimates.
+    refinement : Refinement
+        All parameters of the fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import FrfRecord, fit_frf
+    >>> f, rng = np.linspace(1.0, 3.0, 401), np.random.default_rng(0)
+    >>> values = 1.0 / (2.0**2 - f**2 + 0.04j * f) + rng.normal(0.0, 0.05, (2, 401)).T @ [1, 1j]
+    >>> fit = fit_frf(FrfRecord(f, values, "receptance"), frequencies=[2.0])
+    >>> [f"{end:.5f}" for end in fit.intervals["damping_ratio_1"]]
+    ['0.00996', '0.01005']
+    """
+
+    record: FrfRecord
+    frequencies: Array
+    damping_ratios: Array
+    constants: ComplexArray
+    constant_errors: ComplexArray
+    standard_errors: Mapping[str, float]
+    intervals: Mapping[str, tuple[float, float]]
+    warnings: tuple[str, ...]
+    refinement: Refinement
+
+    @property
+    def fit(self) -> Fit:
+        """Frequencies and damping ratios as a fit, with covariance and the status of the solver."""
+        return self.refinement.honest
+
+    @property
+    def poles(self) -> ComplexArray:
+        """Poles -zeta omega + i omega (1 - zeta^2)^1/2 (m,), rad/s."""
+        ω, ζ = 2 * np.pi * self.frequencies, self.damping_ratios
+        return np.asarray(ω * (-ζ + 1j * np.sqrt(1 - ζ**2)))
+
+    @cached_property
+    def shapes(self) -> ComplexArray:
+        """Mode shapes at the outputs (m, outputs), complex; the largest component is 1."""
+        left, _, _ = np.linalg.svd(self.constants)
+        first = left[:, :, 0]
+        largest = np.take_along_axis(first, np.abs(first).argmax(axis=1)[:, None], axis=1)
+        return np.asarray(first / largest)
+
+    def synthesised(self, frequencies: ArrayLike | None = None) -> ComplexArray:
+        """Return the fitted functions, (outputs, inputs, k), at given frequencies, Hz, or those of the record."""
+        f = self.record.frequencies if frequencies is None else np.atleast_1d(array(frequencies, "frequencies"))
+        if (f <= 0.0).any():
+            raise InputError("must be positive", "frequencies")
+        values = self.refinement.trial.at(f)
+        return values.T.reshape(self.record.outputs, self.record.inputs, -1)
+
+    def measured_modes(self) -> MeasuredModes:
+        """Return frequencies with their standard errors, and shapes at the points of the record, for a match.
+
+        The shapes are the real parts; without points, or with one only, there are none.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from problems import FrfRecord, fit_frf
+        >>> f, rng = np.linspace(1.0, 3.0, 401), np.random.default_rng(0)
+        >>> row = 1.0 / (2.0**2 - f**2 + 0.04j * f)
+        >>> values = np.array([0.4 * row, row]) + rng.normal(0.0, 0.05, (2, 2, 401)).T.swapaxes(0, 1) @ [1, 1j]
+        >>> fit = fit_frf(FrfRecord(f, values, "receptance", points=[0.25, 0.5]), frequencies=[2.0])
+        >>> [[round(value, 2) for value in shape] for shape in fit.measured_modes().shapes]
+        [[0.4, 1.0]]
+        """
+        errors = [self.standard_errors[f"frequency_{k}"] for k in range(1, len(self.frequencies) + 1)]
+        std = tuple(errors) if np.isfinite(errors).all() and np.min(errors) > 0.0 else None
+        points = self.record.points
+        if points is None or len(points) < 2 or std is None:
+            return MeasuredModes(tuple(self.frequencies.tolist()), frequency_std=std)
+        inputs = np.abs(self.constants).max(axis=1).argmax(axis=1)
+        chosen = [self.constant_errors[k, :, column].real for k, column in enumerate(inputs)]
+        sizes = [np.abs(self.constants[k, :, column]).max() for k, column in enumerate(inputs)]
+        return MeasuredModes(
+            tuple(self.frequencies.tolist()),
+            frequency_std=std,
+            points=tuple(points),
+            shapes=tuple(map(tuple, self.shapes.real.tolist())),
+            shape_std=tuple(tuple((own / size).tolist()) for own, size in zip(chosen, sizes, strict=True)),
+        )
+
+    def tables(self) -> tuple[Table, Table]:
+        """Return the table of frequencies and damping ratios, and that of modal constants."""
+        rows, constants = [], []
+        for k, (f, ζ) in enumerate(zip(self.frequencies.tolist(), self.damping_ratios.tolist(), strict=True), start=1):
+            names = (f"frequency_{k}", f"damping_ratio_{k}")
+            low, high = self.intervals[names[1]]
+            errors = [known(self.standard_errors[name]) for name in names]
+            percent = [100 * x if np.isfinite(x) else None for x in (low, high)]
+            rows.append((k, f, errors[0], 100 * ζ, None if errors[1] is None else 100 * errors[1], *percent))
+            own = zip(
+                self.record.names(), self.constants[k - 1].ravel(), self.constant_errors[k - 1].ravel(), strict=True
+            )
+            constants += [(k, name, float(c.real), float(e.real), float(c.imag), float(e.imag)) for name, c, e in own]
+        lines, functions = len(self.record.frequencies), self.record.outputs * self.record.inputs
+        band = f"{self.record.frequencies[0]:.4g} to {self.record.frequencies[-1]:.4g} Hz"
+        columns = ("mode", "frequency_Hz", "stderr_Hz", "damping_%", "stderr_%", "lower_95_%", "upper_95_%")
+        kind = self.record.kind.replace("-", " ") + (" functions" if functions > 1 else " function")
+        unit = "" if self.record.unit == "1" else ", 1/kg"
+        return (
+            Table(
+                "modes",
+                f"Modes from {functions} {kind} at {lines} frequencies, {band}",
+                columns,
+                rows,
+                [self.fit.colour()],
+            ),
+            Table(
+                "constants",
+                f"Modal constants{unit}",
+                ("mode", "function", "real", "stderr", "imaginary", "stderr"),
+                constants,
+            ),
+        )
+
+    def report(self) -> str:
+        """Return the result as text."""
+        texts = [table.text() for table in self.tables()]
+        return "\n\n".join([*texts, *(["\n".join(f"note: {note}" for note in self.warnings)] if self.warnings else [])])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON, with None for unknown values; modal constants in the order (outputs, inputs)."""
+        modes = []
+        for k, (f, ζ) in enumerate(zip(self.frequencies.tolist(), self.damping_ratios.tolist(), strict=True), start=1):
+            mode: dict[str, Any] = {"frequency_hz": f, "damping_ratio": ζ}
+            for name, suffix in (("frequency", "_hz"), ("damping_ratio", "")):
+                mode[f"{name}_stderr{suffix}"] = known(self.standard_errors[f"{name}_{k}"])
+                mode[f"{name}_interval{suffix}"] = [known(end) for end in self.intervals[f"{name}_{k}"]]
+            for name, values in (("constants", self.constants), ("constants_stderr", self.constant_errors)):
+                mode[f"{name}_real"], mode[f"{name}_imaginary"] = (
+                    values[k - 1].real.tolist(),
+                    values[k - 1].imag.tolist(),
+                )
+            mode["shape_real"], mode["shape_imaginary"] = (
+                self.shapes[k - 1].real.tolist(),
+                self.shapes[k - 1].imag.tolist(),
+            )
+            modes.append(mode)
+        return {
+            "kind": self.record.kind,
+            "band_hz": [float(self.record.frequencies[0]), float(self.record.frequencies[-1])],
+            "modes": modes,
+            "points_m": None if self.record.points is None else list(self.record.points),
+            "warnings": list(self.warnings),
+            "fit": self.fit.to_dict(),
+        }
+
+    def figure(self) -> Figure:
+        """Draw measured and fitted functions, amplitude and phase, and the size of their difference."""
+        from problems.frf.figure import frf_fit_figure  # matplotlib is slow to import
+
+        return frf_fit_figure(self)
+
+
+def frf_result(record: FrfRecord, refinement: Refinement, notes: Sequence[str]) -> FrfFit:
+    """Return the result of a fit, with notes of what preceded it."""
+    trial, fit = refinement.trial, refinement.honest
+    modes, shape = len(trial.frequencies), (-1, record.outputs, record.inputs)
+    errors = np.array([_constant_errors(refinement, function) for function in range(trial.values.shape[1])]).T
+    ends = fit.intervals().tolist()
+    return FrfFit(
+        record=record,
+        frequencies=trial.frequencies,
+        damping_ratios=trial.ratios,
+        constants=trial.model.constants(trial.frequencies, trial.ratios, trial.coefficients).reshape(shape),
+        constant_errors=errors[:modes].reshape(shape),
+        standard_errors=fit.standard_errors,
+        intervals={name: (low, high) for name, (low, high) in zip(fit.names, ends, strict=True)},
+        warnings=(*notes, *fit.warnings, *limitations(record, refinement)),
+        refinement=refinement,
+    )
+
+
+def _constant_errors(refinement: Refinement, function: int) -> ComplexArray:
+    """Return standard errors of real and imaginary parts of the modal constants of a function (m,).
+
+    The change of the constants by frequency and damping ratio at given coefficients is zero for real modes, and left
+    out: it is of the order of the damping ratio.
+    """
+    trial, covariance = refinement.trial, refinement.coefficient_covariance(function)
+    found = []
+    for k, (f, ζ) in enumerate(zip(trial.frequencies, trial.ratios, strict=True)):
+        ω = 2 * np.pi * f
+        own = covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
+        real, imaginary = np.array([1.0, -ζ * ω]), np.array([0.0, ω * np.sqrt(1 - ζ**2)])
+        found.append(complex(np.sqrt(real @ own @ real), np.sqrt(imaginary @ own @ imaginary)))
+    return np.array(found)

@@ -1,0 +1,229 @@
+"""Choice of the modes that frequency response functions show.
+
+The choice begins with the poles that recur in the chart (``poles``), and with many residual terms, so that no mode has
+to stand for those out of the band.  Modes that the functions do not need are removed one by one, the least important
+first; then candidates are added, those first whose columns explain most of the residuals; at last, residual terms that
+are not needed are removed.  After each change all parameters are refined.  The larger of two fits is needed if
+
+    n/N (S_1 - S_2)/s^2 > (K_2 - K_1) ln n + 10,
+
+with the weights that follow from its residuals and the larger amplitude of the two (``weights``), the sums of squares
+S_1 of the smaller and S_2 of the larger fit, K parameters, and s^2 = S_2/(N - K_2): a clear difference of BIC.  The N
+residuals are worth n independent ones (``Trial.effective_samples``).  Modes out of the band, narrower than the lines
+can show, overdamped or equal are dropped.
+
+References
+----------
+Y. C. Pati, R. Rezaiifar, P. S. Krishnaprasad, Orthogonal matching pursuit, 27th Asilomar Conference on Signals, Systems
+and Computers (1993).
+G. Schwarz, Estimating the dimension of a model, Annals of Statistics 6 (1978).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ancf_casadi.exceptions import FitError
+from ancf_casadi.support.arrays import Array, ComplexArray, Mask
+from problems.frf.modal_sum import POWERS, ModalSum, stacked
+from problems.frf.poles import Candidates
+from problems.frf.trial import Trial, quick_fit
+from problems.frf.weights import fitted_deviations
+
+CLEAR = 10.0  # difference of BIC that leaves no doubt
+TRIALS = 3  # candidates that are tried before the modes count as complete
+APART = 1.0  # distance of two different candidates, in sums of half-power half-widths
+SAME = 0.2  # distance of two modes, in half-power half-widths, below which they are one
+NARROW = 0.1  # least half-power bandwidth, relative to the distance of two lines
+HEAVY = 0.5  # largest damping ratio of a mode that is found without being asked for
+MOST_MODES = 20
+LARGEST_SHARE = 0.5  # of the residuals that parameters may be
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """The functions and the rules of a choice.
+
+    Parameters
+    ----------
+    values : array (k, F)
+        Measured values, one column per function.
+    deviations : array (k, F)
+        Their standard deviations: as given by the record, or to begin with.
+    estimated : bool
+        Whether the standard deviations follow from the residuals of each fit.
+    strict : bool
+        Whether modes are dropped that cannot be told from noise by their damping alone.
+    """
+
+    values: ComplexArray
+    deviations: Array
+    estimated: bool
+    strict: bool = True
+
+    def fit(self, model: ModalSum, f: Array, ζ: Array, deviations: Array | None = None) -> Trial | None:
+        """Return the fit of some modes, without those that are dropped; None if it fails."""
+        weights = 1 / (self.deviations if deviations is None else deviations)
+        while self.has_room(model, len(f)):
+            fit = quick_fit(model, self.values, weights, f, ζ)
+            if fit is None:
+                return None
+            kept = self._kept(fit)
+            if kept.all():
+                return fit
+            f, ζ = fit.frequencies[kept], fit.ratios[kept]
+        return None
+
+    def has_room(self, model: ModalSum, modes: int) -> bool:
+        """Return whether there are enough residuals for some modes."""
+        count: int = self.values.shape[1]
+        parameters = 2 * modes + count * (2 * modes + len(model.powers))
+        return parameters <= LARGEST_SHARE * 2 * self.values.size
+
+    def weighted(self, fit: Trial) -> Trial:
+        """Return the fit with the weights that follow from its residuals; the fit itself if that fails."""
+        return self.fit(fit.model, fit.frequencies, fit.ratios, self.deviations_of(fit)) or fit
+
+    def deviations_of(self, fit: Trial, amplitude: Array | None = None) -> Array:
+        """Return the standard deviations that follow from the residuals of a fit, or those given.
+
+        The amplitudes on which they depend are those of the fit, if not given.
+        """
+        if not self.estimated:
+            return self.deviations
+        return fitted_deviations(fit.residuals, np.abs(fit.fitted) if amplitude is None else amplitude, fit.leverage)
+
+    def needed(self, larger: Trial, model: ModalSum, f: Array, ζ: Array) -> bool:
+        """Return whether a fit is clearly better than the smaller one with this model and these modes."""
+        smaller = self.fit(model, f, ζ, self.deviations_of(larger))
+        if smaller is None:
+            return True
+        deviations = self.deviations_of(larger, np.maximum(np.abs(larger.fitted), np.abs(smaller.fitted)))
+        refined = self.fit(larger.model, larger.frequencies, larger.ratios, deviations)
+        smaller = self.fit(model, smaller.frequencies, smaller.ratios, deviations) or smaller
+        if refined is None or len(refined.frequencies) < len(larger.frequencies):
+            return False
+        samples = 2 * self.values.size
+        squares = [float(np.sum(np.abs(fit.residuals / deviations) ** 2)) for fit in (smaller, refined)]
+        effective = max(min(refined.effective_samples, samples), 2.0)
+        scale = max(squares[1] / (samples - refined.parameters), np.finfo(float).tiny)
+        gain = effective / samples * (squares[0] - squares[1]) / scale
+        threshold = (refined.parameters - smaller.parameters) * math.log(effective) + CLEAR
+        return bool(gain > threshold)
+
+    def _kept(self, fit: Trial) -> Mask:
+        """Return which modes of a fit are not dropped."""
+        f, ζ, lines = fit.frequencies, fit.ratios, fit.model.frequencies
+        kept = (f >= lines[0]) & (f <= lines[-1])
+        if self.strict:
+            place = np.clip(np.searchsorted(lines, f), 1, len(lines) - 1)
+            kept &= (2 * ζ * f > NARROW * (lines[place] - lines[place - 1])) & (ζ < HEAVY)
+        poles = f * (-ζ + 1j * np.sqrt(1 - ζ**2))
+        width = np.maximum(f * ζ, np.finfo(float).tiny)
+        close = np.abs(poles[:, None] - poles) < SAME * np.minimum(width[:, None], width)
+        return np.asarray(kept & ~np.tril(close, -1).any(axis=1))
+
+
+def select_modes(selection: Selection, model: ModalSum, candidates: Candidates, count: int | None) -> Trial:
+    """Return the fit of the modes that the functions show, or of ``count`` modes.
+
+    Raises
+    ------
+    FitError
+        If no mode is found.
+    """
+    for powers in POWERS:
+        more = replace(model, powers=powers)
+        if selection.has_room(more, len(candidates.recurring) or (count or 1)):
+            model = more
+    best = _beginning(selection, model, candidates)
+    best = _reduced(selection, best, count)
+    best = _extended(selection, best, candidates, count)
+    if not len(best.frequencies):
+        raise FitError("no mode was found in the band; give approximate frequencies, or a band with a resonance")
+    for powers in POWERS[: POWERS.index(best.model.powers)][::-1]:
+        fewer = replace(best.model, powers=powers)
+        if selection.needed(best, fewer, best.frequencies, best.ratios):
+            break
+        best = selection.fit(fewer, best.frequencies, best.ratios, selection.deviations_of(best)) or best
+    return best
+
+
+def _beginning(selection: Selection, model: ModalSum, candidates: Candidates) -> Trial:
+    """Return the fit of the recurring poles, of as many as can be fitted."""
+    chosen = candidates.recurring[:MOST_MODES]
+    while len(chosen):
+        fit = selection.fit(model, candidates.frequencies[chosen], candidates.ratios[chosen])
+        if fit is not None:
+            return selection.weighted(fit)
+        chosen = chosen[:-1]
+    return Trial(model, selection.values, 1 / selection.deviations, np.empty(0), np.empty(0))
+
+
+def _reduced(selection: Selection, best: Trial, count: int | None) -> Trial:
+    """Return the fit without the modes that it does not need, or with the ``count`` most important ones."""
+    while len(best.frequencies) > (count or 0):
+        least = int(np.argmin(_importance(best)))
+        f, ζ = np.delete(best.frequencies, least), np.delete(best.ratios, least)
+        if count is None and selection.needed(best, best.model, f, ζ):
+            break
+        smaller = selection.fit(best.model, f, ζ, selection.deviations_of(best))
+        if smaller is None:
+            break
+        best = selection.weighted(smaller)
+    return best
+
+
+def _importance(fit: Trial) -> Array:
+    """Return the sum of squares of the residuals that each mode explains, beside the others."""
+    found = np.zeros(len(fit.frequencies))
+    for (_, triangle), own in zip(fit.factors, fit.coefficients.T, strict=True):
+        inverse = np.linalg.inv(triangle)
+        covariance = inverse @ inverse.T
+        for k in range(len(found)):
+            pair = slice(2 * k, 2 * k + 2)
+            found[k] += own[pair] @ np.linalg.solve(covariance[pair, pair], own[pair])
+    return found
+
+
+def _extended(selection: Selection, best: Trial, candidates: Candidates, count: int | None) -> Trial:
+    """Return the fit with the candidates that it needs, or that make up ``count`` modes."""
+    while len(best.frequencies) < (MOST_MODES if count is None else count):
+        found: Trial | None = None
+        for f, ζ in _ranked(best, candidates):
+            trial = selection.fit(best.model, np.append(best.frequencies, f), np.append(best.ratios, ζ))
+            if trial is None or len(trial.frequencies) <= len(best.frequencies):
+                continue
+            trial = selection.weighted(trial)
+            if count is not None or selection.needed(trial, best.model, best.frequencies, best.ratios):
+                found = trial
+                break
+        if found is None or len(found.frequencies) <= len(best.frequencies):
+            break
+        best = found
+    return best
+
+
+def _ranked(fit: Trial, candidates: Candidates) -> list[tuple[float, float]]:
+    """Return the candidates that explain most of the residuals, best first, each apart from those before."""
+    level = np.sqrt(np.median(fit.weights**2, axis=0))
+    rest = stacked(fit.residuals * level)
+    present = stacked(fit.model.columns(fit.frequencies, fit.ratios))
+    q = np.linalg.qr(present / np.linalg.norm(present, axis=0))[0]
+    explained = []
+    for f, ζ in zip(candidates.frequencies, candidates.ratios, strict=True):
+        own = stacked(fit.model.modal(np.array([f]), np.array([ζ])))
+        own = own / np.linalg.norm(own, axis=0)
+        own -= q @ (q.T @ own)
+        explained.append(float(np.sum((np.linalg.qr(own)[0].T @ rest) ** 2)))
+    found: list[tuple[float, float]] = []
+    for k in np.argsort(explained)[::-1].tolist():
+        f, ζ = float(candidates.frequencies[k]), float(candidates.ratios[k])
+        if all(abs(f - other) > APART * (f * ζ + other * own) for other, own in found):
+            found.append((f, ζ))
+        if len(found) == TRIALS:
+            break
+    return found

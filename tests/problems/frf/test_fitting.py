@@ -1,0 +1,383 @@
+import json
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from ancf_casadi import (
+    FitError,
+    InputError,
+    ModalDamping,
+    Model,
+    RayleighDamping,
+    linear_frf,
+    natural_modes,
+)
+from ancf_casadi.estimation.result import Result
+from ancf_casadi.plot import png
+from problems import FrfRecord, Global, fit_frf, match_frequencies
+from problems.frf import poles
+
+
+def modal_sum(f, modes, derivatives=0):
+    """Functions (outputs, inputs, k) of modes (frequency in Hz, damping ratio, modal constants (outputs, inputs))."""
+    omega = 2 * np.pi * f
+    found = 0
+    for frequency, ratio, constants in modes:
+        own, constants = 2 * np.pi * frequency, np.array(constants, dtype=complex)
+        pole = own * (-ratio + 1j * np.sqrt(1 - ratio**2))
+        residue = (constants / (2j * np.imag(pole)))[..., None]
+        found = found + residue / (1j * omega - pole) + residue.conj() / (1j * omega - np.conj(pole))
+    found = found if found.ndim == 3 else found[:, None, :]
+    return found * (1j * omega) ** derivatives
+
+
+def complex_noise(rng, shape):
+    """Circular complex noise of unit variance."""
+    return (rng.normal(size=shape) + 1j * rng.normal(size=shape)) / np.sqrt(2)
+
+
+@pytest.fixture(scope="module")
+def four_modes():
+    """Frequencies, and four modes at three outputs; two of them are 8 % apart."""
+    f = np.linspace(2.0, 100.0, 785)
+    modes = [
+        (12.0, 0.010, (1.0, 0.5, -0.3)),
+        (35.0, 0.020, (1.0, -0.5, 0.8)),
+        (38.0, 0.015, (0.5, 1.0, 0.4)),
+        (80.0, 0.030, (1.0, -0.2, 0.1)),
+    ]
+    return f, modes
+
+
+def check(fit, modes, *, errors=4.5):
+    """Check that a fit has found modes, each within some standard errors."""
+    found = list(zip(fit.frequencies, fit.damping_ratios, strict=True))
+    assert len(found) == len(modes), found
+    for k, (frequency, ratio, constants) in enumerate(modes, start=1):
+        names = (f"frequency_{k}", f"damping_ratio_{k}")
+        assert abs(fit.frequencies[k - 1] - frequency) < errors * fit.standard_errors[names[0]]
+        assert abs(fit.damping_ratios[k - 1] - ratio) < errors * fit.standard_errors[names[1]]
+        off = fit.constants[k - 1] - np.array(constants).reshape(fit.constants[k - 1].shape)
+        assert (np.abs(off.real) < errors * fit.constant_errors[k - 1].real).all()
+        assert (np.abs(off.imag) < errors * fit.constant_errors[k - 1].imag).all()
+
+
+CASES = {
+    "single mode": (np.linspace(1.0, 20.0, 381), [(8.0, 0.01, (1.0,))], 0.02),
+    "heavy damping": (np.linspace(1.0, 60.0, 591), [(15.0, 0.1, (1.0, -0.4)), (40.0, 0.1, (0.6, 1.0))], 0.01),
+    "close modes": (np.linspace(5.0, 30.0, 1001), [(15.0, 0.01, (1.0, 0.3)), (15.25, 0.012, (-0.4, 1.0))], 0.01),
+    "overlapping modes": (np.linspace(5.0, 30.0, 1001), [(15.0, 0.03, (1.0, 0.1)), (15.5, 0.03, (0.1, 1.0))], 0.003),
+    "light damping": (np.linspace(1.0, 20.0, 1901), [(6.0, 0.002, (1.0,)), (13.0, 0.003, (-0.7,))], 0.002),
+    "complex modes": (np.linspace(1.0, 20.0, 761), [(6.0, 0.01, (1.0, 0.4 + 0.5j)), (13.0, 0.02, (0.3j, -0.7))], 0.005),
+    "two inputs": (
+        np.linspace(1.0, 20.0, 761),
+        [(6.0, 0.01, [(1.0, 0.5), (0.5, 0.25)]), (13.0, 0.01, [(1.0, -0.8), (-0.8, 0.64)])],
+        0.01,
+    ),
+}  # with the noise relative to the median of the functions
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_known_modes_are_recovered_from_noise(case):
+    f, modes, level = CASES[case]
+    values = modal_sum(f, modes)
+    noise = level * np.median(np.abs(values)) * complex_noise(np.random.default_rng(1), values.shape)
+    check(fit_frf(FrfRecord(f, values + noise, "receptance")), modes)
+
+
+@pytest.mark.parametrize(("kind", "derivatives"), [("receptance", 0), ("mobility", 1), ("accelerance", 2)])
+def test_each_kind_of_function_gives_the_same_modes(four_modes, kind, derivatives):
+    f, modes = four_modes
+    values = modal_sum(f, modes, derivatives)
+    noise = 0.02 * np.median(np.abs(values)) * complex_noise(np.random.default_rng(2), values.shape)
+    check(fit_frf(FrfRecord(f, values + noise, kind)), modes)
+
+
+def test_functions_without_noise_give_the_exact_modes(four_modes):
+    f, modes = four_modes
+    fit = fit_frf(FrfRecord(f, modal_sum(f, modes), "receptance"))
+    np.testing.assert_allclose(fit.frequencies, [mode[0] for mode in modes], rtol=1e-7)
+    np.testing.assert_allclose(fit.damping_ratios, [mode[1] for mode in modes], rtol=1e-6)
+    np.testing.assert_allclose(fit.constants[:, :, 0], [mode[2] for mode in modes], atol=1e-6)
+
+
+def test_modes_out_of_the_band_do_not_disturb_those_in_it(four_modes):
+    f, modes = four_modes
+    values = modal_sum(f, modes)
+    noise = 1e-6 * complex_noise(np.random.default_rng(3), values.shape)
+    fit = fit_frf(FrfRecord(f, values + noise, "receptance"), band=(20.0, 60.0))
+    assert fit.record.frequencies[0] >= 20.0 and fit.record.frequencies[-1] <= 60.0
+    check(fit, modes[1:3])
+
+
+@pytest.mark.parametrize("kind", ["receptance", "accelerance", "transmissibility", "relative-transmissibility"])
+def test_the_modes_of_a_beam_are_recovered(paper_beam, kind):
+    model = Model(paper_beam(8))
+    modes = natural_modes(model, count=12)
+    law = ModalDamping(modes, np.linspace(0.01, 0.02, 12))
+    points, f = (0.15, 0.3, 0.5), np.linspace(0.5, 40.0, 1581)
+    frf = linear_frf(model, law, f, kind=kind, points=points)
+    rng = np.random.default_rng(4)
+    noise = 0.01 * np.median(np.abs(frf.values)) * complex_noise(rng, frf.values.shape)
+    fit = fit_frf(FrfRecord(f, frf.values + noise, kind, points=points))
+    assert len(fit.frequencies) == 3
+    for k, (frequency, ratio) in enumerate(zip(modes.frequencies[:3], law.ratios, strict=False), start=1):
+        assert abs(fit.frequencies[k - 1] - frequency) < 4.5 * fit.standard_errors[f"frequency_{k}"]
+        assert abs(fit.damping_ratios[k - 1] - ratio) < 4.5 * fit.standard_errors[f"damping_ratio_{k}"]
+    shapes = np.array([model.interpolation(s)[0] @ modes.shapes[:, :3] for s in points])
+    if kind in ("receptance", "accelerance"):
+        off = fit.constants[:, :, 0].real - (shapes * shapes[-1]).T
+        assert (np.abs(off) < 4.5 * fit.constant_errors[:, :, 0].real).all()
+    assert np.abs(fit.shapes.real - (shapes / shapes[np.abs(shapes).argmax(axis=0), range(3)]).T).max() < 0.02
+
+
+def test_it_is_the_minimum_that_an_independent_least_squares_method_finds(four_modes):
+    f, modes = four_modes
+    values = modal_sum(f, modes)[:2, 0]
+    level = 3e-6 * np.array([1.0, 2.0])[:, None] * (1 + 10 / f)
+    values = values + level * complex_noise(np.random.default_rng(5), values.shape)
+    fit = fit_frf(FrfRecord(f, values, "receptance", std=level))
+    omega, reference = 2 * np.pi * f, 2 * np.pi * 14.0
+    powers = fit.refinement.trial.model.powers
+
+    def residuals(x):  # poles and complex residues, in another form than in the library
+        decay, pulsation = np.exp(x[:4]), np.exp(x[4:8])
+        residues = (x[8:16] + 1j * x[16:24]).reshape(2, 4, 1) * 1e-2
+        terms = x[24:].reshape(2, len(powers)) * 1e-6
+        pole = (-decay + 1j * pulsation)[:, None]
+        s = 1j * omega
+        curve = (residues / (s - pole) + residues.conj() / (s - pole.conj())).sum(axis=1)
+        curve += sum(terms[:, k, None] * (s / reference) ** p for k, p in enumerate(powers))
+        r = (curve - values) / level
+        return np.concatenate([r.real.ravel(), r.imag.ravel()])
+
+    own = 2 * np.pi * np.array([mode[0] for mode in modes])
+    ratio = np.array([mode[1] for mode in modes])
+    constants = np.array([mode[2][:2] for mode in modes]).T
+    start = np.concatenate(
+        [np.log(own * ratio), np.log(own * np.sqrt(1 - ratio**2)), 0 * own, 0 * own,
+         (-constants / (2 * own) / 1e-2).ravel(), np.zeros(2 * len(powers))]
+    )  # fmt: skip
+    found = least_squares(residuals, start, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    poles_found = -np.exp(found.x[:4]) + 1j * np.exp(found.x[4:8])
+    np.testing.assert_allclose(fit.poles, poles_found, rtol=1e-7)
+    covariance = np.linalg.inv(found.jac.T @ found.jac) * 2 * found.cost / (len(found.fun) - len(start))
+    for k in range(4):  # of the logarithm of the imaginary part, and nearly of the frequency
+        error = fit.standard_errors[f"frequency_{k + 1}"] / fit.frequencies[k]
+        assert error == pytest.approx(np.sqrt(covariance[4 + k, 4 + k]), rel=0.05)
+
+
+def test_it_agrees_with_sdypy_ema_where_noise_is_low(four_modes):
+    EMA = pytest.importorskip("sdypy.EMA")
+    f, modes = four_modes
+    f = np.arange(1, 801) * 0.125
+    values = modal_sum(f, modes)
+    values += 1e-8 * complex_noise(np.random.default_rng(6), values.shape)
+    fit = fit_frf(FrfRecord(f, values, "receptance"))
+    model = EMA.Model(values[:, 0], f, lower=f[0], upper=99.9, pol_order_high=30, frf_form="receptance")
+    model.get_poles(show_progress=False)
+    highest = list(zip(model.pole_freq[-1], model.pole_xi[-1], strict=True))
+    nearest = [min(highest, key=lambda pole: abs(pole[0] - f0)) for f0, *_ in modes]
+    np.testing.assert_allclose(fit.frequencies, [pole[0] for pole in nearest], rtol=1e-4)
+    np.testing.assert_allclose(fit.damping_ratios, [pole[1] for pole in nearest], rtol=1e-2)
+
+
+def test_the_lines_need_not_be_equally_spaced(four_modes):
+    _, modes = four_modes
+    f = np.geomspace(3.0, 100.0, 1500)
+    values = modal_sum(f, modes)
+    check(
+        fit_frf(FrfRecord(f, values + 1e-6 * complex_noise(np.random.default_rng(7), values.shape), "receptance")),
+        modes,
+    )
+
+
+def noise_of(kind, rng, values, f):
+    """Noise as it occurs in measurements."""
+    one = complex_noise(rng, values.shape)
+    shared = complex_noise(rng, f.shape)
+    return {
+        "constant": 3e-6 * one,
+        "relative": 0.03 * np.abs(values) * one + 2e-6 * complex_noise(rng, values.shape),
+        "falling": 1e-5 * one * (10 / f),
+        "shared": 0.03 * values * shared + 1e-6 * one,
+    }[kind]
+
+
+@pytest.mark.parametrize("kind", ["falling", "shared"])
+def test_the_intervals_contain_the_truth(four_modes, kind):
+    f, modes = four_modes
+    values = modal_sum(f, modes)
+    hits = [hit for seed in range(4) for hit in contained(f, modes, values, kind, seed)]
+    assert np.mean(hits) > 0.85
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["relative", "shared"])
+def test_the_coverage_of_the_intervals_is_95_percent(four_modes, kind):
+    f, modes = four_modes
+    values = modal_sum(f, modes)
+    hits = [hit for seed in range(200) for hit in contained(f, modes, values, kind, seed)]
+    assert 0.93 < np.mean(hits) < 0.97
+
+
+def contained(f, modes, values, kind, seed):
+    """Whether each interval of a fit contains the true value."""
+    record = FrfRecord(f, values + noise_of(kind, np.random.default_rng(seed), values, f), "receptance")
+    fit = fit_frf(record, frequencies=[mode[0] for mode in modes])
+    truth = [value for mode in modes for value in mode[:2]]
+    return [low <= value <= high for (low, high), value in zip(fit.intervals.values(), truth, strict=True)]
+
+
+def test_noise_that_all_functions_share_counts_once(four_modes):
+    f, modes = four_modes
+    values = modal_sum(f, modes)[:1]
+    values = values + 3e-6 * complex_noise(np.random.default_rng(8), values.shape)
+    near = [mode[0] for mode in modes]
+    one = fit_frf(FrfRecord(f, values, "receptance"), frequencies=near)
+    many = fit_frf(FrfRecord(f, np.tile(values, (4, 1, 1)), "receptance"), frequencies=near)
+    for name, error in one.standard_errors.items():
+        assert many.standard_errors[name] == pytest.approx(error, rel=0.1)
+
+
+def test_noise_that_is_correlated_along_the_frequency_gives_larger_errors(four_modes):
+    f, modes = four_modes
+    values, near = modal_sum(f, modes)[:1], [mode[0] for mode in modes]
+    white = 3e-6 * complex_noise(np.random.default_rng(9), (1, 1, len(f) + 8))
+    coloured = np.apply_along_axis(np.convolve, 2, white, np.full(9, 1 / 3.0), mode="valid")
+    plain = fit_frf(FrfRecord(f, values + white[:, :, : len(f)], "receptance"), frequencies=near)
+    smooth = fit_frf(FrfRecord(f, values + coloured, "receptance"), frequencies=near)
+    name = "damping_ratio_4"  # of a wide resonance
+    assert smooth.standard_errors[name] > 1.8 * plain.standard_errors[name]
+
+
+def test_coherence_and_standard_deviations_give_the_weights(four_modes):
+    f, modes = four_modes
+    f = f[::2]
+    values, near = modal_sum(f, modes), [mode[0] for mode in modes]
+    level = np.tile(np.where(f < 37.0, 3e-5, 1e-6), (3, 1, 1))
+    off = {"std": [], "coherence": [], "equal": []}
+    for seed in range(4):
+        noisy = values + level * complex_noise(np.random.default_rng(seed), values.shape)
+        quality = {
+            "std": {"std": level},
+            "coherence": {"coherence": 1 / (1 + (level / np.abs(noisy)) ** 2)},
+            "equal": {"std": np.ones_like(level)},
+        }
+        for name, given in quality.items():
+            fit = fit_frf(FrfRecord(f, noisy, "receptance", **given), frequencies=near)
+            off[name].append(fit.frequencies[2] - 38.0)
+    rms = {name: np.sqrt(np.mean(np.square(values))) for name, values in off.items()}
+    assert rms["std"] < 0.5 * rms["equal"] and rms["coherence"] < 0.5 * rms["equal"]
+
+
+def test_the_number_of_modes_can_be_given(four_modes):
+    f, modes = four_modes
+    values = modal_sum(f, modes)
+    record = FrfRecord(f, values + 1e-6 * complex_noise(np.random.default_rng(10), values.shape), "receptance")
+    check(fit_frf(record, count=4), modes)
+    check(fit_frf(record, frequencies=[12.3, 34.5, 38.5, 77.0]), modes)
+    two = fit_frf(record, count=2)
+    assert len(two.frequencies) == 2 and any("not noise" in warning for warning in two.warnings)
+
+
+def test_noise_alone_has_no_mode():
+    f = np.linspace(1.0, 20.0, 400)
+    noise = complex_noise(np.random.default_rng(11), (2, 400))
+    with pytest.raises(FitError, match=r"no mode was found in the band|finds no poles in the band"):
+        fit_frf(FrfRecord(f, noise, "receptance"))
+
+
+def test_without_sdypy_ema_approximate_frequencies_are_enough(four_modes, monkeypatch):
+    f, modes = four_modes
+    values = modal_sum(f, modes)
+    record = FrfRecord(f, values + 1e-6 * complex_noise(np.random.default_rng(12), values.shape), "receptance")
+    monkeypatch.setattr(poles, "MODULE", "no_such_module.EMA")
+    with pytest.raises(InputError, match=r"^sdypy-EMA: is not installed.*pip install 'ancf-casadi\[frf\]', or give"):
+        fit_frf(record)
+    check(fit_frf(record, frequencies=[mode[0] for mode in modes]), modes)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"count": 0}, "count: must be a whole number, 1 to 20, got 0"),
+        ({"count": 2, "frequencies": [12.0]}, "count: is 2, but 1 frequencies are given"),
+        ({"count": 15, "band": (34.0, 38.0)}, "record: has too few frequencies, 33, for 15 modes"),
+        ({"frequencies": [200.0]}, "frequencies: 200 Hz is outside the band, 2 to 100 Hz"),
+        ({"frequencies": 12.0}, "frequencies: must be one or more frequencies, got 12.0"),
+        ({"frequencies": []}, "frequencies: must be one or more frequencies, got []"),
+        ({"band": (30.0, 10.0)}, "band: must be two frequencies, Hz, the lower one first"),
+        ({"band": (30.0, 30.1)}, "band: has fewer than 8 frequencies of the record"),
+    ],
+)
+def test_what_cannot_be_used_is_refused(four_modes, options, message):
+    f, modes = four_modes
+    with pytest.raises(InputError) as raised:
+        fit_frf(FrfRecord(f, modal_sum(f, modes), "receptance"), **options)
+    assert str(raised.value).startswith(message)
+    with pytest.raises(InputError, match="record: must be a FrfRecord"):
+        fit_frf(modal_sum(f, modes))
+
+
+@pytest.fixture(scope="module")
+def result(four_modes):
+    f, modes = four_modes
+    values = modal_sum(f, modes)
+    noise = 1e-6 * complex_noise(np.random.default_rng(13), values.shape)
+    return fit_frf(FrfRecord(f, values + noise, "receptance", points=(0.1, 0.3, 0.5)))
+
+
+def test_the_result_is_reported_drawn_and_written(result):
+    assert isinstance(result, Result)
+    report = result.report()
+    assert "Modes from 3 receptance functions at 785 frequencies, 2 to 100 Hz" in report
+    assert all(warning in report for warning in result.warnings)
+    table = json.loads(json.dumps(result.to_dict()))
+    assert [mode["frequency_hz"] for mode in table["modes"]] == result.frequencies.tolist()
+    assert np.shape(table["modes"][0]["constants_real"]) == (3, 1)
+    figure = result.figure()
+    assert [axes.get_title() for axes in figure.axes[:3]] == ["0.1 m", "0.3 m", "0.5 m"]
+    assert png(figure).startswith(b"\x89PNG")
+
+
+def test_the_synthesised_functions_are_those_of_the_modes(result, four_modes):
+    f, modes = four_modes
+    between = f[:-1] + 0.4 * np.diff(f)
+    true = modal_sum(between, modes)
+    assert np.abs(result.synthesised(between) - true).max() < 3e-6
+    assert result.synthesised().shape == result.record.values.shape
+    with pytest.raises(InputError, match="frequencies: must be positive"):
+        result.synthesised([0.0])
+
+
+def test_the_modes_serve_a_match_and_a_damping_law(paper_beam):
+    true = Model(paper_beam(8, elastic_modulus=220e9))
+    modes, f, points = natural_modes(true, count=4), np.linspace(0.5, 40.0, 1581), (0.15, 0.3, 0.5)
+    law = ModalDamping(modes, (0.01, 0.008, 0.012, 0.01)) + RayleighDamping(alpha=0.01)
+    frf = linear_frf(true, law, f, points=points)
+    noise = 0.005 * np.median(np.abs(frf.values)) * complex_noise(np.random.default_rng(14), frf.values.shape)
+    fit = fit_frf(FrfRecord(f, frf.values + noise, frf.kind, points=points))
+    match = match_frequencies(paper_beam(8), targets=fit.measured_modes(), unknowns=[Global("elastic_modulus")])
+    assert match.beam.elastic_modulus[0] == pytest.approx(220e9, rel=1e-3)
+    assert match.mac.diagonal().min() > 0.999
+    damping = ModalDamping(natural_modes(true, count=3), fit.damping_ratios, frequencies=fit.frequencies)
+    np.testing.assert_allclose(damping.ratios, law.damping_ratios(modes, np.zeros(4))[:3], rtol=0.05)
+
+
+def test_warnings_name_what_the_functions_cannot_show():
+    rng = np.random.default_rng(15)
+    f = np.linspace(1.0, 20.0, 77)
+    coarse = modal_sum(f, [(8.0, 0.01, (1.0,))])
+    fit = fit_frf(FrfRecord(f, coarse + 1e-6 * complex_noise(rng, coarse.shape), "receptance"), frequencies=[8.0])
+    assert any("its half-power bandwidth of 0.16 Hz holds few frequencies" in warning for warning in fit.warnings)
+    f = np.linspace(8.0, 20.0, 601)
+    edge = modal_sum(f, [(8.05, 0.02, (1.0,)), (15.0, 0.01, (1.0,))])
+    fit = fit_frf(FrfRecord(f, edge + 1e-6 * complex_noise(rng, edge.shape), "receptance"))
+    assert any("is at the end of the band; widen the band" in warning for warning in fit.warnings)
+    f = np.linspace(5.0, 20.0, 601)
+    outside = modal_sum(f, [(12.0, 0.01, (1.0,)), (21.5, 0.01, (1.0,))])
+    fit = fit_frf(FrfRecord(f, outside + 1e-7 * complex_noise(rng, outside.shape), "receptance"))
+    assert any("many residual terms" in warning for warning in fit.warnings)
+    assert fit.frequencies == pytest.approx([12.0], rel=1e-5)

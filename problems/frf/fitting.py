@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import is_sequence, physical, shown, vector, whole
 from problems.frf.modal_sum import POWERS, ModalSum
 from problems.frf.poles import candidate_poles, poles_near
@@ -111,7 +112,7 @@ def _ascending(fit: Trial) -> Trial:
     return replace(fit, frequencies=fit.frequencies[order], ratios=fit.ratios[order])
 
 
-def _given(frequencies: Any, record: FrfRecord) -> np.ndarray:
+def _given(frequencies: Any, record: FrfRecord) -> Array:
     """Return approximate natural frequencies within the record."""
     if not is_sequence(frequencies) or not len(frequencies):
         raise InputError(f"must be one or more frequencies, got {shown(frequencies)}", "frequencies")

@@ -7,6 +7,7 @@ import pytest
 from ancf_casadi import (
     Beam,
     EquilibriumError,
+    FrictionDamping,
     HarmonicBase,
     HarmonicLoad,
     InputError,
@@ -19,6 +20,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
+from ancf_casadi.damping import FRICTION_CONSTANT
 from ancf_casadi.plot import png
 
 
@@ -163,6 +165,14 @@ def test_quadratic_drag_has_no_effect_and_a_warning_says_so(hanging):
     (warning,) = both.warnings
     assert "the damping depends on the amplitude" in warning and warning in both.report()
     assert not linear_frf(hanging, linear, F).warnings
+
+
+def test_friction_counts_with_its_slope_at_rest_and_a_warning_says_so(hanging):
+    friction = FrictionDamping(eta0=1e-4, smoothing_speed=1e-3)
+    found = linear_frf(hanging, friction, F)
+    rate = FRICTION_CONSTANT * friction.eta0 / friction.smoothing_speed
+    np.testing.assert_allclose(found.values, linear_frf(hanging, RayleighDamping(alpha=rate), F).values, rtol=1e-4)
+    assert "the damping depends on the amplitude" in found.warnings[0]
 
 
 def test_the_result_is_reported_drawn_and_written(hanging):

@@ -64,11 +64,10 @@ def fit_frf(
     >>> terms = [a / (f0**2 - f**2 + 2j * z * f0 * f) for a, f0, z in ((3.0, 10.0, 0.01), (-2.0, 20.0, 0.005))]
     >>> noise = rng.normal(0.0, 0.01, (2, f.size)).T @ [1, 1j]
     >>> fit = fit_frf(FrfRecord(f, terms[0] + terms[1] + noise, "receptance"), frequencies=[10.1, 19.8])
-    >>> for k in (1, 2):
-    ...     print(f"{fit.frequencies[k - 1]:.3f} Hz, {fit.damping_ratios[k - 1]:.4f} "
-    ...           f"+- {fit.standard_errors[f'damping_ratio_{k}']:.4f}")
-    10.000 Hz, 0.0100 +- 0.0001
-    20.000 Hz, 0.0050 +- 0.0001
+    >>> for k, (frequency, ratio) in enumerate(zip(fit.frequencies, fit.damping_ratios), start=1):
+    ...     print(f"{frequency:.2f} Hz, {ratio:.5f} +- {fit.standard_errors[f'damping_ratio_{k}']:.5f}")
+    10.00 Hz, 0.00996 +- 0.00004
+    20.00 Hz, 0.00503 +- 0.00006
     """
     record = as_record(record)
     if band is not None:

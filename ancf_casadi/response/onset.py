@@ -8,7 +8,6 @@ amplitude.
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
@@ -17,7 +16,15 @@ from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.response.excited import Body, Excited, excited
 from ancf_casadi.response.harmonic_balance.accuracy import FIRST_HARMONICS, least_samples, size_of
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
-from ancf_casadi.response.harmonic_balance.continuation import Point, Step, follow, located, point_at, unit
+from ancf_casadi.response.harmonic_balance.continuation import (
+    SMALLEST_SIZE,
+    Point,
+    Step,
+    follow,
+    located,
+    point_at,
+    unit,
+)
 from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.response.harmonic_balance.fourier import fourier
 from ancf_casadi.response.harmonic_balance.newton import Condition, NotFound
@@ -28,6 +35,8 @@ from ancf_casadi.support.inputs import positive
 
 TOLERANCE = 1e-6
 FIRST_SHARE = 0.01  # of the amplitude of the excitation, at which the continuation begins
+FIRST_SIZE = 0.01  # largest size of the motion there, relative to the scale of the system
+SMALLEST_SHARE = 1e-9
 FIRST_STEP = 4.0
 MOST_STEPS = 300
 MOST_ITERATIONS = 50
@@ -101,17 +110,19 @@ def grown(subject: Excited, omega: float, amplitude: float, tolerance: float) ->
     NumericsError
         If the motion cannot be followed up to the amplitude.
     """
-    first = FIRST_SHARE * amplitude
     series = fourier(FIRST_HARMONICS, least_samples(FIRST_HARMONICS), subject.symmetric)
     balance = HarmonicBalance(subject.system, subject.drive, series)
     at_rest, setting = rest(balance, omega), Setting(omega, 0.0)
     linear = balance.linearised(at_rest, setting)
+    change = np.zeros_like(at_rest)
     try:
-        change = np.zeros_like(at_rest)
-        change[balance.allowed] = -scipy.linalg.solve(linear.by_coefficients, linear.by_amplitude)
+        change[balance.allowed] = -np.linalg.solve(linear.by_coefficients, linear.by_amplitude)
     except np.linalg.LinAlgError:
         raise _undamped(omega) from None
-    size = size_of(balance, first * change)
+    first = amplitude * min(FIRST_SHARE, FIRST_SIZE / max(size_of(balance, amplitude * change), SMALLEST_SIZE))
+    if first < SMALLEST_SHARE * amplitude:
+        raise _undamped(omega)
+    size = max(size_of(balance, first * change), SMALLEST_SIZE)
     family = Family(balance, setting, ("amplitude",), (amplitude,), size)
     start = family.joined(at_rest, setting)
     moved = family.moved(start, family.joined(first * change, Setting(omega, first)))
@@ -180,11 +191,16 @@ def rest(balance: HarmonicBalance, omega: float) -> Array:
     for _ in range(MOST_ITERATIONS):
         linear = balance.linearised(C, setting)
         K = balance.system.matrix(linear.matrices[0][0])
-        change = -scipy.linalg.solve(K, balance.residual(C, setting)[0])
+        try:
+            change = -np.linalg.solve(K, balance.residual(C, setting)[0])
+        except np.linalg.LinAlgError:
+            break
         C[0] += change
         if (np.abs(change) / balance.system.scale).max() <= AT_REST:
             return C
-    raise NumericsError("the system has no equilibrium near its state of rest; give another one")
+    raise NumericsError(
+        "the system has no equilibrium near its state of rest, or may drift; give another state of rest, or a stiffness"
+    )
 
 
 def _undamped(omega: float) -> NumericsError:

@@ -29,10 +29,10 @@ from ancf_casadi.response.curve import BifurcationPoint, ResponseCurve
 from ancf_casadi.response.excited import Body, Excited, excited
 from ancf_casadi.response.floquet import Bifurcation, bifurcations
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance
-from ancf_casadi.response.harmonic_balance.continuation import Point, Step, carried, follow, located, unit
+from ancf_casadi.response.harmonic_balance.continuation import Point, Step, carried, follow, located, point_at, unit
 from ancf_casadi.response.harmonic_balance.family import Family
-from ancf_casadi.response.harmonic_balance.newton import NotFound, jacobian_at
-from ancf_casadi.response.onset import TOLERANCE, grown, motion_of, set_to
+from ancf_casadi.response.harmonic_balance.newton import Condition, NotFound, jacobian_at
+from ancf_casadi.response.onset import TOLERANCE, grown, motion_of, reached, set_to
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.response.systems.drive import HarmonicForce
 from ancf_casadi.support.arrays import Array
@@ -70,8 +70,9 @@ def frequency_response(
     damping, base, load, force
         As in ``periodic_motion``; the frequency of the excitation is not used.
     start : PeriodicMotion, optional
-        A motion of the same system from which the curve begins, such as one of a closed curve (isola), instead of the
-        one that a slowly growing excitation reaches.  The curve then goes towards the last frequency.
+        A motion from which the curve begins, such as one of a closed curve (isola), instead of the one that a slowly
+        growing excitation reaches.  If its system or amplitude of excitation differs, the nearest motion of this one is
+        taken.  The curve then goes towards the last frequency.
     points : int
         Smallest number of points over the range; folds and resonances get more.
     tolerance : float
@@ -106,7 +107,9 @@ def frequency_response(
     if start is None:
         point = grown(subject, omega, subject.drive.amplitude, tolerance)
     else:
-        point = _own(subject, start)
+        point = _near(subject, start, tolerance)
+        if not min(omega, end) <= point.setting.omega <= max(omega, end):
+            raise InputError(f"vibrates at {start.frequency:.6g} Hz, outside the range of frequencies", "start")
     return _traced(subject, point, "omega", (omega, end), points, tolerance)
 
 
@@ -229,13 +232,15 @@ def parameter_response(
     return _traced(subject, point, "value", (first, last), points, tolerance)
 
 
-def _own(subject: Excited, start: PeriodicMotion) -> Point:
-    """Return a given motion as a point of the curve of a system.
+def _near(subject: Excited, start: PeriodicMotion, tolerance: float) -> Point:
+    """Return the motion of a system near a given one, continued to the amplitude of its excitation.
 
     Raises
     ------
     InputError
         If the motion belongs to another kind of system.
+    NumericsError
+        If the system has no such motion.
     """
     check_instance(start, "start", PeriodicMotion)
     if start.balance.system.size != subject.system.size:
@@ -243,7 +248,12 @@ def _own(subject: Excited, start: PeriodicMotion) -> Point:
     balance = HarmonicBalance(subject.system, subject.drive, start.balance.fourier)
     family = Family(balance, start.setting, ("amplitude",), (start.setting.amplitude,), 1.0)
     z = family.joined(start.coefficients, start.setting)
-    return Point(family, z, jacobian_at(family, z), start.errors)
+    try:
+        point = point_at(family, z, Condition(unit(family, "amplitude"), z, 0.0), tolerance)
+    except NotFound:
+        raise NumericsError("the system has no steady state near the given start; give another one") from None
+    amplitude = subject.drive.amplitude
+    return point if start.drive_amplitude == amplitude else reached(point, "amplitude", amplitude, tolerance)
 
 
 def _traced(

@@ -7,6 +7,7 @@ residuals and is kept as long as each step reduces the error fivefold.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,7 +68,9 @@ class Jacobian:
         """Return the LU factors in scaled unknowns, with a last row; other rows are divided by their largest entry."""
         scaled = self.matrix * scale
         rows = np.abs(scaled).max(axis=1)
-        factors = scipy.linalg.lu_factor(np.vstack([scaled / rows[:, None], row]), check_finite=False)
+        with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
+            warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # steps from a singular matrix are not finite
+            factors = scipy.linalg.lu_factor(np.vstack([scaled / rows[:, None], row]), check_finite=False)
         return Factors(factors, np.append(rows, 1.0))
 
 
@@ -123,9 +126,9 @@ def solve(family: Family, guess: Array, condition: Condition, jacobian: Jacobian
         gap = condition.row @ ((z - condition.origin) / scale) - condition.distance
         step = -factors.solve(np.append(family.residual(z), gap))
         length = float(np.abs(step).max())
-        if fresh and not length <= FAR:
+        if not np.isfinite(length) or (fresh and length > FAR):
             raise NotFound
-        if not length <= min(FAR, CONTRACTION * last):
+        if length > min(FAR, CONTRACTION * last):
             if last <= ROUNDING and length > last / 2:
                 return z
             if evaluations == MOST_JACOBIANS:

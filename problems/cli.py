@@ -31,12 +31,13 @@ from problems.command.inspect import add_inspect
 from problems.command.match import add_match
 from problems.command.modes import add_modes
 from problems.command.output import Subcommands, shortened
+from problems.command.response import add_response
 from problems.command.simulate import add_simulate
 from problems.command.study import add_reproduce, add_study
 
 COMMANDS = (
     add_inspect, add_init, add_fit_decay, add_fit_modes, add_fit_motion, add_compare_laws, add_modes, add_match,
-    add_simulate, add_export, add_study, add_reproduce,
+    add_simulate, add_response, add_export, add_study, add_reproduce,
 )  # fmt: skip
 SIGNALLED = 128  # plus the number of the signal: the exit code that shells give
 

@@ -88,6 +88,16 @@ def test_ex09_the_decay_after_the_blow_gives_frequency_and_damping(example):
     assert abs(run.tip[run.time < 0.5, 0]).max() < 1e-9
 
 
+def test_ex10_the_resonance_leans_and_the_air_straightens_it(example):
+    curves = example("ex10")["curves"]
+    first, second = curves["material"].bifurcations
+    assert first.kind == second.kind == "fold"
+    assert curves["material"].jumps == ((first.motion.frequency,), (second.motion.frequency,))
+    assert 0.002 < 1 - second.motion.frequency / first.motion.frequency < 0.03
+    assert curves["material and air"].jumps == ((), ())
+    assert curves["material and air"].amplitude().max() < 0.7 * curves["material"].amplitude().max()
+
+
 def test_the_toml_examples_run(capsys):
     assert main(["modes", str(EXAMPLES / "beam.toml")]) == 0
     assert "1.87613" in capsys.readouterr().out

@@ -16,6 +16,7 @@ STUDY = """\
 #   ancf-casadi modes {name}                        natural frequencies and shapes
 #   ancf-casadi match {name}                        nearest beam with measured frequencies
 #   ancf-casadi simulate {name} --out motion.csv    large motion
+#   ancf-casadi response {name}                     steady vibration over frequency
 #   ancf-casadi fit-motion {name}                   damping from records, here from that motion
 #   ancf-casadi study {name}                        all of it as one document, results/report.html
 #
@@ -65,6 +66,11 @@ stop = 1.0                  # s; the clamp stops at the next instant of zero vel
 
 # [release]                 # the beam is held by a load at the tip and released at time 0
 # tip_force = [5e-3, 0.0]   # N
+
+[response]                  # for response: steady vibration through the resonance of mode 2
+frequencies = [10.2, 10.9]  # Hz
+base_amplitudes = [5e-5, 2e-4]    # m, one curve each; or tip_forces, N
+modes = 5                   # of the reduced model; model = "full" takes the whole beam
 
 # [load]                    # force at the tip over time
 # frequency = 1.876         # Hz; or time = [0.0, 0.1] and force = [[1e-3, 0.0], [1e-3, 0.0]]: a short push

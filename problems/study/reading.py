@@ -1,7 +1,7 @@
 """Reading a study from a TOML file: the table [study], the laws, and the parts in the order of the document.
 
 A file without [[parts]] has the parts that its other tables suggest: the beam and its modes, the decays, the match, the
-simulation, and the fit to measured motion.
+simulation, the steady vibration, and the fit to measured motion.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from problems.tables.study import Study as StudyFile
 
 USUAL = {  # parts that a table suggests
     "beam": ("beam", "modes"), "decays": ("decays",), "match": ("match",), "simulation": ("simulation",),
-    "records": ("motion",),
+    "response": ("response",), "records": ("motion",),
 }  # fmt: skip
 STUDY = {"title", "text", "source", "printed_by", "seed"}
 HEADING = {"name", "title", "text", "tables", "figures", "notes", "section", "draw", "quick"}

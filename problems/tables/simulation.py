@@ -70,7 +70,7 @@ def simulation(study: Study, source: Document) -> Simulation:
     if "load" in study.tables:
         settings["load"] = read_load(study, study.tables["load"], study.where("load"))
     base = read_base(study, study.tables["base"], study.where("base")) if "base" in study.tables else None
-    markers = _markers(study, source.model)
+    markers = read_markers(study, source.model)
     if "release" in study.tables:
         if "start" in settings:
             raise InputError("is given by the table [release]; leave it out", f"{study.where('simulation')}: start")
@@ -91,7 +91,14 @@ def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:
         )
 
 
-def _markers(study: Study, model: Model) -> dict[str, float]:
+def read_markers(study: Study, model: Model) -> dict[str, float]:
+    """Return the points of the table [markers]: arc length by name, m.
+
+    Raises
+    ------
+    InputError
+        If a name or an arc length cannot be used.
+    """
     table, where = study.tables.get("markers", {}), study.where("markers")
     if not isinstance(table, dict):
         raise InputError(f"must be a table, got {shown(table)}", where)

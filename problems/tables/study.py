@@ -19,6 +19,7 @@ TABLES = {
     "load",
     "release",
     "simulation",
+    "response",
     "markers",
     "records",
     "predictions",

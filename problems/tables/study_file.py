@@ -10,7 +10,7 @@ from ancf_casadi.export.document.model_document import Document, read_document
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
-from problems.tables import base, beam, damping, load, match, records, release, simulation
+from problems.tables import base, beam, damping, load, match, records, release, response, simulation
 from problems.tables.study import Study, is_document
 
 HEAD = "tables of a TOML file:\n"
@@ -18,6 +18,7 @@ BEAM_KEYS = HEAD + beam.KEYS
 SOURCE_KEYS = HEAD + beam.KEYS + damping.KEYS
 MATCH_KEYS = HEAD + beam.KEYS + match.KEYS
 SIMULATION_KEYS = HEAD + beam.KEYS + damping.KEYS + base.KEYS + load.KEYS + release.KEYS + simulation.KEYS
+RESPONSE_KEYS = HEAD + beam.KEYS + damping.KEYS + response.KEYS
 MOTION_KEYS = HEAD + beam.KEYS + damping.KEYS + base.KEYS + load.KEYS + release.KEYS + records.KEYS
 
 
@@ -87,6 +88,28 @@ def simulation_of(study: Study) -> simulation.Simulation:
         As ``read_simulation``.
     """
     return simulation.simulation(study, _source(study))
+
+
+def read_response(path: str) -> response.ResponseTask:
+    """Read a beam, its damping, and its harmonic excitation over a range of frequencies.
+
+    Raises
+    ------
+    InputError
+        As ``read_source``.
+    """
+    return response_of(Study.read(path))
+
+
+def response_of(study: Study) -> response.ResponseTask:
+    """Return the steady vibration in the tables of a file.
+
+    Raises
+    ------
+    InputError
+        As ``read_response``.
+    """
+    return response.response_task(study, _source(study))
 
 
 def read_motions(path: str) -> records.Motions:

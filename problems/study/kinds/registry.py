@@ -17,9 +17,10 @@ from problems.study.kinds import (
 )
 from problems.study.kinds.drag import change, combined, effects
 from problems.study.kinds.experiments import amplitudes, integrators, shapes, transients
+from problems.study.kinds.steady import resonances, response
 
 MODULES = (
-    beam, modes, decays, rayleigh, matching, simulation, motion, comparison, transients, amplitudes, shapes,
-    integrators, effects, change, combined, drawings, omitted,
+    beam, modes, decays, rayleigh, matching, simulation, response, motion, comparison, transients, amplitudes, shapes,
+    integrators, resonances, effects, change, combined, drawings, omitted,
 )  # fmt: skip
 KINDS: dict[str, Kind] = {module.KIND.name: module.KIND for module in MODULES}

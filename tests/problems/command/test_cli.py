@@ -22,6 +22,7 @@ from ancf_casadi import (
     Beam,
     FitError,
     FixedBase,
+    FrictionDamping,
     HarmonicBase,
     Measurement,
     Model,
@@ -42,7 +43,7 @@ from problems.command import simulate as simulate_command
 from problems.command.fits import fit_decay as fit_decay_command
 from problems.study import runner
 from problems.study import study as study_module
-from problems.tables import records
+from problems.tables import records, response
 from problems.tables.base import AXES
 from problems.tables.columns import READING
 from problems.tables.match import MATCH_KEYS
@@ -280,7 +281,9 @@ def test_version_and_entry_point(capsys):
     assert script.load() is main
 
 
-COMMANDS = "init fit-decay fit-modes fit-motion compare-laws modes match simulate export study reproduce".split()
+COMMANDS = (
+    "init fit-decay fit-modes fit-motion compare-laws modes match simulate response export study reproduce".split()
+)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -293,7 +296,9 @@ def test_every_command_has_help_and_json(command, capsys):
 
 def test_help_names_every_key_that_a_file_may_have(capsys):
     beam = {field.name for field in fields(Beam)} | {"elements", "document"}
-    laws = {field.name for kind in (RayleighDamping, QuadraticDamping) for field in fields(kind)} | {"ratios"}
+    laws = {field.name for kind in (RayleighDamping, QuadraticDamping, FrictionDamping) for field in fields(kind)} | {
+        "ratios"
+    }
     bases = {field.name for kind in (HarmonicBase, SweepBase, FixedBase) for field in fields(kind)} | {*AXES, *READING}
     motion = beam | laws | bases | {"tip_force", "tip_moment"}
     expected = {
@@ -301,6 +306,7 @@ def test_help_names_every_key_that_a_file_may_have(capsys):
         "match": {*beam, *MATCH_KEYS},
         "export": beam | laws,
         "simulate": {*motion, "duration", *SETTINGS, "markers"},
+        "response": {*beam, *laws, *response.REQUIRED, *response.OPTIONAL, "markers"},
         "fit-motion": {*motion, "file", *records.RECORD, *records.FIT},
     }
     for command, keys in expected.items():

@@ -45,6 +45,8 @@ class RunNumbers(TypedDict):
     requested_amplitude_m: float
     reached_amplitude_m: float
     base_amplitude_m: float
+    drive_hz: float
+    natural_frequency_hz: float
     stop_s: float
     amplitude_m: float
     frequency_hz: float
@@ -114,6 +116,8 @@ class Transients(ExperimentPart):
                 "requested_amplitude_m": run.amplitude,
                 "reached_amplitude_m": result.reached,
                 "base_amplitude_m": result.base_amplitude,
+                "drive_hz": run.frequency or result.natural_frequency,
+                "natural_frequency_hz": result.natural_frequency,
                 "stop_s": result.stop,
                 "amplitude_m": result.amplitude,
                 "frequency_hz": result.frequency,

@@ -1,0 +1,85 @@
+"""``ancf-casadi response``: the steady vibration of a beam over a range of frequencies."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ancf_casadi.response.curve import ResponseCurve
+from ancf_casadi.support.tables import Table
+from problems.command.output import Output, Subcommands, add_plot, figure_writer, file_writer, json_text, new_files
+from problems.study.data_table import Column, DataTable
+from problems.study.kinds.steady.curves import CurveData, curve_data, level_titles, summary_columns
+from problems.tables.response import ResponseTask
+from problems.tables.study_file import RESPONSE_KEYS, read_response
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def add_response(commands: Subcommands) -> None:
+    """Add the subcommand."""
+    parser = commands.add(
+        "response", _run, "follow the steady vibration of a beam over frequency", epilog=RESPONSE_KEYS
+    )
+    parser.add_argument(
+        "file",
+        metavar="STUDY.toml",
+        help="a file with the tables [beam] and [response], and if wanted [[damping]] and [markers]; init writes one",
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE.csv", help="write amplitude and phase of tip and markers")
+    add_plot(parser, "draw amplitude and phase of the tip")
+
+
+def _run(options: argparse.Namespace) -> Output:
+    task = read_response(options.file)
+    out, plot = new_files([options.file], options.out, options.plot)
+    found = [task.curve(level) for level in task.levels]
+    curves = [curve_data(task, curve) for curve in found]
+    titles = level_titles(task.levels, task.unit)
+    files = []
+    if out is not None:
+        files.append(file_writer(out, lambda: _points(task, curves).csv()))
+    if plot is not None:
+        files.append(figure_writer(plot, lambda: _figure(titles, found)))
+    if options.json:
+        levels = [{"level": level, "unit": task.unit, "curve": curve.numbers}
+                  for level, curve in zip(task.levels, curves, strict=True)]  # fmt: skip
+        return Output(json_text({"modes": task.modes or None, "driven": task.driven, "levels": levels}), files)
+    place = "base amplitude" if task.driven == "base" else "force at the tip"
+    columns = (Column(place, titles), *summary_columns(curves))
+    lines = [DataTable("response", "Peaks and jumps of the response", columns).text()]
+    for title, curve in zip(titles, curves, strict=True):
+        lines += [
+            f"  {title}: {one.name} at {one.frequency:.6g} Hz, tip {1e3 * one.amplitude:.4g} mm"
+            for one in curve.bifurcations
+        ]
+    return Output("\n".join(lines), files)
+
+
+def _points(task: ResponseTask, curves: Sequence[CurveData]) -> Table:
+    """Return the points of all curves, one row each."""
+    names = list(curves[0].amplitude)
+    columns = [f"level_{task.unit.lower()}", "frequency_hz", "stable"]
+    columns += [f"{name}_{quantity}" for name in names for quantity in ("amplitude_m", "phase_rad")]
+    rows = [
+        [level, frequency, int(stable), *values]
+        for level, curve in zip(task.levels, curves, strict=True)
+        for frequency, stable, *values in zip(
+            curve.frequency.tolist(),
+            curve.stable.tolist(),
+            *(own.tolist() for name in names for own in (curve.amplitude[name], np.unwrap(curve.phase[name]))),
+            strict=True,
+        )
+    ]
+    return Table("response", "Steady vibration", columns, rows)
+
+
+def _figure(titles: Sequence[str], curves: Sequence[ResponseCurve]) -> Figure:
+    from ancf_casadi.response.drawing import response_figure  # matplotlib is slow to import
+
+    return response_figure(dict(zip(titles, curves, strict=True)))

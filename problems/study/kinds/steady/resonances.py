@@ -1,0 +1,284 @@
+"""A part with the response curves of simulated experiments: steady vibration at their base amplitudes.
+
+An experiment drives a mode for a limited time (``experiments.transients``).  The curve shows the steady vibration under
+the same excitation, at its frequency and beside it, by the amplitude of the driven mode as in the experiment: the other
+modes move the tip too, by about the amplitude of the base.  The range extends from the natural frequency by a multiple
+of the relative width of the resonance, which is the damping ratio plus the change of the frequency with the amplitude.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any, TypedDict, final
+
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.reduction.stepping import ReducedTrajectory
+from ancf_casadi.response.periodic import PeriodicMotion
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_keys, is_sequence, located, whole
+from problems.study.data_table import Column, DataTable
+from problems.study.drawing import Drawing, drawn, new_figure, series
+from problems.study.kind import Kind
+from problems.study.kinds.steady.curves import CurveData, CurveNumbers, curve_data, summary_columns
+from problems.study.kinds.steady.figure import draw_curve
+from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task, Terms
+from problems.study.source import BeamChoice, LawChoice, Source, text_of
+from problems.tables.damping import law_of
+from problems.tables.response import MODES, ResponseTask
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+KEYS = """\
+  kind = "resonances"   steady vibration at the base amplitudes of simulated
+                        experiments: transients ("PART"), beam ("PART"), laws
+                        (names of [[laws]]), modes (of the reduced model)
+"""
+SECONDS = 4.0  # expected computing time of a curve
+SAMPLES = 64  # of a period
+POINTS = 24  # least number on a curve
+WIDTH = 5.0  # half-width of the range of frequencies relative to that of the resonance
+MARGIN = 1.3  # of the expected change of frequency
+FARTHEST = 0.03  # of the last frequency below the natural one, relative to it
+
+
+class ResonanceNumbers(TypedDict):
+    """The response curve of an experiment under a law, with the amplitude that the experiment has reached.
+
+    ``amplitude_m`` is the amplitude of the driven mode at the tip, at each point of the curve.
+    """
+
+    mode: int
+    law: str
+    base_amplitude_m: float
+    drive_hz: float
+    reached_amplitude_m: float
+    amplitude_m: list[float]
+    curve: CurveNumbers
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """The excitation of an experiment, for which a curve is computed.
+
+    Parameters
+    ----------
+    beam : Beam
+        The beam.
+    terms : tuple of dict
+        The damping law as tables [[damping]].
+    amplitude : float
+        Amplitude of the base, m.
+    frequencies : (float, float)
+        Range of frequencies, Hz.
+    mode : int
+        Number of the driven mode, from 1.
+    modes : int
+        Number of modes of the reduced model.
+    """
+
+    beam: Beam
+    terms: Terms
+    amplitude: float
+    frequencies: tuple[float, float]
+    mode: int
+    modes: int
+
+
+@dataclass(frozen=True)
+class Resonance:
+    """The response curve of an excitation.
+
+    Parameters
+    ----------
+    curve : CurveData
+        The curve.
+    amplitude : ndarray (k,)
+        Amplitude of the driven mode at the tip, m.
+    """
+
+    curve: CurveData
+    amplitude: Array
+
+
+def resonance(given: Excitation) -> Resonance:
+    """Return the response curve of the excitation of an experiment.
+
+    Raises
+    ------
+    InputError, EquilibriumError, NumericsError
+        As ``frequency_response``.
+    """
+    model = Model(given.beam)
+    law = law_of(given.terms, model, "damping")
+    count = max(given.modes, given.mode)
+    task = ResponseTask(model, law, given.frequencies, (given.amplitude,), "base", (1.0, 0.0), count, POINTS, {})
+    curve = task.curve(given.amplitude)
+    amplitude = np.array([_amplitude(motion, given.mode) for motion in curve.motions])
+    return Resonance(curve_data(task, curve), amplitude)
+
+
+def _amplitude(motion: PeriodicMotion, mode: int) -> float:
+    """Return the amplitude of a mode at the tip in the motion relative to the clamp, m."""
+    period = motion.trajectory(SAMPLES)
+    clamp = np.zeros((len(period.time), 4))
+    clamp[:, :2] = period.base[:, :2]
+    relative = period.coordinates - np.tile(clamp, period.coordinates.shape[1] // 4)
+    assert isinstance(period, ReducedTrajectory)
+    return float(np.ptp(period.reduced.modes.modal_coordinate(relative, mode - 1)) / 2)
+
+
+@final
+@dataclass(frozen=True)
+class Resonances(Part):
+    """Response curves of simulated experiments.
+
+    Parameters
+    ----------
+    choice : BeamChoice
+        The beam.
+    transients : str
+        Name of the part with the experiments.
+    laws : tuple of LawChoice
+        The laws of the experiments.
+    modes : int
+        Number of modes of the reduced model.
+    """
+
+    kind = "resonances"
+    numbers = list[ResonanceNumbers]
+
+    choice: BeamChoice
+    transients: str
+    laws: tuple[LawChoice, ...]
+    modes: int
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The parts that find the beam, the laws and the experiments."""
+        laws = [name for law in self.laws for name in law.needs]
+        return tuple(dict.fromkeys((*self.choice.needs, self.transients, *laws)))
+
+    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+        """Return the curve of each experiment under each law."""
+        beam, terms = self.choice.beam(found), {law.name: law.of(found) for law in self.laws}
+        return tuple(
+            Task(
+                resonance,
+                (Excitation(beam, terms[run["law"]], run["base_amplitude_m"], range_of(run), run["mode"], self.modes),),
+                SECONDS,
+            )
+            for run in self._runs(found)
+        )
+
+    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+        """Return the curves of each mode in a panel, with the amplitudes that the experiments have reached."""
+        runs, heading = self._runs(found), self.heading
+        resonances: Sequence[Resonance] = results
+        titles = {law.name: law.title for law in self.laws}
+        columns = (
+            Column("mode", tuple(run["mode"] for run in runs)),
+            Column("law", tuple(titles[run["law"]] for run in runs)),
+            Column("base amplitude", tuple(1e3 * run["base_amplitude_m"] for run in runs), "mm"),
+            Column("reached before the stop", tuple(1e3 * run["reached_amplitude_m"] for run in runs), "mm"),
+            *summary_columns([one.curve for one in resonances]),
+        )
+        table = DataTable(heading.name, "Steady vibration at the base amplitudes of the experiments", columns,
+                          heading.notes)  # fmt: skip
+        data = [
+            {
+                "mode": run["mode"],
+                "law": run["law"],
+                "base_amplitude_m": run["base_amplitude_m"],
+                "drive_hz": run["drive_hz"],
+                "reached_amplitude_m": run["reached_amplitude_m"],
+                "amplitude_m": one.amplitude.tolist(),
+                "curve": one.curve.numbers,
+            }
+            for run, one in zip(runs, resonances, strict=True)
+        ]
+        return Finding(Outcome(data), (table,), self._figures(runs, resonances) if heading.draw else ())
+
+    def _runs(self, found: Mapping[str, Outcome]) -> list[Mapping[str, Any]]:
+        """Return the numbers of the experiments under the laws of this part."""
+        data, names = found[self.transients].data, {law.name for law in self.laws}
+        if not isinstance(data, dict) or "runs" not in data:
+            raise InputError(f"the part {self.transients!r} has no experiments; name one of the kind transients",
+                             "transients")  # fmt: skip
+        return [run for run in data["runs"] if run["law"] in names]
+
+    def _figures(self, runs: Sequence[Mapping[str, Any]], resonances: Sequence[Resonance]) -> tuple[Drawing, ...]:
+        """Return one figure per mode."""
+        figures = []
+        for mode in dict.fromkeys(run["mode"] for run in runs):
+            own = [(run, one) for run, one in zip(runs, resonances, strict=True) if run["mode"] == mode]
+            caption = (
+                f"Mode {mode}: steady vibration under the base motion of the experiment; dashed: unstable.  "
+                "Larger markers: amplitude that the experiment has reached before its stop."
+            )
+            figures.append(drawn(f"{self.heading.name}_{mode}", caption, partial(self._figure, own)))
+        return tuple(figures)
+
+    def _figure(self, own: Sequence[tuple[Mapping[str, Any], Resonance]]) -> Figure:
+        figure, (axes,) = new_figure(3.4)
+        titles = [law.name for law in self.laws]
+        for run, one in own:
+            k = titles.index(run["law"])
+            draw_curve(axes, one.curve, 1e3 * one.amplitude, k, self.laws[k].title)
+            axes.plot(run["drive_hz"], 1e3 * run["reached_amplitude_m"], ls="", ms=8, mec="black", mew=0.8,
+                      **{key: series(k)[key] for key in ("color", "marker")})  # fmt: skip
+        axes.set(xlabel="frequency, Hz", ylabel="amplitude of the mode\nat the tip, mm", ylim=(0.0, None))
+        axes.set_title(f"mode {own[0][0]['mode']}")
+        axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.2), ncols=2)
+        return figure
+
+
+def range_of(run: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the first and the last frequency of a curve, Hz, from the numbers of an experiment.
+
+    A mode that softens is on the upper branch of its curve above the resonance, where the curve therefore begins.  The
+    amplitude of the steady vibration is estimated by the growth of a linear vibration until the stop, and the change of
+    frequency with the amplitude by the frequency of the decay.
+
+    Raises
+    ------
+    InputError
+        If the law does not damp.
+    """
+    natural, ratio = run["natural_frequency_hz"], run["expected_damping_ratio"]
+    if not ratio:
+        raise InputError(f"the law {run['law']!r} does not damp mode {run['mode']}; a steady vibration needs damping",
+                         "laws")  # fmt: skip
+    amplitude = run["requested_amplitude_m"] / -math.expm1(-2 * math.pi * natural * ratio * run["stop_s"])
+    change = (run["frequency_hz"] / natural - 1) * (amplitude / run["amplitude_m"]) ** 2
+    lowest = 1 - min(WIDTH * ratio - MARGIN * min(change, 0.0), FARTHEST)
+    return natural * (1 + WIDTH * ratio + MARGIN * max(change, 0.0)), natural * lowest
+
+
+def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> Resonances:
+    """Return the part that a table describes.
+
+    Raises
+    ------
+    InputError
+        If a key or value cannot be used.
+    """
+    check_keys(given, {"transients", "laws"}, {"beam", "modes"}, where)
+    names = given["laws"]
+    if not is_sequence(names) or not names:
+        raise InputError("name at least one of [[laws]]", f"{where}: laws")
+    laws = tuple(source.law_choice(name, f"{where}: laws") for name in names)
+    with located(where):
+        transients = text_of(given, "transients", "")
+        modes = whole(given.get("modes", MODES), "modes", 1, source.most_modes)
+    return Resonances(heading, source.beam_choice(given, where), transients, laws, modes)
+
+
+KIND = Kind(Resonances.kind, "Steady vibration of the experiments", KEYS, read)

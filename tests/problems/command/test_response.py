@@ -1,0 +1,99 @@
+"""``ancf-casadi response``: peaks, folds and jumps as text, JSON, CSV and figure, or one line."""
+
+import json
+
+import numpy as np
+import pytest
+
+from ancf_casadi import HarmonicBase, periodic_motion
+from problems.cli import main
+from problems.tables.study_file import read_response
+
+STUDY = """
+[beam]
+length = 0.5
+width = 5e-3
+thickness = 0.5e-3
+density = 8000.0
+elastic_modulus = 210e9
+elements = 4
+
+[[damping]]
+law = "modal"
+ratios = [0.005, 0.003]
+
+[response]
+frequencies = [10.2, 10.8]
+base_amplitudes = [5e-5, 2e-4]
+modes = 2
+points = 20
+
+[markers]
+middle = 0.25
+"""
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY)
+    return path
+
+
+def test_the_jumps_are_the_folds_of_the_curve_that_leans(study, capsys):
+    """Mode 2 softens: at 0.2 mm an upward sweep jumps at the upper fold, a downward sweep at the lower one."""
+    assert main(["response", "study.toml", "--json"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["modes"] == 2 and data["driven"] == "base"
+    small, large = (level["curve"] for level in data["levels"])
+    assert [level["level"] for level in data["levels"]] == [5e-5, 2e-4]
+    assert small["jumps_up_hz"] == small["jumps_down_hz"] == small["bifurcations"] == []
+    assert all(small["stable"])
+    upper, lower = large["bifurcations"]
+    assert upper["name"] == lower["name"] == "fold"
+    assert large["jumps_up_hz"] == [upper["frequency_hz"]]
+    assert large["jumps_down_hz"] == [lower["frequency_hz"]]
+    assert lower["frequency_hz"] < upper["frequency_hz"]
+    assert 0 < large["stable"].count(False) < len(large["stable"])
+    assert large["peak_damping_ratio"] == pytest.approx(0.003, rel=0.1)
+    assert large["peak_amplitude_m"] == pytest.approx(4 * small["peak_amplitude_m"], rel=0.03)
+
+
+def test_a_point_of_the_table_is_the_steady_vibration_at_its_frequency(study, capsys):
+    assert main(["response", "study.toml", "--out", "curve.csv"]) == 0
+    text = capsys.readouterr().out
+    assert "fold at" in text and "0.2 mm" in text
+    table = np.genfromtxt("curve.csv", delimiter=",", names=True)
+    row = table[table["level_m"] == 5e-5][3]
+    task = read_response("study.toml")
+    motion = periodic_motion(task.body, base=HarmonicBase(5e-5, row["frequency_hz"]))
+    assert motion.amplitude() == pytest.approx(row["tip_amplitude_m"], rel=1e-5)
+    assert motion.amplitude(0.25) == pytest.approx(row["middle_amplitude_m"], rel=1e-5)
+    assert np.exp(1j * motion.phase(0.25)) == pytest.approx(np.exp(1j * row["middle_phase_rad"]), abs=1e-5)
+
+
+def test_the_figure_is_a_picture(study, capsys):
+    study.write_text(STUDY.replace("[5e-5, 2e-4]", "1e-5"))
+    assert main(["response", "study.toml", "--plot", "curve.png"]) == 0
+    assert study.with_name("curve.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message", "code"),
+    [
+        ("frequencies = [10.2, 10.8]", "frequencies = [10.2]", "[response]: frequencies: must", 2),
+        ("base_amplitudes = [5e-5, 2e-4]", "", "[response]: base_amplitudes: give either", 2),
+        ("modes = 2", "modes = 200", "[response]: modes: must be", 2),
+        ("middle = 0.25", "middle = 2.5", "[markers]: middle: s: the point must be on the beam", 2),
+        ("elastic_modulus = 210e9", "elastic_modulus = 210e9\naxis = [0.0, 1.0]\ngravity = [0.0, -1e3]", "unstable", 1),
+    ],
+)
+def test_what_cannot_be_followed_is_one_line(study, capsys, old, new, message, code):
+    assert old in STUDY
+    study.write_text(STUDY.replace(old, new))
+    assert main(["response", "study.toml", "--out", "curve.csv"]) == code
+    captured = capsys.readouterr()
+    (line,) = captured.err.splitlines()
+    assert captured.out == "" and message in line
+    assert not study.with_name("curve.csv").exists()

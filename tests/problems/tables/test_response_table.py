@@ -1,0 +1,92 @@
+"""The table [response] gives the excitation of each level, or an error with the name of the key."""
+
+import pytest
+
+from ancf_casadi import HarmonicBase, HarmonicLoad, InputError, Model, QuadraticDamping
+from ancf_casadi.reduction import ReducedModel
+from problems.tables.study_file import read_response
+
+BEAM = """
+[beam]
+length = 0.5
+width = 5e-3
+thickness = 0.5e-3
+density = 8000.0
+elastic_modulus = 210e9
+elements = 8
+"""
+LAW = '[[damping]]\nlaw = "quadratic"\neta2 = 0.1\n'
+RANGE = "[response]\nfrequencies = [9.0, 11]\n"
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Write a file and return its path as text."""
+
+    def write(*parts: str) -> str:
+        path = tmp_path / "study.toml"
+        path.write_text("".join(parts))
+        return str(path)
+
+    return write
+
+
+def test_each_level_drives_the_base_from_the_first_frequency(file):
+    task = read_response(file(BEAM, LAW, RANGE, "base_amplitudes = [1e-4, 2e-4]\n"))
+    assert task.frequencies == (9.0, 11.0)
+    assert [task.excitation(level) for level in task.levels] == [
+        {"base": HarmonicBase(1e-4, 9.0)},
+        {"base": HarmonicBase(2e-4, 9.0)},
+    ]
+    assert task.damping == QuadraticDamping(eta2=0.1)
+    assert task.unit == "m"
+
+
+def test_a_force_at_the_tip_has_the_given_size_and_direction(file):
+    task = read_response(file(BEAM, RANGE, "tip_forces = 0.5\ndirection = [3, -4]\n"))
+    ((name, load),) = task.excitation(0.5).items()
+    assert name == "load" and isinstance(load, HarmonicLoad)
+    assert load.force == pytest.approx((0.3, -0.4)) and load.frequency == 9.0
+    assert task.unit == "N" and task.damping is None
+
+
+def test_the_beam_is_reduced_unless_the_file_asks_for_all_of_it(file):
+    drive = "base_amplitudes = 1e-4\n"
+    for text, count in (("", 8), ("modes = 3\n", 3)):
+        body = read_response(file(BEAM, LAW, RANGE, drive, text)).body
+        assert isinstance(body, ReducedModel) and body.count == count
+        assert body.law == QuadraticDamping(eta2=0.1)
+    coarse = read_response(file(BEAM.replace("elements = 8", "elements = 2"), LAW, RANGE, drive))
+    assert coarse.body.count == 4
+    assert isinstance(read_response(file(BEAM, LAW, RANGE, drive, 'model = "full"\n')).body, Model)
+
+
+def test_markers_are_points_of_the_output(file):
+    task = read_response(file(BEAM, RANGE, "base_amplitudes = 1e-4\n[markers]\nmiddle = 0.25\n"))
+    assert task.markers == {"middle": 0.25}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", r"\[response\]: the table is missing"),
+        ("[response]\nbase_amplitudes = 1e-4\n", r"\[response\]: the key 'frequencies' is missing"),
+        (RANGE, r"\[response\]: base_amplitudes: give either base_amplitudes \(m\) or tip_forces \(N\)"),
+        (RANGE + "base_amplitudes = 1e-4\ntip_forces = 1\n", r"base_amplitudes: give either"),
+        (RANGE + "base_amplitudes = []\n", r"base_amplitudes: must have 1 to 20 levels, got 0"),
+        (RANGE + "base_amplitudes = -1e-4\n", r"base_amplitudes: must be positive"),
+        (RANGE + "tip_forces = ['a']\n", r"tip_forces: must be a finite number, got 'a'"),
+        (RANGE + "base_amplitudes = 1e-4\ndirection = [0, 0]\n", r"direction: must not be zero"),
+        (RANGE + "base_amplitudes = 1e-4\nmodes = 0\n", r"\[response\]: modes: must be"),
+        (RANGE + 'base_amplitudes = 1e-4\nmodel = "both"\n', r"\[response\]: model: must be one of reduced, full"),
+        (RANGE + 'base_amplitudes = 1e-4\nmodel = "full"\nmodes = 3\n', r"modes: belongs to the reduced model"),
+        ("[response]\nfrequencies = [2, 2]\nbase_amplitudes = 1e-4\n", r"frequencies: must be \[FROM, TO\]"),
+        ("[response]\nfrequencies = [0, 1]\nbase_amplitudes = 1e-4\n", r"frequencies: must be positive"),
+        ("[response]\nfrequencies = 2\nbase_amplitudes = 1e-4\n", r"frequencies: must"),
+        (RANGE + "base_amplitudes = 1e-4\n[markers]\nfar = 2.0\n", r"\[markers\]: far: s: the point must be on the"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_by_name(file, text, message):
+    with pytest.raises(InputError, match=message) as caught:
+        read_response(file(BEAM, LAW, text))
+    assert "\n" not in str(caught.value)

@@ -12,6 +12,7 @@ from ancf_casadi import (
     Model,
     QuadraticDamping,
     RayleighDamping,
+    frequency_response,
     natural_modes,
     periodic_motion,
     simulate,
@@ -96,3 +97,22 @@ def test_a_beam_that_starts_at_rest_reaches_the_steady_state(beam, modes):
     )  # fmt: skip
     assert motion.amplitude() > 0.05 * beam.beam.length
     assert distance(run, motion) < 1e-6
+
+
+@pytest.mark.slow
+def test_between_the_folds_of_mode_3_disturbed_runs_return_to_stable_motions_and_leave_the_unstable_one(beam, modes):
+    damping, third = law("Rayleigh", modes, 3), modes.frequencies[2]
+    curve = frequency_response(
+        beam, (0.98 * third, 1.01 * third), damping=damping, base=HarmonicBase(0.1e-3, third), points=30
+    )
+    assert [own.kind for own in curve.bifurcations] == ["fold", "fold"]
+    (up,), (down,) = curve.jumps
+    assert down < 0.99 * third < up
+    crossings = np.flatnonzero(np.diff(np.sign(curve.frequencies - 0.986 * third)))
+    motions = [curve.motions[k] for k in crossings]
+    assert [motion.stable for motion in motions] == [True, False, True]
+    for motion in motions:
+        assert motion.supplied_energy == pytest.approx(motion.dissipated_energy, rel=1e-9)
+        assert distance(continued(motion, damping, 1), motion) < 1e-6
+        early, late = (distance(continued(motion, damping, n, factor=1.02), motion) for n in (1, 200))
+        assert late < 0.2 * early if motion.stable else late > 10 * early

@@ -95,7 +95,11 @@ def fit_frf(
     settled = _ascending(_settled(selection, best))
     found = len(settled.frequencies)
     notes = [] if wanted is None or found == wanted else [f"the record supports {found} of {wanted} modes"]
-    return frf_result(record, refine(settled), notes)
+    refined = refine(settled)
+    lines, modes = record.frequencies, refined.trial.frequencies
+    if not ((modes >= lines[0]) & (modes <= lines[-1])).all():
+        raise FitError(f"a mode left the band; {ADVICE}")
+    return frf_result(record, refined, notes)
 
 
 def _settled(selection: Selection, best: Trial) -> Trial:
@@ -120,4 +124,6 @@ def _given(frequencies: Any, record: FrfRecord) -> Array:
     for f in found.tolist():
         if not low <= f <= high:
             raise InputError(f"{f:g} Hz is outside the band, {low:g} to {high:g} Hz", "frequencies")
+    if not np.diff(found).all():
+        raise InputError("has a frequency twice; for two close modes, give two different ones", "frequencies")
     return found

@@ -289,6 +289,14 @@ def test_noise_alone_has_no_mode():
         fit_frf(FrfRecord(f, noise, "receptance"))
 
 
+@pytest.mark.parametrize("size", [1e-15, 1e15])
+def test_the_unit_of_the_values_does_not_matter(size):
+    f = np.linspace(1.0, 20.0, 381)
+    values = modal_sum(f, [(8.0, 0.01, (1.0, 0.5))])
+    values = size * (values + 1e-6 * complex_noise(np.random.default_rng(16), values.shape))
+    check(fit_frf(FrfRecord(f, values, "receptance")), [(8.0, 0.01, (size, 0.5 * size))])
+
+
 def test_without_sdypy_ema_approximate_frequencies_are_enough(four_modes, monkeypatch):
     f, modes = four_modes
     values = modal_sum(f, modes)
@@ -306,6 +314,7 @@ def test_without_sdypy_ema_approximate_frequencies_are_enough(four_modes, monkey
         ({"count": 2, "frequencies": [12.0]}, "count: is 2, but 1 frequencies are given"),
         ({"count": 15, "band": (34.0, 38.0)}, "record: has too few frequencies, 33, for 15 modes"),
         ({"frequencies": [200.0]}, "frequencies: 200 Hz is outside the band, 2 to 100 Hz"),
+        ({"frequencies": [12.0, 12.0]}, "frequencies: has a frequency twice"),
         ({"frequencies": 12.0}, "frequencies: must be one or more frequencies, got 12.0"),
         ({"frequencies": []}, "frequencies: must be one or more frequencies, got []"),
         ({"band": (30.0, 10.0)}, "band: must be two frequencies, Hz, the lower one first"),

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import NoneType
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -21,7 +22,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
 from ancf_casadi.response.harmonic_balance.balance import Setting
-from ancf_casadi.response.harmonic_balance.fourier import basis_at, fourier
+from ancf_casadi.response.harmonic_balance.fourier import Fourier, basis_at, fourier
 from ancf_casadi.response.systems.beams import full_system, reduced_system
 from ancf_casadi.response.systems.drive import Drive, HarmonicForce, beam_drive, force_drive, no_drive
 from ancf_casadi.response.systems.system import SecondOrderSystem
@@ -101,29 +102,59 @@ class Excited:
         InputError
             If the point is not on the beam, the coordinate does not exist, or the direction is no vector.
         """
+        q, v, u = self.kinematics(C, setting, phases)
+        read = self._read(cs.DM(q), cs.DM(v), cs.DM(u), point, direction, relative)
+        return np.asarray(read.full().ravel())
+
+    def symbolic_displacement(
+        self,
+        series: Fourier,
+        C: cs.MX,
+        amplitude: cs.MX,
+        point: float | None,
+        direction: Sequence[float] | None,
+        *,
+        relative: bool,
+    ) -> cs.MX:
+        """Return the displacement, (1, N), at the samples of a Fourier series, for symbolic coefficients.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam, the coordinate does not exist, or the direction is no vector.
+        """
+        _, _, shape = self.drive.samples(series.phases, 0.0, 1.0)
+        q = (cs.DM(series.basis) @ C).T
+        return cs.MX(self._read(q, 0 * q, amplitude * cs.DM(shape), point, direction, relative))
+
+    def _read(
+        self,
+        q: Any,
+        v: Any,
+        u: Any,
+        point: float | None,
+        direction: Sequence[float] | None,
+        relative: bool,
+    ) -> Any:
+        """Return the displacement (1, N) for coordinates and velocities (n, N) and the excitation (e, N), DM or MX."""
         model = self.model
         if model is None:
-            index = whole(0 if point is None else point, "point", 0, self.system.size - 1)
-            return np.asarray(self.kinematics(C, setting, phases)[0][index])
-        place = model.beam.length if point is None else point
+            return q[whole(0 if point is None else point, "point", 0, self.system.size - 1), :]
+        interpolation = model.interpolation(model.beam.length if point is None else point)
         ax, ay = model.beam.axis
         along = np.array((-ay, ax) if direction is None else vector(direction, "direction"))
         if not along.any():
             raise InputError("must not be the zero vector", "direction")
-        position = self._position(C, setting, phases, model.interpolation(place))
-        if relative:
-            position = position - self.drive.samples(phases, setting.omega, setting.amplitude)[0][:2].T
-        return np.asarray(position @ (along / np.linalg.norm(along)))
-
-    def _position(self, C: Array, setting: Setting, phases: Array, interpolation: Array) -> Array:
-        """Return the position of a point of a beam at phases (k,), (k, 2), m."""
-        if not isinstance(self.body, ReducedModel):
-            return np.asarray(self.nodal(C, setting, phases)[0] @ interpolation.T)
-        q, v, u = self.kinematics(C, setting, phases)
-        projection, base = self.body.projection, cs.DM(u[:BASE_SIZE])
-        slope = ReducedMotion(projection, cs.DM(q), cs.DM(v), base, gravity=cs.DM(2, 1)).slope
-        shape = interpolation[0, ::2] @ projection.slopes.shape
-        return np.array([shape @ part.full() for part in slope]).T + u[:2].T
+        along = along / np.linalg.norm(along)
+        if isinstance(self.body, ReducedModel):
+            motion = ReducedMotion(self.body.projection, q, v, u[:BASE_SIZE, :], gravity=cs.DM(2, 1))
+            shape = cs.DM(interpolation[:1, ::2] @ self.body.projection.slopes.shape)
+            relative_position = cs.vertcat(*(shape @ part for part in motion.slope))
+        else:
+            axis = cs.repmat(cs.DM([ax, ay]), 1, q.size2())
+            relative_position = cs.DM(interpolation) @ cs.vertcat(u[:2, :], axis, q) - u[:2, :]
+        position = relative_position if relative else relative_position + u[:2, :]
+        return cs.DM(along).T @ position
 
 
 def excited(

@@ -27,9 +27,10 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.callbacks import Differentiable
 from ancf_casadi.support.inputs import array, check_instance, flag, instances, is_sequence, located, physical, whole
 from problems.properties.observation import FACTORS, place, readings
-from problems.properties.response import Differentiable, ModalResponse, Respond, StaticResponse
+from problems.properties.response import ModalResponse, Respond, StaticResponse
 
 
 class PropertyRecord(ABC):
@@ -88,7 +89,7 @@ class PropertyRecord(ABC):
 
     @cached_property
     def _differentiable(self) -> Differentiable:
-        return Differentiable(self.respond, len(self.measured))
+        return Differentiable(self.respond, len(self.measured), len(FACTORS))
 
     def __reduce__(self) -> tuple[object, ...]:
         """Pickle the record without its Functions."""

@@ -11,8 +11,7 @@ forces on the clamped coordinates,
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -20,7 +19,6 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.point_load import PointLoad
@@ -164,82 +162,3 @@ class ModalResponse:
     @cached_property
     def _standard(self) -> ModalState:
         return followed_modes(natural_modes(self.model, count=int(self.numbers.max()) + 1), self.numbers)
-
-
-class Differentiable(cs.Callback):
-    """A response as a CasADi Function with an exact Jacobian; nan where there is no equilibrium.
-
-    Keep a reference while CasADi uses it.
-
-    Parameters
-    ----------
-    respond : callable
-        The response.
-    size : int
-        Number of values m.
-    inputs : int
-        Number of inputs of the response.
-    """
-
-    def __init__(self, respond: Respond, size: int, inputs: int = len(FACTORS)) -> None:
-        cs.Callback.__init__(self)
-        self._respond, self._size, self._inputs = respond, size, inputs
-        self._last: tuple[Array, tuple[Array, Array]] | None = None
-        self._jacobians: list[cs.Callback] = []
-        self.construct("response", {})
-
-    def at(self, factors: Array) -> tuple[Array, Array]:
-        """Return values and Jacobian; those of the last factors are kept."""
-        if self._last is None or not np.array_equal(self._last[0], factors):
-            try:
-                found = self._respond(factors)
-            except (EquilibriumError, np.linalg.LinAlgError):
-                found = np.full(self._size, math.nan), np.full((self._size, self._inputs), math.nan)
-            self._last = factors, found
-        return self._last[1]
-
-    def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        """Return the shape of the inputs."""
-        return cs.Sparsity.dense(self._inputs, 1)
-
-    def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        """Return the shape of the values."""
-        return cs.Sparsity.dense(self._size, 1)
-
-    def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
-        """Return the values."""
-        return [cs.DM(self.at(arg[0].full().ravel())[0])]
-
-    def has_jacobian(self) -> bool:
-        """Return True."""
-        return True
-
-    def get_jacobian(self, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
-        """Return the Jacobian as a Function of factors and values."""
-        self._jacobians.append(_Jacobian(self, name, self._size, self._inputs))
-        return self._jacobians[-1]
-
-
-class _Jacobian(cs.Callback):
-    """The Jacobian of a response as CasADi asks for it."""
-
-    def __init__(self, response: Differentiable, name: str, size: int, inputs: int) -> None:
-        cs.Callback.__init__(self)
-        self._response, self._size, self._inputs = response, size, inputs
-        self.construct(name, {})
-
-    def get_n_in(self) -> int:
-        """Return the number of inputs: factors and values."""
-        return 2
-
-    def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        """Return the shape of an input; the values are not used."""
-        return cs.Sparsity.dense(self._inputs, 1) if i == 0 else cs.Sparsity(self._size, 1)
-
-    def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        """Return the shape of the Jacobian."""
-        return cs.Sparsity.dense(self._size, self._inputs)
-
-    def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
-        """Return the Jacobian."""
-        return [cs.DM(self._response.at(arg[0].full().ravel())[1])]

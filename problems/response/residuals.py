@@ -36,7 +36,7 @@ from ancf_casadi.dynamics.equations import as_it_is
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES
 from ancf_casadi.support.arrays import Array
-from problems.properties.response import Differentiable
+from ancf_casadi.support.callbacks import Differentiable
 from problems.response.balance import HarmonicBalance
 from problems.response.points import Measured, Motion, NoMotionError, closest, motion_from_rest
 from problems.response.problem import ResponseProblem

@@ -2,10 +2,6 @@
 
 CasADi asks for values and derivatives separately and in any order.  ``Runs`` keeps the last run, so that one
 integration serves the value and all derivatives at a point.
-
-Lifetime.  Expressions keep CasADi's own Functions alive, but not callbacks, which are Functions written in Python.
-Each callback is therefore wrapped in a Function of CasADi and must live as long as the latter: ``_ALIVE`` pairs a weak
-reference to the Function with its callback, and adding a pair drops those whose Function is gone.
 """
 
 from __future__ import annotations
@@ -22,6 +18,7 @@ from ancf_casadi.dynamics.derivatives.run import Run
 from ancf_casadi.dynamics.derivatives.sensitivity import Problem
 from ancf_casadi.exceptions import AncfError
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.callbacks import kept
 from ancf_casadi.support.interrupts import interrupted
 from ancf_casadi.support.progress import step
 
@@ -48,7 +45,7 @@ class Runs:
 
     def function(self) -> cs.Function:
         """Return the motion as a Function (damping, base, properties, [start], [shifts]) -> samples (orders N, k)."""
-        return _kept(_Motion(self), "motion")
+        return kept(_Motion(self), "motion")
 
     @property
     def shapes(self) -> list[cs.Sparsity]:
@@ -163,7 +160,7 @@ class _Motion(_Callback):
 
     def get_forward(self, nfwd: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
         """Return the derivatives along some directions."""
-        return _kept(_Derivative(self.runs, nfwd, forward=True), name)
+        return kept(_Derivative(self.runs, nfwd, forward=True), name)
 
     def has_reverse(self, nadj: int) -> bool:
         """Return True."""
@@ -171,7 +168,7 @@ class _Motion(_Callback):
 
     def get_reverse(self, nadj: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
         """Return the derivatives of some weighted sums."""
-        return _kept(_Derivative(self.runs, nadj, forward=False), name)
+        return kept(_Derivative(self.runs, nadj, forward=False), name)
 
 
 class _Derivative(_Callback):
@@ -221,16 +218,3 @@ class _Derivative(_Callback):
         """Return an array (c, r, d) as d matrices (r, c) side by side, (r, d c)."""
         columns, rows, count = array.shape
         return cs.DM(array.transpose(1, 2, 0).reshape(rows, count * columns))
-
-
-_ALIVE: list[tuple[cs.WeakRef, cs.Callback]] = []  # Functions that call a callback, and the callbacks
-
-
-def _kept(callback: cs.Callback, name: str) -> cs.Function:
-    """Return a Function that calls a callback, and keep the callback as long as the Function lives."""
-    inputs = callback.mx_in()
-    names = callback.name_in(), callback.name_out()
-    function: cs.Function = cs.Function(name, inputs, callback.call(inputs), *names, {"never_inline": True})
-    _ALIVE[:] = [pair for pair in _ALIVE if pair[0].alive()]
-    _ALIVE.append((cs.WeakRef(function), callback))
-    return function

@@ -27,6 +27,7 @@ from ancf_casadi.response.floquet import floquet_multipliers
 from ancf_casadi.response.harmonic_balance.accuracy import (
     FIRST_HARMONICS,
     MOST_HARMONICS,
+    MOST_SAMPLES,
     Errors,
     errors_of,
     least_samples,
@@ -40,6 +41,7 @@ from ancf_casadi.support.arrays import Array, ComplexArray
 
 SMALLEST_STEP = 1e-7
 LARGEST_STEP = 4.0
+STALLED, ROUNDING = 0.7, 1e-6  # an error below the latter that does not decrease by the former is due to rounding
 SMALLEST_SIZE = 1e-12  # of a motion, relative to the scale of the system
 ANGLE = 0.25  # rad between successive tangents that the steps aim at
 LARGEST_ANGLE = 0.6  # rad; beyond it, a step may have left the curve
@@ -147,6 +149,7 @@ def point_at(
     NumericsError
         If the motion needs too many harmonics.
     """
+    last = Errors(np.inf, np.inf)
     while True:
         z = solve(family, guess, condition, near)
         jacobian, balance, series = jacobian_at(family, z), family.balance, family.balance.fourier
@@ -156,12 +159,14 @@ def point_at(
         errors = errors_of(balance, C, setting, jacobian.linear, size, partial(_shift, family, factors))
         if not np.isfinite(errors.largest):
             raise NotFound
-        if errors.largest <= tolerance:
+        rounding = STALLED * last.largest < errors.largest <= ROUNDING
+        last = errors
+        if errors.largest <= tolerance or rounding:
             return Point(replace(family, size=size), z, jacobian, errors)
         harmonics, samples = refined(errors, series.harmonics, series.samples, tolerance)
-        if harmonics > MOST_HARMONICS or samples > least_samples(MOST_HARMONICS):
+        if harmonics > MOST_HARMONICS or samples > MOST_SAMPLES:
             raise NumericsError(
-                f"the motion needs more than {MOST_HARMONICS} harmonics or {least_samples(MOST_HARMONICS)} samples per "
+                f"the motion needs more than {MOST_HARMONICS} harmonics or {MOST_SAMPLES} samples per "
                 f"period: its error is {errors.largest:.1g}; use a larger tolerance, or a smoother force"
             )
         guess, near = family.resized(z, harmonics), None

@@ -1,0 +1,177 @@
+"""A periodic motion as a differentiable CasADi Function of the parameters of its system and of the excitation.
+
+Harmonic balance F(C, p, f, A) = 0 defines the coefficients C near a given motion as functions of the parameters p, the
+frequency f and the amplitude A of the excitation.  By the implicit function theorem,
+
+    dC = -(dF/dC)^-1 (dF/dp dp + dF/df df + dF/dA dA),
+
+which is exact for the numbers of harmonics and samples of the given motion.  It fails at a fold, where dF/dC is
+singular.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.exceptions import NumericsError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.response.excited import Excited
+from ancf_casadi.response.harmonic_balance.accuracy import size_of
+from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
+from ancf_casadi.response.harmonic_balance.continuation import unit
+from ancf_casadi.response.harmonic_balance.family import Family
+from ancf_casadi.response.harmonic_balance.fourier import fourier
+from ancf_casadi.response.harmonic_balance.newton import Condition, NotFound, solve
+from ancf_casadi.response.periodic import PeriodicMotion
+from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.callbacks import Differentiable, kept
+from ancf_casadi.support.inputs import check_instance
+
+PARTS = (1, 4, 16)  # into which the way from the given motion is divided if Newton's method fails
+READ = 8  # samples per harmonic from which a displacement is read
+GRAVITY = 2  # first parameters of a beam, which do not vary
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbourhood:
+    """The motions near a given one, for other values of the parameters and of the excitation.
+
+    Parameters
+    ----------
+    motion : PeriodicMotion
+        The given motion.
+    varied : array (m,)
+        Indices of the parameters of the system that vary; frequency and amplitude of the excitation follow them.
+    """
+
+    motion: PeriodicMotion
+    varied: Index
+
+    def given(self) -> Array:
+        """Return parameters, frequency and amplitude of the given motion, (m + 2,)."""
+        setting = self.motion.setting
+        return np.append(self._balance.system.values[self.varied], [self.motion.frequency, setting.amplitude])
+
+    def respond(self, inputs: Array) -> tuple[Array, Array]:
+        """Return the coefficients, (c,), and their derivatives, (c, m + 2).
+
+        Raises
+        ------
+        NumericsError
+            If there is no motion near the given one.
+        """
+        C = self._solved(inputs)
+        balance, setting = self._at(inputs)
+        linear = balance.linearised(C, setting)
+        directions = np.eye(len(balance.system.parameters))[:, self.varied]
+        by_excitation = [2 * math.pi * linear.by_omega, linear.by_amplitude]
+        right = np.column_stack([balance.by_parameters(C, setting, directions), *by_excitation])
+        derivatives = np.zeros((C.size, right.shape[1]))
+        derivatives[balance.allowed.ravel()] = -np.linalg.solve(linear.by_coefficients, right)
+        return C.ravel(), derivatives
+
+    @property
+    def _balance(self) -> HarmonicBalance:
+        return self.motion.balance
+
+    def _at(self, inputs: Array) -> tuple[HarmonicBalance, Setting]:
+        """Return the equations for parameters, frequency and amplitude."""
+        values = self._balance.system.values.copy()
+        values[self.varied] = inputs[:-2]
+        setting = replace(self.motion.setting, omega=2 * math.pi * inputs[-2], amplitude=inputs[-1])
+        return replace(self._balance, system=self._balance.system.with_values(values)), setting
+
+    def _solved(self, inputs: Array) -> Array:
+        """Return the coefficients, on a way in parts if the given motion is not close enough."""
+        for parts in PARTS:
+            try:
+                return self._along(inputs, parts)
+            except NotFound:
+                continue
+        raise NumericsError("there is no periodic motion near the given one; it may have passed a fold")
+
+    def _along(self, inputs: Array, parts: int) -> Array:
+        C, begin = self.motion.coefficients, self.given()
+        for share in np.arange(1, parts + 1) / parts:
+            balance, setting = self._at(begin + share * (inputs - begin))
+            size = size_of(balance, self.motion.coefficients)
+            family = Family(balance, setting, ("amplitude",), (max(abs(setting.amplitude), 1e-12),), size)
+            z = family.joined(C, setting)
+            C = family.split(solve(family, z, Condition(unit(family, "amplitude"), z, 0.0)))[0]
+        return C
+
+
+def motion_function(
+    motion: PeriodicMotion,
+    point: float | None = None,
+    *,
+    direction: Sequence[float] | None = None,
+    relative: bool = True,
+) -> cs.Function:
+    """Return the motions near a given one as a differentiable CasADi Function.
+
+    Its inputs are ``damping``, the parameters of the damping law; for the full beam ``properties``, width (m),
+    thickness (m), density (kg/m^3) and elastic modulus (Pa) of each element, (4, n); ``frequency``, Hz; and
+    ``amplitude``, that of the excitation.  For a SecondOrderSystem, ``parameters`` replace the first two.  Its outputs
+    are ``harmonic``, the sine and cosine coefficients of the first harmonic of the displacement of a point, (2,), and
+    the ``coefficients`` (2 H + 1, n) of the coordinates.  The numbers of harmonics and samples are those of the given
+    motion.  Where Newton's method finds no motion, the outputs are nan.
+
+    Parameters
+    ----------
+    motion : PeriodicMotion
+        The given motion.
+    point, direction, relative
+        As in ``PeriodicMotion.displacement``.
+
+    Raises
+    ------
+    InputError
+        If the point or coordinate does not exist.
+
+    Examples
+    --------
+    Derivative of the amplitude by the damping coefficient:
+
+    >>> import casadi as cs
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping
+    >>> from ancf_casadi import motion_function, periodic_motion, reduce_model
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> reduced = reduce_model(Model(beam), modes=2, damping=RayleighDamping(alpha=0.5))
+    >>> tip = motion_function(periodic_motion(reduced, base=HarmonicBase(amplitude=5e-3, frequency=1.9)))
+    >>> alpha = cs.MX.sym("alpha")
+    >>> amplitude = cs.norm_2(tip(alpha, 1.9, 5e-3)[0])
+    >>> derivative = cs.Function("derivative", [alpha], [cs.jacobian(amplitude, alpha)])
+    >>> print(f"{float(derivative(0.5)):.3f} m s")
+    """
+    check_instance(motion, "motion", PeriodicMotion)
+    subject, size = motion.excited, motion.coefficients.size
+    parameters, varied = _parameters(subject)
+    frequency, amplitude = cs.MX.sym("frequency"), cs.MX.sym("amplitude")
+    near = kept(Differentiable(Neighbourhood(motion, varied).respond, size, len(varied) + 2), "near")
+    values = cs.vertcat(*(cs.vec(own) for own in reversed(parameters.values())), frequency, amplitude)
+    rows, columns = motion.coefficients.shape
+    C = cs.reshape(near(values), columns, rows).T
+    series = fourier(motion.harmonic_count, READ * (motion.harmonic_count + 1))
+    displacement = subject.symbolic_displacement(series, C, amplitude, point, direction, relative=relative)
+    harmonic = cs.DM(series.analysis[[2, 1]]) @ displacement.T
+    inputs = {**parameters, "frequency": frequency, "amplitude": amplitude}
+    return cs.Function("motion", [*inputs.values()], [harmonic, C], [*inputs], ["harmonic", "coefficients"])
+
+
+def _parameters(subject: Excited) -> tuple[dict[str, cs.MX], Index]:
+    """Return symbols of the parameters by name, and the indices in the system of all of them, the last ones first."""
+    total = len(subject.system.parameters)
+    if subject.law is None:
+        return {"parameters": cs.MX.sym("parameters", total)}, np.arange(total)
+    first = len(subject.law.parameters)
+    symbols = {"damping": cs.MX.sym("damping", first)}
+    if isinstance(subject.body, Model):
+        symbols["properties"] = cs.MX.sym("properties", *subject.body.properties.shape)
+    return symbols, np.arange(GRAVITY, total)

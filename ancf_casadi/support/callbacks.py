@@ -1,0 +1,109 @@
+"""Functions of CasADi that are written in Python.
+
+Lifetime.  Expressions keep CasADi's own Functions alive, but not callbacks, which are Functions written in Python.
+Each callback is therefore wrapped in a Function of CasADi and must live as long as the latter: ``_ALIVE`` pairs a weak
+reference to the Function with its callback, and adding a pair drops those whose Function is gone.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.exceptions import AncfError
+from ancf_casadi.support.arrays import Array
+
+_ALIVE: list[tuple[cs.WeakRef, cs.Callback]] = []  # Functions that call a callback, and the callbacks
+
+
+def kept(callback: cs.Callback, name: str) -> cs.Function:
+    """Return a Function that calls a callback, and keep the callback as long as the Function lives."""
+    inputs = callback.mx_in()
+    names = callback.name_in(), callback.name_out()
+    function: cs.Function = cs.Function(name, inputs, callback.call(inputs), *names, {"never_inline": True})
+    _ALIVE[:] = [pair for pair in _ALIVE if pair[0].alive()]
+    _ALIVE.append((cs.WeakRef(function), callback))
+    return function
+
+
+class Differentiable(cs.Callback):
+    """A vector-valued Python function as a callback with an exact Jacobian; nan where it fails.
+
+    Keep a reference while CasADi uses it.
+
+    Parameters
+    ----------
+    respond : callable
+        Returns the values (m,) and their Jacobian (m, n) for inputs (n,).
+    size : int
+        Number of values m.
+    inputs : int
+        Number of inputs n.
+    """
+
+    def __init__(self, respond: Callable[[Array], tuple[Array, Array]], size: int, inputs: int) -> None:
+        cs.Callback.__init__(self)
+        self._respond, self._size, self._inputs = respond, size, inputs
+        self._last: tuple[Array, tuple[Array, Array]] | None = None
+        self._jacobians: list[cs.Callback] = []
+        self.construct("response", {})
+
+    def at(self, inputs: Array) -> tuple[Array, Array]:
+        """Return values and Jacobian; those of the last inputs are kept."""
+        if self._last is None or not np.array_equal(self._last[0], inputs):
+            try:
+                found = self._respond(inputs)
+            except (AncfError, np.linalg.LinAlgError):
+                found = np.full(self._size, math.nan), np.full((self._size, self._inputs), math.nan)
+            self._last = inputs, found
+        return self._last[1]
+
+    def get_sparsity_in(self, i: int) -> cs.Sparsity:
+        """Return the shape of the inputs."""
+        return cs.Sparsity.dense(self._inputs, 1)
+
+    def get_sparsity_out(self, i: int) -> cs.Sparsity:
+        """Return the shape of the values."""
+        return cs.Sparsity.dense(self._size, 1)
+
+    def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
+        """Return the values."""
+        return [cs.DM(self.at(arg[0].full().ravel())[0])]
+
+    def has_jacobian(self) -> bool:
+        """Return True."""
+        return True
+
+    def get_jacobian(self, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
+        """Return the Jacobian as a Function of inputs and values."""
+        self._jacobians.append(_Jacobian(self, name, self._size, self._inputs))
+        return self._jacobians[-1]
+
+
+class _Jacobian(cs.Callback):
+    """The Jacobian of a ``Differentiable`` as CasADi asks for it."""
+
+    def __init__(self, response: Differentiable, name: str, size: int, inputs: int) -> None:
+        cs.Callback.__init__(self)
+        self._response, self._size, self._inputs = response, size, inputs
+        self.construct(name, {})
+
+    def get_n_in(self) -> int:
+        """Return the number of inputs: inputs and values."""
+        return 2
+
+    def get_sparsity_in(self, i: int) -> cs.Sparsity:
+        """Return the shape of an input; the values are not used."""
+        return cs.Sparsity.dense(self._inputs, 1) if i == 0 else cs.Sparsity(self._size, 1)
+
+    def get_sparsity_out(self, i: int) -> cs.Sparsity:
+        """Return the shape of the Jacobian."""
+        return cs.Sparsity.dense(self._size, self._inputs)
+
+    def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
+        """Return the Jacobian."""
+        return [cs.DM(self._response.at(arg[0].full().ravel())[1])]

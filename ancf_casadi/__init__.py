@@ -26,6 +26,7 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.reduction import ReducedModel, ReducedTrajectory, reduce_model, simulate_reduced
 from ancf_casadi.response.backbone import Backbone, backbone
 from ancf_casadi.response.curve import ResponseCurve
+from ancf_casadi.response.differentiable import motion_function
 from ancf_casadi.response.linear_frf import LinearFrf, linear_frf
 from ancf_casadi.response.onset import periodic_motion
 from ancf_casadi.response.periodic import PeriodicMotion
@@ -89,6 +90,7 @@ __all__ = [
     "linear_frf",
     "mac",
     "motion",
+    "motion_function",
     "natural_modes",
     "parameter_response",
     "periodic_motion",

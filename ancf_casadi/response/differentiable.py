@@ -149,6 +149,7 @@ def motion_function(
     >>> amplitude = cs.norm_2(tip(alpha, 1.9, 5e-3)[0])
     >>> derivative = cs.Function("derivative", [alpha], [cs.jacobian(amplitude, alpha)])
     >>> print(f"{float(derivative(0.5)):.3f} m s")
+    -0.212 m s
     """
     check_instance(motion, "motion", PeriodicMotion)
     subject, size = motion.excited, motion.coefficients.size

@@ -41,11 +41,11 @@ from ancf_casadi.support.arrays import Array, ComplexArray
 
 SMALLEST_STEP = 1e-7
 LARGEST_STEP = 4.0
-STALLED, ROUNDING = 0.7, 1e-6  # an error below the latter that does not decrease by the former is due to rounding
+STALLED, ROUNDING = 0.5, 1e-6  # an error below the latter that does not decrease by the former is due to rounding
 SMALLEST_SIZE = 1e-12  # of a motion, relative to the scale of the system
 ANGLE = 0.25  # rad between successive tangents that the steps aim at
 LARGEST_ANGLE = 0.6  # rad; beyond it, a step may have left the curve
-SPARE = 1e-3  # error relative to the tolerance at which harmonics are dropped
+SPARE = 1e-3  # size of the two highest harmonics, relative to the tolerance, at which they are dropped
 LOCATED = 1e-9  # width of the interval around a located point, relative to the step
 MOST_TRIALS = 30
 
@@ -149,7 +149,7 @@ def point_at(
     NumericsError
         If the motion needs too many harmonics.
     """
-    last = Errors(np.inf, np.inf)
+    coarser: Point | None = None
     while True:
         z = solve(family, guess, condition, near)
         jacobian, balance, series = jacobian_at(family, z), family.balance, family.balance.fourier
@@ -159,10 +159,11 @@ def point_at(
         errors = errors_of(balance, C, setting, jacobian.linear, size, partial(_shift, family, factors))
         if not np.isfinite(errors.largest):
             raise NotFound
-        rounding = STALLED * last.largest < errors.largest <= ROUNDING
-        last = errors
-        if errors.largest <= tolerance or rounding:
-            return Point(replace(family, size=size), z, jacobian, errors)
+        if coarser and STALLED * coarser.errors.largest < errors.largest <= ROUNDING:
+            return coarser
+        coarser = Point(replace(family, size=size), z, jacobian, errors)
+        if errors.largest <= tolerance:
+            return coarser
         harmonics, samples = refined(errors, series.harmonics, series.samples, tolerance)
         if harmonics > MOST_HARMONICS or samples > MOST_SAMPLES:
             raise NumericsError(
@@ -289,7 +290,7 @@ def _lean(point: Point, tangent: Array, tolerance: float) -> Point:
     """Return the point, with two harmonics less if they are far below the tolerance."""
     balance, series = point.family.balance, point.family.balance.fourier
     highest = float((np.abs(point.coefficients[-4:]) / balance.system.scale).max()) / point.family.size
-    if series.harmonics <= FIRST_HARMONICS or max(highest, point.errors.largest) > SPARE * tolerance:
+    if series.harmonics <= FIRST_HARMONICS or highest > SPARE * tolerance:
         return point
     harmonics = series.harmonics - 2
     family = point.family.with_series(harmonics, max(least_samples(harmonics), series.samples // 2))

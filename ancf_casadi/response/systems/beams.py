@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as cs
 import numpy as np
@@ -31,9 +31,11 @@ from ancf_casadi.support.compilation import compiled
 from ancf_casadi.vibration.equilibrium import static_equilibrium
 
 LARGEST_GROWTH = 5.0  # logarithm of the factor by which a correction stretches a slope at most
+KEPT = 8  # systems whose Functions are kept
 STRAIGHT = 1e-9  # of the length of the beam, or of gravity
 
 
+@lru_cache(maxsize=KEPT)
 def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
     """Return the full beam under a damping law as a second-order system.
 
@@ -86,6 +88,7 @@ def base_force(model: Model, law: DampingLaw | None) -> cs.Function:
     return cs.Function("base_force", symbols, [FullMotion(equations, *symbols).forces[:NODE]])
 
 
+@lru_cache(maxsize=KEPT)
 def reduced_system(reduced: ReducedModel) -> SecondOrderSystem:
     """Return a reduced model as a second-order system.
 

@@ -6,8 +6,9 @@ motion concept).  With the angular frequency omega of this motion, its damping r
 
     zeta = xi/(2 omega),
 
-which is that of the law for small motion, and the one that a slowly decaying free vibration has at the same amplitude.
-The same equations serve an undamped system, for which xi is zero.  The phase of the motion is set by the condition that
+which is that of the law for small motion.  A slowly decaying free vibration with the mean kinetic energy <T> loses the
+power 4 zeta omega <T>.  In large motion, the logarithmic decrement of the tip differs a little from 2 pi zeta, because
+the displacement of the tip is not proportional to the amplitude of the mode.  The same equations serve an undamped system, for which xi is zero.  The phase of the motion is set by the condition that
 the mode, phi^T M q, has no cosine in its first harmonic.
 
 References
@@ -129,7 +130,7 @@ class Backbone:
         """Return the backbone as a table."""
         rows = zip(self.amplitudes, self.frequencies, self.damping_ratios, strict=True)
         lines = [f"{amplitude:>12.5g}{frequency:>14.6f}{ratio:>14.4e}" for amplitude, frequency, ratio in rows]
-        return "\\n".join([f"mode {self.mode}, {self.natural_frequency:.6g} Hz in small motion",
+        return "\n".join([f"mode {self.mode}, {self.natural_frequency:.6g} Hz in small motion",
                           f"{'amplitude':>12}{'frequency, Hz':>14}{'damping ratio':>14}", *lines])  # fmt: skip
 
     def figure(self) -> Figure:

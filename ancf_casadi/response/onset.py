@@ -130,7 +130,10 @@ def grown(subject: Excited, omega: float, amplitude: float, tolerance: float) ->
     try:
         point = point_at(family, moved, Condition(row, start, first / amplitude), tolerance)
     except NotFound:
-        raise _undamped(omega) from None
+        raise NumericsError(
+            f"no steady state was found at {omega / (2 * np.pi):.6g} Hz even for {FIRST_SHARE:.0%} of the excitation: "
+            "replace a force that jumps, such as dry friction, by a smooth one, or change the frequency"
+        ) from None
     return reached(point, "amplitude", amplitude, tolerance)
 
 

@@ -24,6 +24,8 @@ from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Linea
 from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
 from ancf_casadi.support.arrays import Array
 
+SMALL = 400  # unknowns
+
 Constraint = Callable[[Array], tuple[float, Array]]  # C -> g and dg/dC
 
 
@@ -61,6 +63,11 @@ class Family:
             self.balance.allowed
         ]
         return np.concatenate([coefficients, self.scales])
+
+    @property
+    def cheap(self) -> bool:
+        """Whether the matrices are small."""
+        return len(self.scale) <= SMALL
 
     def place(self, name: str) -> int:
         """Return the place of a free entry of the setting among the unknowns."""

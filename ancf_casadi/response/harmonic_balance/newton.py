@@ -18,9 +18,10 @@ from ancf_casadi.response.harmonic_balance.balance import Linearisation
 from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.support.arrays import Array
 
-CONVERGED = 1e-10  # error of the unknowns relative to their scales
-ROUNDING = 1e-6  # largest step at which a stagnation is due to rounding
+CONVERGED = 1e-11  # error of the unknowns relative to their scales
+ROUNDING, NEAR = 1e-6, 1e-3  # a step below the former stagnates by rounding, with derivatives from within the latter
 CONTRACTION = 0.2  # with a slower decrease, the Jacobian matrix is evaluated anew
+SLOW_CONTRACTION = 0.5  # the same, where its factors are expensive
 FAR = 100.0  # largest step, relative to the scales
 MOST_ITERATIONS = 30
 MOST_JACOBIANS = 8
@@ -119,7 +120,8 @@ def solve(family: Family, guess: Array, condition: Condition, jacobian: Jacobian
         If the iteration does not converge.
     """
     scale, z, evaluations, last = family.scale, guess, 1, np.inf
-    fresh = jacobian is None
+    contraction = CONTRACTION if family.cheap else SLOW_CONTRACTION
+    fresh, distance = jacobian is None, np.inf
     used = jacobian_at(family, z) if jacobian is None else jacobian
     factors = used.factorised(condition.row, scale)
     for _ in range(MOST_ITERATIONS):
@@ -128,14 +130,15 @@ def solve(family: Family, guess: Array, condition: Condition, jacobian: Jacobian
         length = float(np.abs(step).max())
         if not np.isfinite(length) or (fresh and length > FAR):
             raise NotFound
-        if length > min(FAR, CONTRACTION * last):
-            if last <= ROUNDING and length > last / 2:
+        if length > min(FAR, contraction * last):
+            if distance <= NEAR and last <= ROUNDING and length > last / 2:
                 return z
             if evaluations == MOST_JACOBIANS:
                 raise NotFound
             used, evaluations, last, fresh = jacobian_at(family, z), evaluations + 1, np.inf, True
             factors = used.factorised(condition.row, scale)
             continue
+        distance = length if fresh else distance
         z, fresh = family.moved(z, scale * step), False
         if min(length / last, 1.0) * length <= CONVERGED and (last < np.inf or length <= CONVERGED):
             return z

@@ -8,7 +8,9 @@ motion concept).  With the angular frequency omega of this motion, its damping r
 
 which is that of the law for small motion.  A slowly decaying free vibration with the mean kinetic energy <T> loses the
 power 4 zeta omega <T>.  In large motion, the logarithmic decrement of the tip differs a little from 2 pi zeta, because
-the displacement of the tip is not proportional to the amplitude of the mode.  The same equations serve an undamped system, for which xi is zero.  The phase of the motion is set by the condition that
+the displacement of the tip is not proportional to the amplitude of the mode.
+
+The same equations serve an undamped system, for which xi is zero.  The phase of the motion is set by the condition that
 the mode, phi^T M q, has no cosine in its first harmonic.
 
 References

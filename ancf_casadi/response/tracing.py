@@ -265,7 +265,7 @@ def _traced(
         raise InputError("the first and the last value of the range are equal", name)
     family = replace(start.family, setting=start.setting, free=(name,), scales=(abs(ends[1] - ends[0]),))
     z = family.joined(start.coefficients, start.setting)
-    point = replace(start, family=family, z=z, jacobian=jacobian_at(family, z))
+    point = replace(start, family=family, z=z, jacobian=jacobian_at(family, z), row=unit(family, name))
     motions, found, closed = [motion_of(subject, point)], list[BifurcationPoint](), False
     try:
         for step in _steps(point, name, ends, points, tolerance):

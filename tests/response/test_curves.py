@@ -83,7 +83,7 @@ def test_the_ends_of_a_curve_are_those_of_the_range(second_mode):
 
 def test_a_curve_in_the_amplitude_passes_the_same_motions(reduced, second_mode):
     frequency = sum(own.motion.frequency for own in second_mode.bifurcations) / 2
-    sheet = amplitude_response(reduced, (1e-4, 1e-3), base=HarmonicBase(amplitude=1.0, frequency=frequency))
+    sheet = amplitude_response(reduced, (1e-4, 2e-3), base=HarmonicBase(amplitude=1.0, frequency=frequency))
     crossings = np.flatnonzero(np.diff(np.sign(sheet.drive_amplitudes - 5e-4)))
     assert len(crossings) == 3  # between the folds, three motions belong to one excitation
     in_frequency = np.flatnonzero(np.diff(np.sign(second_mode.frequencies - frequency)))

@@ -62,14 +62,14 @@ class Point:
         Unknowns.
     jacobian : Jacobian
         Derivatives of the equations at the point.
-    errors : Errors
-        Estimated errors relative to the size of the motion.
+    row : array
+        A row across the curve, which completes the derivatives to a regular matrix.
     """
 
     family: Family
     z: Array
     jacobian: Jacobian
-    errors: Errors
+    row: Array
 
     @property
     def coefficients(self) -> Array:
@@ -80,6 +80,12 @@ class Point:
     def setting(self) -> Setting:
         """Frequency, amplitude of the drive and so on."""
         return self.family.split(self.z)[1]
+
+    @cached_property
+    def errors(self) -> Errors:
+        """Estimated errors relative to the size of the motion."""
+        shift, family = partial(_shift, self.family, self.factors), self.family
+        return errors_of(family.balance, self.coefficients, self.setting, self.jacobian.linear, family.size, shift)
 
     @cached_property
     def multipliers(self) -> ComplexArray:
@@ -96,8 +102,13 @@ class Point:
         """Return the unit tangent of the curve in scaled unknowns, in the direction of another vector."""
         right = np.zeros(len(self.z))
         right[-1] = 1.0
-        t = self.jacobian.factorised(along, self.family.scale).solve(right)
-        return np.asarray(t / np.linalg.norm(t))
+        t = self.factors.solve(right)
+        return np.asarray(np.copysign(1.0, t @ along) * t / np.linalg.norm(t))
+
+    @cached_property
+    def factors(self) -> Factors:
+        """LU factors of the derivatives with the row."""
+        return self.jacobian.factorised(self.row, self.family.scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,15 +164,14 @@ def point_at(
     while True:
         z = solve(family, guess, condition, near)
         jacobian, balance, series = jacobian_at(family, z), family.balance, family.balance.fourier
-        C, setting = family.split(z)
-        size = max(size_of(balance, C), SMALLEST_SIZE)
-        factors = jacobian.factorised(condition.row, family.scale)
-        errors = errors_of(balance, C, setting, jacobian.linear, size, partial(_shift, family, factors))
+        size = max(size_of(balance, family.split(z)[0]), SMALLEST_SIZE)
+        point = Point(replace(family, size=size), z, jacobian, condition.row)
+        errors = point.errors
         if not np.isfinite(errors.largest):
             raise NotFound
         if coarser and STALLED * coarser.errors.largest < errors.largest <= ROUNDING:
             return coarser
-        coarser = Point(replace(family, size=size), z, jacobian, errors)
+        coarser = point
         if errors.largest <= tolerance:
             return coarser
         harmonics, samples = refined(errors, series.harmonics, series.samples, tolerance)

@@ -36,6 +36,7 @@ SLOW = (  # pages that take more than ten seconds
     "how_to/choosing_a_law.md",
     "how_to/many_runs.md",
     "how_to/own_optimiser.md",
+    "how_to/response_curves.md",
     "tutorials/export.md",
     "tutorials/large_motion.md",
 )

@@ -1,10 +1,10 @@
 """Harmonic balance of a driven beam at a fixed frequency, with all derivatives (alternating frequency-time method).
 
-With the Fourier matrices E (samples x coefficients) of ``fourier``, the motion at N phases tau_j is
+With the matrices E, E', E'' and W of the Fourier series (``ancf_casadi.response``), the motion at N phases tau_j is
 
     q = E C,    v = omega E' C,    a = omega^2 E'' C,
 
-and with the analysis W = 2/N E^T (1/N for the mean) the balance of the forces R and the fundamental of the reading h
+and the balance of the forces R and the fundamental of the reading h
 are
 
     F = W R(q, v, a, tau, omega, l, s),    Y exp(i phi) = sum_j 2/N (sin tau_j + i cos tau_j) h_j.
@@ -20,6 +20,7 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 
+from ancf_casadi.response.harmonic_balance.fourier import Fourier, fourier
 from ancf_casadi.support.arrays import Array
 from problems.response.driven import Driven
 
@@ -68,76 +69,48 @@ class HarmonicBalance:
     harmonics: int
     size: float = 1.0
 
-    @property
-    def samples(self) -> int:
-        """Number N of samples of a period: enough for the products of a few harmonics, and for the kink of |v| v."""
-        return max(32, 6 * self.harmonics + 2)
+    @cached_property
+    def fourier(self) -> Fourier:
+        """The Fourier series, with enough samples for the products of a few harmonics, and for the kink of |v| v."""
+        return fourier(self.harmonics, max(32, 6 * self.harmonics + 2))
 
     @property
     def unknowns(self) -> int:
         """Number of coefficients."""
-        return (2 * self.harmonics + 1) * self.driven.modes
-
-    @cached_property
-    def phases(self) -> Array:
-        """The phases tau_j, (N,)."""
-        return np.asarray(np.arange(self.samples) * (2 * np.pi / self.samples), dtype=np.float64)
-
-    @cached_property
-    def synthesis(self) -> tuple[Array, Array, Array]:
-        """E, E' and E'', (N, 2 H + 1) each."""
-        k = np.arange(1, self.harmonics + 1)
-        sine, cosine = np.sin(np.outer(self.phases, k)), np.cos(np.outer(self.phases, k))
-        zeroth, first, second = (np.zeros((self.samples, 2 * self.harmonics + 1)) for _ in range(3))
-        zeroth[:, 0] = 1.0
-        zeroth[:, 1::2], zeroth[:, 2::2] = sine, cosine
-        first[:, 1::2], first[:, 2::2] = k * cosine, -k * sine
-        second[:, 1::2], second[:, 2::2] = -(k**2) * sine, -(k**2) * cosine
-        return np.asarray(zeroth), np.asarray(first), np.asarray(second)
-
-    @cached_property
-    def analysis(self) -> Array:
-        """W, (2 H + 1, N)."""
-        W = 2 / self.samples * self.synthesis[0].T
-        W[0] /= 2
-        return np.asarray(W)
-
-    @cached_property
-    def _products(self) -> Array:
-        """W_kj E_jl, W_kj E'_jl and W_kj E''_jl as three matrices ((2 H + 1)^2, N)."""
-        products = [np.einsum("kj,jl->klj", self.analysis, E) for E in self.synthesis]
-        return np.stack([product.reshape(-1, self.samples) for product in products])
+        return self.fourier.size * self.driven.modes
 
     @cached_property
     def _functions(self) -> tuple[cs.Function, cs.Function]:
-        return self.driven.forces.map(self.samples), self.driven.reading.map(self.samples)
+        return self.driven.forces.map(self.fourier.samples), self.driven.reading.map(self.fourier.samples)
 
     def at(self, coefficients: Array, level: float, omega: float, s: Array) -> Linearised:
         """Return the balance at coefficients (d,), a level, an angular frequency and the unknowns s."""
-        n, ns, N = self.driven.modes, self.driven.shared, self.samples
+        n, ns, N = self.driven.modes, self.driven.shared, self.fourier.samples
+        series = self.fourier
+        synthesis = series.basis, series.slope, series.curvature
         C = coefficients.reshape(-1, n)
-        motion = [(omega**k * E @ C).T for k, E in enumerate(self.synthesis)]
-        inputs = [*map(cs.DM, motion), cs.DM(self.phases[None]), cs.DM(omega), cs.DM(self.size * level), cs.DM(s)]
+        motion = [(omega**k * E @ C).T for k, E in enumerate(synthesis)]
+        inputs = [*map(cs.DM, motion), cs.DM(series.phases[None]), cs.DM(omega), cs.DM(self.size * level), cs.DM(s)]
         forces, *jacobians = (one.full() for one in self._functions[0].call(inputs))
         reading, *slopes = (one.full() for one in self._functions[1].call(inputs))
         powers = (1.0, omega, omega**2)
         tangents = [J.reshape(n, N, n).transpose(1, 0, 2).reshape(N, -1) for J in jacobians[:3]]
-        pairs = zip(self._products, powers, tangents, strict=True)
-        blocks = np.asarray(sum(power * (product @ tangent) for product, power, tangent in pairs))
+        pairs = zip(series.products, powers, tangents, strict=True)
+        blocks = np.asarray(sum(power * (product.reshape(N, -1).T @ tangent) for product, power, tangent in pairs))
         width = len(C)
         by_coefficients = blocks.reshape(width, width, n, n).transpose(0, 2, 1, 3).reshape(self.unknowns, self.unknowns)
-        fundamental = self.analysis[1:3]
-        rows = zip(self.synthesis, powers, slopes[:3], strict=True)
+        fundamental = series.analysis[[2, 1]]  # sine and cosine
+        rows = zip(synthesis, powers, slopes[:3], strict=True)
         by_motion = sum(
             power * np.einsum("kj,jl,ji->kli", fundamental, E, J.reshape(N, n)) for E, power, J in rows
         ).reshape(2, -1)
         parts = fundamental @ reading.ravel()
         to_polar = np.array([parts, [-parts[1], parts[0]]]) / np.array([[np.hypot(*parts)], [parts @ parts]])
         return Linearised(
-            forces=(self.analysis @ forces.T).ravel(),
+            forces=(series.analysis @ forces.T).ravel(),
             by_coefficients=by_coefficients,
-            by_level=self.size * (self.analysis @ jacobians[3].T).ravel(),
-            by_unknowns=np.einsum("kj,ijs->kis", self.analysis, jacobians[4].reshape(n, N, ns)).reshape(-1, ns),
+            by_level=self.size * (series.analysis @ jacobians[3].T).ravel(),
+            by_unknowns=np.einsum("kj,ijs->kis", series.analysis, jacobians[4].reshape(n, N, ns)).reshape(-1, ns),
             polar=np.array([np.hypot(*parts), np.arctan2(parts[1], parts[0])]),
             polar_by_coefficients=to_polar @ by_motion,
             polar_by_level=self.size * to_polar @ (fundamental @ slopes[3].ravel()),

@@ -2,13 +2,14 @@
 
 The equation of motion of the modal coordinates q (``ancf_casadi.reduction``) is
 
-    0 = R = M(q) a + h(q, v, u, p) + diag((c_k^2 - 1) w_k^2) q - Q_tip(q, l sin tau),
+    0 = R = M(q) a + h(q, v, u, p) + diag((c_k^2 - 1) w_k^2) q + (E - 1) dU/dq - Q_tip(q, l sin tau),
 
 with the phase tau = omega t and the size l of the excitation: the amplitude of the base motion u = l d sin tau along d,
-m, or the multiple of a tip load.  The unknowns s are the parameters p of the damping law and the factors c on the
-natural frequencies: the linear stiffness that is added to mode k makes its angular frequency at rest c_k w_k exactly.
-A model whose frequencies differ from the measured ones by more than a fraction of the damping ratio has another
-response altogether, so that the factors belong to every fit of a damping law.
+m, or the multiple of a tip load.  The unknowns s are the parameters p of the damping law, the factors c on the natural
+frequencies, and the factor E on the elastic modulus, to which the strain energy U is proportional.  The linear
+stiffness that is added to mode k makes its angular frequency at rest c_k w_k exactly.  A model whose frequencies differ
+from the measured ones by more than a fraction of the damping ratio has another response altogether, so that the factors
+belong to every fit of a damping law.
 
 The sensor reads an expression of the nodal coordinates that belong to q (``derivatives.reading``).
 """
@@ -71,14 +72,18 @@ def driven(reduced: ReducedModel, record: ResponseRecord, make: Callable[[cs.Fun
     """
     n, laws = reduced.count, len(reduced.law.parameters)
     q, v, a = (cs.SX.sym(name, n) for name in "qva")
-    tau, omega, size, s = cs.SX.sym("tau"), cs.SX.sym("omega"), cs.SX.sym("size"), cs.SX.sym("s", laws + n)
+    tau, omega, size, s = (
+        cs.SX.sym(name, k) for name, k in (("tau", 1), ("omega", 1), ("size", 1), ("s", laws + n + 1))
+    )
     base, load = _excitation(record, tau, omega, size)
     p = cs.vertcat(cs.SX(reduced.values[:2]), s[:laws])
-    stiffness = (s[laws:] ** 2 - 1) * cs.DM(reduced.modes.angular_frequencies**2)
-    R = reduced.mass(q) @ (a - reduced.rhs(q, v, base, p)) + stiffness * q - _at_tip(reduced, q, base, load)
+    stiffness = (s[laws:-1] ** 2 - 1) * cs.DM(reduced.modes.angular_frequencies**2)
+    _, U, _ = reduced.energies(q, v, base, p)
+    R = reduced.mass(q) @ (a - reduced.rhs(q, v, base, p)) - _at_tip(reduced, q, base, load)
+    R += stiffness * q + (s[-1] - 1) * cs.gradient(U, q)
     symbols = q, v, a, tau, omega, size, s
     y = _sensor(reduced, record)(q, v, a, base, load, s[:laws])
-    return Driven(n, laws + n, make(_with_jacobians("forces", R, symbols)), _with_jacobians("reading", y, symbols))
+    return Driven(n, laws + n + 1, make(_with_jacobians("forces", R, symbols)), _with_jacobians("reading", y, symbols))
 
 
 def _with_jacobians(name: str, value: cs.SX, symbols: tuple[cs.SX, ...]) -> cs.Function:

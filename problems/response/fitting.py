@@ -120,12 +120,12 @@ def fit_response(
     >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
     ...                     density=8000.0, elastic_modulus=210e9, elements=4)
     >>> model = Model(beam)
-    >>> base, frequencies = HarmonicBase(amplitude=1e-3, frequency=1.0), [1.55, 1.58, 1.60, 1.62, 1.64, 1.67]
-    >>> amplitudes = [0.0215, 0.0380, 0.0655, 0.0703, 0.0419, 0.0237]
+    >>> base, frequencies = HarmonicBase(amplitude=1e-3, frequency=1.0), [1.80, 1.84, 1.87, 1.90, 1.93]
+    >>> amplitudes = [0.0186, 0.0358, 0.0737, 0.0487, 0.0263]
     >>> record = ResponseRecord(frequencies, amplitudes, base=base, sweep="up")
     >>> fit = fit_response(model, record, ModalDamping(natural_modes(model, count=1), ratios=[0.02]))
-    >>> print(f"{fit.estimates['ratio1']:.4f}")
-    0.0100
+    >>> print(f"{fit.estimates['ratio1']:.3f}")
+    0.010
     """
     check_instance(model, "model", Model)
     curves, motions = split_records(records)
@@ -171,7 +171,7 @@ def _fit(problem: JointProblem, unknowns: Sequence[Unknown]) -> ResponseFit:
     make = compiled if sum(record.f.size for record in problem.curves.records) >= MANY else as_it_is
     responses = Responses(problem.curves, problem.names, make)
     for repetition in range(REPEATED + 1):
-        fit, problem, responses = _solved(problem, unknowns, responses, make, improve=improve)
+        fit, problem, responses = solved(problem, unknowns, responses, make, improve=improve)
         curves = np.arange(len(fit.residuals)) < sum(problem.curves.series)
         finer, residuals, by_levels = problem.finer(dict(zip(fit.names, fit.values.tolist(), strict=True)), responses)
         shifts = fit.shifts(np.where(curves, residuals - fit.residuals, 0.0))
@@ -183,8 +183,8 @@ def _fit(problem: JointProblem, unknowns: Sequence[Unknown]) -> ResponseFit:
     return ResponseFit(problem, fit, shifts, fit.shifts(LEVEL_ERROR * by_levels), responses)
 
 
-def _solved(
-    problem: JointProblem, unknowns: Sequence[Unknown], responses: Responses, make: Make, *, improve: bool
+def solved(
+    problem: JointProblem, unknowns: Sequence[Unknown], responses: Responses, make: Make, *, improve: bool = True
 ) -> tuple[Fit, JointProblem, Responses]:
     """Return the estimates with given modes and harmonics, the problem with the weights that were used, and its curves.
 

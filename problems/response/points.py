@@ -40,6 +40,7 @@ from functools import cached_property
 import numpy as np
 
 from ancf_casadi.exceptions import NumericsError
+from ancf_casadi.response.harmonic_balance.fourier import resized
 from ancf_casadi.support.arrays import Array
 from problems.response.balance import HarmonicBalance, Linearised
 
@@ -124,9 +125,9 @@ class Motion:
 
     def padded(self, modes: int, more_modes: int, harmonics: int) -> Motion:
         """Return the motion with zeros for modes and harmonics that it does not have, to start from."""
-        own = self.coefficients.reshape(-1, modes)
-        more = np.zeros((2 * harmonics + 1, more_modes))
-        more[: len(own), :modes] = own
+        own = resized(self.coefficients.reshape(-1, modes), harmonics)
+        more = np.zeros((len(own), more_modes))
+        more[:, :modes] = own
         return Motion(more.ravel(), self.level, self.at)
 
     def sensitivities(self, forces: Array, polar: Array) -> Array:
@@ -144,7 +145,14 @@ class Motion:
         return np.array([np.zeros(len(phase)), phase, change[-1]])
 
 
-def motion_at(balance: HarmonicBalance, omega: float, amplitude: float, s: Array, near: tuple[Array, float]) -> Motion:
+def motion_at(
+    balance: HarmonicBalance,
+    omega: float,
+    amplitude: float,
+    s: Array,
+    near: tuple[Array, float],
+    farthest: float = math.inf,
+) -> Motion:
     """Return the motion with a given amplitude of the reading.
 
     Parameters
@@ -159,18 +167,20 @@ def motion_at(balance: HarmonicBalance, omega: float, amplitude: float, s: Array
         Unknowns.
     near : (array, float)
         Coefficients and level to start from.
+    farthest : float
+        Largest distance of the motion from ``near``, relative; twice this for its level.
 
     Raises
     ------
     NoMotionError
-        If Newton's method does not converge.
+        If Newton's method does not converge, or moves too far.
     """
     C, level = near
     for _ in range(STEPS):
         at = balance.at(C, level, omega, s)
         step = _solved(at, np.append(-at.forces, amplitude - at.polar[0]))[0]
         C, level = C + step[:-1], level + float(step[-1])
-        if not np.isfinite(step).all():
+        if not np.isfinite(step).all() or not _near(C, level, near, farthest):
             break
         if np.linalg.norm(step[:-1]) <= CONVERGED * np.linalg.norm(C):
             return Motion(C, level, balance.at(C, level, omega, s))
@@ -200,9 +210,7 @@ def motion_from_rest(balance: HarmonicBalance, measured: Measured, s: Array) -> 
         ahead = trial - here[2]
         expected = here[0] + ahead * slope[0], here[1] + ahead * slope[1]
         try:
-            found = motion_at(balance, omega, trial, s, expected)
-            if not _continues(found, expected):
-                raise NoMotionError("another motion was found")
+            found = motion_at(balance, omega, trial, s, expected, ASTRAY)
         except (NoMotionError, np.linalg.LinAlgError):
             step = min(step, ahead) / 2
             if step < SHORTEST * goal:
@@ -215,16 +223,15 @@ def motion_from_rest(balance: HarmonicBalance, measured: Measured, s: Array) -> 
     return found if found.level > 0.0 else _half_period_later(balance, found, omega, s)
 
 
-def _continues(found: Motion, expected: tuple[Array, float]) -> bool:
+def _near(C: Array, level: float, expected: tuple[Array, float], farthest: float) -> bool:
     """Return whether a motion is near the one expected, and not on another curve."""
-    moved = np.linalg.norm(found.coefficients - expected[0]) <= ASTRAY * np.linalg.norm(found.coefficients)
-    return bool(moved) and abs(found.level - expected[1]) <= 2 * ASTRAY * max(abs(found.level), abs(expected[1]))
+    moved = float(np.linalg.norm(C - expected[0])) <= farthest * float(np.linalg.norm(C))
+    return moved and abs(level - expected[1]) <= 2 * farthest * max(abs(level), abs(expected[1]))
 
 
 def _half_period_later(balance: HarmonicBalance, motion: Motion, omega: float, s: Array) -> Motion:
     """Return the same motion with a level of the other sign: the time begins half a period later."""
-    signs = np.ones(2 * balance.harmonics + 1)
-    signs[1::4] = signs[2::4] = -1.0  # odd harmonics
+    signs = (-1.0) ** balance.fourier.orders
     C, level = (signs[:, None] * motion.coefficients.reshape(len(signs), -1)).ravel(), -motion.level
     return Motion(C, level, balance.at(C, level, omega, s))
 

@@ -10,7 +10,8 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping
+from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.dynamics.equations import as_it_is
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import reduce_model
@@ -23,6 +24,9 @@ from problems.response.points import Measured
 from problems.response.record import ResponseRecord
 from problems.response.unknowns import excitation_name, frequency_name
 from problems.response.weights import Weights
+
+MODULUS = "elastic_modulus"
+WITHOUT_MODULUS = (FrictionDamping, ModalDamping, QuadraticDamping)  # laws whose forces do not contain the modulus
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +91,7 @@ class ResponseProblem:
 
         ``make`` compiles its Functions, or leaves them to the virtual machine.
         """
-        factors = np.array([values.get(name, 1.0) for name in FACTORS])
+        factors = np.array([values.get(name, 1.0) if name in self.of_model else 1.0 for name in FACTORS])
         model = changed(self.model, factors) if (factors != 1.0).any() else self.model
         reduced = reduce_model(model, modes=self.modes, damping=self.law)
         kinds: dict[Any, Driven] = {}  # records that differ in size alone share their Functions
@@ -98,13 +102,22 @@ class ResponseProblem:
             found.append(HarmonicBalance(kinds[kind], self.harmonics, record.base.amplitude if record.base else 1.0))
         return found
 
+    @property
+    def of_model(self) -> tuple[str, ...]:
+        """The properties in the constants of the reduced model; the modulus only if the damping contains it."""
+        terms = self.law.laws if isinstance(self.law, SumOfLaws) else (self.law,)
+        free = all(isinstance(term, WITHOUT_MODULUS) for term in terms)
+        return tuple(name for name in FACTORS if not (free and name == MODULUS))
+
     def shared(self, values: Mapping[str, float]) -> Array:
         """Return the unknowns s of the equation of motion (``driven``), for values by name."""
         law = [values.get(own.name, own.value) for own in self.law.parameters]
-        return np.array([*law, *(values.get(frequency_name(k), 1.0) for k in range(self.modes))])
+        modulus = 1.0 if MODULUS in self.of_model else values.get(MODULUS, 1.0)
+        return np.array([*law, *(values.get(frequency_name(k), 1.0) for k in range(self.modes)), modulus])
 
     def shared_columns(self, names: Sequence[str]) -> list[tuple[int, int]]:
         """Return the pairs of a column in s and the place of its unknown."""
         own = [parameter.name for parameter in self.law.parameters]
-        known = [*own, *(frequency_name(k) for k in range(self.modes))]
-        return [(known.index(name), place) for place, name in enumerate(names) if name in known]
+        known = [*own, *(frequency_name(k) for k in range(self.modes)), MODULUS]
+        shared = [name in known and name not in self.of_model for name in names]
+        return [(known.index(name), place) for place, name in enumerate(names) if shared[place]]

@@ -64,7 +64,8 @@ class ResponseRecord:
         Phases phi by which the reading leads the displacement of the base, or the load, rad; for real ``values``.  Add
         pi to a phase relative to the acceleration of the base.
     sensor : Sensor
-        The sensor; the horizontal displacement of the tip if not given.
+        The sensor; the horizontal displacement of the tip, in the laboratory and not relative to the base, if not
+        given.
     base : HarmonicBase, optional
         The base motion at level 1: its amplitude and direction.  Its frequency has no effect.
     load : HarmonicLoad, optional

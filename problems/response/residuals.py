@@ -13,7 +13,8 @@ At the closest point g - m has no component along u, and a change of Y moves g a
 residuals by the unknowns therefore are the components of T dg/dx at fixed Y (variable projection); the gradient of the
 sum of squares is exact.
 
-Properties, tip mass and clamp enter the constants of the reduced model.  The derivatives of F and of the reading by
+Properties, tip mass and clamp enter the constants of the reduced model, except for the elastic modulus if the damping
+does not contain it.  The derivatives of F and of the reading by
 these are central differences at fixed coefficients, between two models at the relative distances ``DIFFERENCE``; all
 other derivatives are exact.
 
@@ -34,7 +35,6 @@ import numpy as np
 
 from ancf_casadi.dynamics.equations import as_it_is
 from ancf_casadi.exceptions import NumericsError
-from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import Differentiable
 from problems.response.balance import HarmonicBalance
@@ -111,7 +111,7 @@ class Responses:
     @cached_property
     def properties(self) -> tuple[str, ...]:
         """The unknowns that change the constants of the reduced model."""
-        return tuple(name for name in self.names if name in (*PROPERTIES, *LUMPED))
+        return tuple(name for name in self.names if name in self.problem.of_model)
 
     def motions(self, values: Mapping[str, float]) -> list[list[Motion]]:
         """Return the motion closest to each point, record by record, for values of the unknowns by name.

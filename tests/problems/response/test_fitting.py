@@ -1,6 +1,7 @@
 """Tests of fits to response curves."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,8 +16,10 @@ from ancf_casadi import (
     QuadraticDamping,
     RayleighDamping,
     natural_modes,
+    simulate,
+    static_equilibrium,
 )
-from problems import FrequencyRecord, ResponseRecord, compare_laws, fit_response
+from problems import FrequencyRecord, MarkerRecord, ResponseRecord, compare_laws, fit_response, fit_transient
 from tests.problems.response.curves import noisy, swept
 
 RATIO, ETA2, FREQUENCY = 0.006, 1.0, 1.01
@@ -220,3 +223,37 @@ def test_a_response_that_the_beam_cannot_have_is_named(model, modes, curves):
     record = ResponseRecord([1.9, 1.95], [3.0, 2.0], base=HarmonicBase(amplitude=1e-3, frequency=1.0))
     with pytest.raises(FitError, match=r"1\.9 Hz"):
         fit_response(model, record, ModalDamping(modes, ratios=[0.01]))
+
+
+def test_the_modulus_is_a_factor_on_the_stiffness_of_the_model(model, modes, curves):
+    """The response of the model with a larger modulus is that of the beam with this modulus."""
+    law = curves[0]
+    record = ResponseRecord(
+        modes.frequencies[0] * np.array([0.98, 1.0, 1.03]), np.ones(3), base=HarmonicBase(2e-3, frequency=1.0)
+    )
+    stiffer = Model(model.beam.with_(elastic_modulus=1.05 * model.beam.elastic_modulus[0]))
+    expected = swept(stiffer, law, record, modes=4)
+    np.testing.assert_allclose(swept(model, law, record, modes=4, elastic_modulus=1.05), expected, rtol=2e-3)
+
+
+@pytest.mark.slow
+def test_decays_and_curves_together_have_smaller_errors_than_either(model, curves):
+    law = curves[0]
+    held = static_equilibrium(model, tip_force=(0.01, 0.0))
+    run = simulate(model, damping=law, start=held, duration=4.0, sample_rate=40.0, method="radau")
+    rng = np.random.default_rng(7)
+    decay = MarkerRecord(run.time, run.tip + 3e-4 * rng.standard_normal(run.tip.shape), start=held)
+    stiffness = {"properties": ["elastic_modulus"]}
+    exact = [
+        (record, swept(model, law, record, modes=3)[:, :2])
+        for record in (replace(one, frequencies=one.f / FREQUENCY) for one, _ in curves[1][1:])
+    ]
+    records = [noisy(record, curve, rng) for record, curve in exact]
+    settings = {"excitation": "common", "excitation_deviation": 0.01}
+    by_decay = fit_transient(model, decay, law, **stiffness)
+    by_curves = fit_response(model, records, law, **stiffness, **settings)
+    both = fit_response(model, [*records, decay], law, **settings)
+    for name, value in {"ratio1": RATIO, "eta2": ETA2, "elastic_modulus": 1.0}.items():
+        alone = min(by_decay.standard_errors[name], by_curves.standard_errors[name])
+        assert both.standard_errors[name] < alone
+        assert abs(both.estimates[name] - value) < 3.5 * both.standard_errors[name]

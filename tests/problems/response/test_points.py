@@ -42,7 +42,7 @@ def balance_of(model, law, record, harmonics=5):
 
 
 def unknowns(law):
-    return np.array([*(own.value for own in law.parameters), *np.ones(MODES)])
+    return np.array([*(own.value for own in law.parameters), *np.ones(MODES + 1)])
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_small_motion_has_the_linear_transmissibility(model):
     law = ModalDamping(modes, ratios=(0.02, 0.01))
     record = ResponseRecord([1.9], [1e-7], base=HarmonicBase(amplitude=1e-8, frequency=1.0))
     balance, omega = balance_of(model, law, record), 2 * math.pi * 1.9
-    s = np.array([0.02, 0.01, 1.0, 1.0])
+    s = np.array([0.02, 0.01, 1.0, 1.0, 1.0])
     motion = motion_from_rest(balance, Measured(omega, np.array([1e-7, math.nan, 1.0]), np.ones(3)), s)
     frf = linear_frf(model, damping=law, frequencies=[1.9], kind="transmissibility")
     found = 1e-7 / (motion.level * 1e-8) * np.exp(1j * motion.values[1])
@@ -102,7 +102,7 @@ def test_a_load_at_the_tip_bends_as_much_as_its_receptance(model):
     modes = natural_modes(model, count=MODES)
     law = ModalDamping(modes, ratios=(0.02, 0.01))
     record = ResponseRecord([1.7], [1e-7], load=HarmonicLoad(force=(1e-6, 0.0), frequency=1.0))
-    balance, s = balance_of(model, law, record), np.array([0.02, 0.01, 1.0, 1.0])
+    balance, s = balance_of(model, law, record), np.array([0.02, 0.01, 1.0, 1.0, 1.0])
     point = Measured(2 * math.pi * 1.7, np.array([1e-7, math.nan, 1.0]), np.ones(3))
     motion = motion_from_rest(balance, point, s)
     frf = linear_frf(model, damping=law, frequencies=[1.7])

@@ -17,7 +17,7 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
 from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.tracing import MOST_POINTS, POINTS, frequency_response
-from ancf_casadi.support.inputs import choice, is_sequence, located, physical, vector, whole
+from ancf_casadi.support.inputs import choice, is_sequence, located, physical, positive, vector, whole
 from problems.tables.simulation import read_markers
 from problems.tables.study import Study
 
@@ -25,13 +25,16 @@ KEYS = """\
   [response]    steady vibration: frequencies = [FROM, TO] (Hz);
                 base_amplitudes (m) or tip_forces (N), one number or several
                 levels; direction; model ("reduced" or "full"), modes (of the
-                reduced model, 8), points (least number on a curve, 60)
+                reduced model, 8), points (least number on a curve, 60),
+                tolerance (error of each motion relative to its size, 1e-4)
   [markers]     NAME = arc length from the clamp (m): points in the output
 """
 REQUIRED = {"frequencies"}
-OPTIONAL = {"base_amplitudes", "tip_forces", "direction", "model", "modes", "points"}
+OPTIONAL = {"base_amplitudes", "tip_forces", "direction", "model", "modes", "points", "tolerance"}
 MODELS = ("reduced", "full")
 MODES = 8  # of the reduced model, if the beam has as many
+TOLERANCE = 1e-4  # few harmonics suffice for it, even under friction
+LARGEST_TOLERANCE = 0.01
 MOST_LEVELS = 20
 
 
@@ -57,6 +60,8 @@ class ResponseTask:
         Number of modes of the reduced model; 0 for the full beam.
     points : int
         Least number of points of a curve.
+    tolerance : float
+        Largest estimated error of each motion, relative to its size.
     markers : mapping of str to float
         Arc lengths of the points to output by name, m.
     """
@@ -69,6 +74,7 @@ class ResponseTask:
     direction: tuple[float, float]
     modes: int
     points: int
+    tolerance: float
     markers: Mapping[str, float]
 
     @cached_property
@@ -104,9 +110,13 @@ class ResponseTask:
         InputError, EquilibriumError, NumericsError, ContinuationError
             As ``frequency_response``.
         """
-        damping = None if self.modes else self.damping  # a reduced model has its law
         return frequency_response(
-            self.body, self.frequencies, damping=damping, points=self.points, **self.excitation(level)
+            self.body,
+            self.frequencies,
+            damping=None if self.modes else self.damping,  # a reduced model has its law
+            points=self.points,
+            tolerance=self.tolerance,
+            **self.excitation(level),
         )
 
 
@@ -130,6 +140,9 @@ def response_task(study: Study, source: Document) -> ResponseTask:
         driven, levels = _levels(table)
         modes = _modes(table, source.model)
         points = whole(table.get("points", POINTS), "points", 2, MOST_POINTS)
+        tolerance = positive(table.get("tolerance", TOLERANCE), "tolerance")
+        if tolerance > LARGEST_TOLERANCE:
+            raise InputError(f"must be at most {LARGEST_TOLERANCE:g}, got {tolerance:g}", "tolerance")
     return ResponseTask(
         source.model,
         source.damping,
@@ -139,6 +152,7 @@ def response_task(study: Study, source: Document) -> ResponseTask:
         (x / size, y / size),
         modes,
         points,
+        tolerance,
         read_markers(study, source.model),
     )
 

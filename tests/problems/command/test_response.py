@@ -68,9 +68,18 @@ def test_a_point_of_the_table_is_the_steady_vibration_at_its_frequency(study, ca
     row = table[table["level_m"] == 5e-5][3]
     task = read_response("study.toml")
     motion = periodic_motion(task.body, base=HarmonicBase(5e-5, row["frequency_hz"]))
-    assert motion.amplitude() == pytest.approx(row["tip_amplitude_m"], rel=1e-5)
-    assert motion.amplitude(0.25) == pytest.approx(row["middle_amplitude_m"], rel=1e-5)
-    assert np.exp(1j * motion.phase(0.25)) == pytest.approx(np.exp(1j * row["middle_phase_rad"]), abs=1e-5)
+    assert motion.amplitude() == pytest.approx(row["tip_amplitude_m"], rel=1e-4)
+    assert motion.amplitude(0.25) == pytest.approx(row["middle_amplitude_m"], rel=1e-4)
+    assert np.exp(1j * motion.phase(0.25)) == pytest.approx(np.exp(1j * row["middle_phase_rad"]), abs=1e-4)
+
+
+def test_friction_is_followed_at_the_default_tolerance(study, capsys):
+    """The ratio at the peak is above that of the modal law, and falls with the level."""
+    study.write_text(STUDY.replace("[response]", '[[damping]]\nlaw = "friction"\neta0 = 0.02\n\n[response]'))
+    assert main(["response", "study.toml", "--json"]) == 0
+    small, large = (level["curve"] for level in json.loads(capsys.readouterr().out)["levels"])
+    assert 0.003 < large["peak_damping_ratio"] < small["peak_damping_ratio"]
+    assert large["peak_amplitude_m"] > 4.1 * small["peak_amplitude_m"]
 
 
 def test_the_figure_is_a_picture(study, capsys):

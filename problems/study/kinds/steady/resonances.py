@@ -31,7 +31,7 @@ from problems.study.kinds.steady.figure import draw_curve
 from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task, Terms
 from problems.study.source import BeamChoice, LawChoice, Source, text_of
 from problems.tables.damping import law_of
-from problems.tables.response import MODES, ResponseTask
+from problems.tables.response import MODES, TOLERANCE, ResponseTask
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -119,7 +119,9 @@ def resonance(given: Excitation) -> Resonance:
     model = Model(given.beam)
     law = law_of(given.terms, model, "damping")
     count = max(given.modes, given.mode)
-    task = ResponseTask(model, law, given.frequencies, (given.amplitude,), "base", (1.0, 0.0), count, POINTS, {})
+    task = ResponseTask(
+        model, law, given.frequencies, (given.amplitude,), "base", (1.0, 0.0), count, POINTS, TOLERANCE, {}
+    )
     curve = task.curve(given.amplitude)
     amplitude = np.array([_amplitude(motion, given.mode) for motion in curve.motions])
     return Resonance(curve_data(task, curve), amplitude)

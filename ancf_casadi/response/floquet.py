@@ -34,6 +34,8 @@ E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
@@ -41,11 +43,13 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.exceptions import NumericsError
-from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.response.harmonic_balance.fourier import basis_at
+from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
 
 STAGES = 7
 SMALL = 32  # degrees of freedom up to which all that N samples can excite is resolved within milliseconds
-LEAST_RESOLVED = 8  # oscillations per period
+ENTRIES = 2**22  # of the matrices that are solved at a time
+LEAST_RESOLVED, MOST_RESOLVED = 8, 64  # oscillations per period
 TOLERANCE = 1e-6  # of a magnitude; undamped vibrations stay on the unit circle only to rounding and truncation
 
 Bifurcation = Literal["fold", "branch point", "period doubling", "Neimark-Sacker"]
@@ -64,8 +68,8 @@ def floquet_multipliers(K: Array, D: Array, M: Array, period: float, *, resolved
         Period T, s.
     resolved : float, optional
         Highest frequency at which multipliers are accurate to 3e-6, in oscillations per period; higher frequencies are
-        damped.  The time grows in proportion.  The default is N/4 for up to 32 degrees of freedom, otherwise N/8, but
-        at least 8.
+        damped.  The time grows in proportion.  The default is N/4 for up to 32 degrees of freedom, otherwise N/8 up to
+        64, but at least 8.
 
     Raises
     ------
@@ -74,11 +78,16 @@ def floquet_multipliers(K: Array, D: Array, M: Array, period: float, *, resolved
     """
     samples, size, _ = K.shape
     if resolved is None:
-        resolved = max(LEAST_RESOLVED, samples / (4 if size <= SMALL else 8))
+        resolved = max(LEAST_RESOLVED, samples / 4 if size <= SMALL else min(samples / 8, MOST_RESOLVED))
     steps = max(2, int(np.ceil(2 * resolved)))
+    at_once = max(1, ENTRIES // (STAGES * size) ** 2)
+    matrices = [_series(A) for A in (K, D, M)]
     try:
-        stiffness, damping, mass = (_at_stages(A, steps) for A in (K, D, M))
-        return _sorted_eigenvalues(_monodromy(stiffness, damping, mass, period / steps))
+        parts = [
+            _factors(matrices, np.arange(begin, min(begin + at_once, steps)), steps, period)
+            for begin in range(0, steps, at_once)
+        ]
+        return _sorted_eigenvalues(_product(np.concatenate(parts)))
     except np.linalg.LinAlgError:
         raise NumericsError("the Floquet multipliers cannot be computed: the equation of motion is singular") from None
 
@@ -125,23 +134,26 @@ def _crossings(before: ComplexArray, after: ComplexArray, sign: int) -> int:
     return abs(_outside(before, sign) - _outside(after, sign))
 
 
-def _monodromy(K: Array, D: Array, M: Array, step: float) -> Array:
-    """Return the monodromy matrix (2n, 2n) in terms of (x, h x_t) from matrices at the stages (steps, 7, n, n)."""
-    B, size = _derivative_matrix(), K.shape[-1]
-    steps = max(len(A) for A in (K, D, M))
-    A = np.empty((steps, STAGES, size, STAGES, size))  # of the increments z
+def _factors(matrices: Sequence[_Series], numbers: Index, steps: int, period: float) -> Array:
+    """Return the matrices (k, 2n, 2n) of some steps, given by their numbers (k,), in terms of (x, h x_t)."""
+    phases = 2 * np.pi * (numbers[:, None] + _nodes()).ravel() / steps
+    basis = basis_at(phases, max(matrix.harmonics for matrix in matrices))
+    K, D, M = (matrix.at(basis).reshape(len(numbers), STAGES, *matrix.constant.shape) for matrix in matrices)
+    B, size, step = _derivative_matrix(), K.shape[-1], period / steps
+    A = np.empty((len(numbers), STAGES, size, STAGES, size))  # of the increments z
     A[:] = (B @ B)[:, None, :, None] * M[:, :, :, None, :]
     A += step * B[:, None, :, None] * D[:, :, :, None, :]
     stage = np.arange(STAGES)
     A[:, stage, :, stage, :] += step**2 * K.transpose(1, 0, 2, 3)
-    right = np.empty((steps, STAGES, size, 2, size))
+    right = np.empty((len(numbers), STAGES, size, 2, size))
     right[..., 0, :] = -(step**2) * K
     right[..., 1, :] = B.sum(axis=1)[:, None, None] * M
-    z = np.linalg.solve(A.reshape(steps, STAGES * size, -1), right.reshape(steps, STAGES * size, -1))
-    z = z.reshape(steps, STAGES, size, 2 * size)
+    rows = STAGES * size
+    z = np.linalg.solve(A.reshape(-1, rows, rows), right.reshape(-1, rows, 2 * size))
+    z = z.reshape(-1, STAGES, size, 2 * size)
     factors = np.concatenate([z[:, -1], np.einsum("j,kjab->kab", B[-1], z)], axis=1)
     factors[:, :size, :size] += np.eye(size)
-    return _product(factors)
+    return np.asarray(factors)
 
 
 def _product(factors: Array) -> Array:
@@ -152,25 +164,45 @@ def _product(factors: Array) -> Array:
     return np.asarray(factors[0])
 
 
-def _at_stages(A: Array, steps: int) -> Array:
-    """Return a matrix at the stages of each step (steps, 7, n, n), or (1, 1, n, n) if it is constant."""
-    if A.ndim == 2:
-        return A[None, None]
-    samples, size, _ = A.shape
-    varying = np.any(A != A[0], axis=0)
-    values = np.empty((steps * STAGES, size, size))
-    values[:] = A[0]
-    values[:, varying] = _interpolation(samples, steps) @ A[:, varying]
-    return values.reshape(steps, STAGES, size, size)
+@dataclass(frozen=True, eq=False)
+class _Series:
+    """A periodic matrix as the Fourier series through its samples.
+
+    Parameters
+    ----------
+    constant : array (n, n)
+        The matrix at one sample.
+    varying : array (n, n)
+        Mask of the k entries that vary.
+    coefficients : array (2 H + 1, k)
+        Fourier coefficients of these.
+    """
+
+    constant: Array
+    varying: Mask
+    coefficients: Array
+
+    @property
+    def harmonics(self) -> int:
+        """Number H of harmonics."""
+        return len(self.coefficients) // 2
+
+    def at(self, basis: Array) -> Array:
+        """Return the matrix (l, n, n) at the phases of a Fourier basis (l, 2 H + 1), which may have more harmonics."""
+        values = np.tile(self.constant, (len(basis), 1, 1))
+        values[:, self.varying] = basis[:, : len(self.coefficients)] @ self.coefficients
+        return values
 
 
-@lru_cache(maxsize=8)
-def _interpolation(samples: int, steps: int) -> Array:
-    """Return the matrix (7 steps, N) from samples of a periodic function to its values at the stages."""
-    phase = 2 * np.pi * (np.arange(steps)[:, None] + _nodes()).ravel() / steps
-    order = np.fft.fftfreq(samples, 1 / samples)
-    spectrum = np.fft.fft(np.eye(samples), axis=0) / samples
-    return np.asarray((np.exp(1j * phase[:, None] * order) @ spectrum).real)
+def _series(A: Array) -> _Series:
+    """Return the Fourier series of samples (N, n, n), or of a constant (n, n)."""
+    A = A.reshape(-1, *A.shape[-2:])
+    varying, harmonics = np.any(A != A[0], axis=0), (len(A) - 1) // 2
+    spectrum = np.fft.rfft(A[:, varying], axis=0)[: harmonics + 1] / len(A)
+    coefficients = np.empty((2 * harmonics + 1, spectrum.shape[1]))
+    coefficients[0] = spectrum[0].real
+    coefficients[1::2], coefficients[2::2] = 2 * spectrum[1:].real, -2 * spectrum[1:].imag
+    return _Series(A[0], varying, coefficients)
 
 
 def _nodes() -> Array:

@@ -29,7 +29,6 @@ from ancf_casadi import (
     reduce_model,
     run_all,
 )
-from ancf_casadi.support.compilation import compiled
 from problems import ResponseRecord
 from problems.response.fitting import solved
 from problems.response.joint import JointProblem
@@ -101,9 +100,9 @@ def study(model: Model, case: Case, truth: list[Curve], seeds: range) -> np.ndar
         unknowns = response_unknowns(model, modes.frequencies, records, (), law, (), "known", fixed, {})
         names = tuple(unknown.name for unknown in unknowns)
         curves = ResponseProblem(model, records, law, MODES, HARMONICS, first_weights(records), "known")
-        fresh = Responses(curves, names, compiled)
-        responses = fresh if responses is None else responses.continued(curves, names, compiled)
-        fit, _, responses = solved(JointProblem(names, curves, None, (), None), unknowns, responses, compiled)
+        fresh = Responses(curves, names)
+        responses = fresh if responses is None else responses.continued(curves, names)
+        fit, _, responses = solved(JointProblem(names, curves, None, (), None), unknowns, responses)
         values = np.array([case.ratio, case.eta2, 1.0])
         low, high = fit.intervals().T
         found.append([(low <= values) & (values <= high), (fit.values - values) / fit.errors])

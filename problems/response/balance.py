@@ -1,15 +1,11 @@
-"""Harmonic balance of a driven beam at a fixed frequency, with all derivatives (alternating frequency-time method).
+"""The steady motion of a driven beam at a fixed frequency: harmonic balance, the reading of a sensor, all derivatives.
 
-With the matrices E, E', E'' and W of the Fourier series (``ancf_casadi.response``), the motion at N phases tau_j is
+The balance F(C, l, s) of the coefficients C is that of ``ancf_casadi.response``.  The reading h at the N samples tau_j
+of the motion q = E C has the fundamental
 
-    q = E C,    v = omega E' C,    a = omega^2 E'' C,
+    Y exp(i phi) = sum_j 2/N (sin tau_j + i cos tau_j) h_j.
 
-and the balance of the forces R and the fundamental of the reading h
-are
-
-    F = W R(q, v, a, tau, omega, l, s),    Y exp(i phi) = sum_j 2/N (sin tau_j + i cos tau_j) h_j.
-
-Their derivatives by C are sums over the samples, such as W diag(dR/dq) E, and those by l and s are W dR/dl and so on.
+Its derivatives by C are sums over the samples, such as 2/N sum_j sin tau_j dh/dq E_j, and those by l and s likewise.
 """
 
 from __future__ import annotations
@@ -20,54 +16,29 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 
+from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Linearisation, Setting
 from ancf_casadi.response.harmonic_balance.fourier import Fourier, fourier
 from ancf_casadi.support.arrays import Array
 from problems.response.driven import Driven
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
-    """Balance and reading at one point, and their derivatives by coefficients, level and unknowns.
-
-    Parameters
-    ----------
-    forces : array (d,)
-        F, for d = (2 H + 1) n coefficients.
-    by_coefficients, by_level, by_unknowns : array (d, d), (d,), (d, s)
-        Derivatives of F.
-    polar : array (2,)
-        Amplitude Y and phase phi of the fundamental of the reading.
-    polar_by_coefficients, polar_by_level, polar_by_unknowns : array (2, d), (2,), (2, s)
-        Derivatives of Y and phi.
-    """
-
-    forces: Array
-    by_coefficients: Array
-    by_level: Array
-    by_unknowns: Array
-    polar: Array
-    polar_by_coefficients: Array
-    polar_by_level: Array
-    polar_by_unknowns: Array
-
-
-@dataclass(frozen=True, eq=False)
-class HarmonicBalance:
-    """Harmonic balance of a driven beam.
+class DrivenBalance:
+    """Harmonic balance of a driven beam with the reading of its sensor.
 
     Parameters
     ----------
     driven : Driven
-        Forces and reading at one instant.
+        The beam, its excitation and its sensor.
     harmonics : int
         Number H of harmonics.
     size : float
-        Size of the excitation at level 1.
+        Amplitude of the excitation at level 1.
     """
 
     driven: Driven
     harmonics: int
-    size: float = 1.0
+    size: float
 
     @cached_property
     def fourier(self) -> Fourier:
@@ -80,39 +51,111 @@ class HarmonicBalance:
         return self.fourier.size * self.driven.modes
 
     @cached_property
-    def _functions(self) -> tuple[cs.Function, cs.Function]:
-        return self.driven.forces.map(self.fourier.samples), self.driven.reading.map(self.fourier.samples)
+    def reading(self) -> cs.Function:
+        """The reading at all samples."""
+        return self.driven.reading.map(self.fourier.samples)
 
     def at(self, coefficients: Array, level: float, omega: float, s: Array) -> Linearised:
         """Return the balance at coefficients (d,), a level, an angular frequency and the unknowns s."""
-        n, ns, N = self.driven.modes, self.driven.shared, self.fourier.samples
-        series = self.fourier
-        synthesis = series.basis, series.slope, series.curvature
-        C = coefficients.reshape(-1, n)
-        motion = [(omega**k * E @ C).T for k, E in enumerate(synthesis)]
-        inputs = [*map(cs.DM, motion), cs.DM(series.phases[None]), cs.DM(omega), cs.DM(self.size * level), cs.DM(s)]
-        forces, *jacobians = (one.full() for one in self._functions[0].call(inputs))
-        reading, *slopes = (one.full() for one in self._functions[1].call(inputs))
-        powers = (1.0, omega, omega**2)
-        tangents = [J.reshape(n, N, n).transpose(1, 0, 2).reshape(N, -1) for J in jacobians[:3]]
-        pairs = zip(series.products, powers, tangents, strict=True)
-        blocks = np.asarray(sum(power * (product.reshape(N, -1).T @ tangent) for product, power, tangent in pairs))
-        width = len(C)
-        by_coefficients = blocks.reshape(width, width, n, n).transpose(0, 2, 1, 3).reshape(self.unknowns, self.unknowns)
-        fundamental = series.analysis[[2, 1]]  # sine and cosine
-        rows = zip(synthesis, powers, slopes[:3], strict=True)
-        by_motion = sum(
-            power * np.einsum("kj,jl,ji->kli", fundamental, E, J.reshape(N, n)) for E, power, J in rows
-        ).reshape(2, -1)
-        parts = fundamental @ reading.ravel()
-        to_polar = np.array([parts, [-parts[1], parts[0]]]) / np.array([[np.hypot(*parts)], [parts @ parts]])
-        return Linearised(
-            forces=(series.analysis @ forces.T).ravel(),
-            by_coefficients=by_coefficients,
-            by_level=self.size * (series.analysis @ jacobians[3].T).ravel(),
-            by_unknowns=np.einsum("kj,ijs->kis", series.analysis, jacobians[4].reshape(n, N, ns)).reshape(-1, ns),
-            polar=np.array([np.hypot(*parts), np.arctan2(parts[1], parts[0])]),
-            polar_by_coefficients=to_polar @ by_motion,
-            polar_by_level=self.size * to_polar @ (fundamental @ slopes[3].ravel()),
-            polar_by_unknowns=to_polar @ (fundamental @ slopes[4].reshape(N, ns)),
-        )
+        system = self.driven.system.with_values(s)
+        setting = Setting(omega, self.size * level)
+        return Linearised(self, HarmonicBalance(system, self.driven.drive, self.fourier), coefficients, setting)
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """Balance and reading at one point, and their derivatives by coefficients, level and unknowns.
+
+    Parameters
+    ----------
+    driven : DrivenBalance
+        The driven beam.
+    balance : HarmonicBalance
+        Its equations for the values of the unknowns s.
+    coefficients : array (d,)
+        Fourier coefficients C, for d = (2 H + 1) n.
+    setting : Setting
+        Frequency and amplitude of the excitation.
+    """
+
+    driven: DrivenBalance
+    balance: HarmonicBalance
+    coefficients: Array
+    setting: Setting
+
+    @cached_property
+    def forces(self) -> Array:
+        """F, (d,)."""
+        return np.asarray(self.balance.residual(self._C, self.setting).ravel())
+
+    @property
+    def by_coefficients(self) -> Array:
+        """Derivatives of F by C, (d, d)."""
+        return self._linear.by_coefficients
+
+    @property
+    def by_level(self) -> Array:
+        """Derivatives of F by the level, (d,)."""
+        return np.asarray(self.driven.size * self._linear.by_amplitude)
+
+    @cached_property
+    def by_unknowns(self) -> Array:
+        """Derivatives of F by s, (d, s)."""
+        return self.balance.by_parameters(self._C, self.setting, np.eye(self.driven.driven.shared))
+
+    @cached_property
+    def polar(self) -> Array:
+        """Amplitude Y and phase phi of the fundamental of the reading, (2,)."""
+        parts = self._fundamental
+        return np.array([np.hypot(*parts), np.arctan2(parts[1], parts[0])])
+
+    @cached_property
+    def polar_by_coefficients(self) -> Array:
+        """Derivatives of Y and phi by C, (2, d)."""
+        series, omega = self.balance.fourier, self.setting.omega
+        factors = (series.basis, omega * series.slope, omega**2 * series.curvature)
+        rows = zip(factors, self._readings[1:4], strict=True)
+        sums = sum(np.einsum("kj,jl,ji->kli", self._weights, E, J.reshape(len(E), -1)) for E, J in rows)
+        return np.asarray(self._to_polar @ np.reshape(sums, (2, -1)))
+
+    @property
+    def polar_by_level(self) -> Array:
+        """Derivatives of Y and phi by the level, (2,)."""
+        return np.asarray(self.driven.size * self._to_polar @ (self._weights @ self._readings[4].ravel()))
+
+    @property
+    def polar_by_unknowns(self) -> Array:
+        """Derivatives of Y and phi by s, (2, s)."""
+        samples = self.balance.fourier.samples
+        return np.asarray(self._to_polar @ (self._weights @ self._readings[5].reshape(samples, -1)))
+
+    @property
+    def _C(self) -> Array:
+        return self.coefficients.reshape(-1, self.driven.driven.modes)
+
+    @cached_property
+    def _linear(self) -> Linearisation:
+        return self.balance.linearised(self._C, self.setting)
+
+    @cached_property
+    def _readings(self) -> list[Array]:
+        """The reading at the samples, and its Jacobians by q, v, a, the amplitude of the excitation and s."""
+        q, v, a, _ = self.balance.motion(self._C, self.setting)
+        inputs = (q, v, a, self.balance.fourier.phases[None], self.setting.omega, self.setting.amplitude)
+        return [one.full() for one in self.driven.reading(*inputs, self.balance.system.values)]
+
+    @property
+    def _weights(self) -> Array:
+        """Rows that give the sine and the cosine of the fundamental, (2, N)."""
+        return self.balance.fourier.analysis[[2, 1]]
+
+    @cached_property
+    def _fundamental(self) -> Array:
+        """Sine and cosine of the fundamental of the reading, (2,)."""
+        return np.asarray(self._weights @ self._readings[0].ravel())
+
+    @cached_property
+    def _to_polar(self) -> Array:
+        """Derivatives of Y and phi by sine and cosine, (2, 2)."""
+        x, y = self._fundamental
+        return np.asarray(np.array([[x, y], [-y, x]]) / np.array([[np.hypot(x, y)], [x**2 + y**2]]))

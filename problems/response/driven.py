@@ -1,4 +1,4 @@
-"""The reduced beam under a harmonic excitation, and a sensor on it, as Functions of one instant.
+"""The reduced beam under a harmonic excitation, and a sensor on it, as a system of second order.
 
 The equation of motion of the modal coordinates q (``ancf_casadi.reduction``) is
 
@@ -16,19 +16,24 @@ The sensor reads an expression of the nodal coordinates that belong to q (``deri
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as cs
+import numpy as np
 
+from ancf_casadi.damping import Parameter
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import LOAD
 from ancf_casadi.reduction import ReducedModel
+from ancf_casadi.response.systems.beams import reduced_system
+from ancf_casadi.response.systems.drive import Drive, beam_drive
+from ancf_casadi.response.systems.system import SampledFunctions, SecondOrderSystem, cached
 from problems.response.record import ResponseRecord
 
+GRAVITY = 2  # first parameters of the reduced model, which do not vary
 INPUTS = ("q", "v", "a", "tau", "omega", "size", "s")
-VARIED = ("q", "v", "a", "size", "s")  # inputs by which the Functions have Jacobians
+VARIED = ("q", "v", "a", "size", "s")  # inputs by which the reading has Jacobians
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,23 +42,31 @@ class Driven:
 
     Parameters
     ----------
-    modes : int
-        Number of modes n.
-    shared : int
-        Number of unknowns s.
-    forces : Function
-        (q, v, a, tau, omega, size, s) -> R (n,), and its Jacobians by q, v, a, size and s.
+    system : SecondOrderSystem
+        The beam; its parameters are the unknowns s.
+    drive : Drive
+        The excitation.
     reading : Function
-        The same inputs -> the reading of the sensor, and its Jacobians by q, v, a, size and s.
+        (q, v, a, tau, omega, size, s) at one instant -> the reading of the sensor, and its Jacobians by q, v, a, size
+        and s; size is the amplitude of the excitation.
     """
 
-    modes: int
-    shared: int
-    forces: cs.Function
+    system: SecondOrderSystem
+    drive: Drive
     reading: cs.Function
 
+    @property
+    def modes(self) -> int:
+        """Number of modes n."""
+        return self.system.size
 
-def driven(reduced: ReducedModel, record: ResponseRecord, make: Callable[[cs.Function], cs.Function]) -> Driven:
+    @property
+    def shared(self) -> int:
+        """Number of unknowns s."""
+        return len(self.system.parameters)
+
+
+def driven(reduced: ReducedModel, record: ResponseRecord) -> Driven:
     """Return a reduced beam under the kind of excitation of a record, with its sensor.
 
     Parameters
@@ -62,53 +75,67 @@ def driven(reduced: ReducedModel, record: ResponseRecord, make: Callable[[cs.Fun
         The beam and the damping law.
     record : ResponseRecord
         The excitation and the sensor.
-    make : callable
-        Compiles the Functions, or leaves them to the virtual machine.
 
     Raises
     ------
     InputError
         If the sensor is not on the beam.
     """
+    drive = beam_drive(record.base, record.load)
+    return Driven(_tuned(reduced), drive, _reading(reduced, record, drive))
+
+
+def _tuned(reduced: ReducedModel) -> SecondOrderSystem:
+    """Return the reduced beam with the unknowns s as its parameters."""
+    plain, n, laws = reduced_system(reduced), reduced.count, len(reduced.law.parameters)
+    rest, bending = cs.DM(reduced.projection.rest_force), cs.DM(reduced.projection.bending_stiffness)
+    squares = cs.DM(reduced.modes.angular_frequencies**2)
+    factors = [Parameter(f"frequency_{k + 1}", 1.0, "1", f"factor on the frequency of mode {k + 1}") for k in range(n)]
+    modulus = Parameter("elastic_modulus", 1.0, "1", "factor on the elastic modulus")
+
+    def functions(samples: int) -> SampledFunctions:
+        given = plain.functions(samples)
+        q, v, a, u, p = (given.balance.mx_in(name) for name in ("q", "v", "a", "u", "p"))
+        s = cs.MX.sym("s", laws + n + 1)
+        p = cs.vertcat(cs.DM(reduced.values[:GRAVITY]), s[:laws])
+        added = cs.diag((s[laws:-1] ** 2 - 1) * squares)
+        R = given.balance(q, v, a, u, p) + added @ q
+        R += (s[-1] - 1) * (cs.repmat(rest, 1, samples) + bending @ q)
+        directions = [given.tangents.mx_in(name) for name in ("u_1", "u_2")]
+        K, *others = given.tangents(q, v, a, u, p, *directions)
+        K += cs.repmat(cs.vec(cs.densify(added + (s[-1] - 1) * bending)), 1, samples)
+        symbols, names = [q, v, a, u, s], ["q", "v", "a", "u", "p"]
+        balance = cs.Function("balance", symbols, [R], names, ["R"])
+        return SampledFunctions(
+            balance,
+            cs.Function("tangents", [*symbols, *directions], [K, *others], [*names, "u_1", "u_2"],
+                        ["K", "D", "M", "R_1", "R_2"]),
+            cs.Function("powers", symbols, [*given.powers(q, v, a, u, p)], names, ["lost", "supplied"]),
+            balance,
+        )  # fmt: skip
+
+    return SecondOrderSystem(
+        functions=cached(functions),
+        entries=plain.entries,
+        parameters=(*plain.parameters[GRAVITY:], *factors, modulus),
+        excitation=plain.excitation,
+        rest=np.zeros(n),
+        scale=plain.scale,
+        mirror=plain.mirror,
+    )
+
+
+def _reading(reduced: ReducedModel, record: ResponseRecord, drive: Drive) -> cs.Function:
+    """Return the reading of the sensor with its Jacobians, as in ``Driven``."""
     n, laws = reduced.count, len(reduced.law.parameters)
-    q, v, a = (cs.SX.sym(name, n) for name in "qva")
-    tau, omega, size, s = (
-        cs.SX.sym(name, k) for name, k in (("tau", 1), ("omega", 1), ("size", 1), ("s", laws + n + 1))
-    )
-    base, load = _excitation(record, tau, omega, size)
-    p = cs.vertcat(cs.SX(reduced.values[:2]), s[:laws])
-    stiffness = (s[laws:-1] ** 2 - 1) * cs.DM(reduced.modes.angular_frequencies**2)
-    _, U, _ = reduced.energies(q, v, base, p)
-    R = reduced.mass(q) @ (a - reduced.rhs(q, v, base, p)) - _at_tip(reduced, q, base, load)
-    R += stiffness * q + (s[-1] - 1) * cs.gradient(U, q)
-    symbols = q, v, a, tau, omega, size, s
-    y = _sensor(reduced, record)(q, v, a, base, load, s[:laws])
-    return Driven(n, laws + n + 1, make(_with_jacobians("forces", R, symbols)), _with_jacobians("reading", y, symbols))
-
-
-def _with_jacobians(name: str, value: cs.SX, symbols: tuple[cs.SX, ...]) -> cs.Function:
-    """Return a Function for an expression and its Jacobians by q, v, a, size and s."""
-    jacobians = [cs.densify(cs.jacobian(value, symbols[INPUTS.index(x)])) for x in VARIED]
-    return cs.Function(
-        name, [*symbols], cs.cse([cs.densify(value), *jacobians]), [*INPUTS], ["value", *(f"by_{x}" for x in VARIED)]
-    )
-
-
-def _excitation(record: ResponseRecord, tau: cs.SX, omega: cs.SX, size: cs.SX) -> tuple[cs.SX, cs.SX]:
-    """Return the motion of the clamp, (9,) as in ``ReducedFunctions``, and the load at the tip, (3,)."""
-    if record.load is not None:
-        return cs.SX.zeros(9), size * cs.sin(tau) * cs.DM([*record.load.force, record.load.moment])
-    direction = record.base.direction if record.base is not None else (0.0, 0.0)
-    u = size * cs.vertcat(*direction, 0.0)
-    return cs.vertcat(u * cs.sin(tau), u * omega * cs.cos(tau), -u * omega**2 * cs.sin(tau)), cs.SX.zeros(LOAD)
-
-
-def _at_tip(reduced: ReducedModel, q: cs.SX, base: cs.SX, load: cs.SX) -> cs.SX:
-    """Return the modal force of a load at the tip, (n,)."""
-    e, _ = reduced.coordinates(q, cs.SX.zeros(q.numel()), base)
-    position, x, y = e[-4:-2], e[-2], e[-1]
-    turn = (x * cs.jacobian(y, q) - y * cs.jacobian(x, q)) / (x**2 + y**2)
-    return (load[:2].T @ cs.jacobian(position, q) + load[2] * turn).T
+    sizes = dict(zip(INPUTS, (n, n, n, 1, 1, 1, laws + n + 1), strict=True))
+    q, v, a, tau, omega, size, s = symbols = [cs.SX.sym(name, count) for name, count in sizes.items()]
+    position, velocity, acceleration = (cs.DM(part) for part in drive.parts)
+    u = size * (position * cs.sin(tau) + omega * velocity * cs.cos(tau) - omega**2 * acceleration * cs.sin(tau))
+    y = _sensor(reduced, record)(q, v, a, u[:-LOAD], u[-LOAD:], s[:laws])
+    jacobians = [cs.densify(cs.jacobian(y, symbols[INPUTS.index(name)])) for name in VARIED]
+    names = ["value", *(f"by_{name}" for name in VARIED)]
+    return cs.Function("reading", symbols, cs.cse([cs.densify(y), *jacobians]), [*INPUTS], names)
 
 
 def _sensor(reduced: ReducedModel, record: ResponseRecord) -> cs.Function:

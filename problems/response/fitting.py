@@ -32,25 +32,22 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.dynamics.equations import as_it_is
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.least_squares import Unknown, least_squares, restarted
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.beam import LUMPED
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.compilation import compiled
 from ancf_casadi.support.inputs import check_instance, choice, positive, whole
 from ancf_casadi.vibration.modes import natural_modes
 from problems.response.joint import ALLOWED, LEVEL_ERROR, NEGLIGIBLE, OPTIONS, JointProblem, motion_problem
 from problems.response.problem import ResponseProblem
 from problems.response.record import split_records
-from problems.response.residuals import Make, Responses
+from problems.response.residuals import Responses
 from problems.response.result import ResponseFit
 from problems.response.unknowns import mode_of, response_unknowns
 from problems.response.weights import first_weights
 from problems.transient.unknowns import Evidence
 
-MANY = 40  # points from which on the equation of motion is compiled
 REPEATED = 2  # repetitions with more modes and harmonics
 MODES_ABOVE = 2  # modes of the model above the highest that a record is about
 MOST_MODES = 12  # modes among which those of the records are sought
@@ -168,10 +165,9 @@ def fit_response(
 def _fit(problem: JointProblem, unknowns: Sequence[Unknown]) -> ResponseFit:
     """Return the estimates with enough modes and harmonics."""
     improve = problem.curves.weights.improvable
-    make = compiled if sum(record.f.size for record in problem.curves.records) >= MANY else as_it_is
-    responses = Responses(problem.curves, problem.names, make)
+    responses = Responses(problem.curves, problem.names)
     for repetition in range(REPEATED + 1):
-        fit, problem, responses = solved(problem, unknowns, responses, make, improve=improve)
+        fit, problem, responses = solved(problem, unknowns, responses, improve=improve)
         curves = np.arange(len(fit.residuals)) < sum(problem.curves.series)
         finer, residuals, by_levels = problem.finer(dict(zip(fit.names, fit.values.tolist(), strict=True)), responses)
         shifts = fit.shifts(np.where(curves, residuals - fit.residuals, 0.0))
@@ -179,12 +175,12 @@ def _fit(problem: JointProblem, unknowns: Sequence[Unknown]) -> ResponseFit:
         if not coarse.any() or repetition == REPEATED:
             break
         problem, unknowns, improve = finer, restarted(unknowns, fit), False
-        responses = responses.continued(problem.curves, problem.names, make)
+        responses = responses.continued(problem.curves, problem.names)
     return ResponseFit(problem, fit, shifts, fit.shifts(LEVEL_ERROR * by_levels), responses)
 
 
 def solved(
-    problem: JointProblem, unknowns: Sequence[Unknown], responses: Responses, make: Make, *, improve: bool = True
+    problem: JointProblem, unknowns: Sequence[Unknown], responses: Responses, *, improve: bool = True
 ) -> tuple[Fit, JointProblem, Responses]:
     """Return the estimates with given modes and harmonics, the problem with the weights that were used, and its curves.
 
@@ -213,7 +209,7 @@ def solved(
         fit = fitted(problem, unknowns, responses)
         if improve:
             problem = problem.improved(fit.residuals)
-            responses = responses.continued(problem.curves, problem.names, make)
+            responses = responses.continued(problem.curves, problem.names)
             fit = fitted(problem, restarted(unknowns, fit), responses)
         return fit, problem, responses
     except FitError as error:

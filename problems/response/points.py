@@ -42,7 +42,7 @@ import numpy as np
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.response.harmonic_balance.fourier import resized
 from ancf_casadi.support.arrays import Array
-from problems.response.balance import HarmonicBalance, Linearised
+from problems.response.balance import DrivenBalance, Linearised
 
 CONVERGED = 1e-9  # Newton step, relative to the coefficients
 SETTLED = 1e-6  # step along the curve, in standard deviations
@@ -146,7 +146,7 @@ class Motion:
 
 
 def motion_at(
-    balance: HarmonicBalance,
+    balance: DrivenBalance,
     omega: float,
     amplitude: float,
     s: Array,
@@ -157,7 +157,7 @@ def motion_at(
 
     Parameters
     ----------
-    balance : HarmonicBalance
+    balance : DrivenBalance
         The driven beam.
     omega : float
         Angular frequency, rad/s.
@@ -187,7 +187,7 @@ def motion_at(
     raise NoMotionError("Newton's method does not converge to a steady motion")
 
 
-def motion_from_rest(balance: HarmonicBalance, measured: Measured, s: Array) -> Motion:
+def motion_from_rest(balance: DrivenBalance, measured: Measured, s: Array) -> Motion:
     """Return the motion with the measured amplitude, on the curve that begins at rest.
 
     Raises
@@ -229,14 +229,14 @@ def _near(C: Array, level: float, expected: tuple[Array, float], farthest: float
     return moved and abs(level - expected[1]) <= 2 * farthest * max(abs(level), abs(expected[1]))
 
 
-def _half_period_later(balance: HarmonicBalance, motion: Motion, omega: float, s: Array) -> Motion:
+def _half_period_later(balance: DrivenBalance, motion: Motion, omega: float, s: Array) -> Motion:
     """Return the same motion with a level of the other sign: the time begins half a period later."""
     signs = (-1.0) ** balance.fourier.orders
     C, level = (signs[:, None] * motion.coefficients.reshape(len(signs), -1)).ravel(), -motion.level
     return Motion(C, level, balance.at(C, level, omega, s))
 
 
-def closest(balance: HarmonicBalance, measured: Measured, s: Array, near: Motion) -> Motion:
+def closest(balance: DrivenBalance, measured: Measured, s: Array, near: Motion) -> Motion:
     """Return the motion closest to a measured point, from one nearby.
 
     Raises
@@ -248,7 +248,7 @@ def closest(balance: HarmonicBalance, measured: Measured, s: Array, near: Motion
     return quick or _carefully(balance, measured, s, near)
 
 
-def _quickly(balance: HarmonicBalance, measured: Measured, s: Array, near: Motion) -> Motion | None:
+def _quickly(balance: DrivenBalance, measured: Measured, s: Array, near: Motion) -> Motion | None:
     """Return the closest motion by Newton's method for motion and amplitude at once; None if steps are not small."""
     C, level, last = near.coefficients, near.level, None
     for _ in range(QUICK):
@@ -267,7 +267,7 @@ def _quickly(balance: HarmonicBalance, measured: Measured, s: Array, near: Motio
     return None
 
 
-def _carefully(balance: HarmonicBalance, measured: Measured, s: Array, near: Motion) -> Motion:
+def _carefully(balance: DrivenBalance, measured: Measured, s: Array, near: Motion) -> Motion:
     """Return the closest motion by steps along the curve, each of which reduces the distance."""
     here = motion_at(balance, measured.omega, float(near.values[0]), s, (near.coefficients, near.level))
     last: tuple[float, Array] | None = None
@@ -283,7 +283,7 @@ def _carefully(balance: HarmonicBalance, measured: Measured, s: Array, near: Mot
     raise NoMotionError("the motion closest to the measured point is not found")
 
 
-def _nearer(balance: HarmonicBalance, measured: Measured, s: Array, here: Motion, along: float) -> Motion:
+def _nearer(balance: DrivenBalance, measured: Measured, s: Array, here: Motion, along: float) -> Motion:
     """Return the motion after a step of the amplitude, which is halved until the distance decreases."""
     distance = float(np.sum(measured.distance(here.values) ** 2))
     for _ in range(HALVINGS):

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping
 from ancf_casadi.damping.law import SumOfLaws
-from ancf_casadi.dynamics.equations import as_it_is
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import reduce_model
 from ancf_casadi.support.arrays import Array, Mask
 from problems.properties.observation import FACTORS
 from problems.properties.response import changed
-from problems.response.balance import HarmonicBalance
+from problems.response.balance import DrivenBalance
 from problems.response.driven import Driven, driven
 from problems.response.points import Measured
 from problems.response.record import ResponseRecord
@@ -84,13 +82,8 @@ class ResponseProblem:
             found.append([Measured(2 * math.pi * f, row, own) for f, row, own in pairs])
         return found
 
-    def balances(
-        self, values: Mapping[str, float], make: Callable[[cs.Function], cs.Function] = as_it_is
-    ) -> list[HarmonicBalance]:
-        """Return the driven beam of each record, for values of the unknowns by name.
-
-        ``make`` compiles its Functions, or leaves them to the virtual machine.
-        """
+    def balances(self, values: Mapping[str, float]) -> list[DrivenBalance]:
+        """Return the driven beam of each record, for values of the unknowns by name."""
         factors = np.array([values.get(name, 1.0) if name in self.of_model else 1.0 for name in FACTORS])
         model = changed(self.model, factors) if (factors != 1.0).any() else self.model
         reduced = reduce_model(model, modes=self.modes, damping=self.law)
@@ -98,8 +91,9 @@ class ResponseProblem:
         found = []
         for record in self.records:
             kind = record.sensor, record.load, record.base and record.base.direction
-            kinds[kind] = kinds.get(kind) or driven(reduced, record, make)
-            found.append(HarmonicBalance(kinds[kind], self.harmonics, record.base.amplitude if record.base else 1.0))
+            kinds[kind] = kinds.get(kind) or driven(reduced, record)
+            size = record.base.amplitude if record.base else kinds[kind].drive.amplitude
+            found.append(DrivenBalance(kinds[kind], self.harmonics, size))
         return found
 
     @property

@@ -26,23 +26,19 @@ L. Kaufman, A variable projection method for solving separable nonlinear least s
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.equations import as_it_is
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import Differentiable
-from problems.response.balance import HarmonicBalance
+from problems.response.balance import DrivenBalance
 from problems.response.points import Measured, Motion, NoMotionError, closest, motion_from_rest
 from problems.response.problem import ResponseProblem
 from problems.response.unknowns import excitation_name
-
-Make = Callable[[cs.Function], cs.Function]
 
 DIFFERENCE = 1e-4  # relative change of a property for its derivative
 OPPOSITE = -0.5  # u . e below which -u takes the place of u
@@ -59,16 +55,16 @@ class Beside:
         Place of the property among the unknowns.
     width : float
         Difference of the two values.
-    above, below : list of HarmonicBalance
+    above, below : list of DrivenBalance
         The driven beams.
     """
 
     place: int
     width: float
-    above: list[HarmonicBalance]
-    below: list[HarmonicBalance]
+    above: list[DrivenBalance]
+    below: list[DrivenBalance]
 
-    def of(self, record: int) -> tuple[int, float, HarmonicBalance, HarmonicBalance]:
+    def of(self, record: int) -> tuple[int, float, DrivenBalance, DrivenBalance]:
         """Return place, difference, and the two driven beams of a record."""
         return self.place, self.width, self.above[record], self.below[record]
 
@@ -82,20 +78,17 @@ class Responses:
         The problem.
     names : sequence of str
         The unknowns.
-    make : callable
-        Compiles the equation of motion, or leaves it to the virtual machine; it is never compiled if properties change.
     """
 
-    def __init__(self, problem: ResponseProblem, names: Sequence[str], make: Make = as_it_is) -> None:
+    def __init__(self, problem: ResponseProblem, names: Sequence[str]) -> None:
         self.problem, self.names = problem, tuple(names)
-        self._make = make
         self.failure = ""
         self._last: list[list[Motion]] = []
-        self._constant: list[HarmonicBalance] = []
+        self._constant: list[DrivenBalance] = []
 
-    def continued(self, problem: ResponseProblem, names: Sequence[str], make: Make = as_it_is) -> Responses:
+    def continued(self, problem: ResponseProblem, names: Sequence[str]) -> Responses:
         """Return the residuals of a problem with other weights or more modes and harmonics, from the last motions."""
-        other = Responses(problem, names, make)
+        other = Responses(problem, names)
         if (problem.modes, problem.harmonics) == (self.problem.modes, self.problem.harmonics):
             other._constant = self._constant
         other._last = [
@@ -193,7 +186,7 @@ class Responses:
         motion: Motion,
         omega: float,
         s: Array,
-        beside: Sequence[tuple[int, float, HarmonicBalance, HarmonicBalance]],
+        beside: Sequence[tuple[int, float, DrivenBalance, DrivenBalance]],
     ) -> Array:
         """Return the derivatives of amplitude, phase and level of a motion at the same amplitude, (3, n)."""
         forces, polar = np.zeros((len(motion.at.forces), len(self.names))), np.zeros((2, len(self.names)))
@@ -205,11 +198,11 @@ class Responses:
             polar[:, place] = (above.polar - below.polar) / width
         return motion.sensitivities(forces, polar)
 
-    def _balances(self, values: Mapping[str, float]) -> list[HarmonicBalance]:
+    def _balances(self, values: Mapping[str, float]) -> list[DrivenBalance]:
         """Return the driven beams; they are built anew only if properties change."""
         if self.properties:
             return self.problem.balances(values)
-        self._constant = self._constant or self.problem.balances({}, self._make)
+        self._constant = self._constant or self.problem.balances({})
         return self._constant
 
     def _or_nan(self, x: Array) -> tuple[Array, Array]:
@@ -243,7 +236,7 @@ def across(slope: Array, response_controlled: bool, has_phase: bool) -> Array:
     return np.asarray(rotation[[row for row in rows if has_phase or row != 1]])
 
 
-def _motion(balance: HarmonicBalance, point: Measured, s: Array, last: Motion | None) -> Motion:
+def _motion(balance: DrivenBalance, point: Measured, s: Array, last: Motion | None) -> Motion:
     """Return the motion closest to a point, from the last one or, if there is none or that fails, from rest."""
     if last is not None:
         try:

@@ -148,7 +148,7 @@ class HarmonicBalance:
         """Return dF/dp times directions (l, k) in the space of the parameters, (c, k)."""
         q, v, a, u = self.motion(C, setting)
         inputs = (q, v, a - setting.growth * v, u, self.parameters(setting))
-        R = _directional(self.system, self.fourier.count)(*inputs, directions).full()
+        R = _directional(self._functions.differentiable)(*inputs, directions).full()
         columns = R.reshape(self.system.size, directions.shape[1], -1)
         return np.asarray(np.einsum("as,iks->aik", self.fourier.analysis, columns)[self.allowed])
 
@@ -205,10 +205,9 @@ class HarmonicBalance:
 
 
 @lru_cache(maxsize=16)
-def _directional(system: SecondOrderSystem, samples: int) -> cs.Function:
+def _directional(function: cs.Function) -> cs.Function:
     """Return (q, v, a, u, p, direction) -> dR/dp times the direction, (n, N), for any number of directions."""
-    function = system.functions(samples).differentiable
     symbols = [cs.MX.sym(function.name_in(k), function.size1_in(k), function.size2_in(k)) for k in range(5)]
     direction = cs.MX.sym("direction", symbols[4].numel())
     product = cs.jtimes(cs.vec(function(*symbols)), symbols[4], direction)
-    return cs.Function("directional", [*symbols, direction], [cs.reshape(cs.densify(product), -1, samples)])
+    return cs.Function("directional", [*symbols, direction], [cs.reshape(cs.densify(product), *symbols[0].shape)])

@@ -16,10 +16,9 @@ from ancf_casadi import (
     reduce_model,
     simulate_reduced,
 )
-from ancf_casadi.dynamics.equations import as_it_is
 from ancf_casadi.records.sensor import Sensor
 from problems import ResponseRecord
-from problems.response.balance import HarmonicBalance
+from problems.response.balance import DrivenBalance
 from problems.response.driven import driven
 from problems.response.points import Measured, closest, motion_at, motion_from_rest
 
@@ -37,8 +36,8 @@ def law(model):
 
 
 def balance_of(model, law, record, harmonics=5):
-    functions = driven(reduce_model(model, modes=MODES, damping=law), record, as_it_is)
-    return HarmonicBalance(functions, harmonics, record.base.amplitude if record.base else 1.0)
+    functions = driven(reduce_model(model, modes=MODES, damping=law), record)
+    return DrivenBalance(functions, harmonics, functions.drive.amplitude)
 
 
 def unknowns(law):

@@ -35,6 +35,7 @@ from ancf_casadi.response.harmonic_balance.fourier import Fourier
 from ancf_casadi.response.systems.drive import Drive
 from ancf_casadi.response.systems.system import SampledFunctions, SecondOrderSystem
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.compilation import evaluated
 
 
 @dataclass(frozen=True)
@@ -124,8 +125,8 @@ class HarmonicBalance:
     def sampled_residual(self, C: Array, setting: Setting) -> Array:
         """Return R at the samples, (n, N)."""
         q, v, a, u = self.motion(C, setting)
-        R = self._functions.balance(q, v, a - setting.growth * v, u, self.parameters(setting))
-        return np.asarray(R.full())
+        inputs = (q, v, a - setting.growth * v, u, self.parameters(setting))
+        return evaluated(self._functions.balance, *inputs)[0]
 
     def linearised(self, C: Array, setting: Setting) -> Linearisation:
         """Return the derivatives of F."""
@@ -133,7 +134,7 @@ class HarmonicBalance:
         q, v, a, u = self.motion(C, setting)
         _, growing, shape = self.drive.samples(series.phases, omega, setting.amplitude)
         inputs = (q, v, a - growth * v, u, self.parameters(setting), growing, shape)
-        k, d, m, by_growing, by_shape = (part.full() for part in self._functions.tangents(*inputs))
+        k, d, m, by_growing, by_shape = evaluated(self._functions.tangents, *inputs)
         drag = d - growth * m
         J = self._assembled((k, omega * drag, omega**2 * m))
         speed = self._times(drag, v / omega) + self._times(m, 2 / omega * a) + by_growing
@@ -155,8 +156,8 @@ class HarmonicBalance:
     def sampled_powers(self, C: Array, setting: Setting) -> tuple[Array, Array]:
         """Return the power lost to damping and the power supplied at the samples, (N,), W."""
         motion = self.motion(C, setting)
-        lost, supplied = self._functions.powers(*motion, self.parameters(setting))
-        return lost.full().ravel(), supplied.full().ravel()
+        lost, supplied = evaluated(self._functions.powers, *motion, self.parameters(setting))
+        return lost.ravel(), supplied.ravel()
 
     @cached_property
     def allowed(self) -> NDArray[np.bool_]:

@@ -177,8 +177,9 @@ def point_at(
         harmonics, samples = refined(errors, series.harmonics, series.samples, tolerance)
         if harmonics > MOST_HARMONICS or samples > MOST_SAMPLES:
             raise NumericsError(
-                f"the motion needs more than {MOST_HARMONICS} harmonics or {MOST_SAMPLES} samples per period: its error is "
-                f"{errors.largest:.1g}; use a larger tolerance, a smoother force, or more damping of the high modes"
+                f"the motion needs more than {MOST_HARMONICS} harmonics or {MOST_SAMPLES} samples per period: "
+                f"its error is {errors.largest:.1g}; use a larger tolerance, a smoother force, or more damping of the "
+                "high modes"
             )
         guess, near = family.resized(z, harmonics), None
         row, origin = (family.resized(part, harmonics) for part in (condition.row, condition.origin))

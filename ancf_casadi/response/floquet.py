@@ -55,7 +55,15 @@ TOLERANCE = 1e-6  # of a magnitude; undamped vibrations stay on the unit circle 
 Bifurcation = Literal["fold", "branch point", "period doubling", "Neimark-Sacker"]
 
 
-def floquet_multipliers(K: Array, D: Array, M: Array, period: float, *, resolved: float | None = None) -> ComplexArray:
+def floquet_multipliers(
+    K: Array,
+    D: Array,
+    M: Array,
+    period: float,
+    *,
+    resolved: float | None = None,
+    mirror: Array | None = None,
+) -> ComplexArray:
     """Return the Floquet multipliers (2n,) of M(t) x_tt + D(t) x_t + K(t) x = 0, the largest magnitude first.
 
     Parameters
@@ -70,6 +78,9 @@ def floquet_multipliers(K: Array, D: Array, M: Array, period: float, *, resolved
         Highest frequency at which multipliers are accurate to 3e-6, in oscillations per period; higher frequencies are
         damped.  The time grows in proportion.  The default is N/4 for up to 32 degrees of freedom, otherwise N/8 up to
         64, but at least 8.
+    mirror : array (n,), optional
+        Signs P = diag(+-1) of a symmetry K(t + T/2) = P K(t) P, likewise for D and M.  Half a period is then enough:
+        the multipliers are the squares of the eigenvalues of P times the matrix of half a period.
 
     Raises
     ------
@@ -79,15 +90,19 @@ def floquet_multipliers(K: Array, D: Array, M: Array, period: float, *, resolved
     samples, size, _ = K.shape
     if resolved is None:
         resolved = max(LEAST_RESOLVED, samples / 4 if size <= SMALL else min(samples / 8, MOST_RESOLVED))
-    steps = max(2, int(np.ceil(2 * resolved)))
+    steps = 2 * max(1, int(np.ceil(resolved)))
+    taken = steps if mirror is None else steps // 2
     at_once = max(1, ENTRIES // (STAGES * size) ** 2)
     matrices = [_series(A) for A in (K, D, M)]
     try:
         parts = [
-            _factors(matrices, np.arange(begin, min(begin + at_once, steps)), steps, period)
-            for begin in range(0, steps, at_once)
+            _factors(matrices, np.arange(begin, min(begin + at_once, taken)), steps, period)
+            for begin in range(0, taken, at_once)
         ]
-        return _sorted_eigenvalues(_product(np.concatenate(parts)))
+        monodromy = _product(np.concatenate(parts))
+        if mirror is None:
+            return _sorted_eigenvalues(monodromy)
+        return _sorted_eigenvalues(np.tile(mirror, 2)[:, None] * monodromy) ** 2
     except np.linalg.LinAlgError:
         raise NumericsError("the Floquet multipliers cannot be computed: the equation of motion is singular") from None
 

@@ -45,7 +45,7 @@ STALLED, ROUNDING = 0.5, 1e-6  # an error below the latter that does not decreas
 SMALLEST_SIZE = 1e-12  # of a motion, relative to the scale of the system
 ANGLE = 0.25  # rad between successive tangents that the steps aim at
 LARGEST_ANGLE = 0.6  # rad; beyond it, a step may have left the curve
-SPARE = 1e-3  # size of the two highest harmonics, relative to the tolerance, at which they are dropped
+SPARE = 2e-2  # size of the two highest harmonics, relative to the tolerance, at which they are dropped
 LOCATED = 1e-9  # width of the interval around a located point, relative to the step
 MOST_TRIALS = 30
 
@@ -93,10 +93,12 @@ class Point:
         system = self.family.balance.system
         K, D, M = (system.matrix(part) for part in self.jacobian.linear.matrices)
         D = D - self.setting.growth * M
-        if self.family.balance.fourier.half:
-            signs = system.mirror[:, None] * system.mirror
-            K, D, M = (np.concatenate([half, signs * half]) for half in (K, D, M))
-        return floquet_multipliers(K, D, M, 2 * np.pi / self.setting.omega)
+        period = 2 * np.pi / self.setting.omega
+        if not self.family.balance.fourier.half:
+            return floquet_multipliers(K, D, M, period)
+        signs = system.mirror[:, None] * system.mirror
+        K, D, M = (np.concatenate([half, signs * half]) for half in (K, D, M))
+        return floquet_multipliers(K, D, M, period, mirror=system.mirror)
 
     def tangent(self, along: Array) -> Array:
         """Return the unit tangent of the curve in scaled unknowns, in the direction of another vector."""
@@ -255,8 +257,7 @@ def stepped(point: Point, tangent: Array, length: float, tolerance: float) -> Po
     """
     family = point.family
     guess = family.moved(point.z, length * family.scale * tangent)
-    near = point.jacobian if family.balance.system.retraction is np.add else None  # a beam that turns needs a new one
-    return point_at(family, guess, Condition(tangent, point.z, length), tolerance, near)
+    return point_at(family, guess, Condition(tangent, point.z, length), tolerance, point.jacobian)
 
 
 def located(step: Step, test: Callable[[Point, Array], float], tolerance: float) -> Point:

@@ -22,6 +22,7 @@ import numpy as np
 
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Linearisation, Setting
 from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
+from ancf_casadi.response.systems.system import PLAIN
 from ancf_casadi.support.arrays import Array
 
 SMALL = 400  # unknowns
@@ -86,15 +87,37 @@ class Family:
         return C, replace(self.setting, **values)
 
     def moved(self, z: Array, change: Array) -> Array:
-        """Return the unknowns moved by a change, with the retraction of the system at each sample."""
-        system, series = self.balance.system, self.balance.fourier
-        if system.retraction is np.add:
+        """Return the unknowns moved by a change."""
+        if self.plain:
             return z + change
-        (C, _), (correction, _) = self.split(z), self.split(change)
-        q, dq = (series.basis @ part for part in (C, correction))
-        C = series.analysis @ system.retraction(q.T, dq.T).T
-        count = len(self.free)
-        return np.concatenate([C[self.balance.allowed], z[-count:] + change[-count:]])
+        return self._at_samples(
+            self.balance.system.corrections.moved, z[-len(self.free) :] + change[-len(self.free) :], z, change
+        )
+
+    def forth(self, reference: Array, z: Array, change: Array) -> Array:
+        """Return the change at z that corresponds to a change at a reference."""
+        if self.plain or reference is z:
+            return change
+        return self._at_samples(self.balance.system.corrections.forth, change[-len(self.free) :], reference, z, change)
+
+    def back(self, reference: Array, z: Array, residual: Array) -> Array:
+        """Return the left sides at a reference that correspond to those at z."""
+        if self.plain or reference is z:
+            return residual
+        count = int(self.balance.allowed.sum())
+        padded = np.append(residual[:count], np.zeros(len(self.free)))
+        return self._at_samples(self.balance.system.corrections.back, residual[count:], reference, z, padded)
+
+    @property
+    def plain(self) -> bool:
+        """Whether corrections are simply added."""
+        return self.balance.system.corrections is PLAIN
+
+    def _at_samples(self, function: Callable[..., Array], last: Array, *vectors: Array) -> Array:
+        """Apply a function to the sampled coordinates of vectors; return coefficients, followed by other entries."""
+        series = self.balance.fourier
+        samples = [(series.basis @ self.split(vector)[0]).T for vector in vectors]
+        return np.concatenate([(series.analysis @ function(*samples).T)[self.balance.allowed], last])
 
     def residual(self, z: Array) -> Array:
         """Return the left sides of all equations."""

@@ -60,10 +60,13 @@ class Jacobian:
         Derivatives with respect to the unknowns.
     linear : Linearisation
         Derivatives of harmonic balance.
+    z : array
+        Unknowns at which they were evaluated.
     """
 
     matrix: Array
     linear: Linearisation
+    z: Array
 
     def factorised(self, row: Array, scale: Array) -> Factors:
         """Return the LU factors in scaled unknowns, with a last row; other rows are divided by their largest entry."""
@@ -97,7 +100,7 @@ class Factors:
 
 def jacobian_at(family: Family, z: Array) -> Jacobian:
     """Return the derivatives of the equations at z."""
-    return Jacobian(*family.jacobian(z))
+    return Jacobian(*family.jacobian(z), z)
 
 
 def solve(family: Family, guess: Array, condition: Condition, jacobian: Jacobian | None = None) -> Array:
@@ -126,7 +129,8 @@ def solve(family: Family, guess: Array, condition: Condition, jacobian: Jacobian
     factors = used.factorised(condition.row, scale)
     for _ in range(MOST_ITERATIONS):
         gap = condition.row @ ((z - condition.origin) / scale) - condition.distance
-        step = -factors.solve(np.append(family.residual(z), gap))
+        residual = family.back(used.z, z, family.residual(z))
+        step = -family.forth(used.z, z, scale * factors.solve(np.append(residual, gap))) / scale
         length = float(np.abs(step).max())
         if not np.isfinite(length) or (fresh and length > FAR):
             raise NotFound

@@ -25,7 +25,14 @@ from ancf_casadi.mechanics.shape import gauss
 from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
 from ancf_casadi.reduction.reduced import ReducedModel
 from ancf_casadi.response.systems.drive import BEAM_EXCITATION
-from ancf_casadi.response.systems.system import SampledFunctions, SecondOrderSystem, cached, dense_entries, side_by_side
+from ancf_casadi.response.systems.system import (
+    Corrections,
+    SampledFunctions,
+    SecondOrderSystem,
+    cached,
+    dense_entries,
+    side_by_side,
+)
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.vibration.equilibrium import static_equilibrium
@@ -75,7 +82,7 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
         rest=rest,
         scale=model.scale[NODE:],
         mirror=_mirror(model, rest),
-        retraction=Turning.of(model).moved,
+        corrections=Turning.of(model),
     )
 
 
@@ -156,8 +163,8 @@ def parameters_of(signals: Sequence[Signal]) -> tuple[Parameter, ...]:
 
 
 @dataclass(frozen=True, eq=False)
-class Turning:
-    """Corrections of the free coordinates that turn the slopes of a beam instead of stretching it.
+class Turning(Corrections):
+    """Corrections of the free coordinates that turn the slopes of a beam; a sum would stretch it.
 
     The coordinates are equivalent to pairs G q + g: the slopes r' at the two Gauss points of each element and, with an
     elastic clamp, slope and position of the first node.  A correction turns each slope by the angle (r' x dr')/|r'|^2
@@ -189,7 +196,7 @@ class Turning:
 
     def moved(self, q: Array, change: Array) -> Array:
         """Return coordinates (4 n, N) after corrections (4 n, N)."""
-        pairs = (self.matrix @ q + self.constant[:, None]).reshape(-1, 2, q.shape[1])
+        pairs = self._pairs(q)
         turn = (self.matrix @ change).reshape(pairs.shape)
         x, y = pairs[: self.slopes].transpose(1, 0, 2)
         u, v = turn[: self.slopes].transpose(1, 0, 2)
@@ -198,7 +205,35 @@ class Turning:
         cosine, sine = growth * np.cos(angle), growth * np.sin(angle)
         moved = pairs + turn
         moved[: self.slopes] = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=1)
-        return np.asarray(np.linalg.solve(self.matrix, moved.reshape(q.shape) - self.constant[:, None]))
+        return np.asarray(self._inverse @ (moved.reshape(q.shape) - self.constant[:, None]))
+
+    def forth(self, reference: Array, q: Array, change: Array) -> Array:
+        """Return corrections, with each slope turned by its angle from the reference to q."""
+        return np.asarray(self._inverse @ self._turned(reference, q, self.matrix @ change, 1.0))
+
+    def back(self, reference: Array, q: Array, residual: Array) -> Array:
+        """Return residuals: the transposed of ``forth``."""
+        return np.asarray(self.matrix.T @ self._turned(reference, q, self._inverse.T @ residual, -1.0))
+
+    @cached_property
+    def _inverse(self) -> Array:
+        return np.asarray(np.linalg.inv(self.matrix))
+
+    def _pairs(self, q: Array) -> Array:
+        """Return the slopes, and the position behind an elastic clamp, (k, 2, N)."""
+        return np.asarray((self.matrix @ q + self.constant[:, None]).reshape(-1, 2, q.shape[1]))
+
+    def _turned(self, reference: Array, q: Array, pairs: Array, sign: float) -> Array:
+        """Return vectors (2 k, N), those of the slopes turned by the angles from the reference to q, or back."""
+        x, y = self._pairs(reference)[: self.slopes].transpose(1, 0, 2)
+        u, v = self._pairs(q)[: self.slopes].transpose(1, 0, 2)
+        cosine, sine = x * u + y * v, sign * (x * v - y * u)
+        size = np.hypot(cosine, sine)
+        turned = pairs.reshape(-1, 2, q.shape[1]).copy()
+        a, b = turned[: self.slopes].transpose(1, 0, 2)
+        both = np.stack([cosine * a - sine * b, sine * a + cosine * b], axis=1) / size[:, None]
+        turned[: self.slopes] = both
+        return turned.reshape(pairs.shape)
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,6 +29,25 @@ from ancf_casadi.support.inputs import array, instances
 MOST_KEPT = 32  # numbers of samples for which the Functions of a system are kept
 
 
+class Corrections:
+    """Corrections (n, N) of coordinates (n, N): how they are added, and carried from one motion to another."""
+
+    def moved(self, q: Array, change: Array) -> Array:
+        """Return coordinates after corrections."""
+        return q + change
+
+    def forth(self, reference: Array, q: Array, change: Array) -> Array:
+        """Return the corrections at q that correspond to corrections at a reference."""
+        return change
+
+    def back(self, reference: Array, q: Array, residual: Array) -> Array:
+        """Return the residuals at a reference that correspond to residuals at q."""
+        return residual
+
+
+PLAIN = Corrections()
+
+
 class SampledFunctions(NamedTuple):
     """A system at N samples, as Functions of q, v, a (n, N), u (e, N) and p.
 
@@ -70,9 +89,8 @@ class SecondOrderSystem:
         Typical size of each coordinate.
     mirror : array (n,)
         Signs P of a mirror symmetry, R(P q, P v, P a, -u) = P R(q, v, a, u); ones if there is none.
-    retraction : callable
-        Moves coordinates (n, N) by corrections (n, N), to first order the sum of both.  A sum would stretch a beam that
-        turns.
+    corrections : Corrections
+        How corrections move the coordinates.
 
     Examples
     --------
@@ -95,7 +113,7 @@ class SecondOrderSystem:
     rest: Array
     scale: Array
     mirror: Array
-    retraction: Callable[[Array, Array], Array] = np.add
+    corrections: Corrections = PLAIN
 
     @classmethod
     def of(

@@ -15,7 +15,7 @@ Between neighbouring points, a fold is where the curve turns; the Floquet multip
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -45,6 +45,7 @@ LEAST_CLOSED = 5  # points of a closed curve
 CLOSED = 0.1  # distance of the first point from a step, relative to its length, at which a curve has closed
 
 Free = Literal["omega", "amplitude", "value"]
+RANGES: Mapping[Free, str] = {"omega": "frequencies", "amplitude": "amplitudes", "value": "values"}
 
 
 def frequency_response(
@@ -262,7 +263,7 @@ def _traced(
     """Return the curve from a motion, in one free entry of the setting, until it leaves the range or closes."""
     points = whole(points, "points", 2)
     if ends[0] == ends[1]:
-        raise InputError("the first and the last value of the range are equal", name)
+        raise InputError("the first and the last value are equal", RANGES[name])
     family = replace(start.family, setting=start.setting, free=(name,), scales=(abs(ends[1] - ends[0]),))
     z = family.joined(start.coefficients, start.setting)
     point = replace(start, family=family, z=z, jacobian=jacobian_at(family, z), row=unit(family, name))

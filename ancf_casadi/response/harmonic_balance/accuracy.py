@@ -24,7 +24,7 @@ from ancf_casadi.support.arrays import Array
 
 CHECKED = 3  # harmonics of the residual are checked up to this multiple of H
 FIRST_HARMONICS = 5
-MOST_HARMONICS = 99
+MOST_HARMONICS = 199
 MOST_SAMPLES = 4096
 
 

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from ancf_casadi.response.harmonic_balance.fourier import Fourier
 from ancf_casadi.response.systems.drive import Drive
 from ancf_casadi.response.systems.system import SampledFunctions, SecondOrderSystem
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import evaluated
 
 
@@ -184,15 +184,22 @@ class HarmonicBalance:
                 continue
             i, j = rows[those], columns[those]
             a, b = np.flatnonzero(self.allowed[:, i[0]]), np.flatnonzero(self.allowed[:, j[0]])
-            sums = np.zeros((len(i), len(a) * len(b)))
-            for block, products in zip(blocks, series.products, strict=True):
-                entries, pairs = block[those], products[:, a[:, None], b].reshape(series.count, -1)
-                varies = np.ptp(entries, axis=1) > 0.0
-                sums[varies] += entries[varies] @ pairs
-                sums[~varies] += np.outer(entries[~varies, 0], pairs.sum(axis=0))
             at_row, at_column = place[np.ix_(a, i)].T, place[np.ix_(b, j)].T
-            J[at_row[:, :, None], at_column[:, None, :]] = sums.reshape(len(i), len(a), len(b))
+            J[at_row[:, :, None], at_column[:, None, :]] = self._sums([block[those] for block in blocks], a, b)
         return J
+
+    def _sums(self, blocks: list[Array], a: Index, b: Index) -> Array:
+        """Return the sums over the samples for entries (k, N), and rows a and columns b of coefficients, (k, a, b)."""
+        series = self.fourier
+        W, factors = series.analysis[a].T, [part[:, b] for part in (series.basis, series.slope, series.curvature)]
+        varies = np.any([np.ptp(entries, axis=1) > 0.0 for entries in blocks], axis=0)
+        sums = np.zeros((len(varies), len(a), len(b)))
+        for entries, factor in zip(blocks, factors, strict=True):
+            sums[~varies] += entries[~varies, :1, None] * (W.T @ factor)
+        varying = [entries[varies] for entries in blocks]
+        for k in range(len(b)):
+            sums[varies, :, k] = sum(part * factor[:, k] for part, factor in zip(varying, factors, strict=True)) @ W
+        return sums
 
     def _times(self, entries: Array, vectors: Array) -> Array:
         """Return the products of the matrices with entries (k, N) and the vectors (n, N) of each sample, (n, N)."""

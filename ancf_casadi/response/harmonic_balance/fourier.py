@@ -88,13 +88,6 @@ class Fourier:
         return np.asarray(weights[:, None] * self.basis.T)
 
     @cached_property
-    def products(self) -> tuple[Array, Array, Array]:
-        """W_as E_sb, W_as E'_sb and W_as E''_sb for all pairs (a, b), each (N, 2 H + 1, 2 H + 1)."""
-        factors = (self.basis, self.slope, self.curvature)
-        pairs = [np.einsum("as,sb->sab", self.analysis, factor) for factor in factors]
-        return pairs[0], pairs[1], pairs[2]
-
-    @cached_property
     def orders(self) -> Index:
         """Number of the harmonic of each coefficient, (2 H + 1,)."""
         return (np.arange(self.size) + 1) // 2

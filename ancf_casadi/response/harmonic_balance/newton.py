@@ -2,7 +2,9 @@
 
 One more equation, row . (z - z_0)/s = distance, selects a point of the curve: the row is the tangent at z_0
 (pseudo-arclength), or the unit vector of an entry that is prescribed.  The Jacobian matrix costs more than ten
-residuals and is kept as long as each step reduces the error fivefold.
+residuals and is kept, also from the last point of a curve, as long as each step reduces the error fivefold; large
+matrices are kept as long as it reduces it twofold.  For a beam that turns, residuals are turned back to the motion at
+which the matrix was evaluated, and corrections forth (``systems.system.Corrections``).
 """
 
 from __future__ import annotations

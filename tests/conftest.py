@@ -5,6 +5,10 @@ import signal
 from collections.abc import Callable, Iterator
 from typing import Any
 
+os.environ.setdefault(
+    "OPENBLAS_NUM_THREADS", "1"
+)  # the test processes would share the processors with threads of numpy
+
 import pytest
 
 from ancf_casadi import Beam, Model

@@ -257,7 +257,13 @@ def stepped(point: Point, tangent: Array, length: float, tolerance: float) -> Po
     """
     family = point.family
     guess = family.moved(point.z, length * family.scale * tangent)
-    return point_at(family, guess, Condition(tangent, point.z, length), tolerance, point.jacobian)
+    condition = Condition(tangent, point.z, length)
+    try:
+        return point_at(family, guess, condition, tolerance, point.jacobian)
+    except NotFound:
+        if family.plain:
+            raise
+        return point_at(family, guess, condition, tolerance)
 
 
 def located(step: Step, test: Callable[[Point, Array], float], tolerance: float) -> Point:

@@ -90,15 +90,18 @@ class Family:
         """Return the unknowns moved by a change."""
         if self.plain:
             return z + change
-        return self._at_samples(
-            self.balance.system.corrections.moved, z[-len(self.free) :] + change[-len(self.free) :], z, change
-        )
+        end = z + change
+        q, carried = self._relative(z), self._carried(end)
+        moved = self.balance.system.corrections.moved(q, self._sampled(end) - carried - q)
+        return self._analysed(moved + carried, end[-len(self.free) :])
 
     def forth(self, reference: Array, z: Array, change: Array) -> Array:
         """Return the change at z that corresponds to a change at a reference."""
         if self.plain or reference is z:
             return change
-        return self._at_samples(self.balance.system.corrections.forth, change[-len(self.free) :], reference, z, change)
+        forth = self.balance.system.corrections.forth
+        turned = forth(self._relative(reference), self._relative(z), self._sampled(change))
+        return self._analysed(turned, change[-len(self.free) :])
 
     def back(self, reference: Array, z: Array, residual: Array) -> Array:
         """Return the left sides at a reference that correspond to those at z."""
@@ -106,18 +109,33 @@ class Family:
             return residual
         count = int(self.balance.allowed.sum())
         padded = np.append(residual[:count], np.zeros(len(self.free)))
-        return self._at_samples(self.balance.system.corrections.back, residual[count:], reference, z, padded)
+        back = self.balance.system.corrections.back
+        turned = back(self._relative(reference), self._relative(z), self._sampled(padded))
+        return self._analysed(turned, residual[count:])
 
     @property
     def plain(self) -> bool:
         """Whether corrections are simply added."""
         return self.balance.system.corrections is PLAIN
 
-    def _at_samples(self, function: Callable[..., Array], last: Array, *vectors: Array) -> Array:
-        """Apply a function to the sampled coordinates of vectors; return coefficients, followed by other entries."""
-        series = self.balance.fourier
-        samples = [(series.basis @ self.split(vector)[0]).T for vector in vectors]
-        return np.concatenate([(series.analysis @ function(*samples).T)[self.balance.allowed], last])
+    def _sampled(self, z: Array) -> Array:
+        """Return the coordinates at the samples, (n, N)."""
+        return np.asarray((self.balance.fourier.basis @ self.split(z)[0]).T)
+
+    def _carried(self, z: Array) -> Array:
+        """Return the rigid displacements due to the excitation at the samples."""
+        _, setting = self.split(z)
+        u, _, _ = self.balance.drive.samples(self.balance.fourier.phases, setting.omega, setting.amplitude)
+        return self.balance.system.corrections.carried(u)
+
+    def _relative(self, z: Array) -> Array:
+        """Return the coordinates at the samples relative to the rigid displacements."""
+        return np.asarray(self._sampled(z) - self._carried(z))
+
+    def _analysed(self, samples: Array, last: Array) -> Array:
+        """Return the coefficients of sampled coordinates, followed by other entries."""
+        C = self.balance.fourier.analysis @ samples.T
+        return np.concatenate([C[self.balance.allowed], last])
 
     def residual(self, z: Array) -> Array:
         """Return the left sides of all equations."""

@@ -26,7 +26,7 @@ CONTRACTION = 0.2  # with a slower decrease, the Jacobian matrix is evaluated an
 SLOW_CONTRACTION = 0.5  # the same, where its factors are expensive
 FAR = 100.0  # largest step, relative to the scales
 MOST_ITERATIONS = 30
-MOST_JACOBIANS = 8
+MOST_JACOBIANS = 10
 
 
 class NotFound(Exception):

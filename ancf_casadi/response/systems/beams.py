@@ -194,6 +194,10 @@ class Turning(Corrections):
         constant = pairs[:, :NODE] @ np.array([0.0, 0.0, *model.beam.axis])
         return Turning(pairs[:, NODE:], constant, 2 * n + model.root)
 
+    def carried(self, u: Array) -> Array:
+        """Return the displacement of the clamp at all nodes, (4 n, N)."""
+        return np.tile(np.vstack([u[:2], np.zeros_like(u[:2])]), (len(self.matrix) // NODE, 1))
+
     def moved(self, q: Array, change: Array) -> Array:
         """Return coordinates (4 n, N) after corrections (4 n, N)."""
         pairs = self._pairs(q)

@@ -30,7 +30,14 @@ MOST_KEPT = 32  # numbers of samples for which the Functions of a system are kep
 
 
 class Corrections:
-    """Corrections (n, N) of coordinates (n, N): how they are added, and carried from one motion to another."""
+    """Corrections (n, N) of coordinates (n, N): how they are added, and carried from one motion to another.
+
+    The coordinates are relative to those to which the excitation moves the system as a rigid body (``carried``).
+    """
+
+    def carried(self, u: Array) -> Array:
+        """Return the rigid displacements (n, N) due to the excitation (e, N)."""
+        return np.zeros(1)
 
     def moved(self, q: Array, change: Array) -> Array:
         """Return coordinates after corrections."""

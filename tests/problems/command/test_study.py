@@ -67,7 +67,8 @@ def test_the_file_of_init_is_a_study(run, tmp_path):
     done = run("study", "study.toml", "--jobs", "1", "--json")
     assert done.code == 0, done.err
     results = json.loads(done.out)
-    assert [part["name"] for part in results["study"]["parts"]] == ["beam", "modes", "match", "simulation", "motion"]
+    parts = [part["name"] for part in results["study"]["parts"]]
+    assert parts == ["beam", "modes", "match", "simulation", "response", "motion"]
     assert results["match"]["matched_hz"] == pytest.approx([1.85, 10.19, 26.84], rel=1e-6)
     for one, truth in zip(results["motion"]["fit"]["unknowns"], (0.005, 0.003, 0.11), strict=True):
         low, high = one["interval_95"]

@@ -92,6 +92,13 @@ class IntegratorUse:
     reason: str = ""
 
 
+def relative_to(clamp: Array, coordinates: Array) -> Array:
+    """Return nodal coordinates (k, 4 n + 4) relative to the position (k, 2) of the clamp."""
+    nodes = coordinates.reshape(len(clamp), -1, NODE).copy()
+    nodes[:, :, :2] -= clamp[:, None, :]
+    return nodes.reshape(coordinates.shape)
+
+
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """A simulated motion, sampled at equal intervals.
@@ -187,9 +194,7 @@ class Trajectory:
     @property
     def relative_coordinates(self) -> Array:
         """Nodal coordinates relative to the position of the clamp, (k, 4 n + 4)."""
-        nodes = self.coordinates.reshape(len(self.time), -1, NODE).copy()
-        nodes[:, :, :2] -= self.base[:, None, :]
-        return nodes.reshape(self.coordinates.shape)
+        return relative_to(self.base, self.coordinates)
 
     def state(self, index: int) -> State:
         """Return the state at a sample.

@@ -25,7 +25,7 @@ from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
 from ancf_casadi.dynamics.equations import excitation_pieces
 from ancf_casadi.dynamics.segments import CLOSE
 from ancf_casadi.dynamics.start import Start, base_of, initial_state, sample_times
-from ancf_casadi.dynamics.trajectory import State
+from ancf_casadi.dynamics.trajectory import State, relative_to
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import STAGES, ReducedModel
@@ -93,6 +93,11 @@ class ReducedTrajectory:
     def velocities(self) -> Array:
         """Nodal velocities of the full model, (k, 4 n + 4)."""
         return np.asarray(self.reduced.coordinates(self.q.T, self.v.T, self.base.T)[1].full().T)
+
+    @property
+    def relative_coordinates(self) -> Array:
+        """Nodal coordinates of the full model relative to the position of the clamp, (k, 4 n + 4)."""
+        return relative_to(self.base[:, :2], self.coordinates)
 
     @property
     def tip(self) -> Array:

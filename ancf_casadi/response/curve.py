@@ -99,12 +99,12 @@ class ResponseCurve:
 
     @property
     def values(self) -> Array:
-        """What varies along the curve, (k,): the frequency, Hz, the amplitude of the excitation, or the parameter."""
+        """Frequency, Hz, amplitude of the excitation, or parameter, whichever varies along the curve, (k,)."""
         return np.array([_value(motion, self.free) for motion in self.motions])
 
     @cached_property
     def stable(self) -> NDArray[np.bool_]:
-        """Whether each motion is stable, (k,)."""
+        """True for each stable motion, (k,)."""
         return np.array([motion.stable for motion in self.motions])
 
     def amplitude(

@@ -23,13 +23,11 @@ from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
 from ancf_casadi.response.harmonic_balance.balance import Setting
 from ancf_casadi.response.harmonic_balance.fourier import Fourier, basis_at, fourier
-from ancf_casadi.response.systems.beams import full_system, reduced_system
+from ancf_casadi.response.systems.beams import STRAIGHT, full_system, reduced_system
 from ancf_casadi.response.systems.drive import Drive, HarmonicForce, beam_drive, force_drive, no_drive
 from ancf_casadi.response.systems.system import SecondOrderSystem
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, vector, whole
-
-STRAIGHT = 1e-9  # of the length of the beam, or of a direction
 
 Body = Model | ReducedModel | SecondOrderSystem
 
@@ -62,7 +60,7 @@ class Excited:
 
     @property
     def symmetric(self) -> bool:
-        """Whether the motion may have the mirror symmetry of the system: a beam is then excited across its axis."""
+        """True if the motion may have the mirror symmetry of the system: a beam is then excited across its axis."""
         ax, ay = self.model.beam.axis if self.model else (0.0, 0.0)
         along = abs(self.drive.direction[0] * ax + self.drive.direction[1] * ay)
         return bool((self.system.mirror < 0.0).any()) and along <= STRAIGHT
@@ -199,10 +197,9 @@ def excited(
     return Excited(system, no_drive(system.excitation) if free else beam_drive(base, load), body, damping)
 
 
-def peak(values: Array) -> tuple[float, float]:
-    """Return half the peak-to-peak value of equally spaced samples of a period, and the mean of both peaks."""
-    top, bottom = _extreme(values), -_extreme(-values)
-    return (top - bottom) / 2, (top + bottom) / 2
+def half_range(values: Array) -> float:
+    """Return half the peak-to-peak value of equally spaced samples of a period."""
+    return (_extreme(values) + _extreme(-values)) / 2
 
 
 def _extreme(values: Array) -> float:

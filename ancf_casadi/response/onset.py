@@ -134,26 +134,26 @@ def grown(subject: Excited, omega: float, amplitude: float, tolerance: float) ->
             f"no steady state was found at {omega / (2 * np.pi):.6g} Hz even for {FIRST_SHARE:.0%} of the excitation: "
             "replace a force that jumps, such as dry friction, by a smooth one, or change the frequency"
         ) from None
-    return reached(point, "amplitude", amplitude, tolerance)
+    return reached(point, amplitude, tolerance)
 
 
-def reached(point: Point, name: str, value: float, tolerance: float) -> Point:
-    """Return the point at which a free entry of the setting first has a value, on the curve in its direction.
+def reached(point: Point, amplitude: float, tolerance: float) -> Point:
+    """Return the point at which the excitation first has an amplitude, on the curve of motions in its direction.
 
     Raises
     ------
     NumericsError
         If the curve does not reach it within 300 steps.
     """
-    direction = np.sign(value - getattr(point.setting, name)) * unit(point.family, name)
+    direction = np.sign(amplitude - point.setting.amplitude) * unit(point.family, "amplitude")
     for count, step in enumerate(follow(point, direction, tolerance, FIRST_STEP)):
-        before, after = (getattr(end.setting, name) - value for end in (step.start, step.end))
+        before, after = (end.setting.amplitude - amplitude for end in (step.start, step.end))
         if (before < 0.0) != (after < 0.0):
-            return set_to(step, name, value, tolerance)
+            return set_to(step, "amplitude", amplitude, tolerance)
         if count == MOST_STEPS:
             break
     raise NumericsError(
-        f"the amplitude of the excitation stays below {value:g} for {MOST_STEPS} steps along the curve of motions; "
+        f"the amplitude of the excitation stays below {amplitude:g} for {MOST_STEPS} steps along the curve of motions; "
         "without enough damping a resonance has no steady state: add damping, or change the frequency"
     )
 

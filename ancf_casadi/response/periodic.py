@@ -15,7 +15,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import ReducedModel
 from ancf_casadi.reduction.stepping import ReducedTrajectory
-from ancf_casadi.response.excited import Excited, peak
+from ancf_casadi.response.excited import Excited, half_range
 from ancf_casadi.response.floquet import is_stable
 from ancf_casadi.response.harmonic_balance.accuracy import Errors
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
@@ -87,7 +87,7 @@ class PeriodicMotion:
 
     @property
     def stable(self) -> bool:
-        """Whether small disturbances die out: no Floquet multiplier lies outside the unit circle."""
+        """True if small disturbances die out: no Floquet multiplier lies outside the unit circle."""
         return is_stable(self.multipliers)
 
     def displacement(
@@ -117,7 +117,7 @@ class PeriodicMotion:
         self, point: float | None = None, *, direction: Sequence[float] | None = None, relative: bool = True
     ) -> float:
         """Return half the peak-to-peak displacement of a point; the arguments are those of ``displacement``."""
-        return peak(self.displacement(point, direction=direction, relative=relative))[0]
+        return half_range(self.displacement(point, direction=direction, relative=relative))
 
     def harmonics(
         self, point: float | None = None, *, direction: Sequence[float] | None = None, relative: bool = True
@@ -165,9 +165,9 @@ class PeriodicMotion:
         InputError
             If the motion is not that of a beam, or the samples are too few for its harmonics.
         """
-        body, setting = self.excited.body, self.setting
+        body, law, setting = self.excited.body, self.excited.law, self.setting
         count = whole(samples, "samples", 2 * self.harmonic_count + 1)
-        if body is None:
+        if body is None or law is None:
             raise InputError("has no trajectory, because it is not a beam; use displacement(index)", "system")
         began = time.perf_counter()
         phases = 2 * np.pi * np.arange(count + 1) / count
@@ -178,7 +178,7 @@ class PeriodicMotion:
         e, e_t = self.excited.nodal(self.coefficients, setting, phases)
         own = replace(self.balance, fourier=fourier(self.harmonic_count, count))
         motion, parameters = own.motion(self.coefficients, setting), own.parameters(setting)
-        force = base_force(body, self.excited.law).map(count)(*motion, np.tile(parameters[:, None], count)).full()
+        force = base_force(body, law).map(count)(*motion, np.tile(parameters[:, None], count)).full()
         lost, supplied = (_integral(power, instants) for power in own.sampled_powers(self.coefficients, setting))
         nothing, by_base = np.zeros(count + 1), self.excited.drive.moves_base
         return Trajectory(

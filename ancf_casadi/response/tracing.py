@@ -254,7 +254,7 @@ def _near(subject: Excited, start: PeriodicMotion, tolerance: float) -> Point:
     except NotFound:
         raise NumericsError("the system has no steady state near the given start; give another one") from None
     amplitude = subject.drive.amplitude
-    return point if start.drive_amplitude == amplitude else reached(point, "amplitude", amplitude, tolerance)
+    return point if start.drive_amplitude == amplitude else reached(point, amplitude, tolerance)
 
 
 def _traced(

@@ -7,13 +7,17 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.support.tables import Table
 from problems.command.output import Output, Subcommands, add_plot, figure_writer, file_writer, json_text, new_files
 from problems.study.data_table import Column, DataTable
-from problems.study.kinds.steady.curves import CurveData, curve_data, level_titles, summary_columns
+from problems.study.kinds.steady.curves import (
+    CurveData,
+    curve_data,
+    level_numbers,
+    level_titles,
+    summary_columns,
+)
 from problems.tables.response import ResponseTask
 from problems.tables.study_file import RESPONSE_KEYS, read_response
 
@@ -47,8 +51,7 @@ def _run(options: argparse.Namespace) -> Output:
     if plot is not None:
         files.append(figure_writer(plot, lambda: _figure(titles, found)))
     if options.json:
-        levels = [{"level": level, "unit": task.unit, "curve": curve.numbers}
-                  for level, curve in zip(task.levels, curves, strict=True)]  # fmt: skip
+        levels = level_numbers(task.levels, task.unit, curves)
         return Output(json_text({"modes": task.modes or None, "driven": task.driven, "levels": levels}), files)
     place = "base amplitude" if task.driven == "base" else "force at the tip"
     columns = (Column(place, titles), *summary_columns(curves))
@@ -72,7 +75,7 @@ def _points(task: ResponseTask, curves: Sequence[CurveData]) -> Table:
         for frequency, stable, *values in zip(
             curve.frequency.tolist(),
             curve.stable.tolist(),
-            *(own.tolist() for name in names for own in (curve.amplitude[name], np.unwrap(curve.phase[name]))),
+            *(own.tolist() for name in names for own in (curve.amplitude[name], curve.phase[name])),
             strict=True,
         )
     ]

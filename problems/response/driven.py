@@ -130,8 +130,7 @@ def _reading(reduced: ReducedModel, record: ResponseRecord, drive: Drive) -> cs.
     n, laws = reduced.count, len(reduced.law.parameters)
     sizes = dict(zip(INPUTS, (n, n, n, 1, 1, 1, laws + n + 1), strict=True))
     q, v, a, tau, omega, size, s = symbols = [cs.SX.sym(name, count) for name, count in sizes.items()]
-    position, velocity, acceleration = (cs.DM(part) for part in drive.parts)
-    u = size * (position * cs.sin(tau) + omega * velocity * cs.cos(tau) - omega**2 * acceleration * cs.sin(tau))
+    u = drive.expression(tau, omega, size)
     y = _sensor(reduced, record)(q, v, a, u[:-LOAD], u[-LOAD:], s[:laws])
     jacobians = [cs.densify(cs.jacobian(y, symbols[INPUTS.index(name)])) for name in VARIED]
     names = ["value", *(f"by_{name}" for name in VARIED)]

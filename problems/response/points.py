@@ -80,7 +80,7 @@ class Measured:
 
     @property
     def has_phase(self) -> bool:
-        """Whether the phase was measured."""
+        """True if the phase was measured."""
         return not math.isnan(self.values[1])
 
     def distance(self, found: Array) -> Array:

@@ -11,6 +11,7 @@ from ancf_casadi import (
     HarmonicLoad,
     InputError,
     ModalDamping,
+    Model,
     NumericsError,
     Parameter,
     QuadraticDamping,
@@ -146,8 +147,6 @@ def test_a_force_at_the_tip_excites_the_full_and_the_reduced_beam_alike(hanging)
 
 def test_half_a_period_is_enough_where_the_beam_is_symmetric(paper_beam):
     """An excitation along a tilted direction has no symmetry, but a small part along the axis changes little."""
-    from ancf_casadi import Model
-
     reduced = reduce_model(Model(paper_beam(8)), modes=3, damping=RayleighDamping(alpha=0.4))
     straight = periodic_motion(reduced, base=HarmonicBase(amplitude=5e-3, frequency=1.8))
     tilted = periodic_motion(reduced, base=HarmonicBase(amplitude=5e-3, frequency=1.8, direction=(1.0, 1e-8)))
@@ -159,8 +158,6 @@ def test_half_a_period_is_enough_where_the_beam_is_symmetric(paper_beam):
 
 @pytest.mark.parametrize("kind", ["reduced", "full", "own"])
 def test_derivatives_of_a_motion_agree_with_differences(paper_beam, duffing, kind):
-    from ancf_casadi import Model
-
     if kind == "own":
         motion = periodic_motion(duffing, force=HarmonicForce(0.05, 0.13), tolerance=1e-9)
         values = [np.array([0.5])]

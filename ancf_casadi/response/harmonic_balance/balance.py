@@ -40,7 +40,7 @@ from ancf_casadi.support.compilation import evaluated
 
 @dataclass(frozen=True)
 class Setting:
-    """What a periodic motion depends on, besides the system.
+    """Frequency, excitation and parameter of a periodic motion.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ class HarmonicBalance:
 
     @cached_property
     def allowed(self) -> NDArray[np.bool_]:
-        """Which coefficients are not zero by symmetry, (2 H + 1, n)."""
+        """True for each coefficient that is not zero by symmetry, (2 H + 1, n)."""
         return self.fourier.allowed(self.system.mirror)
 
     @property

@@ -67,7 +67,7 @@ class Family:
 
     @property
     def cheap(self) -> bool:
-        """Whether the matrices are small."""
+        """True if the matrices are small."""
         return len(self.scale) <= SMALL
 
     def place(self, name: str) -> int:
@@ -115,7 +115,7 @@ class Family:
 
     @property
     def plain(self) -> bool:
-        """Whether corrections are simply added."""
+        """True if corrections are simply added."""
         return self.balance.system.corrections is PLAIN
 
     def _sampled(self, z: Array) -> Array:

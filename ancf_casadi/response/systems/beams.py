@@ -16,7 +16,7 @@ from functools import cached_property, lru_cache
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping import DampingLaw, Parameter, RayleighDamping
+from ancf_casadi.damping import DampingLaw, Parameter
 from ancf_casadi.dynamics.equations import Balance, Equations
 from ancf_casadi.dynamics.signals import Signal, parameter_signals
 from ancf_casadi.dynamics.tip_load import tip_force
@@ -39,7 +39,7 @@ from ancf_casadi.vibration.equilibrium import static_equilibrium
 
 LARGEST_GROWTH = 5.0  # logarithm of the factor by which a correction stretches a slope at most
 KEPT = 8  # systems whose Functions are kept
-STRAIGHT = 1e-9  # of the length of the beam, or of gravity
+STRAIGHT = 1e-9  # of the length of the beam, or of a direction
 
 
 @lru_cache(maxsize=KEPT)
@@ -53,16 +53,12 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
     EquilibriumError
         If there is no equilibrium under gravity.
     """
-    equations = Equations(model, law, compiled)
-    own = parameters_of(parameter_signals(equations))
-    free = equations.free
-    sizes = {"q": free, "v": free, "a": free, "u": BEAM_EXCITATION, "p": len(own)}
-    symbols = [cs.MX.sym(name, size) for name, size in sizes.items()]
+    motion = FullMotion.of(Equations(model, law, compiled))
+    symbols, names = motion.symbols, ["q", "v", "a", "u", "p"]
+    plain = FullMotion(Equations(model, law), *symbols)
     directions = [cs.MX.sym(name, BEAM_EXCITATION) for name in ("u_1", "u_2")]
-    motion, plain = FullMotion(equations, *symbols), FullMotion(Equations(model, law), *symbols)
     entries, matrices, by_excitation = motion.tangents
     driven = [by_excitation @ direction for direction in directions]
-    names = [*sizes]
     balance, differentiable = (
         cs.Function("balance", symbols, [one.forces[NODE:]], names, ["R"]) for one in (motion, plain)
     )
@@ -77,7 +73,7 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
     return SecondOrderSystem(
         functions=cached(functions),
         entries=entries,
-        parameters=own,
+        parameters=parameters_of(parameter_signals(motion.equations)),
         excitation=BEAM_EXCITATION,
         rest=rest,
         scale=model.scale[NODE:],
@@ -86,13 +82,10 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
     )
 
 
-def base_force(model: Model, law: DampingLaw | None) -> cs.Function:
+def base_force(model: Model, law: DampingLaw) -> cs.Function:
     """Return the Function of q, v, a, u and p that gives the force of the base on the clamped node, (4,)."""
-    equations = Equations(model, RayleighDamping() if law is None else law)
-    sizes = {"q": equations.free, "v": equations.free, "a": equations.free, "u": BEAM_EXCITATION,
-             "p": len(parameter_signals(equations))}  # fmt: skip
-    symbols = [cs.MX.sym(name, size) for name, size in sizes.items()]
-    return cs.Function("base_force", symbols, [FullMotion(equations, *symbols).forces[:NODE]])
+    motion = FullMotion.of(Equations(model, law))
+    return cs.Function("base_force", motion.symbols, [motion.forces[:NODE]])
 
 
 @lru_cache(maxsize=KEPT)
@@ -262,6 +255,18 @@ class FullMotion:
     a: cs.MX
     u: cs.MX
     p: cs.MX
+
+    @staticmethod
+    def of(equations: Equations) -> FullMotion:
+        """Return a motion of symbols."""
+        free, parameters = equations.free, len(parameter_signals(equations))
+        sizes = {"q": free, "v": free, "a": free, "u": BEAM_EXCITATION, "p": parameters}
+        return FullMotion(equations, *(cs.MX.sym(name, size) for name, size in sizes.items()))
+
+    @property
+    def symbols(self) -> list[cs.MX]:
+        """Coordinates, velocities, accelerations, excitation and parameters."""
+        return [self.q, self.v, self.a, self.u, self.p]
 
     @cached_property
     def balance(self) -> Balance:

@@ -15,6 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.base_motion import BaseMotion, HarmonicBase
@@ -91,8 +92,15 @@ class Drive:
 
     @property
     def moves_base(self) -> bool:
-        """Whether the excitation is a motion of the base."""
+        """True if the excitation is a motion of the base."""
         return bool(self.parts[1].any())
+
+    def expression(self, tau: cs.SX, omega: cs.SX, amplitude: cs.SX) -> cs.SX:
+        """Return u, (e,), as a CasADi expression."""
+        position, velocity, acceleration = (cs.DM(part) for part in self.parts)
+        return amplitude * (
+            position * cs.sin(tau) + omega * velocity * cs.cos(tau) - omega**2 * acceleration * cs.sin(tau)
+        )
 
     def samples(self, phases: Array, omega: float, amplitude: float) -> tuple[Array, Array, Array]:
         """Return u and its derivatives with respect to omega and A at phases (k,), each (e, k)."""

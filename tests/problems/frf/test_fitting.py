@@ -223,7 +223,7 @@ def test_the_coverage_of_the_intervals_is_95_percent(four_modes, kind):
 
 
 def contained(f, modes, values, kind, seed):
-    """Whether each interval of a fit contains the true value."""
+    """Return True for each interval of a fit that contains the true value."""
     record = FrfRecord(f, values + noise_of(kind, np.random.default_rng(seed), values, f), "receptance")
     fit = fit_frf(record, frequencies=[mode[0] for mode in modes])
     truth = [value for mode in modes for value in mode[:2]]

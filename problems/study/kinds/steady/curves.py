@@ -58,6 +58,14 @@ class CurveNumbers(TypedDict):
     jumps_down_hz: list[float]
 
 
+class LevelNumbers(TypedDict):
+    """The response curve at an amplitude of the excitation, of the base (m) or of the force at the tip (N)."""
+
+    level: float
+    unit: str
+    curve: CurveNumbers
+
+
 @dataclass(frozen=True)
 class Bifurcation:
     """A bifurcation of a response curve.
@@ -156,6 +164,11 @@ def curve_data(task: ResponseTask, curve: ResponseCurve) -> CurveData:
         up=curve.jumps.up,
         down=curve.jumps.down,
     )
+
+
+def level_numbers(levels: Sequence[float], unit: str, curves: Sequence[CurveData]) -> list[LevelNumbers]:
+    """Return the curves at the levels of an excitation for JSON."""
+    return [{"level": level, "unit": unit, "curve": curve.numbers} for level, curve in zip(levels, curves, strict=True)]
 
 
 def level_titles(levels: Sequence[float], unit: str) -> tuple[str, ...]:

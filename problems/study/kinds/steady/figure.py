@@ -10,7 +10,7 @@ import numpy as np
 
 from ancf_casadi.support.arrays import Array
 from problems.study.drawing import new_figure, series
-from problems.study.kinds.steady.curves import CurveData
+from problems.study.kinds.steady.curves import TIP, CurveData
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -33,7 +33,7 @@ def response_figure(titles: Sequence[str], curves: Sequence[CurveData]) -> Figur
     figure, (above, below) = new_figure(5.4, 2, sharex=True, height_ratios=(1.7, 1))
     for k, (title, curve) in enumerate(zip(titles, curves, strict=True)):
         draw_curve(above, curve, 1e3 * curve.tip, k, title)
-        draw_curve(below, curve, np.degrees(np.unwrap(next(iter(curve.phase.values())))), k)
+        draw_curve(below, curve, np.degrees(curve.phase[TIP]), k)
     above.set(ylabel="amplitude of the tip, mm", ylim=(0.0, None))
     below.set(xlabel="frequency, Hz", ylabel="phase, degrees")
     above.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
@@ -42,7 +42,7 @@ def response_figure(titles: Sequence[str], curves: Sequence[CurveData]) -> Figur
 
 
 def draw_curve(axes: Axes, curve: CurveData, values: Array, number: int, label: str | None = None) -> None:
-    """Draw values along a curve: stable parts solid, unstable parts dashed, bifurcations as crosses.
+    """Draw values along a curve: stable parts solid, unstable parts dashed.
 
     Parameters
     ----------

@@ -130,11 +130,9 @@ def resonance(given: Excitation) -> Resonance:
 def _amplitude(motion: PeriodicMotion, mode: int) -> float:
     """Return the amplitude of a mode at the tip in the motion relative to the clamp, m."""
     period = motion.trajectory(SAMPLES)
-    clamp = np.zeros((len(period.time), 4))
-    clamp[:, :2] = period.base[:, :2]
-    relative = period.coordinates - np.tile(clamp, period.coordinates.shape[1] // 4)
     assert isinstance(period, ReducedTrajectory)
-    return float(np.ptp(period.reduced.modes.modal_coordinate(relative, mode - 1)) / 2)
+    modes = period.reduced.modes
+    return float(np.ptp(modes.modal_coordinate(period.relative_coordinates, mode - 1)) / 2)
 
 
 @final

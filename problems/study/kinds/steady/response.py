@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypedDict, final
+from typing import Any, final
 
 from ancf_casadi.support.inputs import check_keys
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import drawn
 from problems.study.files import FilePart, TablesOfFile
 from problems.study.kind import Kind
-from problems.study.kinds.steady.curves import CurveData, CurveNumbers, curve_data, level_titles, summary_columns
+from problems.study.kinds.steady.curves import (
+    CurveData,
+    LevelNumbers,
+    curve_data,
+    level_numbers,
+    level_titles,
+    summary_columns,
+)
 from problems.study.kinds.steady.figure import response_figure
 from problems.study.part import Effort, Finding, Heading, Outcome, Task
 from problems.study.source import Source
@@ -23,14 +30,6 @@ KEYS = """\
 """
 SECONDS = 5.0  # expected computing time of a curve
 TABLES = {"beam", "damping", "response", "markers"}
-
-
-class LevelNumbers(TypedDict):
-    """The response curve at an amplitude of the excitation, of the base (m) or of the force at the tip (N)."""
-
-    level: float
-    unit: str
-    curve: CurveNumbers
 
 
 def level_curve(given: TablesOfFile, level: float) -> CurveData:
@@ -72,10 +71,7 @@ class Response(FilePart):
             "excitation.  Dashed: unstable."
         )
         figure = drawn(heading.name, caption, lambda: response_figure(titles, curves))
-        data = [
-            {"level": level, "unit": self.unit, "curve": curve.numbers}
-            for level, curve in zip(self.levels, curves, strict=True)
-        ]
+        data = level_numbers(self.levels, self.unit, curves)
         return Finding(Outcome(data), (table,), (figure,))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from ancf_casadi.records.units import unit_in_name
+from ancf_casadi.records.unit_names import unit_in_name
 
 NAMES = re.compile(
     r"(?:elapsed|relative|rel\.?|abs\.?|absolute|sample|test|run|local|system)?[ _]*"
@@ -12,10 +12,11 @@ NAMES = re.compile(
     r"seconds|secs?|milliseconds|x_value)",
     re.IGNORECASE,
 )
-BEFORE_UNIT = re.compile(r"\s*[(\[{</,]|\s+in\s|[_ ](?=[^_ ]*$)")
+BEFORE_UNIT = re.compile(r" ?[(\[{</,]| in |[_ ](?=[^_ ]*$)")
 
 
 def names_time(name: str) -> bool:
     """Return whether the name of a column, without its unit, is one for times."""
-    bare = BEFORE_UNIT.split(name.strip())[0] if unit_in_name(name)[0] else name.strip()
+    single = " ".join(name.split())
+    bare = BEFORE_UNIT.split(single, maxsplit=1)[0] if unit_in_name(name)[0] else single
     return NAMES.fullmatch(bare) is not None

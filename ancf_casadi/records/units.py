@@ -1,8 +1,7 @@
 """Units of measurement: the quantity and the factor to SI units of a unit as people write it.
 
-``UNITS`` lists the units by their plain spelling: without spaces, dots and ``^``, with ``u`` for micro.  A name of a
-column carries a unit in brackets (``Time (ms)``, ``x [mm]``), behind a slash or ``in`` (``x / mm``, ``Weg in mm``), or
-at its end (``tip_mm``, ``Time ms``, ``v_mm_per_s``).
+``UNITS`` lists the symbols, with ``u`` for micro; ``PRODUCTS`` the products and quotients that have a name.  Any other
+combination is not understood, so that the caller is asked for the unit.
 """
 
 from __future__ import annotations
@@ -11,6 +10,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from types import MappingProxyType
 
 from ancf_casadi.exceptions import InputError
@@ -74,11 +74,12 @@ OTHERS: Mapping[str, Mapping[str, float]] = {
         "kgf": STANDARD_GRAVITY, "gf": 1e-3 * STANDARD_GRAVITY,
     },
     "moment": {"Nm": 1.0, "Nmm": 1e-3, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1e3},
-    "angular velocity": {
-        "rad/s": 1.0, "mrad/s": 1e-3, "deg/s": DEGREE, "°/s": DEGREE, "dps": DEGREE, "rpm": 6.0 * DEGREE,
-    },
-    "frequency": {"Hz": 1.0, "kHz": 1e3, "1/s": 1.0},
+    "velocity": {"mph": 0.44704, "kmh": 1 / 3.6, "kph": 1 / 3.6},
+    "angular velocity": {"dps": DEGREE, "rpm": 6.0 * DEGREE},
+    "frequency": {"Hz": 1.0, "kHz": 1e3, "mHz": 1e-3},
     "voltage": {"V": 1.0, "mV": 1e-3, "uV": 1e-6, "volt": 1.0, "volts": 1.0},
+    "pressure": {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "psi": 6894.757293168},
+    "current": {"mA": 1e-3, "uA": 1e-6},
     "pixels": {"px": 1.0, "pix": 1.0, "pixel": 1.0, "pixels": 1.0},
     "counts": {"count": 1.0, "counts": 1.0, "lsb": 1.0},
     "mass": {"kg": 1.0},
@@ -86,38 +87,120 @@ OTHERS: Mapping[str, Mapping[str, float]] = {
 }  # fmt: skip
 
 
-def _table() -> Mapping[str, tuple[str, float]]:
-    table = {name: ("time", factor) for name, factor in TIME.items()}
-    table |= {name: ("length", factor) for name, factor in LENGTH.items()}
-    for quantity, units in OTHERS.items():
-        table |= {name: (quantity, factor) for name, factor in units.items()}
-    for length, metres in LENGTH.items():
-        for time, seconds in TIME.items():
-            table.setdefault(f"{length}/{time}", ("velocity", metres / seconds))
-            for spelling in (f"{length}/{time}2", f"{length}/{time}/{time}"):
-                table.setdefault(spelling, ("acceleration", metres / seconds**2))
-        table[f"{length}s-1"] = ("velocity", metres)  # only with s: mms-1 could be millimetres or metres
-        table[f"{length}s-2"] = ("acceleration", metres)
-    return MappingProxyType(table)
+UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
+    {
+        name: (quantity, factor)
+        for quantity, units in {"time": TIME, "length": LENGTH, **OTHERS}.items()
+        for name, factor in units.items()
+    }
+)  # symbol -> quantity, SI units per unit
+PRODUCTS: Mapping[frozenset[tuple[str, int]], str] = MappingProxyType(
+    {
+        frozenset({("length", 1), ("time", -1)}): "velocity",
+        frozenset({("length", 1), ("time", -2)}): "acceleration",
+        frozenset({("angle", 1), ("time", -1)}): "angular velocity",
+        frozenset({("angle", 1), ("time", -2)}): "angular acceleration",
+        frozenset({("force", 1), ("length", 1)}): "moment",
+        frozenset({("time", -1)}): "frequency",
+    }
+)  # quantities and their powers -> the quantity of the product
+SECOND = {"s", "sec", "second", "seconds"}
+SQUARED = {"squared", "sq"}
+OVER = {"/", "per"}
+PLAIN = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", "\N{MINUS SIGN}": "-"})
+LETTER = r"[^\s_.,·⋅*/\-]"
+TOKENS = re.compile(rf"\s?/\s?|{LETTER}+(?:-\d(?!{LETTER}))?|[\s_.,·⋅*\-]+")
+POWER = re.compile(r"([^\d^+\-]+)\^?([+-]?\d)?")
+RATE = re.compile(r"(.+?)p(?:er)?(s|sec|second)", re.IGNORECASE)
+SCALED = re.compile(r"([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?(?=[ *]))?[ *]*(\D.*)")
 
 
-UNITS = _table()  # plain spelling -> quantity, SI units per unit
-PLAIN = str.maketrans({"µ": "u", "μ": "u", "²": "2", "⁻": "-", "¹": "1", "\N{MINUS SIGN}": "-"})
-SILENT = str.maketrans(dict.fromkeys(" .·⋅*^_"))
-SCALED = re.compile(r"([+-]?\d+\.?\d*(?:[eE][+-]?\d+)?(?=[ *]))?[ *]*(\D.*)")
-SEPARATORS = re.compile(r"[_\s.\-]+")
-BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
-BEHIND = re.compile(r"\s*/\s*(\S.*)$|\s+in\s+(\S+)$|,\s*(\S+)$|\s(\S+)$")
-COUNTERS = {"min", "h", "in", "g", "gs", "grad", "mil"}  # as the whole name of a column, these are rarely units
+def plain_text(text: str) -> str:
+    """Return a text with single spaces and without superscripts and Greek letters."""
+    return " ".join(text.split()).translate(PLAIN).replace("**", "^")
 
 
+def powers(word: str) -> dict[str, tuple[int, float]] | None:
+    """Return the quantities in one word of a unit, such as ``s2`` or ``mps2``: power and SI units of each.
+
+    None if the word is not understood.
+    """
+    if word == "1":
+        return {}
+    whole = _known(word)
+    if whole:
+        return {whole[0]: (1, whole[1])}
+    match = POWER.fullmatch(word)
+    if not match:
+        return None
+    symbol, power = match[1], int(match[2] or 1)
+    rate = RATE.fullmatch(symbol) if power > 0 else None
+    if rate and _moves(rate[1]):
+        return {**_moves(rate[1]), "time": (-power, 1.0)}
+    if power < 0 and symbol[-1] == "s" and _moves(symbol[:-1]):  # ms-2: not the inverse of milliseconds
+        return {**_moves(symbol[:-1]), "time": (power, 1.0)}
+    base = _known(symbol)
+    return {base[0]: (power, base[1] ** power)} if base else None
+
+
+def _known(symbol: str) -> tuple[str, float] | None:
+    return UNITS.get(symbol) or UNITS.get(symbol.lower())
+
+
+def _moves(symbol: str) -> dict[str, tuple[int, float]]:
+    """Return a length or an angle, of which there are rates; empty if the symbol is none."""
+    quantity, factor = _known(symbol) or ("", 0.0)
+    return {quantity: (1, factor)} if quantity in ("length", "angle") else {}
+
+
+@lru_cache(maxsize=4096)  # a long name repeats the same few words
 def parse_unit(text: str) -> Unit | None:
-    """Return the unit that a text denotes; None if it is not understood."""
-    plain = text.strip().strip("()[]{}<>").translate(PLAIN).translate(SILENT).replace("per", "/")
-    for spelling in (plain, plain.lower()):
-        if spelling in UNITS:
-            return Unit(text.strip(), *UNITS[spelling])
-    return None
+    """Return the unit that a text denotes; None if it is not understood.
+
+    Factors are separated by a space, a dot or ``*`` (product), by ``/`` or ``per`` (quotient), or by ``_``, which is a
+    quotient before seconds, as in ``m_s2``, and otherwise needs a negative power, as in ``m_s-2``.
+    """
+    plain = plain_text(text.strip().strip("()[]{}<>"))
+    found = _known(plain.replace(" /", "/").replace("/ ", "/")) or _product(TOKENS.findall(plain))  # first um/m
+    return Unit(text.strip(), *found) if found else None
+
+
+def _product(tokens: list[str]) -> tuple[str, float] | None:
+    """Return quantity and factor of a product of units; None if it is not understood."""
+    total: dict[str, int] = {}
+    factor, sign, separator, over = 1.0, 1, "", False
+    last: dict[str, tuple[int, float]] | None = None
+    for token in tokens:
+        if token.strip() in OVER:
+            if sign < 0 or last is None:
+                return None
+            sign, over = -1, True
+            continue
+        if not re.match(LETTER, token):
+            separator += token
+            continue
+        word = last if token in SQUARED else powers(token)
+        if word is None or "," in separator or (last == {} and sign > 0) or (word == {} and last is not None):
+            return None
+        if token not in SQUARED and last is not None and sign > 0:
+            if "_" in separator and any(power > 0 for power, _ in word.values()):
+                if token.rstrip("^23").lower() not in SECOND:
+                    return None
+                sign = -1
+            elif over:  # m/s s: the second s may be above or below
+                return None
+        if token not in SQUARED:
+            word = {name: (sign * power, scale**sign) for name, (power, scale) in word.items()}
+        for name, (power, scale) in word.items():
+            total[name] = total.get(name, 0) + power
+            factor *= scale
+        last, sign, separator = word, 1, ""
+    if sign < 0 or last is None:
+        return None
+    if list(total.values()) == [1]:
+        return next(iter(total)), factor
+    quantity = PRODUCTS.get(frozenset(total.items()))
+    return (quantity, factor) if quantity else None
 
 
 def known_unit(text: object, where: str) -> Unit:
@@ -137,38 +220,3 @@ def known_unit(text: object, where: str) -> Unit:
             where,
         )
     return replace(unit, symbol=str(text).strip(), factor=factor * unit.factor)
-
-
-def unit_in_name(name: str) -> tuple[str, Unit | None]:
-    """Return the unit that the name of a column carries, as it is written there, and its meaning.
-
-    The text is empty if the name carries no unit; the meaning is None if the unit is not understood.
-    """
-    bracketed = [text.strip() for text in BRACKETS.findall(name)]
-    for text in bracketed:
-        if parse_unit(text):
-            return text, parse_unit(text)
-    if bracketed and name.rstrip()[-1] in ")]}>":
-        return bracketed[-1], None
-    if parse_unit(name) and name not in COUNTERS:
-        return name, parse_unit(name)
-    behind = BEHIND.search(name)
-    if behind:
-        text = next(part for part in behind.groups() if part)
-        if parse_unit(text):
-            return text, parse_unit(text)
-    return _unit_in_parts(SEPARATORS.split(name))
-
-
-def _unit_in_parts(parts: list[str]) -> tuple[str, Unit | None]:
-    """Return the unit at the end of a name such as ``tip_mm`` or ``v_mm_per_s``, or within one such as ``x_mm_raw``."""
-    if len(parts) > 3 and parts[-2] == "per":
-        text = f"{parts[-3]}/{parts[-1]}"
-        return text, parse_unit(text)
-    last = len(parts) - 1
-    certain = [k == last or (len(part) > 1 and part not in COUNTERS) for k, part in enumerate(parts)]
-    units = [(part, parse_unit(part)) for k, part in enumerate(parts) if k and certain[k]]
-    found = [(part, unit) for part, unit in units if unit]
-    if len(found) > 1:
-        return "_".join(part for part, _ in found), None
-    return found[0] if found else ("", None)

@@ -1,10 +1,15 @@
 """Units as people write them."""
 
+from dataclasses import replace
+from time import process_time
+
 import numpy as np
 import pytest
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.units import known_unit, parse_unit, unit_in_name
+from ancf_casadi.records.time_names import names_time
+from ancf_casadi.records.unit_names import unit_in_name
+from ancf_casadi.records.units import known_unit, parse_unit
 
 
 @pytest.mark.parametrize(
@@ -16,8 +21,12 @@ from ancf_casadi.records.units import known_unit, parse_unit, unit_in_name
         ("m/s^2", "acceleration", 1.0), ("m/s²", "acceleration", 1.0), ("m·s⁻²", "acceleration", 1.0),
         ("m/s/s", "acceleration", 1.0), ("in/s^2", "acceleration", 0.0254), ("g", "acceleration", 9.80665),
         ("mg", "acceleration", 9.80665e-3), ("deg", "angle", np.pi / 180), ("°", "angle", np.pi / 180),
-        ("µε", "strain", 1e-6), ("um/m", "strain", 1e-6), ("mN", "force", 1e-3), ("kN", "force", 1e3),
-        ("N·m", "moment", 1.0), ("N mm", "moment", 1e-3), ("mV", "voltage", 1e-3),
+        ("µε", "strain", 1e-6), ("UM / M", "strain", 1e-6), ("um/m", "strain", 1e-6),
+        ("mN", "force", 1e-3), ("kN", "force", 1e3),
+        ("N·m", "moment", 1.0), ("N mm", "moment", 1e-3), ("mV", "voltage", 1e-3), ("mm / s", "velocity", 1e-3),
+        ("m_s2", "acceleration", 1.0), ("mps2", "acceleration", 1.0), ("ms-2", "acceleration", 1.0),
+        ("mm per second per second", "acceleration", 1e-3), ("m per s squared", "acceleration", 1.0),
+        ("deg/s", "angular velocity", np.pi / 180), ("rad s-2", "angular acceleration", 1.0), ("1/s", "frequency", 1.0),
     ],
 )  # fmt: skip
 def test_a_unit_is_understood(text, quantity, factor):
@@ -27,7 +36,10 @@ def test_a_unit_is_understood(text, quantity, factor):
     assert unit.factor == pytest.approx(factor, rel=1e-12)
 
 
-@pytest.mark.parametrize("text", ["", "foo", "ms2", "mm s", "mm/g", "V/(m/s^2)", "1", "x"])
+@pytest.mark.parametrize(
+    "text",
+    ["", "foo", "ms2", "mm s", "m s", "m m", "mm/g", "V/(m/s^2)", "1", "x", "m/s3", "/s", "m/", "m/s m", "s-99", "mm2"],
+)
 def test_anything_else_is_not(text):
     assert parse_unit(text) is None
 
@@ -37,7 +49,7 @@ def test_anything_else_is_not(text):
     [
         ("Time (ms)", "ms", 1e-3), ("x [mm] raw", "mm", 1e-3), ("tip_mm", "mm", 1e-3), ("x_mm_raw", "mm", 1e-3),
         ("t/ms", "ms", 1e-3), ("s / mm", "mm", 1e-3), ("Weg in mm", "mm", 1e-3), ("Disp, mm", "mm", 1e-3),
-        ("v_mm_per_s", "mm/s", 1e-3), ("time.ms", "ms", 1e-3), ("ms", "ms", 1e-3), ("m1_x_m", "m", 1.0),
+        ("v_mm_per_s", "mm_per_s", 1e-3), ("time.ms", "ms", 1e-3), ("ms", "ms", 1e-3), ("m1_x_m", "m", 1.0),
         ("acc m/s²", "m/s²", 1.0),
     ],
 )  # fmt: skip
@@ -48,14 +60,104 @@ def test_a_name_carries_its_unit(name, symbol, factor):
     assert unit.factor == factor
 
 
-@pytest.mark.parametrize("name", ["Disp [foo]", "x_mm_s", "v (mm/foo)", "y(t)"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "Disp [foo]",
+        "v (mm/foo)",
+        "y(t)",
+        "acc_ms2",
+        "acc_m_s_2",
+        "acc_m_s_-2",
+        "jerk_m_s3",
+        "jerk_mm_s3",
+        "acc_mps3",
+        "x_mm_per_rev",
+        "counts_per_mm",
+        "F N/mm",
+        "force_N_m",
+        "v m s",
+        "area_mm2",
+        "curvature_m-1",
+        "eps_um_m",
+        "x_mm_min",
+        "x_mm_y_mm",
+        "acc [m/s^3",
+    ],
+)
 def test_a_unit_that_is_not_certain_is_kept_as_text(name):
     symbol, unit = unit_in_name(name)
     assert symbol
     assert unit is None
 
 
-@pytest.mark.parametrize("name", ["x", "tip", "marker_left", "g", "in", "h", "Tip - 1 x", "x_min_value", ""])
+@pytest.mark.parametrize(
+    ("quantity", "factor", "names"),
+    [
+        (
+            "acceleration", 1.0,
+            "acc_m_s2 acc_mps2 acc_ms-2 acc_m_s-2 acc_m_per_s2 acc_m/s2 acc_m/s² acc_m.s-2 acc_m·s⁻² acc_m_s^2 "
+            "acc_m_s**2 acc_m_s_s acc_m_per_s_per_s acc_m_per_s_squared acc_meters_per_second_squared acc_mpers2 "
+            "acc_M_S2 m_s2 acc_m_s2_raw acc_m_s2_1 acc(m/s^2)",
+        ),
+        ("acceleration", 1e-3, "acc_mm_s2 tip_x_mm/s^2 acc_mmps2 acc_mm_per_s2"),
+        ("acceleration", 9.80665, "acc_g acc[g] tip_1_g"),
+        ("velocity", 1.0, "v_m_s v_m/s v_mps v_m_s-1 v_ms-1 v_m_s_raw x_in_m_s"),
+        ("velocity", 1e-3, "v_mm_s v_mm/s v_mm_per_s x_mm_s v_mmps"),
+        ("velocity", 0.0254, "v_in_per_s v_in/s"),
+        ("angular velocity", np.pi / 180, "w_deg_s w_deg/s w_dps w_deg_per_s w_degs-1"),
+        ("angular velocity", 1.0, "w_rad_s w_rad_s-1 w_rads-1 w_radps"),
+        ("strain", 1e-6, "e_ustrain strain_ue eps_um/m"),
+        ("length", 1.0, "marker_1_m m1_x_m h/m"),
+        ("length", 1e-3, "x_mm_2 x_mm.1 arc_s_mm tip_h_mm s/mm upper_mm"),
+        ("time", 1.0, "t_in_s time_s"),
+        ("pressure", 1e3, "p_kPa"),
+    ],
+)  # fmt: skip
+def test_each_spelling_in_a_name_means_the_same_unit(quantity, factor, names):
+    for name in names.split():
+        _, unit = unit_in_name(name)
+        assert unit is not None, name
+        assert (unit.quantity, unit.factor) == (quantity, pytest.approx(factor, rel=1e-12)), name
+
+
+def test_the_words_of_a_quotient_may_stand_apart():
+    for name in ("acc m / s^2", "acc m s-2", "Beschleunigung a / m/s²", "a in m/s^2"):
+        assert unit_in_name(name)[1] == replace(parse_unit("m/s^2"), symbol=unit_in_name(name)[0]), name
+    assert unit_in_name("Weg s / mm")[1] == parse_unit("mm")
+
+
+@pytest.mark.parametrize("pattern", ["m ", "m_", " ", ".", "/", "(", "per_", "mm2_", "a_", "1"])
+def test_the_time_to_find_a_unit_grows_with_the_length_of_the_name(pattern):
+    """Twice the length takes at most about twice the time; eight times shows a quadratic pattern clearly."""
+    times = []
+    for size in (4_000, 32_000):
+        name = "a" + pattern * (size // len(pattern)) + "b"
+        start = process_time()
+        unit_in_name(name), names_time(name)
+        times.append(process_time() - start)
+    assert times[1] < 24 * max(times[0], 1e-3)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "x",
+        "tip",
+        "marker_left",
+        "g",
+        "in",
+        "h",
+        "Tip - 1 x",
+        "x_min_value",
+        "",
+        "tip_x",
+        "m2_x",
+        "tip_m2",
+        "x_gps",
+        "upper_x",
+    ],
+)
 def test_a_name_without_a_unit_has_none(name):
     assert unit_in_name(name) == ("", None)
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ancf_casadi.records.channel import Channel, Contents
-from ancf_casadi.records.units import parse_unit, unit_in_name
+from ancf_casadi.records.unit_names import unit_in_name
+from ancf_casadi.records.units import parse_unit
 
 MOST_CHANNELS = 10_000
 

@@ -15,7 +15,8 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Channel, Contents
 from ancf_casadi.records.reading.libraries import library, readable
 from ancf_casadi.records.reading.text.blocks import decoded
-from ancf_casadi.records.units import parse_unit, unit_in_name
+from ancf_casadi.records.unit_names import unit_in_name
+from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array
 
 

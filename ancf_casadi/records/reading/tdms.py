@@ -12,7 +12,8 @@ from ancf_casadi.records.channel import Channel, Contents
 from ancf_casadi.records.reading.arrays import MOST_CHANNELS
 from ancf_casadi.records.reading.libraries import library, readable
 from ancf_casadi.records.reading.worker import LARGEST
-from ancf_casadi.records.units import parse_unit, unit_in_name
+from ancf_casadi.records.unit_names import unit_in_name
+from ancf_casadi.records.units import parse_unit
 
 
 def read_tdms(path: Path) -> Contents:

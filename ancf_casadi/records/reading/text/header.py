@@ -16,7 +16,8 @@ from ancf_casadi.records.reading.text.cells import is_comment, uncommented
 from ancf_casadi.records.reading.text.dialect import SEPARATORS, Table
 from ancf_casadi.records.reading.text.pose import pose_names
 from ancf_casadi.records.time_names import names_time
-from ancf_casadi.records.units import Unit, parse_unit, unit_in_name
+from ancf_casadi.records.unit_names import unit_in_name
+from ancf_casadi.records.units import Unit, parse_unit
 from ancf_casadi.support.inputs import shown
 
 MOST_ROWS = 4

@@ -118,7 +118,8 @@ ROWS = TIME.tolist()
 REFUSED = {
     "a unit that is not understood": (table("Time (s),Disp [foo]\n"), {}, "column 2 'Disp .foo.': .*--unit"),
     "a time unit that is not understood": (table("Time [ticks],x_mm\n"), {}, "the unit 'ticks' .*--time-unit"),
-    "units of two meanings": (table("t_s,v_mm_s\n"), {}, "the unit 'mm_s' is not understood; give .*--unit"),
+    "units of two meanings": (table("t_s,v_m_s_2\n"), {}, "the unit 'm_s_2' is not understood; give .*--unit"),
+    "units of which only a part is known": (table("t_s,jerk_mm_s3\n"), {}, "the unit 'mm_s3' is not .*--unit"),
     "days since 1900": (
         lines(lambda k, t, y: f"{45429.5 + t / 86400:.9f},{y}", "Time,x_mm\n"), {}, "may count days; .*--time-unit",
     ),
@@ -181,3 +182,15 @@ def test_a_variant_is_refused_with_the_remedy(tmp_path, name):
     with pytest.raises(InputError, match=message) as caught:
         Measurement.from_file(path, **options)
     assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize(
+    ("name", "quantity", "factor"),
+    [("acc_m_s2", "acceleration", 1.0), ("acc_mm_s-2", "acceleration", 1e-3), ("v_mm_s", "velocity", 1e-3)],
+)
+def test_a_rate_in_a_name_is_no_length(tmp_path, name, quantity, factor):
+    path = tmp_path / "record.csv"
+    path.write_text(table(f"t_s,{name}\n", values=MM))
+    record = Measurement.from_file(path)
+    assert record.sensor.quantity == quantity
+    np.testing.assert_allclose(record.values, factor * MM, atol=1e-6 * factor)

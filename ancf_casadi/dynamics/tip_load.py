@@ -26,7 +26,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.dynamics.base_motion import Piece, Piecewise
+from ancf_casadi.dynamics.base_motion import Piece, Piecewise, check_ramp, ramped
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
@@ -90,6 +90,8 @@ class HarmonicLoad(TipLoad):
         Amplitude of the moment, positive counterclockwise, N m.
     stop : float, optional
         Time from which the load is zero, s, positive; if not given, the load never ends.
+    ramp : float
+        Cycles over which the amplitude grows, 0 or more, before the stop; see ``HarmonicBase``.
 
     Raises
     ------
@@ -110,6 +112,7 @@ class HarmonicLoad(TipLoad):
     frequency: float
     moment: float = 0.0
     stop: float = math.inf
+    ramp: float = 0.0
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -119,12 +122,14 @@ class HarmonicLoad(TipLoad):
         for name in ("force", "moment"):
             _check_size(getattr(self, name), name)
         positive_or_infinite(self.stop, "stop")
+        check_ramp(self.ramp, lambda cycles: cycles / self.frequency, self.stop)
 
     def pieces(self) -> tuple[Piece, ...]:
-        """Return the oscillation and, if it ends, the time after it."""
+        """Return the growing oscillation, the steady one and, if it ends, the time after it."""
         amplitude, omega = cs.DM([*self.force, self.moment]), 2 * math.pi * self.frequency
-        oscillation = Piece(self.stop, lambda t, parameters: amplitude * cs.sin(omega * t))
-        return (oscillation,) if self.stop == math.inf else (oscillation, _nothing(math.inf))
+        steady = Piece(self.stop, lambda t, parameters: amplitude * cs.sin(omega * t))
+        pieces = ramped(steady, lambda t: omega * t, self.ramp, self.ramp / self.frequency)
+        return pieces if self.stop == math.inf else (*pieces, _nothing(math.inf))
 
 
 @final

@@ -64,7 +64,7 @@ def periodic_motion(
     damping : DampingLaw, optional
         The damping law; undamped if not given, and the law of the reduced model for a reduced model.
     base : HarmonicBase, optional
-        Motion of the clamp.
+        Motion of the clamp.  A ``ramp`` has no effect on the steady state.
     load : HarmonicLoad, optional
         Load at the tip, instead of a base motion.
     force : HarmonicForce, optional

@@ -67,7 +67,7 @@ class ResponseRecord:
         The sensor; the horizontal displacement of the tip, in the laboratory and not relative to the base, if not
         given.
     base : HarmonicBase, optional
-        The base motion at level 1: its amplitude and direction.  Its frequency has no effect.
+        The base motion at level 1: its amplitude and direction.  Its frequency and ramp have no effect.
     load : HarmonicLoad, optional
         The tip load at level 1, instead of a base motion.
     levels : array_like (m,), optional

@@ -14,13 +14,14 @@ from problems.tables.study import Study, checked
 
 KEYS = """\
   [base]        harmonic: amplitude (m), frequency (Hz), stop (s), direction,
-                stop_at ("rest" or "once")
+                stop_at ("rest" or "once"), ramp (cycles in which the
+                amplitude grows from 0)
                 sweep: the same with frequencies = [FIRST, LAST] (Hz)
                 sampled: file, with the columns (name or number) x, y and
                 rotation, of which one is enough; time, unit, time_unit, rate
                 fixed: displacement (m), rotation (rad)
 """
-OSCILLATION = {"amplitude", "frequency", "frequencies", "stop", "direction", "stop_at"}
+OSCILLATION = {"amplitude", "frequency", "frequencies", "stop", "direction", "stop_at", "ramp"}
 AXES: dict[str, Quantity] = {"x": "position", "y": "position", "rotation": "slope"}
 
 

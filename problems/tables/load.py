@@ -14,7 +14,8 @@ from problems.tables.study import Study, checked
 
 KEYS = """\
   [load]        force and moment at the tip, in the laboratory frame
-                harmonic: force (N), moment (N m), frequency (Hz), stop (s)
+                harmonic: force (N), moment (N m), frequency (Hz), stop (s),
+                ramp (cycles)
                 sampled: time = [0, 5], force = [[1, 0], [1, 0]], moment; or
                 file, with the columns force_x, force_y and moment, of which
                 one is enough; time, unit, time_unit, rate
@@ -39,6 +40,6 @@ def read_load(study: Study, table: Any, where: str) -> TipLoad:
         given = checked(table, {"time", "force"}, {"moment"}, where)
         with located(where):
             return SampledLoad(**given)
-    given = checked(table, {"force", "frequency"}, {"moment", "stop"}, where)
+    given = checked(table, {"force", "frequency"}, {"moment", "stop", "ramp"}, where)
     with located(where):
         return HarmonicLoad(**given)

@@ -98,6 +98,47 @@ def test_a_sweep_stops_at_rest(frequencies):
     np.testing.assert_allclose(*motion(base, [base.stop_time, base.stop_time + 1.0]), atol=1e-12)
 
 
+RAMPED = [
+    (HarmonicBase(5e-3, 1.85, stop=4.0, ramp=3.0), HarmonicBase(5e-3, 1.85, stop=4.0), 3.0 / 1.85),
+    (HarmonicBase(5e-3, 1.85, ramp=0.5), HarmonicBase(5e-3, 1.85), 0.5 / 1.85),
+    (SweepBase(5e-3, (1.0, 4.0), stop=3.0, ramp=2.5), SweepBase(5e-3, (1.0, 4.0), stop=3.0), (6**0.5 - 1)),
+    (SweepBase(5e-3, (4.0, 1.0), stop=3.0, ramp=4.0), SweepBase(5e-3, (4.0, 1.0), stop=3.0), 4 - 8**0.5),
+]  # with a ramp, without, and its end by f t + f_t t^2/2 = ramp
+
+
+@pytest.mark.parametrize(("base", "steady", "end"), RAMPED)
+def test_an_amplitude_that_grows_starts_from_rest_and_becomes_that_of_the_steady_oscillation(base, steady, end):
+    assert base.pieces()[0].end == pytest.approx(end, rel=1e-12)
+    assert len(base.pieces()) == len(steady.pieces()) + 1
+    for order in range(3):
+        assert not motion(base, [0.0], order).any()
+        just, after = motion(base, end * np.array([1 - 1e-12, 1 + 1e-12]), order)
+        scale = abs(motion(steady, np.linspace(0.0, end, 50), order)).max()
+        np.testing.assert_allclose(just, after, atol=1e-8 * scale)
+        later = end * np.array([1.1, 1.5, 7.0])
+        np.testing.assert_array_equal(motion(base, later, order), motion(steady, later, order))
+    assert base.stop_time == steady.stop_time
+
+
+@pytest.mark.parametrize(("base", "steady", "end"), RAMPED)
+def test_it_grows_all_the_time_and_its_velocity_and_acceleration_are_exact(base, steady, end):
+    """Against central differences, whose error is h^2/6 times the third derivative."""
+    t, h = np.linspace(0.05, 0.95, 181) * end, 1e-4 * end
+    share = motion(base, t)[:, 0] / motion(steady, t)[:, 0]
+    assert (np.diff(share) > 0.0).all() and 0.0 < share[0] < 2e-3 and 0.99 < share[-1] < 1.0
+    for order in (1, 2):
+        exact = motion(base, t, order)
+        difference = (motion(base, t + h, order - 1) - motion(base, t - h, order - 1)) / (2 * h)
+        np.testing.assert_allclose(exact, difference, atol=1e-5 * abs(exact).max())
+
+
+def test_a_ramp_may_end_with_the_stop():
+    base = HarmonicBase(5e-3, 88.6, stop=10 / 88.6, ramp=10.0, stop_at="once")
+    reached, held = motion(base, [10 / 88.6, 1.0])
+    np.testing.assert_allclose(held, reached, atol=1e-15)
+    assert not motion(base, [1.0], order=1).any()
+
+
 def test_a_recorded_motion_passes_through_its_samples_counted_from_the_first_and_holds_the_last():
     record = frames(displacement=frames()["displacement"] + [3.0, -1.0], rotation=frames()["rotation"] + 0.5)
     base = SampledBase(**record)
@@ -146,6 +187,16 @@ def test_the_error_of_a_recorded_motion_falls_with_the_sixth_power_of_the_interv
         (lambda: HarmonicBase(5e-3, 1.85, stop_at="end"), "stop_at: must be one of rest, once, got 'end'"),
         (lambda: HarmonicBase(5e-3, 1.85, direction=(0, 0)), "direction: must not be the zero vector"),
         (lambda: HarmonicBase(5e-3, 1.85, direction=1.0), "direction: must be a pair of numbers (x, y), got 1.0"),
+        (lambda: HarmonicBase(5e-3, 1.85, ramp=-1.0), "ramp: must be positive, got -1"),
+        (lambda: HarmonicBase(5e-3, 1.85, ramp="5 s"), "ramp: must be a finite number, got '5 s'"),
+        (
+            lambda: HarmonicBase(5e-3, 2.0, stop=1.0, ramp=3.0),
+            "ramp: lasts until 1.5 s, after the stop at 1 s; shorten it, or stop later",
+        ),
+        (
+            lambda: SweepBase(1.0, (2.0, 1.0), 1.0, ramp=9.0),
+            "ramp: lasts until 2 s, after the stop at 1 s; shorten it, or stop later",
+        ),
         (lambda: SweepBase(-1.0, (1.0, 2.0), 1.0), "amplitude: must be positive, got -1"),
         (lambda: SweepBase(1.0, (0.0, 2.0), 1.0), "frequencies: must be positive, got 0"),
         (lambda: SweepBase(1.0, 2.0, 1.0), "frequencies: must be a pair of numbers (x, y), got 2.0"),

@@ -1,6 +1,7 @@
 """Derivatives of a motion against differences of tightly integrated motions, forward ones against reverse ones."""
 
 import gc
+from dataclasses import replace
 
 import casadi as cs
 import numpy as np
@@ -121,6 +122,18 @@ def test_a_motion_stands_in_an_expression_and_its_gradient_finds_the_damping_it_
         residual, jacobian = (part.full().ravel() for part in step(value))
         value -= (jacobian @ residual) / (jacobian @ jacobian)
     assert value == pytest.approx(0.6, rel=1e-6)
+
+
+def test_the_derivative_by_an_amplitude_that_grows_is_that_of_differences(model):
+    base, amplitude = replace(BASE, ramp=0.3), cs.MX.sym("amplitude")
+    tip = motion(model, base=base, **SETTINGS)(np.zeros(0), amplitude, model.properties)[-4, :]
+    exact = cs.Function("exact", [amplitude], [tip, cs.jacobian(tip, amplitude)])
+    above, (_, slopes), below = (
+        [part.full().ravel() for part in exact(BASE.amplitude * factor)] for factor in (1.001, 1.0, 0.999)
+    )
+    differences = (above[0] - below[0]) / (2e-3 * BASE.amplitude)
+    assert abs(slopes).max() > 0.1
+    np.testing.assert_allclose(slopes, differences, atol=1e-4 * abs(slopes).max())
 
 
 def test_values_without_a_motion_give_nan_and_a_warning(model):

@@ -161,6 +161,20 @@ def test_a_base_that_stops_at_once_causes_an_impact_too(rubber):
     assert abs(run.balance_error).max() < 1e-4 * np.ptp(run.energy)  # the impact does work
 
 
+def test_a_beam_at_rest_follows_a_base_whose_amplitude_grows_from_the_first_instant_on(rubber):
+    """The integrators begin where nothing moves, and their steps do not jump over the first cycles."""
+    ramp, time = 0.5, np.linspace(0.0, 0.2, 401)
+    growth = np.polynomial.Polynomial([0, 0, 0, 10, -15, 6])(np.minimum(time * FREQUENCY / ramp, 1.0))
+    moved = np.column_stack([growth * AMPLITUDE * np.sin(OMEGA * time), 0 * time])
+    settings = {"duration": 0.2, "sample_rate": 50.0, "tolerance": 1e-9}
+    sampled = simulate(rubber, base=SampledBase(time, moved), method="radau", **settings)
+    assert abs(sampled.tip[:, 0]).max() > 0.1 * AMPLITUDE
+    for method in ("idas", "radau"):
+        run = simulate(rubber, base=HarmonicBase(AMPLITUDE, FREQUENCY, ramp=ramp), method=method, **settings)
+        assert not run.velocities[0].any()
+        assert abs(run.tip - sampled.tip).max() < 2e-7
+
+
 def test_a_base_that_shifts_and_turns_carries_the_beam_as_an_explicit_integrator_has_it(rubber):
     """Base motion u = 20 mm (sin 7t, 1 - cos 5t), phi = 0.3 sin 6t, sampled every millisecond."""
     t = np.arange(0.0, 0.301, 1e-3)

@@ -144,6 +144,16 @@ def test_a_slow_harmonic_force_moves_the_tip_by_the_static_receptance(small, lin
     np.testing.assert_allclose(run.tip_force, np.column_stack([load, 0 * load]), rtol=1e-12)
 
 
+def test_a_ramped_load_grows_smoothly_to_the_steady_one_and_ends_with_it():
+    steady, load = (HarmonicLoad((3.0, 1.0), 2.0, 0.5, stop=4.0, ramp=ramp) for ramp in (0.0, 5.0))
+    t = np.linspace(0.01, 2.49, 100)
+    share = load.values(t) / steady.values(t)
+    s = t / 2.5
+    np.testing.assert_allclose(share, np.outer(s**3 * (10 - 15 * s + 6 * s**2), np.ones(3)), rtol=1e-12)
+    later = np.linspace(2.5, 5.0, 100)
+    np.testing.assert_array_equal(load.values(later), steady.values(later))
+
+
 @BOTH
 def test_a_short_blow_gives_the_sum_of_the_modal_impulse_responses(small, linear, method):
     """A half sine of duration T acts on a mode as the impulse 2 F cos(omega T/2) (pi/T)/((pi/T)^2 - omega^2) in T/2."""
@@ -367,6 +377,8 @@ def test_a_differentiable_motion_carries_the_load(rubber):
         (lambda: HarmonicLoad((1.0, 0.0), -3.0), "frequency: must be positive"),
         (lambda: HarmonicLoad((1.0, 0.0), 3.0, moment="much"), "moment: "),
         (lambda: HarmonicLoad((1.0, 0.0), 3.0, stop=0.0), "stop: must be positive"),
+        (lambda: HarmonicLoad((1.0, 0.0), 3.0, ramp=-1.0), "ramp: must be positive"),
+        (lambda: HarmonicLoad((1.0, 0.0), 2.0, stop=1.0, ramp=3.0), "ramp: lasts until 1.5 s, after the stop at 1 s"),
         (lambda: HarmonicLoad((1e300, 0.0), 3.0), "force: 1e\\+300 is not within .*; check the unit"),
         (lambda: SampledLoad([0.0, 5e-324, 1.0], np.ones((3, 2))), "time: .* is not within"),
         (lambda: SampledLoad([0.0, 1.0], np.ones((2, 2)), [0.0, 1e-320]), "moment: .* is not within"),

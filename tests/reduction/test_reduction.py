@@ -351,3 +351,37 @@ def test_unusable_input_is_refused(hanging, rubber_beam, modes):
         simulate_reduced(reduced, duration=1.0, steps_per_period=0.0)
     with pytest.raises(InputError, match="start"):
         simulate_reduced(reduced, duration=1.0, start="sideways")
+
+
+@pytest.fixture(scope="module")
+def driven_in_mode_5(paper_beam):
+    """Mode 5 of a damped strip, driven by 0.1 mm for half a second, and the modal motion at the tip after it, m."""
+    modes = natural_modes(Model(paper_beam(6)), count=5)
+    reduced = reduce_model(modes.model, modes=modes, damping=ModalDamping(modes, RATIOS))
+
+    def tip_amplitudes(ramp):
+        base = HarmonicBase(1e-4, modes.frequencies[4], stop=0.5, ramp=ramp)
+        run = simulate_reduced(reduced, base=base, duration=1.1, sample_rate=1000.0)
+        free = run.relative_coordinates[run.time > base.stop_time]
+        return [abs(modes.modal_coordinate(free, mode)).max() for mode in range(5)]
+
+    return tip_amplitudes
+
+
+def test_a_drive_of_a_high_mode_that_starts_as_a_sine_leaves_more_of_the_first_mode(driven_in_mode_5, paper_beam):
+    """The clamp starts with the velocity A omega_5, and so does the beam, while the clamp stays where it is."""
+    modes = natural_modes(Model(paper_beam(6)), count=5)
+    first, *_, fifth = driven_in_mode_5(ramp=0.0)
+    participation = 1.57  # of the tip of a cantilever in its first mode, Blevins 1979, Table 8-1
+    velocity = 1e-4 * modes.angular_frequencies[4]
+    assert first == pytest.approx(participation * velocity / modes.angular_frequencies[0], rel=0.1)
+    assert first > 3 * fifth
+
+
+@pytest.mark.parametrize("ramp", [1.0, 5.0, 20.0])
+def test_with_a_ramp_it_leaves_the_mode_that_is_driven(driven_in_mode_5, ramp):
+    """The rest of mode 1 is that of the stop, which holds the clamp 0.1 mm away from its mean position."""
+    first, *others, fifth = driven_in_mode_5(ramp)
+    assert first == pytest.approx(1.57 * 1e-4, rel=0.1)
+    assert max(others) < 0.1 * fifth
+    assert fifth == pytest.approx(driven_in_mode_5(0.0)[-1], rel=0.1)

@@ -117,7 +117,7 @@ def no_drive(components: int) -> Drive:
 
 
 def beam_drive(base: BaseMotion | None, load: TipLoad | None) -> Drive:
-    """Return the excitation of a beam by its base or at its tip.
+    """Return the excitation of a beam by its base or at its tip, at its full amplitude.
 
     Raises
     ------

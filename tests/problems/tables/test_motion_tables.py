@@ -5,6 +5,7 @@ import pytest
 
 from ancf_casadi import (
     FixedBase,
+    HarmonicBase,
     HarmonicLoad,
     InputError,
     SampledBase,
@@ -50,6 +51,15 @@ class TestBase:
         text = "[base]\namplitude = 1e-3\nfrequencies = [1.0, 3.0]\nstop = 5\n"
         assert read_simulation(file(BEAM, SIMULATION, text)).base == SweepBase(1e-3, (1.0, 3.0), stop=5.0)
 
+    def test_an_amplitude_that_grows(self, file):
+        harmonic = "[base]\namplitude = 1e-3\nfrequency = 2.0\nramp = 5\n"
+        sweep = "[base]\namplitude = 1e-3\nfrequencies = [1.0, 3.0]\nstop = 9\nramp = 2.5\n"
+        load = "[load]\nforce = [1e-3, 0.0]\nfrequency = 2.0\nramp = 4\n"
+        assert read_simulation(file(BEAM, SIMULATION, harmonic)).base == HarmonicBase(1e-3, 2.0, ramp=5.0)
+        assert read_simulation(file(BEAM, SIMULATION, sweep)).base == SweepBase(1e-3, (1.0, 3.0), 9.0, ramp=2.5)
+        found = read_simulation(file(BEAM, SIMULATION, load)).settings["load"]
+        assert found == HarmonicLoad((1e-3, 0.0), 2.0, ramp=4.0)
+
     def test_fixed(self, file):
         base = read_simulation(file(BEAM, SIMULATION, "[base]\nrotation = 0.1\n")).base
         assert base == FixedBase(rotation=0.1)
@@ -72,6 +82,10 @@ class TestBase:
         [
             ("amplitude = 1e-3\nfrequencies = [1, 3]\n", r"the key 'stop' is missing"),
             ("amplitude = 1e-3\nfrequencies = [1, -3]\nstop = 5\n", r"frequencies: must be positive"),
+            (
+                "amplitude = 1e-3\nfrequency = 2\nstop = 5\nramp = 11\n",
+                r"ramp: lasts until 5\.5 s, after the stop at 5",
+            ),
             ("amplitude = 1e-3\nfrequencies = 1\nstop = 5\n", r"frequencies: must be a pair"),
             ('file = "clamp.csv"\n', r"name at least one of the columns x, y, rotation"),
             ('file = "none.csv"\nx = 2\n', r".*none\.csv: is not a file"),

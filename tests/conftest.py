@@ -18,15 +18,19 @@ PAPER = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "
 
 
 @pytest.fixture(scope="session", autouse=True)
-def private_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep compiled functions apart from the user's cache, in one folder for all processes of a run."""
-    own = tmp_path_factory.getbasetemp()
-    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "ancf-casadi-cache"
-    folder.mkdir(mode=0o700, exist_ok=True)
+def compiler() -> Iterator[None]:
+    """Run without a C compiler where there is none; compiled functions stay in the user's cache for the next run."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ANCF_CASADI_CACHE", str(folder))
         if not c_compiler():
             patch.setenv("ANCF_CASADI_COMPILE", "0")
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def current_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Run in a temporary folder, so that no test leaves a file in the folder of the user."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("current"))
         yield
 
 

@@ -88,6 +88,7 @@ def bent(modes, mode, amplitude):
     return State(e, np.zeros(model.size))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mode", "amplitude"), [(0, 1e-4), (4, 1e-4), (1, 1e-3), (0, 1e-2), (2, 3e-3)])
 def test_defaults_neither_damp_nor_detune_a_mode(mode, amplitude):
     """Numerical damping below 1e-5 and the frequency within 3e-5, against a motion integrated to 1e-10."""
@@ -144,6 +145,7 @@ def test_any_call_with_all_defaults_ends_soon_and_balances_its_energy(number):
 # ------------------------------------------------------------------------- which integrator, and how accurate
 
 
+@pytest.mark.slow
 def test_a_beam_with_a_vibrating_mesh_is_handed_to_radau_with_one_warning_that_says_when_and_why(modes):
     """An impact on the clamp excites undamped modes of the mesh."""
     base = HarmonicBase(1e-2, modes.frequencies[0])

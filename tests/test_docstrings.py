@@ -11,8 +11,11 @@ import ancf_casadi.export
 import problems
 from ancf_casadi.support.compilation import c_compiler
 
+SLOW = ("TransientFit", "ResponseFit", "MotionPrediction", "ResponsePrediction", "compare_laws", "fit_transient")
 PUBLIC = [
-    pytest.param(getattr(package, name), id=f"{package.__name__}.{name}")
+    pytest.param(
+        getattr(package, name), id=f"{package.__name__}.{name}", marks=[pytest.mark.slow] if name in SLOW else []
+    )
     for package in (ancf_casadi, ancf_casadi.export, problems)
     for name in package.__all__
     if not name.startswith("__")

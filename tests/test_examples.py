@@ -44,6 +44,7 @@ def test_ex03_standard_errors_are_the_cramer_rao_bounds(example):
     assert abs(fit.damping_ratio - 0.01) < 3 * 4.5321e-5
 
 
+@pytest.mark.slow
 def test_ex04_no_energy_goes_missing(example):
     found = example("ex04")
     assert found["swing"] > 0.5
@@ -66,6 +67,7 @@ def test_ex06_the_gap_grows_at_the_same_mass(example):
     assert found["solution"].value(found["f"]) == pytest.approx(found["after"], rel=1e-7)
 
 
+@pytest.mark.slow
 def test_ex07_the_planned_motion_leaves_no_swing(example):
     found = example("ex07")
     plain, planned = found["swings"]

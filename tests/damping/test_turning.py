@@ -178,6 +178,7 @@ def law(strip):
     return ModalDamping(natural_modes(strip, count=2), (0.05, 0.02))
 
 
+@pytest.mark.slow
 def test_derivatives_are_those_of_differences_and_reverse_ones_the_transposed(strip, law):
     settings = {"damping": law, "base": TURNING, "duration": 0.5, "sample_rate": 50.0}
     coarse, tight = (motion(strip, **settings, tolerance=tolerance) for tolerance in (1e-7, 1e-9))

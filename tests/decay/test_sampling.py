@@ -11,6 +11,7 @@ from ancf_casadi.decay.spectrum import is_even, peak_frequencies, typical_step
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from problems import fit_decay
+from tests.coverage import covers
 
 F, ζ, A = 6.9, 0.01, 0.02
 ω = 2 * math.pi * F
@@ -134,9 +135,9 @@ def test_the_typical_step_ignores_gaps():
 
 @pytest.mark.slow
 def test_intervals_cover_the_truth_in_records_with_dropped_frames():
-    """400 records with 30 % of the frames missing; 93 to 97 % is 1.8 standard deviations about 95 %."""
-    rng, inside = np.random.default_rng(10), np.zeros(2)
-    for _ in range(400):
+    """30 % of the frames are missing."""
+    rng, inside, runs = np.random.default_rng(10), [0, 0], 100
+    for _ in range(runs):
         time = sampled(rng.uniform(8, 40))
         time = time[rng.random(len(time)) > 0.3]
         y = released(time, rng.uniform(0.3, 0.8), rng.choice(["static", "struck"]))
@@ -144,5 +145,4 @@ def test_intervals_cover_the_truth_in_records_with_dropped_frames():
         for k, (name, truth) in enumerate((("frequency", F), ("damping_ratio", ζ))):
             low, high = fit.intervals[name]
             inside[k] += low <= truth <= high
-    assert (inside >= 0.93 * 400).all()
-    assert (inside <= 0.97 * 400).all()
+    assert all(covers(hits, runs) for hits in inside)

@@ -59,6 +59,7 @@ def readings(model):
     return cs.Function("readings", symbols, [outputs]), values
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", range(5))
 def test_derivatives_of_all_readings_are_those_of_differences(readings, place):
     """Along one direction in the law, the base, the properties, the load and the shifts each."""
@@ -83,6 +84,7 @@ def test_derivatives_of_all_readings_are_those_of_differences(readings, place):
     np.testing.assert_allclose(along / size, difference / size, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_reverse_derivatives_are_the_transposed_of_the_forward_ones(readings):
     function, values = readings
     symbols, rng = function.mx_in(), np.random.default_rng(1)

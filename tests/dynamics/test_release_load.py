@@ -58,6 +58,7 @@ def test_derivatives_by_load_and_properties_agree_with_central_differences(model
         np.testing.assert_allclose(found, expected, atol=1e-6 * abs(expected).max())
 
 
+@pytest.mark.slow
 def test_the_motion_from_an_unknown_load_is_that_of_the_state_and_so_are_its_derivatives(model):
     """Compare with ``simulate`` from the state, and with differences of tightly integrated motions."""
     law = QuadraticDamping(eta1=0.6, eta2=4.0)

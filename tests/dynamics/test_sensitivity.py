@@ -65,6 +65,7 @@ def test_the_function_gives_the_motion_that_simulate_finds(case, model, law):
     assert abs(found - run.coordinates).max() < 1e-6 * model.beam.length
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [0, 1])
 def test_derivatives_are_those_of_a_tightly_integrated_motion_at_two_points(case, model, law, place):
     """Central differences of runs at 1e-9; the law, the amplitude, and all thicknesses, densities and moduli."""

@@ -115,6 +115,7 @@ def test_a_beam_at_rest_stays_at_rest(small):
 # ------------------------------------------------------------------------------- against an independent integrator
 
 
+@pytest.mark.slow
 def test_a_damped_beam_under_a_base_that_moves_and_stops_agrees_with_an_explicit_integrator(rubber, driven):
     """With the law written out: C = M Phi diag(2 zeta omega) Phi^T M + eta1 M, and the drag of Eq. (23)."""
     modes, stop = natural_modes(rubber, count=2), 1.5 / (2 * FREQUENCY)
@@ -175,6 +176,7 @@ def test_a_beam_at_rest_follows_a_base_whose_amplitude_grows_from_the_first_inst
         assert abs(run.tip - sampled.tip).max() < 2e-7
 
 
+@pytest.mark.slow
 def test_a_base_that_shifts_and_turns_carries_the_beam_as_an_explicit_integrator_has_it(rubber):
     """Base motion u = 20 mm (sin 7t, 1 - cos 5t), phi = 0.3 sin 6t, sampled every millisecond."""
     t = np.arange(0.0, 0.301, 1e-3)
@@ -210,6 +212,7 @@ def test_a_base_that_shifts_and_turns_carries_the_beam_as_an_explicit_integrator
     assert abs(run.tip - tip).max() < 5e-7
 
 
+@pytest.mark.slow
 def test_a_law_of_low_rank_gives_the_motion_of_the_same_law_written_as_a_dense_force(rubber):
     law = ModalDamping(natural_modes(rubber), (0.1, 0.05, 0.03, 0.02, 0.01))
     start = static_equilibrium(rubber, tip_force=(0.2, 0.0))
@@ -227,6 +230,7 @@ def test_a_law_of_low_rank_gives_the_motion_of_the_same_law_written_as_a_dense_f
 # --------------------------------------------------------------------------------------------------------- energy
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [10, 20, 40])
 def test_an_undamped_beam_under_gravity_keeps_its_energy(released, elements):
     run = released[elements]

@@ -103,6 +103,7 @@ class TestEnergy:
             assert run.dissipated_energy[-1] > 0.01 * scale
             assert np.diff(run.dissipated_energy).min() >= -1e-9 * scale
 
+    @pytest.mark.slow
     def test_the_balance_closes_with_the_tolerance(self, hanging):
         """The error does not come from the sampling: it falls at least threefold for a hundredth of the tolerance."""
         start = static_equilibrium(hanging, tip_force=(0.05, 0.0))
@@ -153,6 +154,7 @@ class TestStarts:
 
 
 class TestBaseMotions:
+    @pytest.mark.slow
     def test_a_sampled_motion_is_that_of_its_samples(self, hanging):
         """A sine of the base, sampled 200 times per second, moves the beam like the exact sine."""
         exact = HarmonicBase(amplitude=5e-3, frequency=3.0, direction=(1.0, 0.5))

@@ -126,6 +126,7 @@ def test_outliers_are_borne():
     assert profile_interval(robust, "b") == pytest.approx(robust.intervals()[1], rel=1e-2)
 
 
+@pytest.mark.slow
 def test_a_robust_fit_knows_its_scatter():
     """300 fits with noise of Student's distribution, 2 degrees of freedom, whose variance is infinite."""
     rng = np.random.default_rng(4)

@@ -65,6 +65,7 @@ def test_the_scatter_of_the_runs_is_the_standard_error_where_the_noise_is_white(
     np.testing.assert_allclose(half, 1.96 * errors, rtol=0.4)
 
 
+@pytest.mark.slow
 def test_blocks_keep_what_correlates_together():
     """Over many records, the scatter of the fits is that of the block bootstrap, twice that of single residuals."""
     rho = 0.8
@@ -82,6 +83,7 @@ def test_blocks_keep_what_correlates_together():
     assert f"bootstrap of blocks of {blocks.block} residuals" in blocks.report()
 
 
+@pytest.mark.slow
 def test_a_motion_is_fitted_again_too(transient):
     """40 runs: a standard deviation is known to 11 %, a mean to 16 % of one; three of these are allowed."""
     study = monte_carlo(transient, runs=40, seed=3)
@@ -142,15 +144,16 @@ def test_runs_that_fail_are_counted_and_named(decay, monkeypatch):
         monte_carlo(decay, runs=3)
 
 
+@pytest.mark.slow
 def test_any_executor_gives_the_same_numbers(decay, transient):
     """In this process, in other processes, and on a dask cluster."""
     distributed = pytest.importorskip("distributed")
-    serial = [monte_carlo(fit, runs=6, seed=7) for fit in (decay, transient)]
-    assert not np.array_equal(serial[0].samples, monte_carlo(decay, runs=6, seed=8).samples)
-    processes = [monte_carlo(fit, runs=6, seed=7, jobs=2) for fit in (decay, transient)]
+    serial = [monte_carlo(fit, runs=4, seed=7) for fit in (decay, transient)]
+    assert not np.array_equal(serial[0].samples, monte_carlo(decay, runs=4, seed=8).samples)
+    processes = [monte_carlo(fit, runs=4, seed=7, jobs=2) for fit in (decay, transient)]
     cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
     with cluster, distributed.Client(cluster) as client, client.get_executor() as executor:
-        dask = [monte_carlo(fit, runs=6, seed=7, executor=executor) for fit in (decay, transient)]
+        dask = [monte_carlo(fit, runs=4, seed=7, executor=executor) for fit in (decay, transient)]
     for here, *others in zip(serial, processes, dask, strict=True):
         for other in others:
             assert here.samples.tobytes() == other.samples.tobytes()

@@ -156,6 +156,7 @@ class TestRoundTrip:
         write_document(path.with_name("again.json"), found)
         assert path.with_name("again.json").read_bytes() == path.read_bytes()
 
+    @pytest.mark.slow
     def test_frequencies_and_damping_force_are_the_same_in_another_process(self, identified, written):
         code = (
             "import sys; sys.path.insert(0, sys.argv[2]); from test_document import *\n"
@@ -221,6 +222,7 @@ class TestSchema:
         measures = schema()["$defs"]["StrainMeasuresData"]["properties"]
         assert list(measures) == [field.name for field in fields(StrainMeasures)]
 
+    @pytest.mark.slow
     def test_the_reader_refuses_what_the_schema_refuses(self, written, tmp_path):
         """Each value in turn is replaced, removed, or joined by an unknown key; the message names the place."""
         data = json.loads(written.read_text())

@@ -97,11 +97,13 @@ def check_numbers(folder, functions, called, size):
             np.testing.assert_allclose(found, entries, rtol=1e-12, atol=1e-12 * scale, err_msg=name)
 
 
+@pytest.mark.slow
 @needs_gcc
 def test_every_function_agrees_with_python(functions, folder):
     check_numbers(folder, functions, "", 1e-5)
 
 
+@pytest.mark.slow
 @needs_gcc
 def test_every_function_of_the_reduced_model_agrees_alone_and_beside_the_full_one(reduced, folder, small_folder):
     check_numbers(small_folder, reduced, "", 1e-3)

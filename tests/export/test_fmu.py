@@ -134,10 +134,12 @@ def reference(document):
     return truth(document.model, document.damping)
 
 
+@pytest.mark.slow
 def test_fmpy_finds_no_errors(exported):
     assert validate_fmu(exported) == []
 
 
+@pytest.mark.slow
 def test_the_motion_in_fmpy_agrees_with_simulate(exported, reference):
     check(run_fmu(exported, {}), reference, (reference.kinetic_energy, reference.strain_energy))
 

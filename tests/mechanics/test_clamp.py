@@ -108,6 +108,7 @@ def test_both_integrators_agree(paper_beam):
     np.testing.assert_allclose(runs[0].tip, runs[1].tip, atol=2e-5)
 
 
+@pytest.mark.slow
 def test_a_small_release_swings_with_the_natural_frequency_and_its_damping_ratio(paper_beam):
     """The linear drag acts on the beam alone, mass-proportional damping on the mass at its tip too."""
     model = Model(paper_beam(4, tip_mass=0.01, clamp_stiffness=0.5))

@@ -82,6 +82,7 @@ def test_the_ends_of_a_curve_are_those_of_the_range(second_mode):
     assert second_mode.drive_amplitudes == pytest.approx(np.full(len(second_mode.motions), 5e-4), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_curve_in_the_amplitude_passes_the_same_motions(reduced, second_mode):
     frequency = sum(own.motion.frequency for own in second_mode.bifurcations) / 2
     sheet = amplitude_response(reduced, (1e-4, 2e-3), base=HarmonicBase(amplitude=1.0, frequency=frequency))

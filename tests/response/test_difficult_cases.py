@@ -100,6 +100,7 @@ def coupled(ratio, coupling, damping):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("Ω", [1.0, 1.03])
 def test_an_internal_resonance_of_one_to_three_is_the_end_of_a_time_integration(Ω):
     damping, force = 0.08, 0.12

@@ -119,6 +119,7 @@ def test_the_steady_state_at_large_amplitude_is_the_end_of_a_time_integration_fr
     assert motion.supplied_energy == pytest.approx(motion.dissipated_energy, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_points_of_the_curve_at_large_amplitude_return_to_themselves_and_unstable_ones_leave():
     ζ, μ, F = STRONG
     curve = frequency_response(duffing(ζ, μ), (0.8 * HZ, 4 * HZ), force=HarmonicForce(F, HZ), tolerance=1e-10)
@@ -133,6 +134,7 @@ def test_points_of_the_curve_at_large_amplitude_return_to_themselves_and_unstabl
             assert np.abs(disturbed - at_start).max() > 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("direction", "sign"), [("up", 1), ("down", -1)])
 def test_a_slow_sweep_jumps_where_the_curve_says(direction, sign):
     """Integrate at frequencies just before and after the jump, from the steady state 1 % before it."""

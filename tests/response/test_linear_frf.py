@@ -127,6 +127,7 @@ def harmonic(time, values, frequency):
     return sine + 1j * cosine
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("excitation", ["base", "tip"])
 @pytest.mark.parametrize("clamp", [np.inf, 0.05])
 def test_it_is_the_end_of_a_simulation_of_small_amplitude(paper_beam, excitation, clamp):

@@ -95,6 +95,7 @@ class TestWithACompiler:
         assert is_right(compiled(a_function()))
         assert len(list(cache.glob("product-*.so"))) == 1
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("method", ["idas", "radau"])
     def test_all_meshes_and_all_beams_share_their_programs(self, cache, method):
         """Mesh, properties, gravity, axis, coefficients and lumped parts are inputs; only the kind of law is not."""
@@ -124,6 +125,7 @@ class TestWithACompiler:
         np.testing.assert_array_equal(with_compiler.dissipated_energy, without.dissipated_energy)
         assert np.ptp(without.tip[:, 0]) > 1e-2
 
+    @pytest.mark.slow
     def test_compiled_derivatives_of_a_motion_are_the_interpreted_ones(self, monkeypatch):
         model = Model(a_beam(2))
         law, start = RayleighDamping(alpha=0.5, beta=1e-4), static_equilibrium(model, tip_force=(0.02, 0.0))

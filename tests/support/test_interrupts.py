@@ -53,6 +53,7 @@ def stopped_at(step):
     return said, int(steps)
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_a_fit_with_the_step_it_meets():
     """In the first motion, outside the solver, and in a later one, within it."""
     said, total = stopped_at(0)

@@ -42,6 +42,7 @@ def tasks():
     ]
 
 
+@pytest.mark.slow
 def test_executors_give_the_numbers_of_the_serial_run(tasks):
     serial = run_all(tasks)
     with ThreadPoolExecutor(2) as threads, ProcessPoolExecutor(1, get_context("spawn")) as processes:
@@ -103,6 +104,7 @@ def children(number):
     return [int(line) for line in listed.stdout.split()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("guard", ["if True", "try: pass\nfinally"])
 def test_a_script_without_a_guard_is_refused_once(tmp_path, guard):
     done = subprocess.run(

@@ -169,6 +169,7 @@ class TestFile:
             write_files(contents)
         assert [path.read_text() for path in contents] == ["new", "new"]
 
+    @pytest.mark.slow
     @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="there is no SIGKILL")
     def test_a_killed_process_leaves_old_or_new_files(self, tmp_path):
         """Killed at any moment of writing in a loop, each file is complete."""

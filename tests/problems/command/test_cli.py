@@ -184,6 +184,7 @@ class TestFitDecay:
         assert main(["fit-decay", "two.csv", "--column", "tip", "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["frequency_hz"] == pytest.approx(3.0, rel=1e-3)
 
+    @pytest.mark.slow
     def test_the_law_is_chosen_on_request(self, files, capsys):
         assert main(["fit-decay", "decay.csv", "--law", "auto", "--json"]) == 0
         data = json.loads(capsys.readouterr().out)
@@ -768,8 +769,11 @@ class TestFullDisk:
         ["fit-decay", "decay.csv", "--plot", "decay.png"],
     )
 
-    @pytest.mark.parametrize("form", [[], ["--json"]])
-    @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: "".join(command[::2]))
+    @pytest.mark.parametrize(
+        ("command", "form"),  # a file and a figure of each command, a form each
+        [(command, [["--json"], []][k % 2]) for k, command in enumerate(COMMANDS)],
+        ids=lambda words: "".join(words[::2]),
+    )
     def test_the_result_is_printed_first(self, files, capsys, full_disk, command, form):
         assert main([*command[:2], *form]) == 0
         expected = capsys.readouterr().out
@@ -796,6 +800,7 @@ class TestFullDisk:
         assert one_line(capsys) == "ancf-casadi: c/beam.c: cannot be written (No space left on device)"
         assert [path for path in files.rglob("*") if path.is_file() and path not in before] == []
 
+    @pytest.mark.slow
     def test_a_limit_of_the_system(self, files):
         """A real failure: the system lets no file grow beyond a few bytes."""
         resource = pytest.importorskip("resource")
@@ -917,6 +922,7 @@ class TestInterrupted:
         assert not (files / "motion.csv").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arguments", [["modes", "beam.toml"], ["match", "beam.toml", "--json"], ["--help"]])
 def test_a_reader_that_has_left_is_no_error(files, arguments):
     """As in ``ancf-casadi modes beam.toml | true``."""
@@ -937,6 +943,7 @@ def test_a_reader_that_has_left_is_no_error(files, arguments):
     assert done.returncode == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ending", "send"), [(signal.SIGINT, os.killpg), (signal.SIGTERM, os.kill)])
 def test_a_study_that_is_interrupted_leaves_no_processes(files, ending, send):
     """Ctrl-C in a terminal reaches the whole group, SIGTERM the command alone; it answers, and no process is left."""

@@ -73,6 +73,7 @@ def test_a_point_of_the_table_is_the_steady_vibration_at_its_frequency(study, ca
     assert np.exp(1j * motion.phase(0.25)) == pytest.approx(np.exp(1j * row["middle_phase_rad"]), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_friction_is_followed_at_the_default_tolerance(study, capsys):
     """The ratio at the peak is above that of the modal law, and falls with the level."""
     study.write_text(STUDY.replace("[response]", '[[damping]]\nlaw = "friction"\neta0 = 0.02\n\n[response]'))

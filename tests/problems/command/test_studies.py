@@ -128,6 +128,7 @@ def test_a_motion_that_would_fill_the_memory_is_refused(run, study):
 
 
 class TestCompareLaws:
+    @pytest.mark.slow
     def test_on_a_decay(self, run, decay):
         decay("a.csv", (3.0, 0.02, 5e-3))
         done = run("compare-laws", "a.csv", "--plot", "laws.png")
@@ -156,6 +157,7 @@ def test_progress_is_silent_unless_on_a_terminal(run, decay):
         assert done.code == 0 and done.err == ""
 
 
+@pytest.mark.slow
 def test_a_fit_shows_progress_on_a_terminal(run, study, tmp_path):
     """The number of computed motions, on a line that is gone in the end."""
     pty, termios = pytest.importorskip("pty"), pytest.importorskip("termios")

@@ -55,6 +55,7 @@ bounds = {elastic_modulus = [0.7, 1.4]}
 """
 
 
+@pytest.mark.slow
 def test_the_file_of_init_is_a_study(run, tmp_path):
     """Beam, modes, match, simulation and the fit that recovers the law of the simulation, as one document."""
     assert run("init").code == 0

@@ -26,9 +26,10 @@ def record(law, seed=0, noise=2e-4, time=TIME):
     return y + noise * np.random.default_rng(seed).standard_normal(len(time))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", TRUTHS)
 def test_the_true_law_is_found(law):
-    for seed in range(5):
+    for seed in range(3):
         comparison = compare_decay_laws(TIME, record(law, seed))
         assert (comparison.best.law, comparison.best.frequency_law) == (law, "constant")
     assert comparison.names[:5] == ("linear", "quadratic", "friction", "power", "linear + linear frequency")
@@ -59,6 +60,7 @@ def test_a_law_with_a_term_at_its_bound_is_the_smaller_law():
         pytest.fail("no seed has eta0 alone at its bound")
 
 
+@pytest.mark.slow
 def test_coloured_residuals_are_named():
     """For an autoregressive process and low frequencies, the effective number is m (1 - rho)/(1 + rho)."""
     rho, coloured = 0.45, 2e-4 * np.random.default_rng(1).standard_normal(2500)
@@ -103,6 +105,7 @@ def test_the_criteria_count_independent_residuals():
     assert "5000 residuals that carry the information of 4 independent ones are too few" in nothing.warnings[0]
 
 
+@pytest.mark.slow
 def test_a_long_linear_decay_is_a_linear_one():
     """Over 600 periods the fit of the quadratic law, and so the comparison, used to fail."""
     time, ω = np.arange(0.0, 12.0, 1e-3), 100 * math.pi
@@ -126,6 +129,7 @@ def test_the_release_is_detected_once(monkeypatch):
     np.testing.assert_array_equal(comparison.fits[1].fit.values, alone.fit.values)
 
 
+@pytest.mark.slow
 def test_a_record_that_is_too_short_and_noisy_cannot_tell():
     """None of 9 records of one and a half periods settles the choice."""
     weak = np.arange(0.0, 0.8, 1 / 500)

@@ -19,6 +19,7 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from problems.decay.comparison import compare_decay_laws
 from problems.decay.fitting import fit_decay, fit_decays
+from tests.coverage import covers
 
 TIME = np.arange(0.0, 5.0, 1 / 500)
 TABLE_2 = [(1.85, 0.0100), (10.19, 0.0028), (26.84, 0.0028), (53.20, 0.0023), (88.60, 0.0030)]  # Hz, 1
@@ -104,26 +105,18 @@ def test_standard_errors_are_the_cramer_rao_bounds(mode, bounds):
     assert fit.warnings == ()
 
 
-def test_the_scatter_of_many_fits_is_the_cramer_rao_bound_and_their_intervals_cover_the_truth():
-    """200 fits: a standard deviation is known to 5 %, a mean to 7 % of one; four of these are allowed."""
-    efficiency, bias, coverage = many_fits(MODES[1], CRAMER_RAO[1], 200)
-    np.testing.assert_allclose(efficiency, 1.0, atol=0.2)
-    assert (np.abs(bias) < 4 / math.sqrt(200)).all()
-    assert ((coverage >= 0.90) & (coverage <= 0.99)).all()
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize(("mode", "bounds"), [(MODES[3], CRAMER_RAO[3])])
-def test_a_thousand_fits_are_efficient_and_their_intervals_cover_as_they_say(mode, bounds):
-    """A standard deviation is known to 2.2 %, a coverage of 0.95 to 0.007."""
-    efficiency, bias, coverage = many_fits(mode, bounds, 1000)
-    np.testing.assert_allclose(efficiency, 1.0, atol=0.05)
-    assert (np.abs(bias) < 4 / math.sqrt(1000)).all()
-    assert ((coverage >= 0.93) & (coverage <= 0.97)).all()
+@pytest.mark.parametrize("k", [1, 3])
+def test_the_scatter_of_many_fits_is_the_cramer_rao_bound_and_their_intervals_cover_the_truth(k):
+    """A standard deviation of 100 fits is known to 7 %, a mean to 10 % of one; four of these are allowed."""
+    efficiency, bias, hits = many_fits(MODES[k], CRAMER_RAO[k], 100)
+    np.testing.assert_allclose(efficiency, 1.0, atol=0.28)
+    assert (np.abs(bias) < 0.4).all()
+    assert all(covers(held, 100) for held in hits)
 
 
 def many_fits(mode, bounds, count):
-    """Return standard deviations and means over the bounds, and coverages, of frequency and damping ratio."""
+    """Return standard deviations and means over the bounds, and intervals that hold the truth, of frequency and damping ratio."""
     frequency, ratio, r0 = mode
     clean = swing(frequency, ratio, r0)
     fits = [fit_decay(TIME, clean + 2e-4 * noise(100 + seed), offset=False) for seed in range(count)]
@@ -131,8 +124,8 @@ def many_fits(mode, bounds, count):
     bound = 0.2 * np.array(bounds)
     intervals = np.array([(fit.intervals["frequency"], fit.intervals["damping_ratio"]) for fit in fits])
     truth = np.array([frequency, ratio])
-    coverage = np.mean((intervals[:, :, 0] < truth) & (truth < intervals[:, :, 1]), axis=0)
-    return deviation.std(axis=0, ddof=1) / bound, deviation.mean(axis=0) / bound, coverage
+    hits = np.sum((intervals[:, :, 0] < truth) & (truth < intervals[:, :, 1]), axis=0)
+    return deviation.std(axis=0, ddof=1) / bound, deviation.mean(axis=0) / bound, hits
 
 
 @pytest.mark.parametrize(("frequency", "ratio", "r0"), MODES)

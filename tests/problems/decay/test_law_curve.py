@@ -23,6 +23,7 @@ def fitted(periods=60.0, seed=0, **options):
     return fit_decay(time, y, **({"law": "quadratic", "frequency_law": "linear"} | options))
 
 
+@pytest.mark.slow
 def test_the_band_holds_the_truth_and_starts_at_the_reported_values():
     inside = []
     for seed in range(20):

@@ -85,6 +85,7 @@ def test_estimates_are_within_their_errors(law, frequency_law):
     assert table["frequency_slope_per_m"] == fit.frequency_slope
 
 
+@pytest.mark.slow
 def test_a_strip_whose_frequency_rises_misleads_a_fit_at_constant_frequency():
     """6.86 to 6.92 Hz as the motion decays, and drag of 0.78 1/m: the case of a measured aluminium strip."""
     k1 = (6.86 / 6.92 - 1) / E0

@@ -78,6 +78,7 @@ def test_a_law_that_does_not_hold_over_the_record_is_told_of():
     assert not any("does not hold" in text for text in right.warnings)
 
 
+@pytest.mark.slow
 def test_a_law_that_holds_is_rarely_doubted():
     """The test has a level of 1 %: of 100 records, at most 4 (probability 0.3 % of more)."""
     doubted = 0

@@ -288,6 +288,7 @@ class TestIdentifiability:
 
 
 class TestStarts:
+    @pytest.mark.slow
     def test_all_starts_reach_the_same_and_processes_change_nothing(self, beam):
         targets = (natural_modes(Model(beam), count=3).frequencies * [0.98, 1.01, 0.99]).tolist()
         serial, parallel = (

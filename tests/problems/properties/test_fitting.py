@@ -13,6 +13,7 @@ from ancf_casadi.estimation.result import Result
 from problems import FrequencyRecord, StaticRecord, fit_properties
 from problems.properties.observation import FACTORS
 from problems.properties.response import changed
+from tests.coverage import covers
 
 DOWN = Sensor("displacement", 0.45, (0.0, -1.0))
 LOADS = [PointLoad.hung(mass, 0.45) for mass in (0.02, 0.05, 0.1, 0.2, 0.4)]
@@ -131,6 +132,7 @@ class TestDuality:
         assert math.isinf(intervals["clamp_stiffness"][1])
         assert intervals["clamp_stiffness"][0] < self.EI * self.MU / 0.005
 
+    @pytest.mark.slow
     def test_a_static_test_separates_them(self, given):
         models = [given(length, gravity=(0.0, 0.0), tip_mass=0.005) for length in (0.3, 0.4, 0.5)]
         records = [frequencies(m, noise=0.005, seed=k) for k, m in enumerate(models)]
@@ -145,21 +147,18 @@ class TestUncertainty:
     @pytest.mark.slow
     @pytest.mark.parametrize("stated", [False, True])
     def test_intervals_cover_the_truth_as_often_as_they_say(self, given, stated):
-        """Of 300 records with 1 % noise; three standard deviations of the count are 3.8 %.
-
-        With a stated standard deviation, the larger of it and the scatter counts, which covers a little more often.
-        """
-        model, hits, runs = given(elements=4), 0, 300
+        """With a stated standard deviation, the larger of it and the scatter counts, which covers a little more often."""
+        model, hits, runs = given(elements=4), 0, 60
         for seed in range(runs):
             table, tones = (make(model, noise=0.01, seed=seed) for make in (static, frequencies))
             if stated:
                 table = StaticRecord(model, LOADS, table.measured, DOWN, 0.01 * table.measured)
                 tones = FrequencyRecord(model, tones.measured, 0.01 * tones.measured)
             fit = fit_properties([table, tones], ["elastic_modulus", "density"])
-            low, high = fit.intervals()["density"]
-            hits += low <= 1500.0 <= high
-        share = hits / runs
-        assert 0.912 <= share <= (1.0 if stated else 0.988)
+            found = fit.intervals()
+            for name, true in (("density", 1500.0), ("bending_stiffness", 0.6)):
+                hits += found[name][0] <= true <= found[name][1]
+        assert covers(hits, 2 * runs) or (stated and hits > 0.95 * 2 * runs)
 
     def test_stated_deviations_are_the_least_that_intervals_allow_for(self, given):
         exact = static(given(), standard_deviation=1e-3)

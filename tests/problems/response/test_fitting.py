@@ -60,6 +60,7 @@ def fit(model, modes, curves):
     return fit_response(model, measured(curves), guess)
 
 
+@pytest.mark.slow
 def test_a_fit_recovers_the_law_from_three_noisy_curves(fit):
     truth = {"ratio1": RATIO, "eta2": ETA2, "frequency_1": FREQUENCY}
     assert list(fit.estimates) == list(truth)
@@ -114,6 +115,7 @@ def test_an_uncertain_level_makes_the_damping_uncertain(model, modes, curves, fi
     assert not any("count as exact" in note for note in honest.warnings)
 
 
+@pytest.mark.slow
 def test_coloured_noise_widens_the_intervals(model, modes, curves):
     rng, records = np.random.default_rng(3), []
     for record, curve in curves[1]:

@@ -79,6 +79,7 @@ def test_small_motion_has_the_linear_transmissibility(model):
     assert found == pytest.approx(complex(np.ravel(frf.values)[0]), rel=2e-3)  # two modes of all
 
 
+@pytest.mark.slow
 def test_a_large_motion_is_the_end_of_a_long_simulation(model, law):
     f = 0.99 * natural_modes(model, count=1).frequencies[0]
     base = HarmonicBase(amplitude=2e-3, frequency=f)

@@ -101,6 +101,7 @@ def nasty(tmp_path_factory) -> StudyReport:
 
 
 class TestPage:
+    @pytest.mark.slow
     def test_loads_nothing_and_runs_nothing(self, page):
         """No script, no style sheet, no picture, no font from elsewhere; links lead to files beside it."""
         assert page.loaded == []
@@ -165,6 +166,7 @@ class TestPage:
 
 
 class TestTextsOfUsers:
+    @pytest.mark.slow
     def test_are_texts(self, nasty):
         """A tag, a formula and a template in every text: the page shows them as they were written."""
         page = Page(nasty.page)

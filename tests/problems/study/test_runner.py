@@ -179,6 +179,7 @@ class TestFailure:
         assert set(bench.calls) <= {9.0, -5.0}
         assert -5.0 in bench.calls
 
+    @pytest.mark.slow
     def test_an_interrupt_keeps_the_finished_tasks(self, bench):
         (bench.folder / "fail").touch()
         parts = (bench.part("a", 1.0, 2.0, -6.0),)
@@ -194,6 +195,7 @@ class TestFailure:
             bench.run(bench.part("a", 1.0))
 
 
+@pytest.mark.slow
 def test_any_executor_gives_the_same_files(study_file, tmp_path):
     """One after the other, in threads and in processes: the same numbers, tables and figures, to the last bit."""
     path = study_file(BEAM, DECAYS, RAYLEIGH)

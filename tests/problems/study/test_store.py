@@ -68,6 +68,7 @@ class TestKey:
     def test_is_the_same_each_time(self, beam):
         assert key_of(Task(sample, (1.0, beam))) == key_of(Task(sample, (1.0, dataclasses.replace(beam)), cost=9.0))
 
+    @pytest.mark.slow
     def test_is_the_same_in_every_process(self):
         """Tasks and parts of the paper, read under two orders of hashing."""
         code = (

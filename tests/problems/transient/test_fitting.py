@@ -62,6 +62,7 @@ def again(model, driven):
     return fit_transient(model, driven, TRUTH)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("guess", [(0.3, 8.0), (1.5, 1.0)])
 def test_the_truth_is_found_from_two_starts(model, driven, again, guess):
     found = fit_transient(model, driven, QuadraticDamping(*guess))
@@ -73,6 +74,7 @@ def test_the_truth_is_found_from_two_starts(model, driven, again, guess):
     np.testing.assert_allclose(found.fit.values, again.fit.values, atol=1e-2 * again.fit.errors.min())
 
 
+@pytest.mark.slow
 def test_outliers_hardly_move_a_robust_fit(model, driven, again):
     """Six of the last 41 positions are 20 mm too far out, 40 standard deviations of the noise."""
     spoilt = driven.positions.copy()
@@ -134,6 +136,7 @@ def drag(exact, noise, **settings):
     return fit_transient(model, given, law + QuadraticDamping(eta2=0.1), fixed=("ratio1", "ratio2"), **settings)
 
 
+@pytest.mark.slow
 def test_the_shift_by_the_error_of_integration_is_found_from_one_tighter_integration(exact):
     """Compared with a fit at the tighter tolerance; a coarse tolerance of the user is used, with a warning."""
     coarse, fine = (drag(exact, 0.0, tolerance=tolerance) for tolerance in (1e-4, 1e-8))
@@ -158,6 +161,7 @@ def test_the_fit_selects_a_tolerance_at_which_no_estimate_is_shifted(exact, nois
     assert found.fit.systematic == pytest.approx(TRUST * travel(exact[2]), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_tolerance_that_is_too_coarse_is_tightened_or_reported(exact, monkeypatch):
     monkeypatch.setattr(fitting, "first_tolerance", lambda *_: 1e-3)
     assert drag(exact, 0.0).problem.tolerance < 1e-5
@@ -166,6 +170,7 @@ def test_a_tolerance_that_is_too_coarse_is_tightened_or_reported(exact, monkeypa
     assert "shorten the record" in drag(exact, 0.0).warnings[-1]
 
 
+@pytest.mark.slow
 def test_estimates_scatter_about_the_truth_by_their_standard_errors(exact):
     """The mean of 8 standardised errors is within 2.6 of its standard deviations in 99 of 100 studies."""
     rng = np.random.default_rng(7)
@@ -217,6 +222,7 @@ def test_a_motion_that_fails_at_the_guess_is_reported(model, driven):
         fit_transient(model, still, TRUTH)
 
 
+@pytest.mark.slow
 def test_residuals_that_are_not_noise_give_a_warning_for_each_law(model):
     """Drag fitted as viscous damping; residuals below the systematic error give no warning."""
     exact = record(model, QuadraticDamping(eta2=8.0), 6)
@@ -233,6 +239,7 @@ def test_residuals_that_are_not_noise_give_a_warning_for_each_law(model):
     assert comparison.to_dict()["warnings"] == list(comparison.warnings)
 
 
+@pytest.mark.slow
 def test_records_that_disagree_are_told_of_and_their_scatter_is_in_the_interval(model):
     """The damping of the second record is 10 % higher, or the same."""
     law = RayleighDamping(alpha=1.0)
@@ -248,12 +255,14 @@ def test_records_that_disagree_are_told_of_and_their_scatter_is_in_the_interval(
     assert fit_transient(model, first, law).agreements == ()
 
 
+@pytest.mark.slow
 def test_without_damping_none_is_found(model):
     """A fit with a bias towards damping would fail here."""
     found = fit_transient(model, record(model, None, 2), RayleighDamping(alpha=0.3))
     assert found.fit.values[0] < 3 * max(found.fit.errors[0], 0.01) or found.fit.active_bounds[0]
 
 
+@pytest.mark.slow
 def test_modulus_base_amplitude_and_a_sum_of_laws_from_two_records_and_two_markers(model):
     """One record is driven, one released from a load; the guesses of modulus and amplitude are 3 to 4 % off."""
     modes = natural_modes(model, count=2)
@@ -284,6 +293,7 @@ def test_modulus_base_amplitude_and_a_sum_of_laws_from_two_records_and_two_marke
     assert "elastic_modulus" in found.report() and found.to_dict()["unknowns"][3]["unit"] == "m"
 
 
+@pytest.mark.slow
 def test_an_unknown_start_and_the_damping_are_found(model):
     """A record that begins within a swing, with a guess at rest; two equilibria give the velocity."""
     force, rate = 2e-3, -0.02
@@ -309,6 +319,7 @@ def test_an_unknown_start_and_the_damping_are_found(model):
     assert (copy.fit.model(z)[1].full() == found.fit.model(z)[1].full()).all()
 
 
+@pytest.mark.slow
 def test_the_closed_form_is_wrong_where_this_is_right(model):
     """A release from 0.8 L: Eq. (27) mistakes the drag for viscous damping and leaves 7 mm."""
     start, rest = static_equilibrium(model, tip_force=(0.03, 0.0)), static_equilibrium(model)
@@ -322,6 +333,7 @@ def test_the_closed_form_is_wrong_where_this_is_right(model):
     assert closed.residual_rms > 10 * found.fit.residual_rms
 
 
+@pytest.mark.slow
 def test_the_right_law_is_selected(model):
     laws = [RayleighDamping(alpha=1.0), QuadraticDamping(eta2=4.0)]
     comparison = compare_laws(model, record(model, QuadraticDamping(eta2=8.0), 6), laws, tolerance=1e-5)
@@ -331,6 +343,7 @@ def test_the_right_law_is_selected(model):
     assert comparison.to_dict()["best"] == "QuadraticDamping(eta2)"
 
 
+@pytest.mark.slow
 def test_friction_is_told_from_drag_and_its_coefficient_recovered(model):
     laws = [QuadraticDamping(eta2=4.0), FrictionDamping(eta0=0.3)]
     comparison = compare_laws(model, record(model, FrictionDamping(eta0=1.0), 6), laws, tolerance=1e-5)

@@ -20,6 +20,7 @@ def struck(swing):
     )
 
 
+@pytest.mark.slow
 def test_modulus_and_density_follow_from_a_blow_of_known_force(swing, struck):
     """Without the force, a motion fixes the ratio of modulus and density alone."""
     noise = 1e-4 * np.random.default_rng(1).normal(size=struck.tip.shape)
@@ -31,6 +32,7 @@ def test_modulus_and_density_follow_from_a_blow_of_known_force(swing, struck):
     assert abs(score).max() < 3.0 and found.fit.errors[1:3].max() < 0.01
 
 
+@pytest.mark.slow
 def test_the_force_on_the_clamp_contains_that_at_the_tip(swing, struck):
     """The readings of force and moment at the truth, during the blow and after it."""
     slope, force = struck.coordinates[:, 2:4], struck.clamp_force

@@ -33,6 +33,7 @@ def fitted(swing, record, **settings):
     return fit_transient(swing.model, record, GUESS, fixed=("beta",), **settings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", SENSORS, ids=lambda sensor: f"{sensor.quantity} {sensor.label}")
 def test_the_damping_is_found_from_each_sensor(swing, sensor):
     found = fitted(swing, MotionRecord([swing.measurement(sensor, 0.01)], start=swing.start))
@@ -44,6 +45,7 @@ def test_the_damping_is_found_from_each_sensor(swing, sensor):
     assert exact.fit.residual_rms < 3e-4 * swing.truth(sensor).std()
 
 
+@pytest.mark.slow
 def test_sensors_of_all_units_share_one_fit_and_fix_modulus_and_density(swing):
     """Channels with their own rates, a gap, uneven times and a weight that the user gives."""
     rng = np.random.default_rng(2)
@@ -75,6 +77,7 @@ def test_sensors_of_all_units_share_one_fit_and_fix_modulus_and_density(swing):
     assert [one.size for one in found.residuals] == [one.time.size for one in records]
 
 
+@pytest.mark.slow
 def test_a_motion_without_force_determines_ratios_only(swing):
     record = MotionRecord([swing.measurement(X, 0.01)])
     unknown = {"properties": ("elastic_modulus", "density"), "load": ("force_x",)}
@@ -177,6 +180,7 @@ def test_deflections_under_known_weights_fix_the_scale_of_a_motion(swing):
         fitted(swing, record, evidence=[StaticRecord(model, loads, moved, sensor)], **unknown)
 
 
+@pytest.mark.slow
 def test_a_known_force_at_the_tip_fixes_the_scale_and_enters_the_force_at_the_clamp(swing):
     """A push over 0.3 s on a beam at rest, with an unknown start of the record."""
     model, push = swing.model, SampledLoad([0.0, 0.1, 0.3], [[0.0, 0.0], [0.004, 0.001], [0.0, 0.0]])
@@ -200,6 +204,7 @@ def test_a_known_force_at_the_tip_fixes_the_scale_and_enters_the_force_at_the_cl
         fitted(swing, MotionRecord(channels, **settings), load=("force_x",))
 
 
+@pytest.mark.slow
 def test_a_prediction_of_another_start_agrees_within_noise_and_shows_a_wrong_model(swing):
     found = fitted(swing, MotionRecord([swing.measurement(X, 0.01)], start=swing.start))
     other = [swing.measurement(sensor, 0.01, 7) for sensor in (Sensor("displacement"), Sensor("slope"))]

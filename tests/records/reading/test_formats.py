@@ -182,6 +182,7 @@ class TestNumpy:
         with pytest.raises(InputError, match="declares another size than it has"):
             read_recording(path)
 
+    @pytest.mark.slow
     def test_a_zip_bomb_is_refused(self, tmp_path):
         path = tmp_path / "record.npz"
         with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("x.npy", "w") as file:

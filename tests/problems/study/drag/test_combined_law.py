@@ -56,6 +56,7 @@ def test_coefficients_without_errors_return_the_truth(modes):
     )
 
 
+@pytest.mark.slow
 def test_estimates_are_unbiased_and_intervals_cover_the_truth_in_95_percent_of_draws(modes):
     rng, truth = np.random.default_rng(3), np.append(RATIOS, ETA2)
     scores, rejected = [], 0
@@ -124,6 +125,7 @@ def test_table_4_has_no_common_drag_coefficient(modes):
     assert "does not explain all modes" in found.report()
 
 
+@pytest.mark.slow
 def test_a_fit_at_its_bound_gives_a_pair_as_if_it_had_none():
     """Mean and covariance over linear decays with noise, half of whose fits end at eta2 = 0."""
     time, omega = np.arange(0.0, 5.0, 1 / 200.0), 2 * np.pi * 10.0

@@ -50,6 +50,7 @@ def test_properties_that_vary_are_means_and_say_so(study_file, tmp_path):
     assert report.results["beam"]["width"] == [4e-3, 5e-3, 6e-3]
 
 
+@pytest.mark.slow
 def test_a_motion_is_computed_again_if_a_file_changes(study_file, tmp_path):
     """The clamp moves twice as far: the tip does too, and damping takes four times the energy."""
     found, path = [], study_file(BEAM, MOTION)

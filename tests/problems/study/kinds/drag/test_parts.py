@@ -82,6 +82,7 @@ def column(table, head):
     return found
 
 
+@pytest.mark.slow
 def test_decays_under_eta1_take_the_same_time_at_every_frequency_on_the_beam_and_by_formula(report):
     (_, times), (_, words), (_, left) = shown(report, "eta_effects").tables
     assert column(times, "frequency") == (2.0, 4.0) * 2

@@ -56,6 +56,7 @@ def report(tmp_path_factory) -> StudyReport:
     return run_study(folder / "study.toml", folder / "results", quick=True)
 
 
+@pytest.mark.slow
 def test_ratios_stand_under_their_laws_in_the_order_of_the_runs(report):
     """Laws that are not simulated in a run have no ratio there."""
     found = report.results["transients"]

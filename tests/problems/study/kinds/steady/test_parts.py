@@ -60,6 +60,7 @@ def report(tmp_path_factory) -> StudyReport:
     return run_study(folder / "study.toml", folder / "results", quick=True)
 
 
+@pytest.mark.slow
 def test_the_table_response_adds_its_curves_to_a_study(study_file, tmp_path):
     path = study_file(BEAM, RESPONSE)
     found = run_study(path, tmp_path / "results")
@@ -74,6 +75,7 @@ def test_the_table_response_adds_its_curves_to_a_study(study_file, tmp_path):
     assert (tmp_path / "results" / "figures").exists()
 
 
+@pytest.mark.slow
 def test_a_long_experiment_ends_on_its_curve(report):
     """After 10 s of excitation (a quick study drives for a twentieth of the time), the vibration is steady."""
     for run in report.results["steady"]:

@@ -64,6 +64,7 @@ def test_a_driven_beam_is_accurate_to_a_ten_thousandth_of_its_travel_within_few_
     assert run.steps < 150_000
 
 
+@pytest.mark.slow
 def test_an_undamped_release_from_four_fifths_of_the_length_keeps_its_energy():
     model = steel(axis=(1.0, 0.0), gravity=(0.0, 0.0))
     start = static_equilibrium(model, tip_force=(0.0, 9.1 * BENDING_STIFFNESS / L**2))

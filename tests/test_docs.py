@@ -46,6 +46,7 @@ SLOW = (  # pages that take more than two seconds
     "how_to/videos.md",
     "tutorials/decay.md",
     "tutorials/export.md",
+    "tutorials/frequencies.md",
     "tutorials/large_motion.md",
 )
 READ = ("text", "json", "c", "matlab")

@@ -11,7 +11,15 @@ import ancf_casadi.export
 import problems
 from ancf_casadi.support.compilation import c_compiler
 
-SLOW = ("TransientFit", "ResponseFit", "MotionPrediction", "ResponsePrediction", "compare_laws", "fit_transient")
+SLOW = (
+    "TransientFit",
+    "ResponseFit",
+    "MotionPrediction",
+    "ResponsePrediction",
+    "compare_laws",
+    "fit_transient",
+    "DecayFit",
+)
 PUBLIC = [
     pytest.param(
         getattr(package, name), id=f"{package.__name__}.{name}", marks=[pytest.mark.slow] if name in SLOW else []

@@ -90,6 +90,7 @@ def test_ex09_the_decay_after_the_blow_gives_frequency_and_damping(example):
     assert abs(run.tip[run.time < 0.5, 0]).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_ex10_the_resonance_leans_and_the_air_straightens_it(example):
     curves = example("ex10")["curves"]
     first, second = curves["material"].bifurcations

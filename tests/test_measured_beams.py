@@ -121,6 +121,7 @@ class TestAluminiumStrip:
         assert low < 1e-3
         assert 5e-3 < 10e-3 < high
 
+    @pytest.mark.slow
     def test_tip_mass_and_clamp_cannot_be_separated(self, page):
         """5.7 g and a rigid clamp fit exactly as well as no mass and 113 N m/rad; see ``TestDuality`` of the fits."""
         fit = fit_properties(page.strip_records(), ["elastic_modulus", "tip_mass", "clamp_stiffness"])
@@ -131,6 +132,7 @@ class TestAluminiumStrip:
         assert fit.intervals()["tip_mass"][1] > 5e-3
         assert fit.intervals()["clamp_stiffness"][0] < 113.0
 
+    @pytest.mark.slow
     def test_the_orientation_matters_less_than_the_scatter(self, page):
         """The frequencies are fitted to 1.5 to 2.4 %; none is excluded, and E moves by its interval at most."""
         fits = [fit_properties(page.strip_records(orientation=o), ["elastic_modulus"]) for o in page.ORIENTATIONS]

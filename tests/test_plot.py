@@ -72,6 +72,7 @@ def test_another_format_is_refused(motion, suffix):
         rendered(motion_figure(motion), suffix)
 
 
+@pytest.mark.slow
 def test_drawing_needs_no_display_and_no_global_state():
     """Figures are drawn without pyplot, which would select a backend and keep the figures alive."""
     code = (
@@ -82,6 +83,7 @@ def test_drawing_needs_no_display_and_no_global_state():
     assert done.stdout == "False\n"
 
 
+@pytest.mark.slow
 def test_the_package_does_not_load_matplotlib():
     code = "import sys, ancf_casadi, problems.cli; print('matplotlib' in sys.modules)"
     done = run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)

@@ -108,6 +108,7 @@ def test_five_modes_at_once_swing_independently(weightless, method, tolerance, l
 # ---------------------------------------------------------------------------------------------------- large motion
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "tolerance", "amplitude", "ratio"),
     [
@@ -163,6 +164,7 @@ def test_an_undamped_release_from_a_bend_of_eight_tenths_of_the_length_needs_few
     assert abs(run.energy - run.energy[0]).max() < 1e-4 * run.energy[0]
 
 
+@pytest.mark.slow
 def test_the_tip_of_a_large_motion_converges_at_order_four_with_the_elements(paper_beam):
     tips = {
         elements: released(
@@ -283,6 +285,7 @@ def turned(model, law, speed, method):
 # ---------------------------------------------------------------------------------------- against each other
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["rayleigh", "quadratic", "modal"])
 @pytest.mark.parametrize("impact", [False, True], ids=["release", "impact"])
 def test_both_integrators_find_the_same_motion_forces_and_energies_within_their_steps_too(thick, law, impact):

@@ -113,6 +113,7 @@ def test_at_zero_amplitude_the_ratio_is_that_of_the_linear_damping_of_the_smooth
     np.testing.assert_allclose(FrictionDamping(ETA0).damping_ratios(modes, np.zeros(3)), linear, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_simulated_decay_is_linear_as_in_the_closed_form_of_one_mode(modes):
     """Amplitude from the energy, after each of four periods; the true mode rubs 0.53 % more than the assumed shape."""
     amplitude, eta0, omega = 2e-3, 0.005, modes.angular_frequencies[0]

@@ -154,6 +154,7 @@ def test_with_zero_coefficients_a_law_does_not_damp(modes, law):
     assert abs(simulated_ratios(law(modes, 0.0), modes)).max() < NUMERICAL_DAMPING
 
 
+@pytest.mark.slow
 def test_at_the_default_tolerance_a_released_beam_keeps_swinging_in_both_modes(modes, bending_stiffness):
     """Released at 1 mm, the first two modes have less than 2e-5 of critical damping."""
     model = modes.model

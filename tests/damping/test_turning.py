@@ -201,6 +201,7 @@ def test_derivatives_are_those_of_differences_and_reverse_ones_the_transposed(st
             assert float(cs.dot(reverse, direction)) == pytest.approx(float(forward @ weights), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_the_reduced_model_moves_like_the_full_one(paper_beam):
     model = Model(paper_beam(8))
     law = ModalDamping(natural_modes(model), (0.1, 0.05, 0.05, 0.05, 0.05))
@@ -214,6 +215,7 @@ def test_the_reduced_model_moves_like_the_full_one(paper_beam):
     assert error < 2e-3 * difference
 
 
+@pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize("stiffness", ["strain-rate", "tangent"])
 def test_energy_balances_and_every_law_takes_energy_while_the_clamp_turns(strip, law, method, stiffness):

@@ -83,6 +83,7 @@ def test_the_tangent_law_adds_energy_along_the_direction_in_which_the_beam_buckl
     assert least_power(TANGENT, standing, e) < -1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", DISSIPATIVE.values(), ids=DISSIPATIVE)
 def test_the_energy_lost_never_falls_while_a_strip_buckles_and_bends(standing, modes, law):
     run = fallen(standing, law(modes), "radau", tolerance=1e-6)

@@ -100,6 +100,7 @@ def test_reverse_derivatives_are_the_transposed_of_the_forward_ones(readings):
     assert float(found[0]) == pytest.approx(float(found[1]), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_the_beam_rests_under_its_load_before_the_start(readings, model):
     function, values = readings
     held = static_equilibrium(model, tip_force=(0.001, 0.0))

@@ -57,6 +57,7 @@ def case(request, model, law):
     return start, function, symbols, function(*symbols)[-4:-2, :]
 
 
+@pytest.mark.slow
 def test_the_function_gives_the_motion_that_simulate_finds(case, model, law):
     start, function, _, _ = case
     run = simulate(model, damping=law, base=BASE, start=start, method="radau", **SETTINGS)
@@ -160,6 +161,7 @@ def runs_alive():
     return sum(isinstance(one, Run) for one in gc.get_objects())
 
 
+@pytest.mark.slow
 def test_expressions_keep_a_motion_alive_and_without_them_its_steps_are_freed(model):
     settings = SETTINGS | {"duration": 0.05, "base": BASE, "start": "equilibrium"}
     motion(model, **settings)  # a new Function drops the runs of those that are gone

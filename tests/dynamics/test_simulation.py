@@ -239,6 +239,7 @@ def test_an_undamped_beam_under_gravity_keeps_its_energy(released, elements):
     assert not run.dissipated_energy.any() and not run.base_work.any()
 
 
+@pytest.mark.slow
 def test_a_falling_beam_converges_with_the_elements(released):
     """Released horizontally under gravity: 20 and 40 elements differ by 1e-6 m while the tip falls 0.25 m."""
     assert released[20].tip[:, 1].min() < -0.24

@@ -85,6 +85,7 @@ def test_the_clamp_follows_the_base_to_the_last_sample_wherever_the_stop_is(smal
     np.testing.assert_array_equal(run.coordinates[:, 2:4], np.tile([0.0, -1.0], (31, 1)))
 
 
+@pytest.mark.slow
 def test_a_run_can_be_continued_from_its_last_state(rubber):
     law, settings = QuadraticDamping(0.2, 1.0), {"sample_rate": 100.0, "tolerance": 1e-10}
     start = static_equilibrium(rubber, tip_force=(0.01, 0.0))
@@ -94,6 +95,7 @@ def test_a_run_can_be_continued_from_its_last_state(rubber):
     assert abs(np.vstack([first.tip, second.tip[1:]]) - whole.tip).max() < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not (shutil.which("cc") or shutil.which("gcc")), reason="there is no C compiler")
 def test_compiled_equations_give_the_motion_of_the_interpreted_ones_and_are_found_again(
     rubber_beam, monkeypatch, tmp_path

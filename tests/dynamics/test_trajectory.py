@@ -90,6 +90,7 @@ class TestEnergy:
             "sum": ModalDamping(natural_modes(model, count=1), (0.02,)) + QuadraticDamping(eta2=2.0),
         }
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("name", ["undamped", "proportional", "tangent", "quadratic", "generic", "sum"])
     def test_work_of_the_base_is_stored_or_lost(self, hanging, name):
         """The change of T + U + V is the work of the base minus the energy lost, within 1/1000 of the work."""
@@ -222,6 +223,7 @@ class TestInterruptions:
 
         monkeypatch.setattr(integration, "integrate_by_idas", eventful)
 
+    @pytest.mark.slow
     def test_ctrl_c_ends_a_run_with_what_is_done(self, hanging, monkeypatch):
         """The signal arrives during the sixth segment; afterwards the previous handler is restored."""
         start = static_equilibrium(hanging, tip_force=(0.01, 0.0))

@@ -61,6 +61,7 @@ def test_white_residuals_count_as_white_and_have_the_errors_of_an_ordinary_fit()
     assert share > 0.95
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.3, 0.9, -0.5])
 def test_variances_are_those_of_the_estimates_for_autoregressive_noise(rho):
     """800 squares of the wave give their mean to 5 %, 400 of the constant to 7 %; three of these are allowed.
@@ -73,6 +74,7 @@ def test_variances_are_those_of_the_estimates_for_autoregressive_noise(rho):
     assert white == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.0, 0.9])
 def test_missing_samples_and_bursts_of_them_do_not_spoil_the_variances(rho):
     def make(rng):

@@ -121,6 +121,7 @@ def decay(folder):
     return rows
 
 
+@pytest.mark.slow
 @needs_gcc
 def test_the_program_agrees_with_simulate(model, functions, folder):
     rows = decay(folder)
@@ -135,6 +136,7 @@ def test_the_program_agrees_with_simulate(model, functions, folder):
     np.testing.assert_allclose(rows[:, 1:3], run.tip, atol=1e-3 * swing)
 
 
+@pytest.mark.slow
 @needs_gcc
 def test_the_program_of_the_reduced_model_agrees_with_both_models(reduced, small_folder):
     """The rows agree with ``simulate_reduced`` to rounding, and with the full beam to the error of the reduction."""

@@ -144,6 +144,7 @@ def test_the_motion_in_fmpy_agrees_with_simulate(exported, reference):
     check(run_fmu(exported, {}), reference, (reference.kinetic_energy, reference.strain_energy))
 
 
+@pytest.mark.slow
 def test_another_beam_and_law_by_parameters(exported, functions, document, reference):
     """Parameters and states are set before the start, the states to the equilibrium under the new gravity."""
     beam = document.model.beam
@@ -278,6 +279,7 @@ def rest(reduced):
     return State(*(part.full().ravel() for part in reduced.coordinates(zero, zero, np.zeros(9))))
 
 
+@pytest.mark.slow
 def test_the_reduced_model_is_valid_and_agrees_with_simulate_reduced(small, reduced, rest):
     assert validate_fmu(small) == []
     run = simulate_reduced(reduced, base=Shove(), duration=DURATION, sample_rate=RATE, start=rest)

@@ -97,6 +97,7 @@ def test_the_energy_of_a_large_motion_balances(paper_beam, method):
     assert np.abs(run.balance_error).max() < 2e-3 * run.dissipated_energy[-1]
 
 
+@pytest.mark.slow
 def test_both_integrators_agree(paper_beam):
     model = Model(paper_beam(4, axis=(1.0, 0.0), tip_mass=0.003, clamp_stiffness=0.2))
     start = static_equilibrium(model, tip_force=(0.0, 0.05))
@@ -132,6 +133,7 @@ def test_a_small_release_swings_with_the_natural_frequency_and_its_damping_ratio
     assert light.damping_ratios(modes, [0.0])[0] < 0.7 * heavy.damping_ratios(modes, [0.0])[0]
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_motion_agree_with_differences():
     """A silicone strip, by a damping parameter and by a factor of all thicknesses, which changes the start too."""
     strip = Beam.uniform(length=0.2, width=0.01, thickness=2e-3, density=1070.0, elastic_modulus=264e3, elements=2)

@@ -247,6 +247,7 @@ TIME = np.linspace(0.0, 0.4, 81)
 TURNED = SampledBase(TIME, np.zeros((81, 2)), 0.25 * (1 - np.cos(np.pi * TIME / 0.4)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("base", "limits"),
     [

@@ -59,6 +59,7 @@ def test_gravity_takes_most_of_the_hardening_away(hanging):
     assert shift / 0.05**2 == pytest.approx(0.0014, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mode", "amplitude"), [(1, 0.1), (2, 0.02), (3, 0.006)])
 def test_a_motion_of_an_undamped_mode_repeats_itself_in_a_time_integration(hanging, mode, amplitude):
     reduced = reduce_model(hanging, modes=5)
@@ -112,6 +113,7 @@ def test_friction_damps_small_motion_most(hanging):
     assert curve.damping_ratios[-1] == pytest.approx(expected, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_decay_of_large_motion_lies_on_the_curve(hanging):
     modes = natural_modes(hanging, count=4)
     law = ModalDamping(modes, ratios=(0.004, 0.003)) + QuadraticDamping(eta2=0.1)
@@ -147,6 +149,7 @@ def test_a_duffing_oscillator_has_the_exact_period():
         assert frequency == pytest.approx(1 / period, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_what_has_no_backbone_gives_one_clear_line(hanging):
     q, v, a, u = (cs.SX.sym(name) for name in ("q", "v", "a", "u"))
     upside_down = SecondOrderSystem.of(q, v, a, u, conservative=a - q + q**3)

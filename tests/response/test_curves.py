@@ -49,6 +49,7 @@ def second_mode(reduced):
     return frequency_response(reduced, (10.0, 10.8), base=HarmonicBase(amplitude=5e-4, frequency=10.0))
 
 
+@pytest.mark.slow
 def test_the_second_mode_of_the_beam_softens_and_jumps(second_mode):
     kinds = [own.kind for own in second_mode.bifurcations]
     assert kinds == ["fold", "fold"]
@@ -157,6 +158,7 @@ def test_half_a_period_is_enough_where_the_beam_is_symmetric(paper_beam):
     assert tilted.multipliers[0] == pytest.approx(straight.multipliers[0], abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["reduced", "full", "own"])
 def test_derivatives_of_a_motion_agree_with_differences(paper_beam, duffing, kind):
     if kind == "own":

@@ -112,6 +112,7 @@ class TestWithACompiler:
             compiled_files.append(sorted(path.name for path in cache.iterdir()))
         assert compiled_files[0] and compiled_files == [compiled_files[0]] * 5
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("law", LAWS)
     @pytest.mark.parametrize("method", ["idas", "radau"])
     def test_a_compiled_motion_is_the_interpreted_one_to_the_last_digit(self, monkeypatch, method, law):

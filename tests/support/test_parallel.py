@@ -64,6 +64,7 @@ def test_an_error_of_a_task_is_that_of_all(tasks, jobs):
     assert len(caught.value.partial.time) == 0
 
 
+@pytest.mark.slow
 def test_progress_is_shown_on_the_error_stream(tasks, capsys):
     run_all(tasks[:2], progress=True)
     assert "runs: 100%" in capsys.readouterr().err

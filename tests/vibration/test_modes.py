@@ -88,6 +88,7 @@ def test_the_whole_spectrum_has_the_same_low_frequencies_as_a_few_modes(paper_be
     np.testing.assert_allclose(every.shapes[:, :4], few.shapes, atol=1e-6 * abs(few.shapes).max())
 
 
+@pytest.mark.slow
 def test_elements_as_short_as_the_beam_is_thick_are_unstable_in_bending(paper_beam, bending_stiffness):
     """With two Gauss points the length of the slopes may alternate along a bent beam with hardly any strain energy."""
     beam = paper_beam(120, thickness=5e-3, **WEIGHTLESS)

@@ -769,6 +769,7 @@ class TestFullDisk:
         ["fit-decay", "decay.csv", "--plot", "decay.png"],
     )
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(
         ("command", "form"),  # a file and a figure of each command, a form each
         [(command, [["--json"], []][k % 2]) for k, command in enumerate(COMMANDS)],
@@ -816,6 +817,7 @@ class TestFullDisk:
         assert "Traceback" not in done.stderr
         assert not [path for path in files.iterdir() if "motion" in path.name]
 
+    @pytest.mark.slow
     @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no /dev/full")
     def test_standard_output_to_a_full_disk(self, files):
         with open("/dev/full", "w") as full:
@@ -896,6 +898,7 @@ class TestInterrupted:
         assert one_line(capsys) == "ancf-casadi: stopped; not all files were written"
         assert sorted(files.iterdir()) == before
 
+    @pytest.mark.slow
     @pytest.mark.parametrize(("delay", "ending"), [(0.0, signal.SIGINT), (0.3, signal.SIGINT), (0.1, signal.SIGTERM)])
     def test_in_the_midst_of_a_simulation(self, files, delay, ending):
         """A real signal once the integrator is at work, which notices it in one of several ways."""

@@ -150,6 +150,7 @@ class TestCompareLaws:
         assert done.code == 2 and "[fit]: fixed: all parameters of the laws are compared" in done.err
 
 
+@pytest.mark.slow
 def test_progress_is_silent_unless_on_a_terminal(run, decay):
     decay("a.csv", (3.0, 0.02, 5e-3))
     for command in (["fit-decay", "a.csv"], ["compare-laws", "a.csv"]):

@@ -115,6 +115,7 @@ def test_a_long_linear_decay_is_a_linear_one():
     assert comparison.verdict.effective_samples == len(time)
 
 
+@pytest.mark.slow
 def test_the_release_is_detected_once(monkeypatch):
     found, first_guess = [], comparison_module.first_guess
     monkeypatch.setattr(comparison_module, "first_guess", lambda *a, **k: found.append(1) or first_guess(*a, **k))
@@ -141,6 +142,7 @@ def test_a_record_that_is_too_short_and_noisy_cannot_tell():
             assert not comparison.to_dict()["settled"]
 
 
+@pytest.mark.slow
 def test_a_law_without_a_term_does_not_win_where_the_term_may_be_large():
     """The drag is 70 % of the damping, but the record is too short to show it: BIC prefers the law without drag."""
     time = TIME[:400]
@@ -163,6 +165,7 @@ def test_a_short_record_settles_nothing():
     assert any("not clearly worse" in warning or "does not settle" in warning for warning in warnings)
 
 
+@pytest.mark.slow
 def test_the_result_reads_as_text_and_as_json():
     comparison = compare_decay_laws(TIME, record("friction"))
     table = json.loads(json.dumps(comparison.to_dict(), allow_nan=False))

@@ -116,7 +116,7 @@ def test_the_scatter_of_many_fits_is_the_cramer_rao_bound_and_their_intervals_co
 
 
 def many_fits(mode, bounds, count):
-    """Return standard deviations and means over the bounds, and intervals that hold the truth, of frequency and damping ratio."""
+    """Return deviations and means over the bounds, and numbers of intervals that hold the truth; frequency, ratio."""
     frequency, ratio, r0 = mode
     clean = swing(frequency, ratio, r0)
     fits = [fit_decay(TIME, clean + 2e-4 * noise(100 + seed), offset=False) for seed in range(count)]

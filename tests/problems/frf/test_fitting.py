@@ -87,6 +87,7 @@ def test_known_modes_are_recovered_from_noise(case):
     check(fit_frf(FrfRecord(f, values + noise, "receptance")), modes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "derivatives"), [("receptance", 0), ("mobility", 1), ("accelerance", 2)])
 def test_each_kind_of_function_gives_the_same_modes(four_modes, kind, derivatives):
     f, modes = four_modes
@@ -95,6 +96,7 @@ def test_each_kind_of_function_gives_the_same_modes(four_modes, kind, derivative
     check(fit_frf(FrfRecord(f, values + noise, kind)), modes)
 
 
+@pytest.mark.slow
 def test_functions_without_noise_give_the_exact_modes(four_modes):
     f, modes = four_modes
     fit = fit_frf(FrfRecord(f, modal_sum(f, modes), "receptance"))
@@ -170,6 +172,7 @@ def test_it_is_the_minimum_that_an_independent_least_squares_method_finds(four_m
         assert error == pytest.approx(np.sqrt(covariance[4 + k, 4 + k]), rel=0.05)
 
 
+@pytest.mark.slow
 def test_it_agrees_with_sdypy_ema_where_noise_is_low(four_modes):
     EMA = pytest.importorskip("sdypy.EMA")
     f, modes = four_modes
@@ -234,6 +237,7 @@ def contained(f, modes, values, kind, seed):
     return [low <= value <= high for (low, high), value in zip(fit.intervals.values(), truth, strict=True)]
 
 
+@pytest.mark.slow
 def test_noise_that_all_functions_share_counts_once(four_modes):
     f, modes = four_modes
     values = modal_sum(f, modes)[:1]
@@ -358,6 +362,7 @@ def test_the_result_is_reported_drawn_and_written(result):
     assert png(figure).startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_the_synthesised_functions_are_those_of_the_modes(result, four_modes):
     f, modes = four_modes
     between = f[:-1] + 0.4 * np.diff(f)

@@ -198,6 +198,7 @@ class TestMesh:
         steps = np.abs(np.diff(found, axis=0)).max(axis=1)
         assert steps[0] > 3.0 * steps[1] > 0.0
 
+    @pytest.mark.slow
     def test_400_elements_are_matched(self):
         """The modes of the program and an independent solution once differed by 3.5e-7, and the match was refused."""
         beam, taper = standard_beam(400), np.linspace(1.04, 0.98, 400)

@@ -85,6 +85,7 @@ class TestRecovery:
         match = match_frequencies(beam, targets=partly, unknowns=(THICKNESS,))
         assert match.beam.thickness == pytest.approx(truth.thickness, rel=1e-6)
 
+    @pytest.mark.slow
     def test_standard_errors_cover_the_truth(self, beam, truth):
         """d' C^-1 d over 16 records is chi-square with 80 degrees of freedom: 80 +- 12.6."""
         total = 0.0

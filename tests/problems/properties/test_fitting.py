@@ -120,6 +120,7 @@ class TestDuality:
         exact = np.array(roots[:3]) ** 2 / (2 * np.pi) * np.sqrt(self.EI / (self.MU * self.L**4))
         np.testing.assert_allclose(found, exact, rtol=2e-5)
 
+    @pytest.mark.slow
     def test_frequencies_cannot_separate_a_tip_mass_from_a_soft_clamp_and_the_fit_says_so(self, given):
         models = [given(length, gravity=(0.0, 0.0), tip_mass=0.005) for length in (0.3, 0.4, 0.5)]
         records = [frequencies(m, noise=0.005, seed=k) for k, m in enumerate(models)]
@@ -147,7 +148,7 @@ class TestUncertainty:
     @pytest.mark.slow
     @pytest.mark.parametrize("stated", [False, True])
     def test_intervals_cover_the_truth_as_often_as_they_say(self, given, stated):
-        """With a stated standard deviation, the larger of it and the scatter counts, which covers a little more often."""
+        """With a stated standard deviation, the larger of it and the scatter counts, which covers more often."""
         model, hits, runs = given(elements=4), 0, 60
         for seed in range(runs):
             table, tones = (make(model, noise=0.01, seed=seed) for make in (static, frequencies))

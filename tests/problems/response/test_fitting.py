@@ -77,12 +77,14 @@ def test_another_start_gives_the_same_estimates(model, modes, curves, fit):
     assert (np.abs(other.fit.values - fit.fit.values) < 0.01 * fit.fit.errors).all()
 
 
+@pytest.mark.slow
 def test_the_noise_sets_the_weights_unless_it_is_given(fit):
     factors = fit.problem.curves.weights.factors
     assert (np.abs(factors - 1.0) < 0.5).all()
     assert fit.fit.residual_rms == pytest.approx(fit.problem.scale, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_report_names_records_and_an_error_of_the_levels(fit):
     text = fit.report()
     assert "displacement x, tip, 2 mm, up: 13 points" in text
@@ -90,6 +92,7 @@ def test_the_report_names_records_and_an_error_of_the_levels(fit):
     assert {"law", "unknowns", "records", "level_shifts", "warnings"} <= set(fit.to_dict())
 
 
+@pytest.mark.slow
 def test_a_pickled_fit_is_the_same(fit):
     other = pickle.loads(pickle.dumps(fit))
     assert other.estimates == fit.estimates
@@ -139,6 +142,7 @@ def test_laws_are_told_apart(model, modes, curves):
     assert min(comparison.verdict.bic) < max(comparison.verdict.bic) - 10.0
 
 
+@pytest.mark.slow
 def test_a_fit_predicts_a_curve_at_another_level(model, curves, fit):
     base = HarmonicBase(amplitude=4e-3, frequency=1.0)
     record = ResponseRecord(curves[1][0][0].frequencies, np.ones(13), base=base, sweep="up")
@@ -151,6 +155,7 @@ def test_a_fit_predicts_a_curve_at_another_level(model, curves, fit):
     assert "amplitude" in prediction.report()
 
 
+@pytest.mark.slow
 def test_the_response_may_be_held_instead_of_the_excitation(model, modes, curves):
     """The levels that keep the response at 30 mm, with errors of 1 %."""
     law = curves[0]

@@ -101,7 +101,6 @@ def nasty(tmp_path_factory) -> StudyReport:
 
 
 class TestPage:
-    @pytest.mark.slow
     def test_loads_nothing_and_runs_nothing(self, page):
         """No script, no style sheet, no picture, no font from elsewhere; links lead to files beside it."""
         assert page.loaded == []
@@ -110,6 +109,7 @@ class TestPage:
         assert not re.search(r"@import|url\((?!#)|@font-face", page.source)
         assert not [link for link in page.links if re.match(r"\w+:|//", link)]
 
+    @pytest.mark.slow
     def test_ids_are_unique_and_links_lead_somewhere(self, page, small_paper):
         assert [name for name, count in Counter(page.ids).items() if count > 1] == []
         for link in page.links:
@@ -176,6 +176,7 @@ class TestTextsOfUsers:
         assert "49" not in "".join(data for _, data in page.texts if "7 * 7" in data)
         assert [name for name, count in Counter(page.ids).items() if count > 1] == []
 
+    @pytest.mark.slow
     def test_stand_in_the_files_as_they_are(self, nasty):
         folder = nasty.page.parent
         assert json.loads((folder / "results.json").read_text())["study"]["title"] == NASTY

@@ -189,6 +189,7 @@ class TestFailure:
         assert bench.run(*parts) == {"a": -6.0}
         assert bench.calls == [-6.0]
 
+    @pytest.mark.slow
     def test_a_folder_that_cannot_be_written_is_an_input_error(self, bench):
         (bench.folder / STEPS).write_text("in the way")
         with pytest.raises(InputError, match="steps"):

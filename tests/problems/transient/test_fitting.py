@@ -90,6 +90,7 @@ def test_outliers_hardly_move_a_robust_fit(model, driven, again):
     assert (robust.fit.errors < 1.5 * again.fit.errors).all() and (plain.fit.errors > 5 * again.fit.errors).all()
 
 
+@pytest.mark.slow
 def test_the_figure_has_measured_and_fitted_positions_and_residuals(again, driven):
     motion, residuals = again.figure().axes
     lines = motion.get_lines()
@@ -100,6 +101,7 @@ def test_the_figure_has_measured_and_fitted_positions_and_residuals(again, drive
     assert measured == pytest.approx(1e3 * (driven.positions[:, 0, 0] - driven.positions[:, 0, 0].mean()))
 
 
+@pytest.mark.slow
 def test_each_point_is_integrated_once_and_no_steps_are_kept(model, driven, monkeypatch):
     solve, points = Problem.solve, []
 

@@ -98,6 +98,7 @@ def _state(swing):
     return state.coordinates, state.velocities
 
 
+@pytest.mark.slow
 def test_an_offset_of_a_sensor_and_the_release_are_found_with_rest_before_it(swing):
     """The record begins 0.2 s before the release, and the clock of the velocity is 13 ms ahead."""
     rest = np.arange(-20, 0) / 100
@@ -115,6 +116,7 @@ def test_an_offset_of_a_sensor_and_the_release_are_found_with_rest_before_it(swi
     assert abs(score).max() < 3.0 and found.fit.errors[1:].max() < 3e-4
 
 
+@pytest.mark.slow
 def test_a_release_at_a_sample_of_a_force_is_found_although_the_force_jumps_there(swing):
     own = [swing.measurement(sensor, 0.02, seed) for seed, sensor in enumerate((X, Sensor("force")))]
     time = own[0].time - own[0].time[0]
@@ -125,6 +127,7 @@ def test_a_release_at_a_sample_of_a_force_is_found_although_the_force_jumps_ther
     assert abs(score).max() < 3.0
 
 
+@pytest.mark.slow
 def test_the_view_of_a_camera_is_found(swing):
     scale, turn, origin = 1.04, 0.05, (0.012, -0.007)
     tip, middle = swing.run.tip, swing.run.position(0.1)
@@ -162,6 +165,7 @@ def test_markers_that_are_lost_for_a_while_are_gaps(swing):
     assert abs(found.fit["alpha"] - TRUTH) < 3.0 * found.standard_errors["alpha"]
 
 
+@pytest.mark.slow
 def test_deflections_under_known_weights_fix_the_scale_of_a_motion(swing):
     """Two side loads with known deflections of the tip, uncertain by 0.1 mm of up to 40 mm."""
     model, sensor = swing.model, Sensor("displacement")

@@ -85,6 +85,7 @@ def outcome(path):
         return str(error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("files", "each"), [(text_files, 60), (library_files, 25)])
 def test_a_mutated_file_is_read_or_refused_in_one_line(tmp_path, files, each):
     (tmp_path / "seeds").mkdir()

@@ -94,6 +94,7 @@ class TestSeveralFiles:
         done = run("fit-decay", "a.csv", "b.csv")
         assert done.code == 0 and "all at once" in done.out and "scatter" in done.out
 
+    @pytest.mark.slow
     def test_figures_and_curves_are_numbered(self, run, decay, tmp_path):
         decay("a.csv", SLOW, seed=1)
         decay("b.csv", SLOW, seed=2)

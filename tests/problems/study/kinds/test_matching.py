@@ -35,6 +35,7 @@ def report(tmp_path_factory):
     return run_study(folder / "study.toml", folder / "results")
 
 
+@pytest.mark.slow
 def test_later_parts_take_the_matched_beam(report):
     assert report.results["modes"]["frequency_hz"] == pytest.approx([1.85, 10.19], rel=1e-6)
     assert report.results["match"]["matched_hz"] == pytest.approx([1.85, 10.19], rel=1e-6)

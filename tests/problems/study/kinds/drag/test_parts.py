@@ -9,6 +9,8 @@ from ancf_casadi import InputError
 from problems.study.reading import read_study
 from problems.study.study import run_study
 
+pytestmark = pytest.mark.slow  # all tests need the study
+
 BEAM = """
 [beam]
 length = 0.5
@@ -82,7 +84,6 @@ def column(table, head):
     return found
 
 
-@pytest.mark.slow
 def test_decays_under_eta1_take_the_same_time_at_every_frequency_on_the_beam_and_by_formula(report):
     (_, times), (_, words), (_, left) = shown(report, "eta_effects").tables
     assert column(times, "frequency") == (2.0, 4.0) * 2

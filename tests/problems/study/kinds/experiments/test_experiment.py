@@ -32,6 +32,7 @@ def first(third) -> Experiment:
     return replace(third, mode=1, amplitude=0.076, stop=1.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LAWS)
 def test_decay_after_the_stop_has_the_predicted_ratio(third, name):
     """The whole beam, driven and stopped, against the prediction of each law for the mode and amplitude."""

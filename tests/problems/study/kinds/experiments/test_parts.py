@@ -11,6 +11,8 @@ from problems.study.reading import read_study
 from problems.study.study import StudyReport, run_study
 from tests.problems.study.conftest import BEAM
 
+pytestmark = pytest.mark.slow  # all tests need the study
+
 LAWS = """
 [[laws]]
 name = "modal"
@@ -56,7 +58,6 @@ def report(tmp_path_factory) -> StudyReport:
     return run_study(folder / "study.toml", folder / "results", quick=True)
 
 
-@pytest.mark.slow
 def test_ratios_stand_under_their_laws_in_the_order_of_the_runs(report):
     """Laws that are not simulated in a run have no ratio there."""
     found = report.results["transients"]

@@ -11,6 +11,8 @@ from problems.study.study import StudyReport, run_study
 from problems.tables.study_file import read_response
 from tests.problems.study.conftest import BEAM
 
+pytestmark = pytest.mark.slow  # all tests need the study
+
 RESPONSE = """
 [[damping]]
 law = "modal"
@@ -60,7 +62,6 @@ def report(tmp_path_factory) -> StudyReport:
     return run_study(folder / "study.toml", folder / "results", quick=True)
 
 
-@pytest.mark.slow
 def test_the_table_response_adds_its_curves_to_a_study(study_file, tmp_path):
     path = study_file(BEAM, RESPONSE)
     found = run_study(path, tmp_path / "results")
@@ -75,7 +76,6 @@ def test_the_table_response_adds_its_curves_to_a_study(study_file, tmp_path):
     assert (tmp_path / "results" / "figures").exists()
 
 
-@pytest.mark.slow
 def test_a_long_experiment_ends_on_its_curve(report):
     """After 10 s of excitation (a quick study drives for a twentieth of the time), the vibration is steady."""
     for run in report.results["steady"]:

@@ -18,7 +18,7 @@ STUDY = """\
 #   ancf-casadi simulate {name} --out motion.csv    large motion
 #   ancf-casadi response {name}                     steady vibration over frequency
 #   ancf-casadi fit-motion {name}                   damping from records, here from that motion
-#   ancf-casadi study {name}                        all of it as one document, results/report.html
+#   ancf-casadi study {name}                        all of it as one document, results/report.html; after simulate
 #
 # A line that begins with # is a comment; remove the # to use it.  Each command has a --help.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -104,7 +105,7 @@ def motions(study: Study, source: Document) -> Motions:
     if law is None:
         raise InputError("the table is missing; its parameters are the unknowns", study.where("damping"))
     if not study.several("records"):
-        raise InputError("there are none; name the files to fit", study.where("records"))
+        raise InputError("the table is missing; it names the file to fit", study.where("records"))
     with located(study.where("fit")):
         laws = _laws(fit["laws"], terms) if "laws" in fit else _usual_laws(terms, law)
     records = [_record(study, table, source.model, study.where("records")) for table in study.several("records")]
@@ -142,7 +143,9 @@ def _record(study: Study, table: Any, model: Model, where: str) -> MotionRecord:
         own = shared | checked(channel, set(), CHANNEL, place)
         key = repr([own.get(name) for name in ("file", *READING)])  # channels of one file are read at once
         if key not in files:
-            files[key] = read_file(study, checked(own, {"file"}, CHANNEL, place), place)
+            named = checked(own, {"file"}, CHANNEL, place)
+            _check_made(study, named["file"], place)
+            files[key] = read_file(study, named, place)
         channels.append(_channel(files[key], own, place))
     base, start = _base(study, given, where), _start(study, given, model, where)
     settings = {"release": given["release_time"]} if "release_time" in given else {}
@@ -156,6 +159,14 @@ def _record(study: Study, table: Any, model: Model, where: str) -> MotionRecord:
             settings["camera"] = Camera(**view)
     with located(where):
         return MotionRecord(channels, base, start, **settings)
+
+
+def _check_made(study: Study, name: Any, where: str) -> None:
+    """Check that a file exists that the simulation of the same study can make."""
+    path = study.file(name, f"{where}: file")
+    if "simulation" in study.tables and path.suffix.lower() == ".csv" and not path.exists():
+        command = f"ancf-casadi simulate {shlex.quote(study.path)} --out {shlex.quote(str(path))}"
+        raise InputError(f"does not exist; if it is to hold the motion of [simulation], run: {command}", str(path))
 
 
 def _channel(recording: Recording, given: Mapping[str, Any], where: str) -> Channel:

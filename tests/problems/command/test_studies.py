@@ -34,6 +34,16 @@ class TestInit:
         assert run("export", "study.toml", "--format", "json", "--out", "beam.json").code == 0
         assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
 
+    @pytest.mark.parametrize("command", ["study", "fit-motion"])
+    def test_a_record_that_the_simulation_makes_is_asked_for_by_the_command(self, run, study, command, tmp_path):
+        done = run(command, "study.toml")
+        assert done.code == 2
+        assert done.err.splitlines() == [
+            "ancf-casadi: motion.csv: does not exist; if it is to hold the motion of [simulation], run: "
+            "ancf-casadi simulate study.toml --out motion.csv"
+        ]
+        assert not (tmp_path / "results").exists()
+
     @pytest.mark.slow
     def test_the_fit_recovers_the_law_from_the_file_that_the_simulation_wrote(self, run, study, tmp_path):
         assert run("simulate", "study.toml", "--out", "motion.csv").code == 0

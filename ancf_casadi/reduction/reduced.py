@@ -188,7 +188,8 @@ def reduce_model(
     """
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
-    modes = modes if isinstance(modes, Modes) else natural_modes(model, count=modes)
+    if not isinstance(modes, Modes):
+        modes = natural_modes(model, count=whole(modes, "modes", 1, model.size - model.free.start))
     if modes.model != model:
         raise InputError("belong to another model", "modes")
     law = RayleighDamping() if damping is None else damping

@@ -274,7 +274,7 @@ def _points(model: Model, given: Any, where: str) -> tuple[float, ...]:
         return (model.beam.length,)
     values = tuple(number(s, where) for s in given) if is_sequence(given) else (number(given, where),)
     if not values:
-        raise InputError("there are none", where)
+        raise InputError("is empty; give at least one arc length", where)
     for s in values:
         if not 0.0 <= s <= model.beam.length:
             raise InputError(f"must be on the beam, 0 to {model.beam.length:g} m, got {s:g}", where)

@@ -94,7 +94,8 @@ def instances(values: Any, where: str, kind: type) -> tuple[Any, ...]:
         advice = "; put it in a list" if isinstance(values, kind) else ""
         raise InputError(f"must be a sequence of {kind.__name__}, got {_given(values)}{advice}", where)
     if not len(values):
-        raise InputError("there are none", where)
+        given = "" if kind is object else f" {kind.__name__}"
+        raise InputError(f"is empty; give at least one{given}", where)
     for value in values:
         check_instance(value, where, kind)
     return tuple(values)

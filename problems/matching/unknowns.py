@@ -15,6 +15,7 @@ Factors stay within 1 - bounds and 1 + bounds.  For a smooth property these are 
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +24,7 @@ from numpy.polynomial.legendre import legvander
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import LUMPED, MAXIMUM_ELEMENTS, PROPERTIES
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import choice, positive, whole
+from ancf_casadi.support.inputs import choice, positive, shown, whole
 
 
 def check_bounds(bounds: float, where: str) -> float:
@@ -34,10 +35,11 @@ def check_bounds(bounds: float, where: str) -> float:
     InputError
         If it is not above 0 and at most 1.
     """
-    bounds = positive(bounds, where)
-    if bounds > 1.0:
-        raise InputError(f"must be at most 1, got {bounds:g}", where)
-    return bounds
+    with contextlib.suppress(InputError):
+        if positive(bounds, where) <= 1.0:
+            return float(bounds)
+    wanted = "one number above 0 and at most 1, the largest relative change of a property, such as 0.1 for 10 %"
+    raise InputError(f"must be {wanted}, got {shown(bounds)}", where)
 
 
 def _check(name: str, bounds: float | None, known: tuple[str, ...] = PROPERTIES) -> None:

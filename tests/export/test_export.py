@@ -226,6 +226,11 @@ def test_first_and_second_derivatives_of_statics_and_modes_agree_with_difference
     np.testing.assert_allclose((H @ direction).full().ravel(), expected, rtol=1e-4, atol=1e-5 * np.abs(expected).max())
 
 
+def test_a_number_of_modes_that_the_beam_does_not_have_is_refused(paper_beam):
+    with pytest.raises(InputError, match=r"^modes: must be a whole number, 1 to 12, got 100$"):
+        beam_functions(Model(paper_beam(3)), modes=100)
+
+
 def test_the_step_is_of_order_two(paper_beam):
     """A small oscillation in mode 1 over one period, sin(omega t) in closed form."""
     model = Model(paper_beam(3))

@@ -335,6 +335,9 @@ def test_unusable_input_is_refused(hanging, rubber_beam, modes):
         reduce_model(hanging, damping=law)
     with pytest.raises(InputError, match="modes: mode 5 stretches"):
         reduce_model(Model(rubber_beam(elements=4)), modes=6)
+    for count in (0, 100, 2.5):
+        with pytest.raises(InputError, match=r"^modes: must be a whole number, 1 to 80, got"):
+            reduce_model(hanging, modes=count)
     with pytest.raises(InputError, match="another model"):
         reduce_model(Model(rubber_beam(elements=4)), modes=modes)
     for slope_points in (5, 42, 12.5, "many"):

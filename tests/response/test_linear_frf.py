@@ -195,7 +195,7 @@ def test_the_result_is_reported_drawn_and_written(hanging):
     [
         ({"kind": "stiffness"}, "kind: must be one of receptance"),
         ({"points": 0.6}, "points: must be on the beam, 0 to 0.5 m, got 0.6"),
-        ({"points": []}, "points: there are none"),
+        ({"points": []}, "points: is empty; give at least one arc length"),
         ({"points": "tip"}, "points: must be a finite number, got 'tip'"),
         ({"load_points": (0.1, -0.1)}, "load_points: must be on the beam"),
         ({"direction": (0.0, 0.0)}, "direction: must not be the zero vector"),

@@ -15,8 +15,10 @@ from ancf_casadi import (
     frequency_response,
     natural_modes,
     periodic_motion,
+    reduce_model,
     simulate,
 )
+from ancf_casadi.response.systems.beams import full_system, reduced_system
 
 MODAL_RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
 AMPLITUDE = {1: 1.5e-3, 3: 0.3e-3}  # of the base, m; the tip swings up to 0.23 L in mode 1
@@ -67,6 +69,19 @@ def check(motion, damping, periods=60):
     assert motion.supplied_energy == pytest.approx(motion.dissipated_energy, rel=1e-9)
     assert motion.stable
     assert distance(continued(motion, damping, periods), motion) < 1e-6
+
+
+def test_each_parameter_of_a_system_is_within_its_bounds(beam, modes):
+    """Gravity may have either sign; the bounds of the other parameters are those of the law."""
+    damping = ModalDamping(modes, [0.01] * modes.count)
+    reduced = reduce_model(beam, modes=modes, damping=damping)
+    for system in (full_system(beam, damping), reduced_system(reduced)):
+        assert all(own.lower <= own.value <= own.upper for own in system.parameters)
+        gravity = {own.name: (own.value, own.lower) for own in system.parameters if "gravity" in own.name}
+        assert gravity == {"gravity_x": (0.0, -np.inf), "gravity_y": (-9.81, -np.inf)}
+        assert {own.name: own.upper for own in damping.parameters}.items() <= {
+            own.name: own.upper for own in system.parameters
+        }.items()
 
 
 @pytest.mark.slow

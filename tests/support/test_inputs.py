@@ -120,7 +120,7 @@ run = partial(simulate, MODEL, duration=0.1)
         (lambda: fit_transient(MODEL, RECORD, LAW, bounds=[1]), "bounds: must be a mapping, got a list"),
         (lambda: fit_transient(MODEL, RECORD, LAW, robust=1e302), "robust: must be True or False, got 1e+302"),
         (lambda: compare_laws(MODEL, RECORD, LAW), "laws: must be a sequence of DampingLaw, got a RayleighDamping; pu"),
-        (lambda: compare_laws(MODEL, RECORD, []), "laws: there are none"),
+        (lambda: compare_laws(MODEL, RECORD, []), "laws: is empty; give at least one DampingLaw"),
         (lambda: monte_carlo(MODEL), "fit: must be a DecayFit or a TransientFit, got a Model"),
     ],
 )  # fmt: skip

@@ -35,7 +35,7 @@ from ancf_casadi.dynamics.signals import (
 from ancf_casadi.export.functions.statics import balance_for, equilibrium_function, frequencies_function
 from ancf_casadi.export.functions.step import step_function
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.support.inputs import numbers
+from ancf_casadi.support.inputs import numbers, whole
 from ancf_casadi.vibration.modes import natural_modes
 
 ALL = ("q", "v", "a", "base", "p")
@@ -128,7 +128,7 @@ def beam_functions(
     equations = Equations(model, RayleighDamping() if damping is None else damping)
     markers = numbers(markers, "markers")
     points = [cs.DM(model.interpolation(s)) for s in markers]
-    first = natural_modes(model, count=modes)
+    first = natural_modes(model, count=whole(modes, "modes", 1, model.size - model.free.start))
     parameters = parameter_signals(equations)
     motion = _symbolic_motion(equations, len(parameters))
     e, balance = motion.e, motion.balance

@@ -9,6 +9,7 @@ operation is a product of matrices; the derivatives follow column by column, for
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -73,7 +74,7 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
     return SecondOrderSystem(
         functions=cached(functions),
         entries=entries,
-        parameters=parameters_of(parameter_signals(motion.equations)),
+        parameters=parameters_of(parameter_signals(motion.equations), law),
         excitation=BEAM_EXCITATION,
         rest=rest,
         scale=model.scale[NODE:],
@@ -95,7 +96,7 @@ def reduced_system(reduced: ReducedModel) -> SecondOrderSystem:
     Its parameters are gravity and the parameters of the law.  The clamp may move but not rotate.
     """
     m, law, model, projection = reduced.count, reduced.law, reduced.model, reduced.projection
-    own = parameters_of(reduced.parameters)
+    own = parameters_of(reduced.parameters, law)
 
     def functions(samples: int) -> SampledFunctions:
         q, v, a = coordinates = [cs.MX.sym(name, m, samples) for name in ("q", "v", "a")]
@@ -150,9 +151,14 @@ def _mirror(model: Model, rest: Array) -> Array:
     return np.tile([1.0, -1.0] if ax > ay else [-1.0, 1.0], len(rest) // 2)
 
 
-def parameters_of(signals: Sequence[Signal]) -> tuple[Parameter, ...]:
-    """Return the parameters of an exported model as parameters of a system."""
-    return tuple(Parameter(own.name, own.value, own.unit, own.description) for own in signals)
+def parameters_of(signals: Sequence[Signal], law: DampingLaw) -> tuple[Parameter, ...]:
+    """Return the parameters of an exported model as parameters of a system, with the bounds of the law."""
+    bounds = {"gravity_x": (-math.inf, math.inf), "gravity_y": (-math.inf, math.inf)}
+    bounds |= {own.name: (own.lower, own.upper) for own in law.parameters}
+    return tuple(
+        Parameter(own.name, own.value, own.unit, own.description, *bounds.get(own.name, (0.0, math.inf)))
+        for own in signals
+    )
 
 
 @dataclass(frozen=True, eq=False)

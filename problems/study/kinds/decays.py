@@ -325,7 +325,7 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     check_keys(given, set(), options, where)
     tables = given["records"] if "records" in given else source.file.several("decays")
     if not isinstance(tables, list) or not tables:
-        raise InputError("there are none; name the records, or add tables [[decays]]", f"{where}: records")
+        raise InputError("is missing; name the records, or add tables [[decays]]", f"{where}: records")
     decays = []
     for k, table in enumerate(tables, start=1):
         place = f"{where}: records: {k}"

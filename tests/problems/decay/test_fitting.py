@@ -379,7 +379,7 @@ def test_several_records_may_differ_in_length_and_clock():
 @pytest.mark.parametrize(
     ("records", "options", "message"),
     [
-        ([], {}, "records: there are none"),
+        ([], {}, "records: is empty; give at least one Measurement"),
         (
             Measurement(TIME, TIME),
             {},

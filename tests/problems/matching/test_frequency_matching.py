@@ -232,11 +232,12 @@ class TestUnusableInput:
     @pytest.mark.parametrize(
         ("bounds", "message"),
         [
-            (0.0, "bounds: must be positive"),
-            (-0.1, "bounds: must be positive"),
-            (1.01, "bounds: must be at most 1"),
-            (float("inf"), "bounds: must be a finite number"),
-            ("wide", "bounds: must be a finite number"),
+            (0.0, "bounds: must be one number above 0 and at most 1"),
+            (-0.1, "bounds: must be one number above 0 and at most 1"),
+            (1.01, "bounds: must be one number above 0 and at most 1"),
+            (float("inf"), "bounds: must be one number above 0 and at most 1"),
+            ((0.9, 1.1), "the largest relative change of a property, such as 0.1 for 10 %, got .0.9, 1.1.$"),
+            ("wide", "bounds: must be one number above 0 and at most 1"),
         ],
     )
     def test_bounds(self, bounds, message):

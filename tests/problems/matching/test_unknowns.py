@@ -120,8 +120,14 @@ class TestUnusable:
             (lambda beam: DesignSpace(beam, Global("width")), "unknowns: must be a sequence of"),
             (lambda beam: DesignSpace(beam, "width"), "unknowns: must be a sequence of"),
             (lambda beam: Global("length"), "unknowns: must be one of width, thickness, density, elastic_modulus"),
-            (lambda beam: Global("width", bounds=1.5), "unknowns: width: bounds: must be at most 1"),
-            (lambda beam: PerElement("width", bounds=0.0), "unknowns: width: bounds: must be positive"),
+            (
+                lambda beam: Global("width", bounds=1.5),
+                "unknowns: width: bounds: must be one number above 0 and at most 1",
+            ),
+            (
+                lambda beam: PerElement("width", bounds=0.0),
+                "unknowns: width: bounds: must be one number above 0 and at most 1",
+            ),
             (
                 lambda beam: Smooth("width", terms=0),
                 "unknowns: width: terms: must be a whole number, 1 to",

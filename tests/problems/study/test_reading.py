@@ -163,7 +163,7 @@ MISTAKES = {  # what is replaced, by what, and the message after the name of the
                     ": [parts]: rayleigh: others: ratios: has 0 values for 1 frequencies"),
     "examples": (RAYLEIGH, f"{RAYLEIGH}examples = [[1.0, 2.0, 3.0]]\n",
                  ": [parts]: rayleigh: examples: must be pairs alpha, beta"),
-    "decay without a file": (DECAYS, '[[parts]]\nkind = "decays"\n', ": [parts]: decays: records: there are none"),
+    "decay without a file": (DECAYS, '[[parts]]\nkind = "decays"\n', ": [parts]: decays: records: is missing; name"),
     "file that is absent": (DECAYS, '[[decays]]\nfile = "none.csv"\n[[parts]]\nkind = "decays"\n', "none.csv: "),
     "law of decays": (DECAYS, f'{DECAYS}law = "cubic"\n', ": [parts]: decays: law: must be one of"),
     "samples of a decay": ("duration = 2.0", "duration = 2e8", ": [parts]: decays: records: 1: duration: gives 4e+10"),

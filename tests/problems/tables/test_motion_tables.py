@@ -219,7 +219,7 @@ class TestRecords:
     @pytest.mark.parametrize(
         ("text", "what"),
         [
-            ("", r"\[records\]: there are none"),
+            ("", r"\[records\]: the table is missing; it names the file"),
             ("[[records]]\ncolumn = 2\n", r"\[records\]: the key 'file' is missing"),
             ('[[records]]\nfile = "clamp.csv"\nchannels = []\n', r"\[records\]: channels: must be a list of tables"),
             ('[[records]]\nfile = "clamp.csv"\nchannels = [{x = 2}]\n', r"channels: 1: unknown key 'x'"),

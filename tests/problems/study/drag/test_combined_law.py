@@ -159,7 +159,7 @@ def test_curves_of_the_laws_are_straight_in_the_amplitude(modes):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda m: fit_combined_law([], m), "^measured: there are none$"),
+        (lambda m: fit_combined_law([], m), "^measured: is empty; give at least one ModeCoefficients$"),
         (lambda m: fit_combined_law([ModeCoefficients(1.0, 0.1, 0.1, np.eye(2))], m), "^measured: has 1 modes; needs"),
         (lambda m: ModeCoefficients(1.0, 0.1, 0.1, np.zeros((2, 2))), "^covariance: must be a positive definite"),
         (lambda m: ModeCoefficients(0.0, 0.1, 0.1, np.eye(2)), "^frequency: must be positive, got 0$"),

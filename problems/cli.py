@@ -14,31 +14,31 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from typing import Any, NoReturn
 
 from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.support.interrupts import raised_endings
-from ancf_casadi.support.progress import counter
 from ancf_casadi.support.tables import wrapped
 from ancf_casadi.version import __version__
-from problems.command.export import add_export
-from problems.command.fits.compare_laws import add_compare_laws
-from problems.command.fits.fit_decay import add_fit_decay
-from problems.command.fits.fit_modes import add_fit_modes
-from problems.command.fits.fit_motion import add_fit_motion
-from problems.command.init import add_init
-from problems.command.inspect import add_inspect
-from problems.command.match import add_match
-from problems.command.modes import add_modes
-from problems.command.output import Subcommands, shortened
-from problems.command.response import add_response
-from problems.command.simulate import add_simulate
-from problems.command.study import add_reproduce, add_study
+from problems.command.output import shortened
 
-COMMANDS = (
-    add_inspect, add_init, add_fit_decay, add_fit_modes, add_fit_motion, add_compare_laws, add_modes, add_match,
-    add_simulate, add_response, add_export, add_study, add_reproduce,
-)  # fmt: skip
+COMMANDS = {  # module in problems.command, and what the command does
+    "inspect": ("inspect", "show the channels of a file of measurements, and what a fit would use"),
+    "init": ("init", "write a commented TOML file that runs as it is, to start from"),
+    "fit-decay": ("fits.fit_decay", "estimate frequency and damping of one mode from measured decays"),
+    "fit-modes": ("fits.fit_modes", "estimate frequency and damping of several modes from one measured decay"),
+    "fit-motion": ("fits.fit_motion", "estimate a damping law, and properties of the beam, from measured large motion"),
+    "compare-laws": ("fits.compare_laws",
+                     "fit several damping laws to a decay, or to the motion of a beam, and select one"),
+    "modes": ("modes", "compute natural frequencies and mode shapes of a beam about its equilibrium"),
+    "match": ("match", "find the nearest beam with the measured frequencies"),
+    "simulate": ("simulate", "simulate the large motion of a beam"),
+    "response": ("response", "follow the steady vibration of a beam over frequency"),
+    "export": ("export", "write a beam and its damping for other programs"),
+    "study": ("study", "run a study and write its document: an HTML report"),
+    "reproduce": ("study", "run the study of the paper: every table and figure"),
+}  # fmt: skip
 SIGNALLED = 128  # plus the number of the signal: the exit code that shells give
 
 
@@ -66,6 +66,17 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {shortened(message)}; see {self.prog} --help\n")
 
 
+class _Subcommand(_Parser):
+    """The parser of a subcommand, whose module is imported only if the subcommand is given."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Add the options of the subcommand, and parse."""
+        name = self.get_default("title")
+        module = import_module(f"problems.command.{COMMANDS[name][0]}")
+        getattr(module, f"add_{name.replace('-', '_')}")(self)
+        return super().parse_known_args(args, namespace)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="ancf-casadi",
@@ -73,13 +84,22 @@ def _parser() -> argparse.ArgumentParser:
         epilog="Start with 'inspect FILE' for a record, or 'init' for a study; 'COMMAND --help' explains each command.",
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {__version__}")
-    commands = Subcommands(parser)
-    for add in COMMANDS:
-        add(commands)
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND", parser_class=_Subcommand)
+    for name, (_, about) in COMMANDS.items():
+        added = commands.add_parser(
+            name,
+            help=about,
+            description=f"{about[0].upper()}{about[1:]}.",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        added.add_argument("--json", action="store_true", help="print the result as JSON")
+        added.set_defaults(title=name, refuse=added.error, unfinished="nothing was written")
     return parser
 
 
 def _run(options: argparse.Namespace) -> int:
+    from ancf_casadi.support.progress import counter  # tqdm is slow to import, for a help text
+
     written = options.unfinished
     with raised_endings() as noted, warnings.catch_warnings():
         warnings.showwarning = _show_warning

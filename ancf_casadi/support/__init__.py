@@ -2,5 +2,6 @@
 
 ``inputs`` checks arguments, ``files`` reads and writes files, ``tables`` prints results, ``arrays`` names the array
 types, ``layout`` names the parts of a vector, and ``banded`` stores and factorises banded matrices.  ``compilation``
-compiles CasADi Functions, ``parallel`` runs tasks in processes, and ``interrupts`` handles Ctrl-C.
+compiles CasADi Functions, ``parallel`` runs tasks in processes, ``interrupts`` handles Ctrl-C, and ``lazy``
+imports public names on first use.
 """

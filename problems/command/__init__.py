@@ -1,5 +1,6 @@
 """The subcommands of ``ancf-casadi``, one file each, and what they share.
 
-Each subcommand adds its options to the parser and returns an ``Output``; ``output`` holds what they share.  ``tables``
-reads TOML files, ``record_options`` the files of records, and ``exporting`` calls the exports.
+A function ``add_...`` adds the options of each subcommand to its parser; the subcommand returns an ``Output``, and
+``output`` holds what they share.  ``tables`` reads TOML files, ``record_options`` the files of records, and
+``exporting`` calls the exports.
 """

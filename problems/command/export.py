@@ -9,13 +9,14 @@ from pathlib import Path
 from ancf_casadi.support.files import check_folder
 from ancf_casadi.support.inputs import located
 from problems.command.exporting import FORMATS, export, read_identifications
-from problems.command.output import Output, Subcommands, comma_numbers, json_text, new_files, positive_count
+from problems.command.output import Output, comma_numbers, json_text, new_files, positive_count
 from problems.tables.study_file import SOURCE_KEYS, read_source
 
 
-def add_export(commands: Subcommands) -> None:
-    """Add the subcommand."""
-    parser = commands.add("export", _run, "write a beam and its damping for other programs", epilog=SOURCE_KEYS)
+def add_export(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_run)
+    parser.epilog = SOURCE_KEYS
     parser.add_argument("file", metavar="BEAM.toml", help="tables [beam] and [damping], or a JSON document")
     parser.add_argument("--format", choices=tuple(FORMATS), required=True, help="; ".join(FORMATS.values()))
     parser.add_argument("--out", type=Path, required=True, metavar="PATH", help="file to write; for c, a folder")

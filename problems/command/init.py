@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import check_file, write_file
-from problems.command.output import Output, Subcommands, json_text
+from problems.command.output import Output, json_text
 
 STUDY = """\
 # A beam, its damping, the motion of its clamp, and records of it.  All numbers are in SI units.
@@ -103,9 +103,9 @@ channels = [                # one per sensor; point = arc length in m, the tip i
 """
 
 
-def add_init(commands: Subcommands) -> None:
-    """Add the subcommand."""
-    parser = commands.add("init", _run, "write a commented TOML file that runs as it is, to start from")
+def add_init(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_run)
     parser.add_argument(
         "file",
         nargs="?",

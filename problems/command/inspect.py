@@ -24,7 +24,7 @@ from ancf_casadi.records.time_axis import is_counter, is_time
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import physical
 from ancf_casadi.support.tables import Table
-from problems.command.output import Output, Subcommands, add_plot, figure_writer, json_text, new_files
+from problems.command.output import Output, add_plot, figure_writer, json_text, new_files
 from problems.command.record_options import add_record_options
 
 if TYPE_CHECKING:
@@ -66,12 +66,10 @@ class FitPlan:
     problem: str
 
 
-def add_inspect(commands: Subcommands) -> None:
-    """Add the subcommand."""
-    parser = commands.add(
-        "inspect", _run, "show the channels of a file of measurements, and what a fit would use",
-        epilog="reads text tables, MATLAB, UFF 58, C3D, TDMS, LVM, NPZ and HDF5 files; start here with a new file",
-    )  # fmt: skip
+def add_inspect(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_run)
+    parser.epilog = "reads text tables, MATLAB, UFF 58, C3D, TDMS, LVM, NPZ and HDF5 files; start here with a new file"
     parser.add_argument("file", metavar="FILE", help="file of measurements")
     add_plot(parser, "draw the channels over time, and their spectra")
     add_record_options(parser)

@@ -10,14 +10,15 @@ from pathlib import Path
 from ancf_casadi.export import Document, Identification, write_document
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import located
-from problems.command.output import Output, Subcommands, add_plot, figure_writer, json_text, new_files
+from problems.command.output import Output, add_plot, figure_writer, json_text, new_files
 from problems.matching.frequency_matching import match_frequencies
 from problems.tables.study_file import MATCH_KEYS, read_match
 
 
-def add_match(commands: Subcommands) -> None:
-    """Add the subcommand."""
-    parser = commands.add("match", _run, "find the nearest beam with the measured frequencies", epilog=MATCH_KEYS)
+def add_match(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_run)
+    parser.epilog = MATCH_KEYS
     parser.add_argument("file", metavar="BEAM.toml", help="a file with the tables [beam] and [match]")
     parser.add_argument("--out", type=Path, metavar="FILE.json", help="write the matched beam as a JSON document")
     add_plot(parser, "draw the properties along the beam")

@@ -13,7 +13,6 @@ from ancf_casadi.support.tables import Table
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.command.output import (
     Output,
-    Subcommands,
     add_plot,
     figure_writer,
     file_writer,
@@ -29,11 +28,10 @@ if TYPE_CHECKING:
 STATIONS = 101  # points along the beam at which shapes are given
 
 
-def add_modes(commands: Subcommands) -> None:
-    """Add the subcommand."""
-    parser = commands.add(
-        "modes", _run, "compute natural frequencies and mode shapes of a beam about its equilibrium", epilog=BEAM_KEYS
-    )
+def add_modes(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_run)
+    parser.epilog = BEAM_KEYS
     parser.add_argument("file", metavar="BEAM.toml", help="a file with the table [beam], or a JSON document")
     parser.add_argument("--count", type=positive_count, default=5, metavar="N", help="number of modes (default: 5)")
     parser.add_argument(

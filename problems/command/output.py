@@ -40,38 +40,6 @@ class Output:
     closing: str = ""
 
 
-class Subcommands:
-    """The subcommands of a parser.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-        The parser of the whole command.
-    """
-
-    def __init__(self, parser: argparse.ArgumentParser) -> None:
-        self._parsers = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-
-    def add(
-        self, name: str, run: Callable[[argparse.Namespace], Output], about: str, *, epilog: str | None = None
-    ) -> argparse.ArgumentParser:
-        """Return the parser of a new subcommand, which has ``--json`` and calls ``run``.
-
-        The options also hold ``refuse``, the error of the parser, ``title``, the name of the command, and
-        ``unfinished``, what is left if it is stopped.
-        """
-        added = self._parsers.add_parser(
-            name,
-            help=about,
-            description=f"{about[0].upper()}{about[1:]}.",
-            epilog=epilog,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        added.add_argument("--json", action="store_true", help="print the result as JSON")
-        added.set_defaults(run=run, refuse=added.error, title=name, unfinished="nothing was written")
-        return added
-
-
 def positive_count(text: str) -> int:
     """Return a whole number above zero from an argument."""
     if not text.isdecimal() or int(text) < 1:

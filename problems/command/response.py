@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.support.tables import Table
-from problems.command.output import Output, Subcommands, add_plot, figure_writer, file_writer, json_text, new_files
+from problems.command.output import Output, add_plot, figure_writer, file_writer, json_text, new_files
 from problems.study.data_table import Column, DataTable
 from problems.study.kinds.steady.curves import (
     CurveData,
@@ -25,11 +25,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def add_response(commands: Subcommands) -> None:
-    """Add the subcommand."""
-    parser = commands.add(
-        "response", _run, "follow the steady vibration of a beam over frequency", epilog=RESPONSE_KEYS
-    )
+def add_response(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_run)
+    parser.epilog = RESPONSE_KEYS
     parser.add_argument(
         "file",
         metavar="STUDY.toml",

@@ -13,16 +13,17 @@ from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import Table
-from problems.command.output import Output, Subcommands, add_plot, figure_writer, file_writer, json_text, new_files
+from problems.command.output import Output, add_plot, figure_writer, file_writer, json_text, new_files
 from problems.tables.study_file import SIMULATION_KEYS, read_simulation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def add_simulate(commands: Subcommands) -> None:
-    """Add the subcommand."""
-    parser = commands.add("simulate", _run, "simulate the large motion of a beam", epilog=SIMULATION_KEYS)
+def add_simulate(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_run)
+    parser.epilog = SIMULATION_KEYS
     parser.add_argument(
         "file",
         metavar="STUDY.toml",

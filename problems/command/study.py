@@ -7,21 +7,23 @@ import os
 import sys
 from pathlib import Path
 
-from problems.command.output import Output, Subcommands, json_text, positive_count
+from problems.command.output import Output, json_text, positive_count
 
 
-def add_study(commands: Subcommands) -> None:
-    """Add the subcommand."""
+def add_study(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
     from problems.study.keys import STUDY_KEYS
 
-    parser = commands.add("study", _study, "run a study and write its document: an HTML report", epilog=STUDY_KEYS)
+    parser.set_defaults(run=_study)
+    parser.epilog = STUDY_KEYS
     parser.add_argument("file", metavar="STUDY.toml", help="the study; init writes a file to start from")
     _add_options(parser)
 
 
-def add_reproduce(commands: Subcommands) -> None:
-    """Add the subcommand."""
-    _add_options(commands.add("reproduce", _reproduce, "run the study of the paper: every table and figure"))
+def add_reproduce(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_reproduce)
+    _add_options(parser)
 
 
 def _add_options(parser: argparse.ArgumentParser) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
-from problems.command.output import Output, Subcommands, add_plot, figure_writer, json_text, new_files, positive_count
+from problems.command.output import Output, add_plot, figure_writer, json_text, new_files, positive_count
 from problems.command.record_options import (
     add_part_options,
     add_record_options,
@@ -22,14 +22,10 @@ from problems.response.comparison import compare_laws
 from problems.tables.study_file import MOTION_KEYS, read_motions
 
 
-def add_compare_laws(commands: Subcommands) -> None:
-    """Add the subcommand."""
-    parser = commands.add(
-        "compare-laws",
-        _run,
-        "fit several damping laws to a decay, or to the motion of a beam, and select one",
-        epilog=MOTION_KEYS,
-    )
+def add_compare_laws(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_run)
+    parser.epilog = MOTION_KEYS
     parser.add_argument(
         "file",
         metavar="FILE|STUDY.toml",

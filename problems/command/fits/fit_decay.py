@@ -20,7 +20,6 @@ from ancf_casadi.support.inputs import located
 from problems.command.fits.fit_modes import modes_output
 from problems.command.output import (
     Output,
-    Subcommands,
     add_plot,
     comma_numbers,
     figure_writer,
@@ -37,9 +36,9 @@ from problems.decay.laws import LAWS, FrequencyLaw
 from problems.decay.result import DecayFit
 
 
-def add_fit_decay(commands: Subcommands) -> None:
-    """Add the subcommand."""
-    parser = commands.add("fit-decay", _run, "estimate frequency and damping of one mode from measured decays")
+def add_fit_decay(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_run)
     parser.add_argument(
         "files", nargs="+", metavar="FILE", help="record of a free decay; several files are takes of the same mode"
     )

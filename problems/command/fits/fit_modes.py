@@ -14,7 +14,6 @@ from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import Table
 from problems.command.output import (
     Output,
-    Subcommands,
     add_plot,
     figure_writer,
     json_text,
@@ -29,9 +28,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def add_fit_modes(commands: Subcommands) -> None:
-    """Add the subcommand."""
-    parser = commands.add("fit-modes", _run, "estimate frequency and damping of several modes from one measured decay")
+def add_fit_modes(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_run)
     parser.add_argument("file", metavar="FILE", help="the record; inspect FILE shows its columns and units")
     parser.add_argument(
         "--count",

@@ -11,19 +11,15 @@ from typing import Any, NoReturn
 from ancf_casadi.exceptions import AncfError
 from ancf_casadi.export import Document, write_document
 from ancf_casadi.support.inputs import located
-from problems.command.output import Output, Subcommands, add_plot, figure_writer, json_text, new_files
+from problems.command.output import Output, add_plot, figure_writer, json_text, new_files
 from problems.tables.study_file import MOTION_KEYS, read_motions
 from problems.transient.fitting import fit_transient
 
 
-def add_fit_motion(commands: Subcommands) -> None:
-    """Add the subcommand."""
-    parser = commands.add(
-        "fit-motion",
-        _run,
-        "estimate a damping law, and properties of the beam, from measured large motion",
-        epilog=MOTION_KEYS,
-    )
+def add_fit_motion(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_run)
+    parser.epilog = MOTION_KEYS
     parser.add_argument(
         "file", metavar="STUDY.toml", help="a file with the tables [beam], [[damping]] and [[records]]; init writes one"
     )

@@ -282,6 +282,20 @@ def test_version_and_entry_point(capsys):
     assert script.load() is main
 
 
+@pytest.mark.parametrize("option", ["--version", "--help"])
+def test_version_and_help_import_none_of_the_large_packages(option):
+    code = (
+        "import atexit, sys\n"
+        "from problems.cli import main\n"
+        "large = ('casadi', 'scipy', 'matplotlib', 'msgspec', 'jinja2', 'tqdm')\n"
+        "atexit.register(lambda: print([name for name in large if name in sys.modules], file=sys.stderr))\n"
+        f"main([{option!r}])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stderr) == (0, "[]\n")
+    assert "ancf-casadi" in run.stdout
+
+
 COMMANDS = (
     "init fit-decay fit-modes fit-motion compare-laws modes match simulate response export study reproduce".split()
 )

@@ -66,8 +66,8 @@ def find_channel(channels: Sequence[Channel], wanted: object, option: str, path:
     named = [channel for channel in channels if channel.name == wanted]
     if not named and isinstance(wanted, str):
         named = [channel for channel in channels if channel.name.casefold() == wanted.strip().casefold()]
-    if not named and (isinstance(wanted, int) or (isinstance(wanted, str) and wanted.strip().isdecimal())):
-        named = [channel for channel in channels if channel.number == int(wanted)]
+    if not named and isinstance(wanted, int | str):
+        named = [channel for channel in channels if str(channel.number) == str(wanted).strip()]
     if len(named) == 1:
         return named[0]
     fault = f"{len(named)} columns are named {shown(wanted)}; give the number" if named else "there is no such column"

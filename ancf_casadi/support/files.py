@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
+import re
+import stat
 import tempfile
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import check_instance
+from ancf_casadi.support.inputs import check_instance, shown
 from ancf_casadi.support.interrupts import delayed_interrupts
 
-MOST_BYTES = 64 * 2**20  # of a file that is read
+MOST_BYTES = 64 * 2**20  # of a file that is read as a whole
+MOST_PARTS = 50  # of a dotted key; tomllib takes a time that grows with their square
+DOTTED_KEY = re.compile(rb"""(?:\.[ \t]*(?:[\w-]+|'[^'\n]*'|"(?:[^"\\\n]|\\.)*")[ \t]*){%d}""" % MOST_PARTS)
 
 
 def check_folder(path: str | Path) -> Path:
@@ -25,6 +31,7 @@ def check_folder(path: str | Path) -> Path:
     InputError
         If it is a file, or it cannot be written.
     """
+    check_path(path, "folder")
     folder = Path(path)
     existing = folder.absolute()
     while not os.path.exists(existing):  # also false if the name is too long
@@ -44,6 +51,7 @@ def check_file(path: str | Path) -> Path:
     InputError
         If it is a folder, a device or a pipe, or its folder cannot be written.
     """
+    check_path(path, "path")
     target = Path(path)
     check_folder(Path(os.path.realpath(target)).parent)
     if os.path.isdir(target):
@@ -118,6 +126,9 @@ def check_path(path: Any, where: str) -> None:
         If it is anything else.
     """
     check_instance(path, where, str, os.PathLike)
+    name = os.fspath(path)
+    if not isinstance(name, str) or "\0" in name:
+        raise InputError(f"{shown(name)} cannot be the name of a file", where)
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
@@ -128,8 +139,11 @@ def read_toml(path: str | Path) -> dict[str, Any]:
     InputError
         If the file cannot be read, is larger than 64 MiB, or is not TOML.
     """
+    content = read_bytes(path)
+    if DOTTED_KEY.search(content):
+        raise InputError(f"has a key of more than {MOST_PARTS} parts", str(path))
     try:
-        return tomllib.loads(read_bytes(path).decode())
+        return tomllib.loads(content.decode())
     except RecursionError:
         raise InputError("is not TOML (tables or lists are nested too deeply)", str(path)) from None
     except ValueError as error:  # invalid TOML or UTF-8, or a number with thousands of digits
@@ -142,14 +156,42 @@ def read_bytes(path: str | Path) -> bytes:
     Raises
     ------
     InputError
-        If it cannot be read, or is larger than 64 MiB.
+        If it cannot be read, is empty, or is larger than 64 MiB.
+    """
+    with opened(path, MOST_BYTES) as file:
+        return file.read(MOST_BYTES)
+
+
+@contextlib.contextmanager
+def opened(path: str | Path, most: float = math.inf) -> Iterator[BufferedReader]:
+    """Open a file for reading if it is a regular file; a pipe or a device could keep its reader waiting for ever.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    most : float
+        Largest size, bytes.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, is empty or larger than ``most``, or is a folder, a pipe or a device.
     """
     check_path(path, "path")
     try:
-        with open(path, "rb") as file:
-            content = file.read(MOST_BYTES + 1)
-    except (OSError, ValueError) as error:  # a name with a null character raises ValueError
+        with open(path, "rb", opener=_open_without_waiting) as file:
+            state = os.fstat(file.fileno())
+            if not stat.S_ISREG(state.st_mode):
+                raise InputError("is a device or a pipe; name a file", str(path))
+            if not state.st_size:  # also files of the system, such as /proc/kmsg, which may never end
+                raise InputError("is empty", str(path))
+            if state.st_size > most:
+                raise InputError(f"is larger than {int(most) >> 20} MiB", str(path))
+            yield file
+    except (OSError, ValueError) as error:
         raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})", str(path)) from None
-    if len(content) > MOST_BYTES:
-        raise InputError(f"is larger than {MOST_BYTES // 2**20} MiB", str(path))
-    return content
+
+
+def _open_without_waiting(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # a pipe would wait for its writer

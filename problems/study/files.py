@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.files import opened
 from problems.study.part import Part
 from problems.study.source import Source
 from problems.tables.study import Study as StudyFile
@@ -73,7 +75,7 @@ def _named(tables: Any) -> Iterator[str]:
 def _digest(file: StudyFile, name: str) -> str:
     """Return the hash of a file, or an empty one if it cannot be read, which the reader of the table reports."""
     try:
-        with open(file.file(name, file.path), "rb") as opened:
-            return hashlib.file_digest(opened, "sha256").hexdigest()
-    except OSError:
+        with opened(file.file(name, file.path)) as content:
+            return hashlib.file_digest(content, "sha256").hexdigest()
+    except InputError:
         return ""

@@ -399,7 +399,7 @@ class TestParts:
             (lambda: Provenance("2025-02-31T12:00:00Z", {}), "written: must be a time such as"),
             (lambda: DataFile(3, "a" * 64), "name: expected `str`, got `int`"),
             (lambda: DataFile("a", 3), "sha256: expected `str`, got `int`"),
-            (lambda: DataFile.of("."), ".: is not a file"),
+            (lambda: DataFile.of("."), ".: cannot be read (Is a directory)"),
             (lambda: Provenance(3, {}), "written: expected `str`, got `int`"),
             (lambda: Provenance(WRITTEN, 3), "versions: expected `object`, got `int`"),
             (lambda: Provenance(WRITTEN, {1: "2"}), "versions: expected `str`, got `int`"),

@@ -20,6 +20,7 @@ from msgspec import Struct, to_builtins
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document.strict_json import MOST_LEVELS, check, place
 from ancf_casadi.export.document.structs import DataFileData, IdentificationData, ProvenanceData, data_of
+from ancf_casadi.support.files import opened
 from ancf_casadi.support.inputs import is_sequence, shown
 from ancf_casadi.version import __version__
 
@@ -71,14 +72,9 @@ class DataFile:
             If the file cannot be read.
         """
         digest = hashlib.sha256()
-        if os.path.exists(path) and not os.path.isfile(path):
-            raise InputError("is not a file", str(path))
-        try:
-            with open(path, "rb") as file:
-                while chunk := file.read(CHUNK):
-                    digest.update(chunk)
-        except OSError as error:
-            raise InputError(f"cannot be read ({error.strerror or error})", str(path)) from None
+        with opened(path) as file:
+            while chunk := file.read(CHUNK):
+                digest.update(chunk)
         name = os.fsencode(Path(path).name).decode(errors="replace")
         return cls(name, digest.hexdigest())
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.files import opened
 
 
 def check_ours(path: Path, beginning: str) -> None:
@@ -18,9 +19,9 @@ def check_ours(path: Path, beginning: str) -> None:
     if not path.exists():
         return
     try:
-        with open(path, "rb") as file:
+        with opened(path) as file:
             ours = file.read(len(beginning)) == beginning.encode()
-    except OSError:
+    except InputError:
         ours = False
     if not ours:
         raise InputError("already exists, and was not written by this export; choose another path", str(path))

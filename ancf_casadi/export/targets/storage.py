@@ -21,7 +21,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.functions.motion_functions import BeamFunctions
 from ancf_casadi.export.targets.overwriting import check_ours
 from ancf_casadi.reduction.reduced import ReducedFunctions
-from ancf_casadi.support.files import write_file
+from ancf_casadi.support.files import opened, write_file
 
 TITLE = "ancf-casadi functions"
 FORMAT = f"{TITLE} 2"
@@ -82,17 +82,17 @@ def load_functions(path: str | Path) -> BeamFunctions | ReducedFunctions:
     ['q', 'v', 'base', 'p']
     """
     where = str(path)
+    with opened(path) as file:
+        content = file.read()
     try:
-        first, _, rest = Path(path).read_text(encoding="utf-8").partition("\n")
+        first, _, rest = content.decode().partition("\n")
         head = json.loads(first)
         if head["format"] != FORMAT:
             raise ValueError(head["format"])
         writer, kind = head["casadi"], head["model"]
         names = [field.name for field in fields(MODELS[kind]) if field.name not in TABLES]
         tables: dict[str, Any] = {name: tuple(Signal(**entry) for entry in head[name]) for name in TABLES}
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror or error})", where) from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):
         raise InputError("is not a file of Functions of this version; export it again", where) from None
     if writer != cs.CasadiMeta.version():
         raise InputError(

@@ -15,6 +15,7 @@ from ancf_casadi.records.units import parse_unit
 MOST_CHANNELS = 10_000
 
 
+@np.errstate(all="ignore")  # extended precision may hold larger numbers
 def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[str] = ()) -> Contents:
     """Return the columns of named arrays: vectors, and matrices along their longer side.
 
@@ -25,7 +26,11 @@ def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[s
     for name, array in arrays:
         values = np.squeeze(array)
         if values.dtype.kind == "M":
-            values = (values - values.ravel()[0]) / np.timedelta64(1, "s") if values.size else values.astype(float)
+            try:
+                values = (values - values.ravel()[0]) / np.timedelta64(1, "s") if values.size else values.astype(float)
+            except (TypeError, OverflowError):  # years and months have no length; attoseconds overflow
+                remarks.append(f"the dates in {name!r} cannot be counted in s, and are left out")
+                continue
             remarks.append(f"the dates in {name!r} count in s from the first")
             stamps = True
         else:

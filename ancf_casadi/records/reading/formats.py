@@ -14,7 +14,7 @@ from ancf_casadi.records.reading.npz import read_npy, read_npz
 from ancf_casadi.records.reading.tdms import read_tdms
 from ancf_casadi.records.reading.text.reader import read_text
 from ancf_casadi.records.reading.uff import read_uff
-from ancf_casadi.support.files import check_path
+from ancf_casadi.support.files import opened
 
 MOST_BYTES = 2**30
 START = 1024  # bytes looked at
@@ -37,20 +37,8 @@ def read_contents(path: str | Path, *, progress: bool = False) -> Contents:
     InputError
         If the file cannot be read, is larger than 1 GiB, or is in no known format.
     """
-    check_path(path, "path")
-    file = Path(path)
-    try:
-        if not file.is_file():
-            raise InputError("is not a file", str(path))
-        if file.stat().st_size > MOST_BYTES:
-            raise InputError(
-                f"is larger than {MOST_BYTES >> 20} MB; shorten the record, or leave out samples", str(path)
-            )
-        with open(file, "rb") as opened:
-            start = opened.read(START)
-        found = _read(file, start, progress)
-    except (OSError, ValueError) as error:  # a name with a null character raises ValueError
-        raise InputError(f"cannot be read ({getattr(error, 'strerror', None) or error})", str(path)) from None
+    with opened(path, MOST_BYTES) as file:
+        found = _read(Path(path), file.read(START), progress)
     if not found.channels:
         raise InputError("has no channels of numbers", str(path))
     return found

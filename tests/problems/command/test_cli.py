@@ -686,7 +686,7 @@ class TestUnusableInput:
             (["modes", "."], ".: cannot be read (Is a directory)"),
             (["modes", "beam.toml/below"], "beam.toml/below: cannot be read (Not a directory)"),
             (["modes"], "the following arguments are required: BEAM.toml"),
-            (["fit-decay", "absent.csv"], "absent.csv: is not a file"),
+            (["fit-decay", "absent.csv"], "absent.csv: cannot be read"),
             (["fit-decay", "decay.csv", "--law", "cubic"], "argument --law: invalid choice: 'cubic'"),
             (
                 ["fit-decay", "decay.csv", "--column", "x"],

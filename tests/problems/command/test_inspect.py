@@ -101,7 +101,7 @@ def test_the_figure_is_written(record, tmp_path, suffix):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["absent.csv"], "absent.csv: is not a file"),
+        (["absent.csv"], "absent.csv: cannot be read"),
         (["decay.csv", "--rate", "-3"], "rate: must be positive, got -3"),
         (["decay.csv", "--plot", "absent.csv/figure.png", "--rate", "0"], "--rate: must be positive, got 0"),
     ],

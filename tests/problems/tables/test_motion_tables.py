@@ -88,7 +88,7 @@ class TestBase:
             ),
             ("amplitude = 1e-3\nfrequencies = 1\nstop = 5\n", r"frequencies: must be a pair"),
             ('file = "clamp.csv"\n', r"name at least one of the columns x, y, rotation"),
-            ('file = "none.csv"\nx = 2\n', r".*none\.csv: is not a file"),
+            ('file = "none.csv"\nx = 2\n', r".*none\.csv: cannot be read"),
             ('file = "clamp.csv"\nx = "z"\n', r"x: .*clamp\.csv"),
             ("file = 3\nx = 2\n", r"file: must be the name of a file, got 3"),
             ('file = "clamp.csv"\nx = 2\nspeed = 1\n', r"unknown key 'speed'"),

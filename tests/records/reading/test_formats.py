@@ -191,6 +191,15 @@ class TestNumpy:
         with pytest.raises(InputError, match="unpacks to more than 1024 MB"):
             read_recording(path)
 
+    @pytest.mark.parametrize("unit", ["Y", "M", "as"])
+    def test_dates_that_do_not_count_in_seconds_are_left_out(self, tmp_path, unit):
+        """Regression: NumPy's TypeError or OverflowError was shown."""
+        path = tmp_path / "record.npz"
+        np.savez(path, date=np.arange(TIME.size).view(f"M8[{unit}]"), time=TIME, x_mm=MM)
+        recording = read_recording(path)
+        assert [channel.name for channel in recording.channels] == ["x_mm"]
+        assert "the dates in 'date' cannot be counted in s, and are left out" in recording.notes
+
 
 class TestC3D:
     def test_markers_and_analog_channels(self, tmp_path):

@@ -16,7 +16,7 @@ from ancf_casadi.support.arrays import Array
 Kind = Literal["number", "gap", "stamp", "word"]
 
 NUMBER = {
-    ".": re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"),
+    ".": re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"),
     ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?"),
 }
 GAPS = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "#nv", "missing", "nan(ind)", "-nan"})

@@ -22,8 +22,8 @@ import numpy as np
 from ancf_casadi.records.channel import Channel, Contents
 
 LEAST = 0.6  # likelihood of a point that counts
-LIKELIHOOD = re.compile(r"(.*\S)[ _.]+(?:likelihood|score|confidence|conf)", re.IGNORECASE)
-COORDINATE = re.compile(r"(.*\S)[ _.]+[xyz](?:[ _(\[].*)?", re.IGNORECASE)
+LIKELIHOOD = re.compile(r"(.*[^\s_.])[ _.]+(?:likelihood|score|confidence|conf)", re.IGNORECASE | re.DOTALL)
+COORDINATE = re.compile(r"(.*[^\s_.])[ _.]+[xyz](?:[ _(\[].*)?", re.IGNORECASE | re.DOTALL)
 
 
 def pose_names(rows: Sequence[Sequence[str]]) -> tuple[tuple[str, ...], tuple[str, ...]] | None:

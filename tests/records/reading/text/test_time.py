@@ -1,0 +1,65 @@
+"""The time to read text grows as its size, whatever the text is."""
+
+import time
+
+import pytest
+
+from ancf_casadi.exceptions import AncfError
+from ancf_casadi.records.recording import read_recording
+
+SIZES = (4_000, 32_000)  # characters; eight times as many may take twice eight times as long
+CELLS = {
+    "blanks": lambda n: "x" + " " * n + "y",
+    "points": lambda n: "." * n,
+    "lines": lambda n: "frame" + "_" * n + "q",
+    "blanks and lines": lambda n: " _" * (n // 2) + "y",
+    "likelihoods": lambda n: "x" + " _." * (n // 3) + "scor",
+    "brackets": lambda n: "(" * n,
+    "units": lambda n: "_mm" * (n // 3),
+    "words": lambda n: " in" * (n // 3) + " ",
+    "digits": lambda n: "1" * n,
+    "digits and a letter": lambda n: "1" * n + "x",
+    "decimals": lambda n: "0." + "9" * n,
+    "thousands": lambda n: "1,111" * (n // 5),
+    "exponent": lambda n: "1e" + "9" * n,
+    "clock": lambda n: "1:" * (n // 2),
+    "quotes": lambda n: '"' * n,
+    "comments": lambda n: "#" * n,
+}
+ROWS = "".join(f"{k / 100};{k % 7}\n" for k in range(30))
+
+
+def texts(cell):
+    return {
+        "name": f"t;{cell}\n{ROWS}",
+        "name between blanks": f"t {cell}\n{ROWS}".replace(";", " "),
+        "metadata": f"{cell}\nt;x\n{ROWS}",
+        "unit": f"t;x\ns;{cell}\n{ROWS}",
+        "value": f"t;x\n{ROWS}0.5;{cell}\n",
+        "time": f"t;x\n{ROWS}{cell};3\n",
+    }
+
+
+def duration(path, text):
+    """Processor time to read a file, the least of three."""
+    path.write_text(text)
+    found = []
+    for _ in range(3):
+        begin = time.process_time()
+        try:
+            read_recording(path)
+        except AncfError as error:
+            assert len(str(error)) < 1000
+        found.append(time.process_time() - begin)
+        if found[-1] > 1.0:
+            break
+    return min(found)
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_the_time_grows_as_the_size(tmp_path, cell):
+    """Regression: a name of 300 000 blanks or points, or a number of 100 000 digits, took more than half a minute."""
+    small, large = (texts(CELLS[cell](size)) for size in SIZES)
+    for place, text in small.items():
+        before, after = duration(tmp_path / "a.csv", text), duration(tmp_path / "a.csv", large[place])
+        assert after < 16 * before + 0.01, place

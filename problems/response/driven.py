@@ -28,7 +28,7 @@ from ancf_casadi.dynamics.tip_load import LOAD
 from ancf_casadi.reduction import ReducedModel
 from ancf_casadi.response.systems.beams import reduced_system
 from ancf_casadi.response.systems.drive import Drive, beam_drive
-from ancf_casadi.response.systems.system import SampledFunctions, SecondOrderSystem, cached
+from ancf_casadi.response.systems.system import Derived, SampledFunctions, SecondOrderSystem
 from problems.response.record import ResponseRecord
 
 GRAVITY = 2  # first parameters of the reduced model, which do not vary
@@ -87,35 +87,11 @@ def driven(reduced: ReducedModel, record: ResponseRecord) -> Driven:
 
 def _tuned(reduced: ReducedModel) -> SecondOrderSystem:
     """Return the reduced beam with the unknowns s as its parameters."""
-    plain, n, laws = reduced_system(reduced), reduced.count, len(reduced.law.parameters)
-    rest, bending = cs.DM(reduced.projection.rest_force), cs.DM(reduced.projection.bending_stiffness)
-    squares = cs.DM(reduced.modes.angular_frequencies**2)
+    plain, n = reduced_system(reduced), reduced.count
     factors = [Parameter(f"frequency_{k + 1}", 1.0, "1", f"factor on the frequency of mode {k + 1}") for k in range(n)]
     modulus = Parameter("elastic_modulus", 1.0, "1", "factor on the elastic modulus")
-
-    def functions(samples: int) -> SampledFunctions:
-        given = plain.functions(samples)
-        q, v, a, u, p = (given.balance.mx_in(name) for name in ("q", "v", "a", "u", "p"))
-        s = cs.MX.sym("s", laws + n + 1)
-        p = cs.vertcat(cs.DM(reduced.values[:GRAVITY]), s[:laws])
-        added = cs.diag((s[laws:-1] ** 2 - 1) * squares)
-        R = given.balance(q, v, a, u, p) + added @ q
-        R += (s[-1] - 1) * (cs.repmat(rest, 1, samples) + bending @ q)
-        directions = [given.tangents.mx_in(name) for name in ("u_1", "u_2")]
-        K, *others = given.tangents(q, v, a, u, p, *directions)
-        K += cs.repmat(cs.vec(cs.densify(added + (s[-1] - 1) * bending)), 1, samples)
-        symbols, names = [q, v, a, u, s], ["q", "v", "a", "u", "p"]
-        balance = cs.Function("balance", symbols, [R], names, ["R"])
-        return SampledFunctions(
-            balance,
-            cs.Function("tangents", [*symbols, *directions], [K, *others], [*names, "u_1", "u_2"],
-                        ["K", "D", "M", "R_1", "R_2"]),
-            cs.Function("powers", symbols, [*given.powers(q, v, a, u, p)], names, ["lost", "supplied"]),
-            balance,
-        )  # fmt: skip
-
     return SecondOrderSystem(
-        functions=cached(functions),
+        functions=Derived(_tuned_functions, reduced),
         entries=plain.entries,
         parameters=(*plain.parameters[GRAVITY:], *factors, modulus),
         excitation=plain.excitation,
@@ -123,6 +99,31 @@ def _tuned(reduced: ReducedModel) -> SecondOrderSystem:
         scale=plain.scale,
         mirror=plain.mirror,
     )
+
+
+def _tuned_functions(samples: int, reduced: ReducedModel) -> SampledFunctions:
+    plain, n, laws = reduced_system(reduced), reduced.count, len(reduced.law.parameters)
+    rest, bending = cs.DM(reduced.projection.rest_force), cs.DM(reduced.projection.bending_stiffness)
+    squares = cs.DM(reduced.modes.angular_frequencies**2)
+    given = plain.functions(samples)
+    q, v, a, u, p = (given.balance.mx_in(name) for name in ("q", "v", "a", "u", "p"))
+    s = cs.MX.sym("s", laws + n + 1)
+    p = cs.vertcat(cs.DM(reduced.values[:GRAVITY]), s[:laws])
+    added = cs.diag((s[laws:-1] ** 2 - 1) * squares)
+    R = given.balance(q, v, a, u, p) + added @ q
+    R += (s[-1] - 1) * (cs.repmat(rest, 1, samples) + bending @ q)
+    directions = [given.tangents.mx_in(name) for name in ("u_1", "u_2")]
+    K, *others = given.tangents(q, v, a, u, p, *directions)
+    K += cs.repmat(cs.vec(cs.densify(added + (s[-1] - 1) * bending)), 1, samples)
+    symbols, names = [q, v, a, u, s], ["q", "v", "a", "u", "p"]
+    balance = cs.Function("balance", symbols, [R], names, ["R"])
+    return SampledFunctions(
+        balance,
+        cs.Function("tangents", [*symbols, *directions], [K, *others], [*names, "u_1", "u_2"],
+                    ["K", "D", "M", "R_1", "R_2"]),
+        cs.Function("powers", symbols, [*given.powers(q, v, a, u, p)], names, ["lost", "supplied"]),
+        balance,
+    )  # fmt: skip
 
 
 def _reading(reduced: ReducedModel, record: ResponseRecord, drive: Drive) -> cs.Function:

@@ -28,11 +28,11 @@ from ancf_casadi.reduction.reduced import ReducedModel
 from ancf_casadi.response.systems.drive import BEAM_EXCITATION
 from ancf_casadi.response.systems.system import (
     Corrections,
+    Derived,
     SampledFunctions,
     SecondOrderSystem,
-    cached,
     dense_entries,
-    side_by_side,
+    several,
 )
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import compiled
@@ -54,6 +54,26 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
     EquilibriumError
         If there is no equilibrium under gravity.
     """
+    rest = static_equilibrium(model).coordinates[NODE:]
+    return SecondOrderSystem(
+        functions=Derived(_full_functions, model, law),
+        entries=_one_sample(model, law)[0],
+        parameters=parameters_of(parameter_signals(Equations(model, law)), law),
+        excitation=BEAM_EXCITATION,
+        rest=rest,
+        scale=model.scale[NODE:],
+        mirror=_mirror(model, rest),
+        corrections=Turning.of(model),
+    )
+
+
+def _full_functions(samples: int, model: Model, law: DampingLaw) -> SampledFunctions:
+    return several(samples, *_one_sample(model, law)[1])
+
+
+@lru_cache(maxsize=KEPT)
+def _one_sample(model: Model, law: DampingLaw) -> tuple[tuple[Index, Index], SampledFunctions]:
+    """Return rows and columns of the entries of the matrices, and the Functions of one sample."""
     motion = FullMotion.of(Equations(model, law, compiled))
     symbols, names = motion.symbols, ["q", "v", "a", "u", "p"]
     plain = FullMotion(Equations(model, law), *symbols)
@@ -66,21 +86,7 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
     tangents = cs.Function("tangents", [*symbols, *directions], [cs.densify(part) for part in (*matrices, *driven)],
                            [*names, "u_1", "u_2"], ["K", "D", "M", "R_1", "R_2"])  # fmt: skip
     powers = cs.Function("powers", symbols, [*motion.powers], names, ["lost", "supplied"])
-
-    def functions(samples: int) -> SampledFunctions:
-        return SampledFunctions(*(side_by_side(one, samples) for one in (balance, tangents, powers, differentiable)))
-
-    rest = static_equilibrium(model).coordinates[NODE:]
-    return SecondOrderSystem(
-        functions=cached(functions),
-        entries=entries,
-        parameters=parameters_of(parameter_signals(motion.equations), law),
-        excitation=BEAM_EXCITATION,
-        rest=rest,
-        scale=model.scale[NODE:],
-        mirror=_mirror(model, rest),
-        corrections=Turning.of(model),
-    )
+    return entries, SampledFunctions(balance, tangents, powers, differentiable)
 
 
 def base_force(model: Model, law: DampingLaw) -> cs.Function:
@@ -95,43 +101,43 @@ def reduced_system(reduced: ReducedModel) -> SecondOrderSystem:
 
     Its parameters are gravity and the parameters of the law.  The clamp may move but not rotate.
     """
-    m, law, model, projection = reduced.count, reduced.law, reduced.model, reduced.projection
-    own = parameters_of(reduced.parameters, law)
-
-    def functions(samples: int) -> SampledFunctions:
-        q, v, a = coordinates = [cs.MX.sym(name, m, samples) for name in ("q", "v", "a")]
-        u, p = cs.MX.sym("u", BEAM_EXCITATION, samples), cs.MX.sym("p", len(own))
-        directions = [cs.MX.sym(name, BEAM_EXCITATION, samples) for name in ("u_1", "u_2")]
-        motion = ReducedMotion(projection, q, v, u[:BASE_SIZE, :], gravity=p[:2])
-        damping, tip = motion.damping(law, p[2:], model), motion.tip_force(u[BASE_SIZE:, :])
-        forces = motion.undamped_forces(a) + damping - tip
-        velocity, balance = cs.vertcat(v, u[3:5, :]), forces[:m, :]
-        supplied = cs.sum1(u[3:5, :] * forces[m:, :]) + cs.sum1(velocity * tip)
-        rows = [cs.DM.zeros(m, samples) for _ in range(m)]
-        for k, row in enumerate(rows):
-            row[k, :] = 1.0
-        matrices = [cs.vertcat(*(cs.jtimes(balance, own, row) for row in rows)) for own in coordinates]
-        driven = [cs.jtimes(balance, u, direction) for direction in directions]
-        symbols, names = [*coordinates, u, p], ["q", "v", "a", "u", "p"]
-        plain = cs.Function("balance", symbols, [balance], names, ["R"], {"cse": True})
-        return SampledFunctions(
-            plain,
-            cs.Function("tangents", [*symbols, *directions], [*matrices, *driven], [*names, "u_1", "u_2"],
-                        ["K", "D", "M", "R_1", "R_2"], {"cse": True}),
-            cs.Function("powers", symbols, [cs.sum1(velocity * damping), supplied], names, ["lost", "supplied"]),
-            plain,
-        )  # fmt: skip
-
+    m, model, projection = reduced.count, reduced.model, reduced.projection
     rest = reduced.modes.equilibrium.coordinates[NODE:]
     return SecondOrderSystem(
-        functions=cached(functions),
+        functions=Derived(_reduced_functions, reduced),
         entries=dense_entries(m),
-        parameters=own,
+        parameters=parameters_of(reduced.parameters, reduced.law),
         excitation=BEAM_EXCITATION,
         rest=np.zeros(m),
         scale=np.full(m, model.beam.length * np.sqrt(projection.total_mass)),
         mirror=np.full(m, -1.0 if _across(model, rest).max() <= STRAIGHT else 1.0),
     )
+
+
+def _reduced_functions(samples: int, reduced: ReducedModel) -> SampledFunctions:
+    m, law, model, projection = reduced.count, reduced.law, reduced.model, reduced.projection
+    q, v, a = coordinates = [cs.MX.sym(name, m, samples) for name in ("q", "v", "a")]
+    u, p = cs.MX.sym("u", BEAM_EXCITATION, samples), cs.MX.sym("p", len(reduced.parameters))
+    directions = [cs.MX.sym(name, BEAM_EXCITATION, samples) for name in ("u_1", "u_2")]
+    motion = ReducedMotion(projection, q, v, u[:BASE_SIZE, :], gravity=p[:2])
+    damping, tip = motion.damping(law, p[2:], model), motion.tip_force(u[BASE_SIZE:, :])
+    forces = motion.undamped_forces(a) + damping - tip
+    velocity, balance = cs.vertcat(v, u[3:5, :]), forces[:m, :]
+    supplied = cs.sum1(u[3:5, :] * forces[m:, :]) + cs.sum1(velocity * tip)
+    rows = [cs.DM.zeros(m, samples) for _ in range(m)]
+    for k, row in enumerate(rows):
+        row[k, :] = 1.0
+    matrices = [cs.vertcat(*(cs.jtimes(balance, own, row) for row in rows)) for own in coordinates]
+    driven = [cs.jtimes(balance, u, direction) for direction in directions]
+    symbols, names = [*coordinates, u, p], ["q", "v", "a", "u", "p"]
+    plain = cs.Function("balance", symbols, [balance], names, ["R"], {"cse": True})
+    return SampledFunctions(
+        plain,
+        cs.Function("tangents", [*symbols, *directions], [*matrices, *driven], [*names, "u_1", "u_2"],
+                    ["K", "D", "M", "R_1", "R_2"], {"cse": True}),
+        cs.Function("powers", symbols, [cs.sum1(velocity * damping), supplied], names, ["lost", "supplied"]),
+        plain,
+    )  # fmt: skip
 
 
 def _across(model: Model, rest: Array) -> Array:

@@ -229,9 +229,33 @@ def dense_entries(size: int) -> tuple[Index, Index]:
     return rows, columns
 
 
-def cached(functions: Callable[[int], SampledFunctions]) -> Callable[[int], SampledFunctions]:
-    """Return functions of the number of samples that are derived once for each number."""
-    return lru_cache(maxsize=MOST_KEPT)(functions)
+class Derived:
+    """Functions for a number of samples, derived once for each number; another process derives its own.
+
+    Parameters
+    ----------
+    derive : callable
+        A function of a module: (number of samples, *of) -> Functions.
+    of : tuple
+        Its further arguments.
+    """
+
+    def __init__(self, derive: Callable[..., SampledFunctions], *of: object) -> None:
+        self._derive, self._of = derive, of
+        self._kept = lru_cache(maxsize=MOST_KEPT)(lambda samples: derive(samples, *of))
+
+    def __call__(self, samples: int) -> SampledFunctions:
+        """Return the Functions for a number of samples."""
+        return self._kept(samples)
+
+    def __reduce__(self) -> tuple[type[Derived], tuple[object, ...]]:
+        """Pickle what the Functions are derived from."""
+        return Derived, (self._derive, *self._of)
+
+
+def several(samples: int, *ones: cs.Function) -> SampledFunctions:
+    """Return the Functions of N samples that evaluate those of one."""
+    return SampledFunctions(*(side_by_side(one, samples) for one in ones))
 
 
 def side_by_side(one: cs.Function, samples: int, shared: int = 4) -> cs.Function:
@@ -259,11 +283,7 @@ def _sampled(
                            ["K", "D", "M", "R_1", "R_2"], {"cse": True})  # fmt: skip
     powers = cs.Function("powers", list(symbols), [cs.densify(lost), cs.densify(supplied)], names, ["lost", "supplied"])
 
-    def functions(samples: int) -> SampledFunctions:
-        plain, linear, power = (side_by_side(one, samples) for one in (balance, tangents, powers))
-        return SampledFunctions(plain, linear, power, plain)
-
-    return cached(functions)
+    return Derived(several, balance, tangents, powers, balance)
 
 
 def _vector(given: Array | Sequence[float] | None, size: int, default: float, where: str) -> Array:

@@ -4,8 +4,8 @@
 
 For several motions of 20 elements sampled 1000 times per second, it prints the numbers of steps, Newton iterations and
 factorisations, and the processor time in ms per step, with and without samples.  Then follow the parts in microseconds
-per step: calls of the compiled Functions, factorisations and triangular solutions; the rest is Python.  The clocks
-around the parts take some time themselves; the first two times are measured without them.
+per step, the calls of the compiled Functions; the rest is Python.  The clocks around the parts take some time
+themselves; the first two times are measured without them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ from ancf_casadi import (
 )
 from ancf_casadi.dynamics.radau import newton, samples, stepper
 from ancf_casadi.dynamics.radau.stepper import Stepper
-from ancf_casadi.support.banded import Factors
 from ancf_casadi.support.compilation import Buffered
 
 BEAM: dict[str, Any] = {
@@ -69,7 +68,7 @@ def motions() -> Iterator[tuple[str, Model, dict[str, Any]]]:
 
 @contextmanager
 def clocks(parts: dict[str, float]) -> Iterator[None]:
-    """Add up the seconds spent in the Functions and in LAPACK."""
+    """Add up the seconds spent in the Functions."""
 
     def clocked(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any, **options: Any) -> Any:
@@ -85,13 +84,10 @@ def clocks(parts: dict[str, float]) -> Iterator[None]:
             super().__init__(function, *inputs)
             self._evaluate = clocked(function.name(), self._evaluate)
 
-    of, solve = Factors.of, clocked("solve", Factors.solve)
     with (
         patch.object(newton, "Buffered", Clocked),
         patch.object(samples, "Buffered", Clocked),
         patch.object(stepper, "Buffered", Clocked),
-        patch.object(Factors, "of", staticmethod(clocked("factorise", of))),
-        patch.object(Factors, "solve", lambda *arguments, **options: solve(*arguments, **options)),
     ):
         yield
 

@@ -1,7 +1,7 @@
 """Radau IIA collocation of order 5 for the equation of motion.
 
-``tableau`` holds the coefficients of the method, ``collocation`` the Functions of a step, and ``corotation`` the
-coordinates that turn with the beam.  ``stepper`` takes the steps: ``newton`` solves the stage equations,
-``step_control`` chooses the step length, ``samples`` evaluates the motion within a step, and ``buffers`` holds the
-arrays.
+``tableau`` holds the coefficients of the method, ``collocation`` the Functions of a step, ``corotation`` the
+coordinates that turn with the beam, and ``elimination`` the solution of linear systems.  ``stepper`` takes the steps:
+``newton`` solves the stage equations, ``step_control`` chooses the step length, ``samples`` evaluates the motion within
+a step, and ``buffers`` holds the arrays.
 """

@@ -47,7 +47,7 @@ class Trial:
         The excitation at each stage.
     increments : array (3, N)
         Z, increments of the free coordinates at the stages.
-    corrections : array (3 N,)
+    corrections : array (3, N)
         dW, the last correction of Newton's method.
     turns : array
         Turns of the stages from the reference of the matrices.
@@ -72,10 +72,14 @@ class Reference:
         All coordinates.
     excitation : array (15,)
         The excitation.
+    real, pair : array
+        The factors of the real and of the complex matrix.
     """
 
     coordinates: Array
     excitation: Array
+    real: Array
+    pair: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,17 +103,19 @@ class Buffers:
                 ratio=np.zeros(1),
                 excitations=np.zeros((STAGES, EXCITATION)),
                 increments=np.zeros((STAGES, free)),
-                corrections=np.zeros(STAGES * free),
+                corrections=np.zeros((STAGES, free)),
                 turns=np.zeros(form.stages.numel_out(2)),
             ),
-            reference=Reference(np.zeros(size), np.zeros(EXCITATION)),
+            reference=Reference(
+                np.zeros(size), np.zeros(EXCITATION), *(np.zeros(form.factors.numel_out(k)) for k in range(2))
+            ),
             parameters=parameters,
         )
 
     @property
     def of_stages(self) -> list[Array]:
         """The inputs of ``Collocation.stages``, in order."""
-        trial, (q, v, _) = self.trial, self.last.end
+        trial, reference, (q, v, _) = self.trial, self.reference, self.last.end
         return [
             trial.increments,
             trial.corrections,
@@ -118,6 +124,8 @@ class Buffers:
             trial.length,
             trial.excitations,
             trial.turns,
-            self.reference.coordinates,
+            reference.coordinates,
             self.parameters,
+            reference.real,
+            reference.pair,
         ]

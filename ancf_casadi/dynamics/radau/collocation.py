@@ -12,9 +12,10 @@ matrices, a real and a complex banded system in N unknowns, with s = gamma/h and
 
     (s^2 M + s D + K) dW = T^-1 R,    D = dQ_damp/de_t,    K = d(Q_damp + Q_e - Q_tip)/de,
 
-replace one system in 3 N.  As the beam turns, K changes by its axial part, which is thousands of times stiffer
-than its bending part; in coordinates that turn with the beam, K hardly changes.  Residuals are therefore turned back to
-the configuration in which the matrices were evaluated, and corrections are turned forth from there (``corotation``).
+replace one system in 3 N (``elimination``).  As the beam turns, K changes by its axial part, which is thousands of
+times stiffer than its bending part; in coordinates that turn with the beam, K hardly changes.  Residuals are therefore
+turned back to the configuration in which the matrices were evaluated, and corrections are turned forth from there
+(``corotation``).
 
 Prediction.  The collocation polynomial of the last step is extrapolated in the logarithms of the beam's slopes: errors
 of the coordinates themselves would stretch the beam.
@@ -39,11 +40,11 @@ import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.equations import EXCITATION, Equations
 from ancf_casadi.dynamics.radau.corotation import Corotation
+from ancf_casadi.dynamics.radau.elimination import Elimination, node_blocks
 from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES
 from ancf_casadi.dynamics.tip_load import LOAD
 from ancf_casadi.mechanics.model import NODE
-from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.banded import lapack_place
+from ancf_casadi.support.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +52,7 @@ class Collocation:
     """The Functions of a step.
 
     Free coordinates, velocities and accelerations are q, v and a (N,); Z (N, 3) are the increments at the stages.
-    W = T^-1 Z (3 N,) holds the real part first, then the complex one, (2, N), real above imaginary parts.
+    The columns of W = Z T^-T (N, 3) are the real part, and the real and the imaginary part of the complex one.
     ``excitations`` (15, 3) are those at the stages.  ``turns`` lead to the stages from ``reference``, all coordinates
     (4 n + 4,) of the configuration in which the matrices were taken (``corotation``).
 
@@ -64,26 +65,27 @@ class Collocation:
     equations: Equations
 
     @cached_property
-    def bandwidth(self) -> int:
-        """Number of diagonals of the matrices on either side of the main one."""
-        return min(2 * NODE - 1, self.equations.free - 1)
-
-    @cached_property
     def stages(self) -> cs.Function:
-        """(Z, dW, q, v, h, excitations, turns, reference, parameters) -> T^-1 R, corrected Z, turns to the stages."""
+        """(Z, dW, q, v, h, excitations, turns, reference, parameters, real, pair) -> dW, Z, turns.
+
+        Z is corrected by the last dW; the results are the next dW and the turns to the stages.  ``real`` and ``pair``
+        are the outputs of ``factors``.
+        """
         s = self._symbols
         increments = self._corrected(s)
         motion = s.motion(increments)
         residuals, _ = self.forces(*motion, s.parameters)
         turns = self._corotation.turns(s.reference, motion[0])
         r = self._corotation.back(residuals[NODE:, :], turns) @ cs.DM(np.linalg.inv(RADAU.transform)).T
-        return _function("stages", s.of_stages, [cs.vertcat(r[:, 0], cs.vec(r[:, 1:].T)), increments, turns])
+        corrections = cs.horzcat(self._real.solve(s.real, r[:, :1]), self._pair.solve(s.pair, r[:, 1:]))
+        outputs = [corrections, increments, turns]
+        return _function("stages", s.of_stages, outputs)
 
     @cached_property
     def finish(self) -> cs.Function:
-        """(inputs of ``stages``, a) -> all coordinates (4 n + 4, 3) at the stages, v and a at the end, error, powers.
+        """(inputs of ``stages`` but pair, a) -> e (4 n + 4, 3) at the stages, v and a at the end, error, powers.
 
-        ``error`` is the right-hand side of the error estimate, turned back; ``powers`` (3, 3) are the powers lost to
+        ``error`` is the estimate, turned back; ``powers`` (3, 3) are the powers lost to
         damping, supplied by the base and supplied by the tip load at the stages.
         """
         s = self._symbols
@@ -98,23 +100,26 @@ class Collocation:
         error = balance.resistance(e[:, -1], e_t[:, -1], *deviations)
         if balance.projection.numel():
             error += balance.of_low_rank(e[:, -1], deviations[0])
-        turned = self._frames(1).back(real * error[NODE:], s.turns[-NODE:, :])
-        return _function("finish", [*s.of_stages, a], [e, e_t[NODE:, -1], e_tt[NODE:, -1], turned, powers])
+        solved = self._real.solve(s.real, self._frames(1).back(real * error[NODE:], s.turns[-NODE:, :]))
+        return _function("finish", [*s.of_stages[:-1], a], [e, e_t[NODE:, -1], e_tt[NODE:, -1], solved, powers])
 
     @cached_property
-    def matrices(self) -> cs.Function:
-        """(q, v, h, excitation, parameters) -> s^2 M + s D + K, real and complex, without the part B diag(d) B^T of D.
-
-        Both are in the band storage of LAPACK, with room for its pivots.
-        """
+    def factors(self) -> cs.Function:
+        """(q, v, h, excitation, parameters) -> factors of s^2 M + s D + K, for the real s, and for the complex one."""
         s, excitation = self._symbols, cs.MX.sym("excitation", EXCITATION)
         position, velocity, _, load = cs.vertsplit(excitation, NODE)
         e, e_t = cs.vertcat(position, s.q), cs.vertcat(velocity, s.v)
+        balance = self.equations.balance(s.parameters)
+        k, d, m = balance.tangents(e, e_t, load)
         real, a, b = RADAU.gamma / s.h, RADAU.mu.real / s.h, RADAU.mu.imag / s.h
-        k, d, m = (self._sums @ part for part in self.equations.balance(s.parameters).tangents(e, e_t, load))
-        pair = cs.vertcat(k + a * d + (a**2 - b**2) * m, b * d + 2 * a * b * m)
-        outputs = [self._band(k + real * d + real**2 * m, 1), cs.reshape(self._band(pair, 2), 2, -1)]
-        return _function("matrices", [s.q, s.v, s.h, excitation, s.parameters], outputs)
+        parts = k + real * d + real**2 * m, k + a * d + (a**2 - b**2) * m, b * d + 2 * a * b * m
+        alone, *pair = (node_blocks(self.equations.model, part) for part in parts)
+        low_rank = balance.turned_projection(e)[NODE:, :], balance.modal_coefficients / s.h
+        outputs = [
+            self._real.factors(alone, *low_rank, complex(RADAU.gamma)),
+            self._pair.factors(cs.vertcat(*pair), *low_rank, RADAU.mu),
+        ]
+        return _function("factors", [s.q, s.v, s.h, excitation, s.parameters], outputs)
 
     @cached_property
     def prediction(self) -> cs.Function:
@@ -132,10 +137,10 @@ class Collocation:
 
     @cached_property
     def sample(self) -> cs.Function:
-        """(x, h, q, v, a, q_1, v_1, a_1, excitation, reference, parameters) -> e, e_t, e_tt, load, R, turns.
+        """(x, h, q, v, a, q_1, v_1, a_1, excitation, reference, parameters, real) -> e, e_t, force of the base (4,).
 
-        The outputs are the quintic polynomial at the time x h after the start of a step, the residual of the free rows,
-        turned back, and the turns from the reference.
+        This is the motion at the time x h after the start of a step: the quintic polynomial, with coordinates corrected
+        by one Newton iteration.
         """
         s, x, excitation = self._symbols, cs.MX.sym("x"), cs.MX.sym("excitation", EXCITATION)
         a, q1, v1, a1 = (cs.MX.sym(name, self.equations.free) for name in ("a", "q1", "v1", "a1"))
@@ -144,28 +149,14 @@ class Collocation:
         weights = cs.DM(QUINTIC) @ cs.horzcat(*(part / s.h**order for order, part in enumerate(powers)))
         *node, load = cs.vertsplit(excitation, NODE)
         e, e_t, e_tt = cs.horzsplit(cs.vertcat(cs.horzcat(*node), data @ weights))
-        motion = e, e_t, e_tt, load
-        residual, _ = self.forces(*motion, s.parameters)
+        residual, _ = self.forces(e, e_t, e_tt, load, s.parameters)
         frames = self._frames(1)
         turns = frames.turns(s.reference, e)
-        inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, excitation, s.reference, s.parameters]
-        return _function("sample", inputs, [*motion, frames.back(residual[NODE:], turns), turns])
-
-    @cached_property
-    def observation(self) -> cs.Function:
-        """(e, e_t, e_tt, load, correction, turns, parameters) -> corrected e, and the force of the base (4,).
-
-        ``correction`` (N,) is turned forth and subtracted.
-        """
-        e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
-        s, correction = self._symbols, cs.MX.sym("correction", self.equations.free)
-        load = cs.MX.sym("load", LOAD)
-        frames, turns = self._frames(1), cs.MX.sym("turns", NODE, s.turns.shape[1])
+        correction = self._real.solve(s.real, frames.back(residual[NODE:], turns))
         corrected = cs.vertcat(e[:NODE], e[NODE:] - frames.forth(correction, turns))
         forces, _ = self.forces(corrected, e_t, e_tt, load, s.parameters)
-        return _function(
-            "observation", [e, e_t, e_tt, load, correction, turns, s.parameters], [corrected, forces[:NODE]]
-        )
+        inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, excitation, s.reference, s.parameters, s.real]
+        return _function("sample", inputs, [corrected, e_t, forces[:NODE]])
 
     def accelerations(self, q: Array, v: Array, excitation: Array, parameters: Array) -> Array:
         """Return the accelerations a in a state (q, v) under an excitation (15,)."""
@@ -181,6 +172,18 @@ class Collocation:
         properties = parameters[self.equations.layout["properties"]].reshape(model.properties.shape, order="F")
         return scipy.sparse.csc_array(model.mass(properties).sparse()[model.free, model.free])
 
+    @cached_property
+    def _real(self) -> Elimination:
+        return self._elimination(1)
+
+    @cached_property
+    def _pair(self) -> Elimination:
+        return self._elimination(2)
+
+    def _elimination(self, parts: int) -> Elimination:
+        equations = self.equations
+        return Elimination(parts, equations.free, equations.projection.shape[1], equations.make)
+
     def _frames(self, configurations: int) -> Corotation:
         return Corotation(self.equations.model, configurations, self.equations.make)
 
@@ -190,8 +193,7 @@ class Collocation:
 
     def _corrected(self, s: _Symbols) -> cs.MX:
         """Return Z minus T dW, turned forth."""
-        real, pair = cs.vertsplit(s.corrections, [0, self.equations.free, STAGES * self.equations.free])
-        corrections = cs.horzcat(real, cs.reshape(pair, 2, -1).T) @ cs.DM(RADAU.transform).T
+        corrections = s.corrections @ cs.DM(RADAU.transform).T
         return s.increments - self._corotation.forth(corrections, s.turns)
 
     @cached_property
@@ -199,7 +201,7 @@ class Collocation:
         free, model = self.equations.free, self.equations.model
         return _Symbols(
             increments=cs.MX.sym("Z", free, STAGES),
-            corrections=cs.MX.sym("dW", STAGES * free),
+            corrections=cs.MX.sym("dW", free, STAGES),
             q=cs.MX.sym("q", free),
             v=cs.MX.sym("v", free),
             h=cs.MX.sym("h"),
@@ -207,6 +209,8 @@ class Collocation:
             turns=cs.MX.sym("turns", NODE * STAGES, model.size // NODE - 1),
             reference=cs.MX.sym("reference", model.size),
             parameters=cs.MX.sym("parameters", self.equations.parameters.size),
+            real=cs.MX.sym("real", self._real.layout.size),
+            pair=cs.MX.sym("pair", self._pair.layout.size),
         )
 
     @cached_property
@@ -228,27 +232,6 @@ class Collocation:
             local, lost = local + low_rank, lost + cs.sum1(e_t * low_rank)
         return local, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * local[:NODE, :]), supplied)
 
-    @cached_property
-    def _entries(self) -> tuple[Index, cs.DM]:
-        """Places of matrix entries in band storage, and the sums of element matrices that give the entries."""
-        model = self.equations.model
-        kept, rows, columns = model.entries_from(NODE)
-        places, target = np.unique(lapack_place(rows, columns, self.bandwidth), return_inverse=True)
-        pattern = cs.Sparsity.triplet(places.size, model.entries[0].size, target.ravel().tolist(), kept.tolist())
-        return places, cs.DM(pattern, 1.0)
-
-    @property
-    def _sums(self) -> cs.DM:
-        return self._entries[1]
-
-    def _band(self, values: cs.MX, parts: int) -> cs.MX:
-        """Return entries in band storage as a vector; with two parts, real and imaginary parts alternate."""
-        places = parts * self._entries[0] + np.arange(parts)[:, None]
-        size = parts * (3 * self.bandwidth + 1) * self.equations.free
-        order = np.full(size, values.numel())
-        order[places.ravel()] = np.arange(values.numel())
-        return cs.vertcat(values, 0.0).nz[order.tolist()]
-
 
 @dataclass(frozen=True)
 class _Symbols:
@@ -263,6 +246,8 @@ class _Symbols:
     turns: cs.MX
     reference: cs.MX
     parameters: cs.MX
+    real: cs.MX
+    pair: cs.MX
 
     @property
     def of_stages(self) -> list[cs.MX]:

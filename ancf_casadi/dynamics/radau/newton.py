@@ -1,8 +1,7 @@
 """Newton's method for the stage equations of Radau IIA, with matrices that may serve several steps.
 
-Each iteration solves a real and a complex banded system (``collocation``); the low-rank part B diag(d) B^T of the
-damping enters both by Woodbury's identity.  With the norm |.| relative to the tolerance and the contraction
-theta = |dW_k|/|dW_k-1|, the iteration ends when theta/(1 - theta) |dW_k| is below ``TOLERANCE``.
+Each iteration solves a real and a complex system (``collocation``).  With the norm |.| relative to the tolerance and
+the contraction theta = |dW_k|/|dW_k-1|, the iteration ends when theta/(1 - theta) |dW_k| is below ``TOLERANCE``.
 
 References
 ----------
@@ -13,16 +12,14 @@ from __future__ import annotations
 
 import math
 
-import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.radau.buffers import Buffers
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.step_control import NEWTON_ITERATIONS
-from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
+from ancf_casadi.dynamics.radau.tableau import STAGES
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.banded import Factors, lapack_storage
 from ancf_casadi.support.compilation import Buffered
 
 TOLERANCE = 0.001  # relative to the tolerance of the step; with a larger one, the errors of many steps add up
@@ -47,49 +44,34 @@ class Newton:
     """
 
     def __init__(self, form: Collocation, buffers: Buffers, tolerance: float) -> None:
-        model, parameters = form.equations.model, buffers.parameters
+        model, reference = form.equations.model, buffers.reference
         self.iterations = self.factorisations = 0
         self.contraction = 1.0
-        self._buffers, self._width = buffers, form.bandwidth
+        self._buffers = buffers
         self._weights = 1 / (model.scale[model.free] * tolerance * math.sqrt(form.equations.free))
-        every = np.concatenate([self._weights, np.repeat(self._weights, 2)])
-        self._stage_weights = every / math.sqrt(STAGES)
-        self._modal_coefficients = (
-            cs.evalf(form.equations.balance(cs.MX(cs.DM(parameters))).modal_coefficients).full().ravel()
-        )
-        reference = buffers.reference
-        v, h = buffers.last.end[1], buffers.trial.length
+        self._stage_weights = np.tile(self._weights / math.sqrt(STAGES), STAGES)
+        q, v, h = reference.coordinates[NODE:], buffers.last.end[1], buffers.trial.length
         self._stages = Buffered(form.stages, *buffers.of_stages)
-        self._matrices = Buffered(form.matrices, reference.coordinates[NODE:], v, h, reference.excitation, parameters)
-        self._projection = Buffered(form.equations.turned_projection, reference.excitation)
-        self._real: Factors
-        self._pair: Factors
+        self._factors = Buffered(form.factors, q, v, h, reference.excitation, buffers.parameters)
 
     def factorise(self) -> None:
         """Evaluate and factorise the matrices in the predicted configuration of the middle stage."""
         self.factorisations += 1
         trial, reference, (q, _, _) = self._buffers.trial, self._buffers.reference, self._buffers.last.end
-        free = q.size
         reference.excitation[:] = trial.excitations[MIDDLE]
         reference.coordinates[:NODE] = reference.excitation[:NODE]
         reference.coordinates[NODE:] = q + trial.increments[MIDDLE]
-        real, pair = self._matrices()
-        right = self._projection()[0].reshape(self._modal_coefficients.size, free).T
-        left = right * (self._modal_coefficients / trial.length)
-        self._real = Factors.of(lapack_storage(real, self._width), self._width, RADAU.gamma * left, right)
-        self._pair = Factors.of(lapack_storage(pair.view(complex), self._width), self._width, RADAU.mu * left, right)
+        reference.real[:], reference.pair[:] = self._factors()
 
     def converge(self) -> int:
         """Solve the stage equations, and return the number of iterations; 0 if they do not converge."""
         trial = self._buffers.trial
-        increments, corrections, turns = trial.increments.ravel(), trial.corrections, trial.turns
+        increments, corrections, turns = trial.increments.ravel(), trial.corrections.ravel(), trial.turns
         corrections[:] = 0.0
-        free, size = self._weights.size, math.inf
+        size = math.inf
         for iteration in range(1, NEWTON_ITERATIONS + 1):
             self.iterations += 1
-            residuals, increments[:], turns[:] = self._stages()
-            corrections[:free] = self._real.solve(residuals[:free], overwrite=True)
-            corrections[free:] = self._pair.solve(residuals[free:].view(complex), overwrite=True).view(float)
+            corrections[:], increments[:], turns[:] = self._stages()
             weighted = corrections * self._stage_weights
             before, size = size, math.sqrt(weighted.dot(weighted))
             if iteration == 1:
@@ -102,11 +84,7 @@ class Newton:
                 return iteration
         return 0
 
-    def error(self, residual: Array) -> float:
-        """Return the error relative to the tolerance from the right-hand side of its system, which is overwritten."""
-        weighted = self.solve(residual) * self._weights
+    def error(self, estimate: Array) -> float:
+        """Return the size of an error estimate relative to the tolerance."""
+        weighted = estimate * self._weights
         return math.sqrt(weighted.dot(weighted))
-
-    def solve(self, right: Array) -> Array:
-        """Solve with the real matrix for right-hand sides, which are overwritten."""
-        return self._real.solve(right, overwrite=True)

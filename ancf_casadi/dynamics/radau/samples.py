@@ -9,7 +9,6 @@ stages.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as cs
@@ -67,29 +66,22 @@ class Samples:
         self._count, self._instants = count, np.zeros(count)
         self._places, self._excitations = np.zeros(count), np.zeros((count, EXCITATION))
         step = [buffers.trial.length, *buffers.last.start, *buffers.last.end]
-        inputs = [self._places, *step, self._excitations, buffers.reference.coordinates, buffers.parameters]
-        shared = [k for k, array in enumerate(inputs) if array is not self._places and array is not self._excitations]
+        reference = buffers.reference
+        shared = [*step, reference.coordinates, buffers.parameters, reference.real]
+        inputs = [self._places, *step, self._excitations, *shared[len(step) :]]
+        places = [k for k, array in enumerate(inputs) if any(array is one for one in shared)]
         self._excite = Buffered(excitation.map(count), self._instants)
-        self._interpolate = Buffered(form.sample.map("samples", "serial", count, shared, []), *inputs)
-        *motion, self._residual, turns = self._interpolate.outputs
-        observe = form.observation.map("observations", "serial", count, [6], [])
-        self._observe = Buffered(observe, *motion, self._residual, turns, buffers.parameters)
+        self._evaluate = Buffered(form.sample.map("samples", "serial", count, places, []), *inputs)
 
-    def __call__(self, instants: Array, places: Array, solve: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
+    def __call__(self, instants: Array, places: Array) -> tuple[Array, Array, Array]:
         """Return coordinates and velocities, (k, 4 n + 4), and forces of the base, (k, 4).
 
         Parameters
         ----------
         instants, places : array (k,)
             Times, s, and their places in the step, 0 to 1.
-        solve : callable
-            Solves with the real matrix of the step, ``Newton.solve``.
         """
         self._instants[:], self._places[:] = instants, places
         self._excitations.ravel()[:] = self._excite()[0]
-        _, velocities, _, _, residual, _ = self._interpolate()
-        right = residual.reshape(self._count, -1).T
-        right[:] = solve(right)
-        coordinates, forces = self._observe()
-        one, two, three = (part.reshape(self._count, -1).copy() for part in (coordinates, velocities, forces))
+        one, two, three = (part.reshape(self._count, -1).copy() for part in self._evaluate())
         return one, two, three

@@ -140,7 +140,7 @@ class Stepper:
         a[:] = form.accelerations(q, v, first, parameters)
 
         self.newton = Newton(form, buffers, problem.tolerance)
-        self._finish = Buffered(form.finish, *buffers.of_stages, a)
+        self._finish = Buffered(form.finish, *buffers.of_stages[:-1], a)
         self._predict = Buffered(form.prediction, last.nodes, trial.ratio, trial.excitations, q)
         self._excite = Buffered(_at_stages(excitation), trial.time, trial.length)
         self._samples = lru_cache(lambda count: Samples(count, form, buffers, excitation))
@@ -179,7 +179,7 @@ class Stepper:
         of the piece, (k, 3).
         """
         samples = self._samples(len(instants))
-        return *samples(instants, self._places_of(instants), self.newton.solve), self.energies_at(instants)
+        return *samples(instants, self._places_of(instants)), self.energies_at(instants)
 
     def energies_at(self, instants: Array) -> Array:
         """Return the energies since the start of the piece, (k, 3), J, at instants (k,) of the last step."""
@@ -206,8 +206,8 @@ class Stepper:
             if not iterations:
                 control = control.not_converged(h, kept=kept)
                 continue
-            nodes, velocities, accelerations, residual, powers = self._finish()
-            error = newton.error(residual)
+            nodes, velocities, accelerations, estimate, powers = self._finish()
+            error = newton.error(estimate)
             if error <= 1.0:
                 break
             control = control.inaccurate(h, error, iterations)

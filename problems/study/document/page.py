@@ -16,6 +16,7 @@ from problems.study.document.labels import Shown, file_name
 from problems.study.part import Study
 from problems.study.runner import Step
 
+NO_BREAK = "\u00a0"  # a space where no line ends
 NUMBER = re.compile(r"^[(]?[-+–]?\d")
 
 
@@ -58,7 +59,7 @@ def page(study: Study, shown: Sequence[Shown], steps: Sequence[Step], about: Cir
     from jinja2 import Environment, StrictUndefined  # slow to import
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name}
+    environment.filters |= {"paragraphs": _paragraphs, "anchor": file_name, "unbroken": _unbroken}
     environment.globals |= {"svg": _svg, "numeric": _numeric, "zip": zip}
     source = files("problems.study.document").joinpath("page.html.jinja").read_text(encoding="utf-8")
     values: dict[str, Any] = {
@@ -72,6 +73,11 @@ def _paragraphs(text: str) -> Markup:
     """Return text with empty lines as paragraphs."""
     parts = [part.strip() for part in text.strip().split("\n\n") if part.strip()]
     return Markup("\n").join(Markup("<p>{}</p>").format(part) for part in parts)
+
+
+def _unbroken(text: str) -> str:
+    """Return text that breaks before ± only: a number keeps its unit, and a label its number."""
+    return text.replace(" ", NO_BREAK).replace(f"{NO_BREAK}±", " ±")
 
 
 def _svg(label: str, svg: str, caption: str) -> Markup:

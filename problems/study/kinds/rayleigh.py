@@ -132,7 +132,7 @@ class Rayleigh(Part):
         return () if None in errors else tuple(errors)
 
     def _figure(self, fit: RayleighFit) -> Figure:
-        figure, panels = new_figure(3.2 + (2.8 if self.examples else 0.0), 2 if self.examples else 1)
+        figure, panels = new_figure(5.4 if self.examples else 3.2, 2 if self.examples else 1)
         known = [*self.frequencies, *(f for f, _ in self.others)]
         f = np.geomspace(0.5 * min(known), 2 * max(known), 200)
         panels[0].plot(f, 100 * rayleigh_ratio(f, fit.alpha, 0.0), **line(1), label="α M")

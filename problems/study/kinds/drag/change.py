@@ -128,7 +128,7 @@ class RatioChange(Part):
         return DataTable(f"{self.heading.name}_ratios", "Damping ratio along the decay", tuple(columns), notes)
 
     def _figure(self, decays: Sequence[Decay], ratios: Sequence[RatiosOverTime]) -> Figure:
-        figure, (amplitude, ratio) = new_figure(5.6, 2, sharex=True)
+        figure, (amplitude, ratio) = new_figure(5.4, 2, sharex=True)
         for k, (variant, decay, one) in enumerate(zip(self.variants, decays, ratios, strict=True)):
             markers = {**series(k), "linestyle": "", "ms": 5}
             envelope, label = decay.envelope, variant.title

@@ -222,7 +222,7 @@ def _motion(variant: Variant, decay: Decay, end: float) -> Figure:
 def _frequencies(variant: Variant, decays: Sequence[Decay], end: float) -> Figure:
     """Draw the extremes of the motion at each frequency, and all envelopes."""
     count = len(decays)
-    figure, (*motions, envelopes) = new_figure(1.3 * count + 2.6, count + 1, height_ratios=(*([1.0] * count), 2.0))
+    figure, (*motions, envelopes) = new_figure(1.05 * count + 2.25, count + 1, height_ratios=(*([1.0] * count), 2.0))
     for k, (axes, decay) in enumerate(zip(motions, decays, strict=True)):
         draw_band(
             axes,

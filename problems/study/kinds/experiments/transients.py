@@ -208,7 +208,9 @@ class Transients(ExperimentPart):
                 if law.name in self.printed:
                     printed = [self.printed[law.name][number] for number, _ in ordered]
                     axes.plot(places, np.array(printed, dtype=float), ls="", marker="x", ms=7,
-                              color=series(k)["color"], label=f"{law.title}, {self.heading.source}")  # fmt: skip
+                              color=series(k)["color"])  # fmt: skip
+            if self.printed:
+                axes.plot([], [], "kx", ms=7, label=self.heading.source)
             axes.set(yscale="log", ylabel="damping ratio, %", xlabel="mode")
             axes.set_xticks(places, [str(run.mode) for _, (run, _) in ordered])
             axes.set_title("damping ratio of each mode under each law")
@@ -221,10 +223,10 @@ class Transients(ExperimentPart):
 
 def _run_figure(run: Run, results: Sequence[ExperimentResult]) -> Figure:
     """Draw the motion under each law: extremes, waveform around the stop, amplitude of the decay."""
-    figure, (whole_run, around, decay) = new_figure(6.4, 3)
+    figure, (whole_run, around, decay) = new_figure(5.4, 3)
     for k, (law, result) in enumerate(zip(run.laws, results, strict=True)):
         label = f"{law.title}, ζ = {100 * result.damping_ratio:.3g} %"
-        draw_band(whole_run, result.motion, 1e3, **line(k), lw=1, label=law.title)
+        draw_band(whole_run, result.motion, 1e3, **line(k), lw=1)
         around.plot(result.stop_time, 1e3 * result.stop_motion, **line(k), lw=1)
         time, peaks = _peaks(result)
         decay.plot(time - result.stop, 1e3 * peaks, **line(k), label=label)
@@ -236,8 +238,7 @@ def _run_figure(run: Run, results: Sequence[ExperimentResult]) -> Figure:
     around.set(xlabel="time after the stop, s", ylabel="tip relative\nto clamp, mm")
     decay.set(xlabel="time after the stop, s", ylabel=f"amplitude\nof mode {run.mode}, mm", yscale="log")
     plain_log_ticks(decay, "y")
-    whole_run.legend(ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.0))
-    decay.legend(loc="upper left", bbox_to_anchor=(0.0, -0.3))
+    decay.legend(loc="upper left", bbox_to_anchor=(0.0, -0.35))
     figure.align_ylabels()
     return figure
 

@@ -21,7 +21,7 @@ from ancf_casadi.estimation.figures import draw_autocorrelation
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.colours import COMPUTED, MEASURED
+from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 from ancf_casadi.support.prefixes import prefixed
 from ancf_casadi.vibration.modes import Modes
 
@@ -64,6 +64,7 @@ def png(figure: Figure) -> bytes:
     return rendered(figure, ".png")
 
 
+@literal_text
 def decay_figure(
     time: Array,
     measured: Array,
@@ -104,6 +105,7 @@ def decay_figure(
     return figure
 
 
+@literal_text
 def fit_figure(time: Array, measured: Array, fitted: Array, unit: str = "m") -> Figure:
     """Draw measured and fitted values over time (s), the residuals, and their autocorrelation.
 
@@ -159,6 +161,7 @@ def _draw_residuals(axes: Axes, time: Array, residuals: Array, unit: str) -> Non
     axes.set(xlabel="time, s", ylabel=f"record less fit, {name}" if name else "record less fit")
 
 
+@literal_text
 def motion_figure(run: Trajectory) -> Figure:
     """Draw the motion of the tip relative to the clamp over time, and shapes of the beam at twelve instants.
 
@@ -198,6 +201,7 @@ def _draw_shapes(axes: Axes, run: Trajectory) -> None:
     axes.figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=3)
 
 
+@literal_text
 def modes_figure(modes: Modes) -> Figure:
     """Draw the lowest ten mode shapes on both sides of the equilibrium."""
     points = [modes.model.interpolation(s) for s in np.linspace(0.0, modes.model.beam.length, 101).tolist()]
@@ -226,6 +230,7 @@ def modes_figure(modes: Modes) -> Figure:
     return figure
 
 
+@literal_text
 def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, Array]) -> Figure:
     """Draw the relative change of the properties along a beam, and the ranges that fit equally well.
 

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from ancf_casadi import Beam, Model, PointLoad, RayleighDamping, Sensor, Trajectory, simulate
 from ancf_casadi.plot import png
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.colours import COMPUTED, MEASURED
+from ancf_casadi.support.figures import COMPUTED, MEASURED
 from problems import (
     FrequencyRecord,
     MarkerRecord,

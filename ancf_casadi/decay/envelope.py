@@ -37,7 +37,7 @@ from ancf_casadi.decay.spectrum import outstanding_peak, typical_step
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.colours import COMPUTED, MEASURED
+from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 from ancf_casadi.support.inputs import positive
 from ancf_casadi.support.prefixes import prefixed
 from ancf_casadi.support.tables import Table
@@ -121,6 +121,7 @@ class DampingCurve:
         )  # fmt: skip
         return Table("damping_curve", "Damping against amplitude", columns, np.column_stack(series).tolist())
 
+    @literal_text
     def figure(self) -> Figure:
         """Draw damping ratio and frequency against amplitude, with 95 % intervals."""
         from matplotlib.figure import Figure  # slow to import

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from ancf_casadi.estimation.agreement import Agreement
 from ancf_casadi.estimation.noise import autocorrelation
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.colours import COMPUTED, MEASURED
+from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 
 LAGS = 200  # of a drawn autocorrelation
 
@@ -25,6 +25,7 @@ def draw_autocorrelation(axes: Axes, residuals: Array, series: Sequence[int] = (
     axes.set(xlabel="lag, samples", ylabel="autocorrelation")
 
 
+@literal_text
 def residual_figure(residuals: Array, series: Sequence[int] = ()) -> Figure:
     """Draw residuals, one series after the other, and their autocorrelation."""
     figure = Figure(figsize=(8, 4.8), layout="constrained")
@@ -37,6 +38,7 @@ def residual_figure(residuals: Array, series: Sequence[int] = ()) -> Figure:
     return figure
 
 
+@literal_text
 def criteria_figure(names: Sequence[str], aicc: Sequence[float], bic: Sequence[float]) -> Figure:
     """Draw the differences of AICc and BIC from their lowest values; values that are not finite are left out."""
     figure = Figure(figsize=(7, 1.2 + 0.5 * len(names)), layout="constrained")
@@ -59,6 +61,7 @@ def criteria_figure(names: Sequence[str], aicc: Sequence[float], bic: Sequence[f
     return figure
 
 
+@literal_text
 def scatter_figure(labels: Sequence[str], samples: Array, estimates: Array, errors: Sequence[float]) -> Figure:
     """Draw a histogram of each column of samples, and the normal distribution of the estimate.
 
@@ -86,6 +89,7 @@ def scatter_figure(labels: Sequence[str], samples: Array, estimates: Array, erro
     return figure
 
 
+@literal_text
 def agreement_figure(quantities: Sequence[tuple[str, Agreement]]) -> Figure:
     """Draw estimates with 95 % intervals, one plot per quantity, and the interval of their mean as a band."""
     figure = Figure(figsize=(3.2 * max(len(quantities), 1), 2.8), layout="constrained")

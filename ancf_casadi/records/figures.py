@@ -10,11 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.colours import COMPUTED, MEASURED
+from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 
 DENSE = 2000  # samples beyond which a line is clearer than points
 
 
+@literal_text
 def series_figure(series: Sequence[tuple[str, Array, Array]], title: str = "") -> Figure:
     """Draw series, one below the other; each is given as label, times (s) and values."""
     figure = Figure(figsize=(8, 1.4 + 1.8 * len(series)), layout="constrained")
@@ -28,6 +29,7 @@ def series_figure(series: Sequence[tuple[str, Array, Array]], title: str = "") -
     return figure
 
 
+@literal_text
 def spectra_figure(
     series: Sequence[tuple[str, Array, Array, tuple[Array, Array]]], title: str = "", release: float = math.nan
 ) -> Figure:

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.colours import SERIES
+from ancf_casadi.support.figures import SERIES, literal_text
 
 MOST_NAMED = 12  # curves of a plot in its legend
 WIDE_RATIO = 8.0  # highest over lowest frequency, beyond which the axis is logarithmic
@@ -42,6 +42,7 @@ class Curve:
     phase: bool = True
 
 
+@literal_text
 def bode_figure(columns: Sequence[Sequence[Curve]], label: str, titles: Sequence[str] = ()) -> Figure:
     """Draw curves, one pair of plots per column: amplitude above, phase below.
 

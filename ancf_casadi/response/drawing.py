@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from ancf_casadi.response.backbone import Backbone
 from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.colours import SERIES
+from ancf_casadi.support.figures import SERIES, literal_text
 
 MARKERS = {"fold": "o", "branch point": "D", "period doubling": "s", "Neimark-Sacker": "^"}
 UNSTABLE = (0, (4, 2))
 
 
+@literal_text
 def response_figure(curves: Mapping[str, ResponseCurve], point: float | None = None) -> Figure:
     """Draw amplitude and phase of a point along curves, by label; unstable motions are dashed, bifurcations marked."""
     figure = Figure(figsize=(6.4, 5.6), layout="constrained")
@@ -68,6 +69,7 @@ def _legend(axes: Axes, kinds: set[str], unstable: bool) -> None:
         axes.legend(handles, labels)
 
 
+@literal_text
 def backbone_figure(backbones: Mapping[str, Backbone]) -> Figure:
     """Draw frequency and damping ratio against amplitude, by label."""
     figure = Figure(figsize=(6.4, 5.6), layout="constrained")

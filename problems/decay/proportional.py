@@ -37,6 +37,7 @@ from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Mask
+from ancf_casadi.support.figures import literal_text
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, positive
 from ancf_casadi.support.tables import Table
 
@@ -117,11 +118,12 @@ class RayleighFit:
         """Return the table as text."""
         return self.table().text()
 
+    @literal_text
     def figure(self) -> Figure:
         """Draw the measured damping ratios with their errors, and the fitted law, Eq. (16), against frequency."""
         from matplotlib.figure import Figure  # matplotlib is slow to import
 
-        from ancf_casadi.support.colours import COMPUTED, MEASURED
+        from ancf_casadi.support.figures import COMPUTED, MEASURED
 
         figure = Figure(figsize=(6, 3.6), layout="constrained")
         axes = figure.subplots()

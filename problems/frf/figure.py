@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ancf_casadi.response.bode import Curve, bode_figure
-from ancf_casadi.support.colours import COMPUTED, MEASURED
+from ancf_casadi.support.figures import COMPUTED, MEASURED
 from problems.frf.result import FrfFit
 
 MOST_DRAWN = 4  # functions; of more, those with the largest residuals

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.colours import COMPUTED, MEASURED
+from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 from problems.properties.prediction import Prediction
 from problems.properties.records import StaticRecord
 
@@ -17,6 +17,7 @@ MARKERS = "osD^v<>P"
 WIDE = 10.0  # ratio of the frequencies beyond which their axis is logarithmic
 
 
+@literal_text
 def records_figure(predictions: Sequence[Prediction]) -> Figure:
     """Draw measured and computed values of records in the upper row, and relative errors in the lower one.
 

@@ -8,12 +8,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.colours import MEASURED, SERIES
+from ancf_casadi.support.figures import MEASURED, SERIES, literal_text
 from problems.response.record import ResponseRecord
 
 IN_MM = ("position", "displacement")
 
 
+@literal_text
 def response_figure(records: Sequence[ResponseRecord], amplitudes: Sequence[Array], phases: Sequence[Array]) -> Figure:
     """Draw measured (dots) and computed amplitudes against frequency, and the phases below where they were measured.
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.colours import SERIES
+from ancf_casadi.support.figures import SERIES, literal_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,25 +77,12 @@ def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
     from ancf_casadi.plot import RESOLUTION
 
     with rc_context(STYLE):
-        figure = draw()
-        _show_dollars(figure)
+        figure = literal_text(draw)()
         svg, png = io.StringIO(), io.BytesIO()
         figure.savefig(svg, format="svg", transparent=True, metadata={"Date": None})
         figure.set_layout_engine("none")  # the layout is found once
         figure.savefig(png, format="png", dpi=RESOLUTION, metadata={"Software": None})
         return Drawing(name, caption, svg.getvalue(), png.getvalue())
-
-
-def _show_dollars(figure: Figure) -> None:
-    """Show the texts of users as they are: a $ in a title or a legend starts no formula, as it does in a tick label."""
-    from matplotlib.axis import Axis, Tick
-    from matplotlib.text import Annotation, Text
-
-    own = {id(text) for tick in figure.findobj(Tick) for text in (tick.label1, tick.label2)}
-    own |= {id(axis.get_offset_text()) for axis in figure.findobj(Axis)}
-    for text in figure.findobj(Text):
-        if id(text) not in own and not isinstance(text, Annotation):
-            text.set_parse_math(False)
 
 
 def new_figure(height: float, rows: int = 1, columns: int = 1, **options: Any) -> tuple[Figure, list[Axes]]:

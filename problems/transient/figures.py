@@ -8,12 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.colours import MEASURED
+from ancf_casadi.support.figures import MEASURED, literal_text
 from problems.transient.motion_record import Channel, MotionRecord
 
 IN_MM = ("position", "displacement")
 
 
+@literal_text
 def motion_figure(records: Sequence[MotionRecord], residuals: Sequence[Array]) -> Figure:
     """Draw measured (dots) and computed readings over time, and the residuals below; one column per record.
 

@@ -45,6 +45,7 @@ from ancf_casadi.estimation.agreement import parts
 from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import literal_text
 from ancf_casadi.support.inputs import array, check_instance, instances, physical
 from ancf_casadi.support.tables import Table
 from ancf_casadi.vibration.modes import Modes
@@ -210,11 +211,12 @@ class CombinedLawFit:
             "warnings": list(self.warnings),
         }
 
+    @literal_text
     def figure(self) -> Figure:
         """Draw eta2 of each mode alone with 95 % intervals, and the common value with its interval as a band."""
         from matplotlib.figure import Figure  # slow to import
 
-        from ancf_casadi.support.colours import COMPUTED, MEASURED
+        from ancf_casadi.support.figures import COMPUTED, MEASURED
 
         figure = Figure(figsize=(5.2, 3.2), layout="constrained")
         axes, (own, errors) = figure.subplots(), self._implied()

@@ -47,6 +47,13 @@ def test_channels_rate_spectrum_and_release_are_found(record, capsys):
     assert data["fit"]["periods"] == pytest.approx(22.0, abs=1.0)
 
 
+def test_a_formula_in_the_names_of_file_and_column_is_drawn_as_text(record, tmp_path, capsys):
+    """Matplotlib once tried to set it, and failed."""
+    name = record(head=r"Time (ms);$\undefined$ [mm]", name=r"$\undefined$.csv")
+    assert main(["inspect", name, "--plot", "plot.svg"]) == 0
+    assert (tmp_path / "plot.svg").read_text(encoding="utf-8").count(r"$\undefined$") >= 2
+
+
 def test_missing_samples_are_reported_with_the_longest_gap(record, capsys):
     keep = (TIME < 2.0) | (TIME > 2.1)
     keep[77] = False

@@ -175,7 +175,7 @@ class TestPage:
         assert not re.search(r"<svg[^>]*\bwidth=", page.source)
 
     def test_prints_all_columns(self, page):
-        """No scroll bar cuts a table: cells wrap, and the heads of many columns are turned; type of 7 points or more."""
+        """No scroll bar cuts a table: cells wrap, and heads of many columns are turned; type of 7 points or more."""
         rules = printed_rules(page.source)
         assert rules[".scroll"]["overflow"] == "visible"
         assert rules["th, td"]["white-space"] == "normal"

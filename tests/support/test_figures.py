@@ -1,0 +1,68 @@
+"""Names of columns, files, records and titles stand in figures as they were written."""
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from ancf_casadi.estimation.figures import criteria_figure, residual_figure, scatter_figure
+from ancf_casadi.plot import rendered
+from ancf_casadi.records.figures import series_figure, spectra_figure
+
+ROOT = Path(__file__).parents[2]
+FORMULA = r"$\undefined$, $5"
+TIME = np.arange(50) / 50
+WAVE = np.sin(40 * TIME)
+
+
+DRAWN = {
+    "record": lambda name: series_figure([(name, TIME, WAVE)], name),
+    "spectrum": lambda name: spectra_figure([(name, TIME, WAVE, (TIME, WAVE))], name),
+    "laws": lambda name: criteria_figure([name, "other"], [1.0, 2.0], [1.0, 2.0]),
+    "estimates": lambda name: scatter_figure([name], WAVE[:, None], [0.0], [1.0]),
+}
+
+
+@pytest.mark.parametrize("drawn", DRAWN.values(), ids=DRAWN)
+@pytest.mark.parametrize(
+    "name", [FORMULA, r"\$", r"\$1 and $2", "\udcff\x00\x1b[31m\t.csv"], ids=["formula", "escaped", "mixed", "control"]
+)
+def test_a_name_is_drawn_as_it_was_written(drawn, name):
+    """Halves of characters and control characters, which no font has, become a replacement character."""
+    figure = drawn(name)
+    assert rendered(figure, ".png").startswith(b"\x89PNG")
+    shown = name.replace("\udcff\x00\x1b", "\ufffd" * 3).replace("\t", " ")
+    assert [label for label in labels(figure) if shown in label]
+
+
+def labels(figure: Figure) -> list[str]:
+    """Return the texts that a figure draws, without the signs that keep tick labels from being formulas."""
+    figure.draw_without_rendering()
+    found = [text for axes in figure.axes for text in (axes.title, axes.xaxis.label, axes.yaxis.label)]
+    assert not any(text.get_parse_math() for text in found if "$" in text.get_text())
+    ticks = [text.get_text().replace(r"\$", "$") for axes in figure.axes for text in axes.get_yticklabels()]
+    return [*(text.get_text() for text in found), *ticks]
+
+
+def test_powers_of_ten_and_formulas_that_are_added_later_remain_formulas():
+    figure = residual_figure(WAVE)
+    above = figure.axes[0]
+    above.set(yscale="log", title=r"$\omega$")
+    above.yaxis.set_major_formatter("$10^2$")
+    figure.draw_without_rendering()
+    assert above.title.get_parse_math() and all(text.get_parse_math() for text in above.get_yticklabels())
+
+
+def test_every_function_that_makes_a_figure_shows_texts_as_they_are():
+    """The figures of studies pass through ``problems.study.drawing.drawn`` instead."""
+    for package in ("ancf_casadi", "problems"):
+        for path in (ROOT / package).rglob("*.py"):
+            source = path.read_text(encoding="utf-8")
+            for function in ast.walk(ast.parse(source)) if "Figure(" in source else ():
+                if isinstance(function, ast.FunctionDef) and function.name != "new_figure":
+                    calls = (node for node in ast.walk(function) if isinstance(node, ast.Call))
+                    makes = any(ast.unparse(call.func) == "Figure" for call in calls)
+                    named = [ast.unparse(decorator) for decorator in function.decorator_list]
+                    assert not makes or "literal_text" in named, f"{path}: {function.name}"

@@ -150,12 +150,13 @@ class Match(Part):
             Column("before", tuple(standard)),
             Column("mean", tuple(float(values.mean()) for values in arrays.values()),
                    printed=printed_values(self.printed, "value")),
-            Column("lowest", tuple(float(values.min()) for values in arrays.values())),
-            Column("highest", tuple(float(values.max()) for values in arrays.values())),
+            Column("smallest", tuple(float(values.min()) for values in arrays.values())),
+            Column("largest", tuple(float(values.max()) for values in arrays.values())),
         )  # fmt: skip
         bounds = ", ".join(matched.data["at_bound"]) or "none"
         notes = (
             f"{matched.data['iterations']} iterations of IPOPT; properties at a bound: {bounds}.",
+            "Mean, smallest and largest value along the beam.",
             *matched.statements,
             *self.heading.notes,
         )

@@ -27,9 +27,9 @@ SECONDS = 10.0  # expected computing time
 
 
 class SimulationNumbers(TypedDict):
-    """Extent of the tip motion in x and y (m), energy that damping has taken (J), and the largest balance error (J)."""
+    """Range of the tip position in x and y, m; energy that damping has taken, J; the largest balance error, J."""
 
-    tip_travel_m: list[float]
+    tip_position_range_m: list[float]
     dissipated_energy_j: float
     balance_error_j: float
     integrators: list[str]
@@ -69,7 +69,7 @@ def simulate_plain(given: TablesOfFile, name: str) -> SimulatedMotion:
     if run.interrupted:
         raise KeyboardInterrupt
     data = {
-        "tip_travel_m": np.ptp(run.tip, axis=0).tolist(),
+        "tip_position_range_m": np.ptp(run.tip, axis=0).tolist(),
         "dissipated_energy_j": float(run.dissipated_energy[-1]),
         "balance_error_j": float(np.abs(run.balance_error).max()),
         "integrators": [use.method for use in run.integrators],
@@ -91,12 +91,12 @@ class SimulationPart(FilePart):
         return (Task(simulate_plain, (self.given, self.heading.name), SECONDS),)
 
     def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
-        """Return extent and energies, and the figure of the motion."""
+        """Return range and energies, and the figure of the motion."""
         motion: SimulatedMotion = results[0]
-        x, y = motion.data["tip_travel_m"]
+        x, y = motion.data["tip_position_range_m"]
         rows = (
-            ("travel of the tip in x", "mm", 1e3 * x),
-            ("travel of the tip in y", "mm", 1e3 * y),
+            ("range of the tip position in x", "mm", 1e3 * x),
+            ("range of the tip position in y", "mm", 1e3 * y),
             ("energy taken by damping", "mJ", 1e3 * motion.data["dissipated_energy_j"]),
             ("largest energy balance error", "mJ", 1e3 * motion.data["balance_error_j"]),
         )

@@ -52,6 +52,15 @@ def test_the_beam_of_the_outcome_has_the_frequencies(study_file):
     assert np.abs(np.array(beam.width) / 5e-3 - 1).max() < 0.1 + 1e-9
 
 
+def test_extremes_along_the_beam_are_not_named_as_the_range_that_fits_equally_well(report):
+    """``lowest`` and ``highest`` are that range, in the report of a match."""
+    (_, properties), _ = report.parts[0].tables
+    width = 1e3 * np.array(report.results["match"]["width_m"])
+    row = dict(zip(properties.table().columns, properties.table().rows[0], strict=True))
+    assert (row["smallest"], row["largest"]) == pytest.approx((width.min(), width.max()))
+    assert not {"lowest", "highest"} & row.keys()
+
+
 def test_tables_name_properties_and_frequencies(report):
     (_, properties), (_, frequencies) = report.parts[0].tables
     assert [row[0] for row in properties.table().rows] == ["width", "thickness", "density", "elastic modulus"]

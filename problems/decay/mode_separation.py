@@ -110,7 +110,7 @@ def fit_modes(
     fit, columns = _together(modes, t, y)
     fits = [
         decay_result(
-            mode.model, fit, t, indices=indices, rows=slice(0, len(t)), ratio_bounds=RATIO_BOUNDS,
+            mode.model, fit, t, fit.residuals, indices=indices, rows=slice(0, len(t)), ratio_bounds=RATIO_BOUNDS,
             reason=modes[0].release_reason, notes=notes,
         )
         for mode, indices in zip(modes, columns, strict=True)

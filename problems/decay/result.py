@@ -85,9 +85,11 @@ class DecayFit:
     warnings : tuple of str
         Limitations of the estimates.
     time : ndarray
-        Times of the fitted samples (m,), s.
+        Times of the samples from the release on (m,), s.
     residuals : ndarray
         Fitted less measured values at these times (m,), in the unit of the sensor.
+    fitted_samples : int
+        Number of samples that the fit used: fewer than all if the record has far more than its mode needs.
     model : DecayModel
         Fitted curve.
     indices : tuple of int
@@ -133,13 +135,14 @@ class DecayFit:
     warnings: tuple[str, ...]
     time: Array
     residuals: Array
+    fitted_samples: int
     model: DecayModel
     indices: tuple[int, ...]
     fit: Fit
 
     @property
     def samples(self) -> int:
-        """Number of fitted samples."""
+        """Number of samples from the release on."""
         return len(self.residuals)
 
     @property
@@ -253,6 +256,7 @@ class DecayFit:
             "sensor": self.model.sensor.quantity,
             "units": self.units,
             "samples": self.samples,
+            "fitted_samples": self.fitted_samples,
             "at_bound": list(self.active_bounds),
             "warnings": list(self.warnings),
             "fit": self.fit.to_dict(),
@@ -278,6 +282,13 @@ class DecayFit:
         shown = ["frequency", "damping_ratio", *self.model.terms, "amplitude", "offset", *drift]
         bent = "" if self.frequency_law == "constant" else f", frequency {self.frequency_law} in the amplitude"
         lines = [f"{self.law} decay{bent}, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
+        if self.fitted_samples < self.samples:
+            step = (self.time[-1] - self.time[0]) / (self.samples - 1)
+            rate = self.fitted_samples / self.samples / step
+            lines.append(
+                f"  fitted as {self.fitted_samples} samples at {rate:.4g} Hz: the frequencies up to {rate / 2:.4g} Hz "
+                "of the record, without a loss for this mode"
+            )
         lines += [f"  {name:<20}{getattr(self, name):>13.6g} {self._uncertainty(name)}" for name in shown]
         lines.append(f"  {'release':<20}{self.release_time:>13.6g} s  ({self.release_reason})")
         lines.append(f"  {'residual_rms':<20}{self.residual_rms:>13.3g} {self.model.sensor.unit}".rstrip())
@@ -303,6 +314,7 @@ def decay_result(
     model: DecayModel,
     fit: Fit,
     time: Array,
+    residuals: Array,
     *,
     indices: tuple[int, ...],
     rows: slice,
@@ -318,12 +330,12 @@ def decay_result(
         Fitted curve.
     fit : Fit
         Unknowns of all records.
-    time : ndarray
-        Times of the record from the release on, s.
+    time, residuals : ndarray
+        Times of the record from the release on, s, and its residuals.
     indices : tuple of int
         Positions of the unknowns of the record.
     rows : slice
-        Residuals of the record.
+        Samples of the record that were fitted, among those of all records.
     ratio_bounds : (float, float)
         Bounds of the damping ratio under the linear law.
     reason : str
@@ -341,7 +353,7 @@ def decay_result(
         bounds["eta1"] = (0.0 if ratio_bounds[0] >= 0.0 else -math.inf, math.inf)
     values, errors = (dict(zip(QUANTITIES, column.tolist(), strict=True)) for column in fit.derived(quantities))
     ends = np.clip(fit.derived_intervals(quantities).T, *np.array(list(bounds.values())).T).T
-    residuals = fit.residuals[rows]
+    fitted = time if fit.times is None else time[0] + fit.times[rows]
     return DecayFit(
         law=model.law,
         frequency_law=model.frequency_law,
@@ -351,9 +363,10 @@ def decay_result(
         correlation=_correlation(fit, "eta1", "eta2"),
         standard_errors=errors,
         intervals={name: (low, high) for name, (low, high) in zip(QUANTITIES, ends.tolist(), strict=True)},
-        warnings=(*notes, *fit.warnings, *limitations(model, fit, indices, rows, time, values, errors)),
+        warnings=(*notes, *fit.warnings, *limitations(model, fit, indices, rows, fitted, values, errors)),
         time=time,
         residuals=residuals,
+        fitted_samples=len(fitted),
         model=model,
         indices=indices,
         fit=fit,

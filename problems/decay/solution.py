@@ -4,6 +4,11 @@ The fit starts from the first guess or from the track of amplitude and phase (``
 residuals, and if it does not converge, from the other one.  With several records, the one with the largest amplitude
 gives the starting values of the mode.
 
+A long record with even times is reduced to the band of the mode by a projection on its slowest cosines
+(``ancf_casadi.records.processing``), which keeps estimates and standard errors.  The curve of a first fit is subtracted
+before the projection, because the slope of the decay at the release would leave an error there.  Outliers would spread,
+so that a robust fit takes all samples.
+
 A robust fit replaces the squares by the pseudo-Huber loss (``ancf_casadi.estimation.loss``).  The residuals of the
 previous fit give the noise that sets its threshold.
 
@@ -15,7 +20,7 @@ P. J. Huber, Robust Statistics, Wiley (1981), Section 7.8.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -25,11 +30,13 @@ import numpy as np
 
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.one_mode import longest_step
+from ancf_casadi.decay.spectrum import is_even
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.least_squares import Unknown, least_squares, restarted
 from ancf_casadi.estimation.loss import HUBER, noise_of
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.processing import projected
 from ancf_casadi.support.arrays import Array
 from problems.decay.laws import LAWS, DecayModel, FrequencyLaw, Law
 from problems.decay.limitations import ROUNDING
@@ -40,6 +47,8 @@ RATIO_BOUNDS = (0.0, 0.999)
 INTEGRATION_ERROR = 0.5  # standard errors, if all samples had the same error; estimates shift by a tenth of this
 INTEGRATIONS = 3  # most fits of an integrated law, until its step settles
 REFINED = 0.7  # ratio of the required step to the last one, below which the fit is repeated
+FEWEST = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
+PER_PERIOD = 12  # samples that this band needs
 ROBUST_ROUNDS = 3  # robust fits, in which the estimate of the noise settles
 ADVICE = "check the time of the release, or fit a law with fewer terms"
 
@@ -63,28 +72,78 @@ def fit_from(
         If the fit does not converge.
     """
     sensor = records[0].sensor
+    times = [record.time[guess.release :] for record, guess in zip(records, guesses, strict=True)]
+    decays = [_decay(record, guess.release) for record, guess in zip(records, guesses, strict=True)]
     guesses = [_of_motion(guess, sensor.derivatives) for guess in guesses]
     largest = max(guess.amplitude for guess in guesses)
     model = DecayModel(law, offset, drift, frequency_law, reference=largest, sensor=sensor)
+    lengths = [len(decay.time) for decay in decays]
+    counts = lengths if robust else _counts(decays, [guess.ω for guess in guesses])
+    thinned = [_thinned(decay, count, np.zeros_like) for decay, count in zip(decays, counts, strict=True)]
     if LAWS[law].integrated:
-        model, fit, columns = _integrate(model, records, guesses, ratio_bounds, robust)
+        model, fit, columns = _integrate(model, thinned, guesses, ratio_bounds, robust)
     else:
-        fit, columns = _match(model, records, guesses, ratio_bounds, robust)
-    times = [record.time[guess.release :] for record, guess in zip(records, guesses, strict=True)]
-    ends = np.cumsum([0, *map(len, times)]).tolist()
+        fit, columns = _match(model, thinned, guesses, ratio_bounds, robust)
+    if counts != lengths:  # again, less the curve, which has slopes at the ends
+        curves = [_curve(model, fit, own) for own in columns]
+        thinned = [_thinned(*one) for one in zip(decays, counts, curves, strict=True)]
+        start = dict(zip(fit.names, fit.values.tolist(), strict=True))
+        fit, columns = _match(model, thinned, guesses, ratio_bounds, robust, start)
+    parts = [slice(*ends) for ends in pairwise(np.cumsum([0, *counts]).tolist())]
+    residuals = [fit.residuals[rows] for rows in parts]
+    if counts != lengths:
+        residuals = [
+            _curve(model, fit, own)(decay.time) - decay.values for own, decay in zip(columns, decays, strict=True)
+        ]
     return tuple(
         decay_result(
             model,
             fit,
             time,
-            indices=indices,
-            rows=slice(*rows),
+            rest,
+            indices=own,
+            rows=rows,
             ratio_bounds=ratio_bounds,
             reason=guess.reason,
             notes=guess.notes,
         )
-        for time, indices, rows, guess in zip(times, columns, pairwise(ends), guesses, strict=True)
+        for time, rest, own, rows, guess in zip(times, residuals, columns, parts, guesses, strict=True)
     )
+
+
+def _decay(record: Measurement, release: int) -> Measurement:
+    """Return the record from its sample ``release`` on, with times after this sample."""
+    time = record.time[release:]
+    return Measurement(time - time[0], record.values[release:], record.name, record.sensor)
+
+
+def _counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
+    """Return the number of samples that a fit needs of each decay: all, if one of them is short or unevenly sampled.
+
+    The samples of all decays become fewer by the same ratio, because a fit takes their noise as equal.
+    """
+    needed = [
+        max(FEWEST, PER_PERIOD * one * decay.time[-1] / (2 * math.pi)) for one, decay in zip(ω, decays, strict=True)
+    ]
+    lengths = [len(decay.time) for decay in decays]
+    ratio = max(count / length for count, length in zip(needed, lengths, strict=True))
+    if 2 * ratio >= 1.0 or not all(is_even(decay.time) for decay in decays):
+        return lengths
+    return [math.ceil(ratio * length) for length in lengths]
+
+
+def _thinned(decay: Measurement, count: int, curve: Callable[[Array], Array]) -> Measurement:
+    """Return a decay with fewer samples: those of a curve of the time, plus the projected rest."""
+    m = len(decay.time)
+    if count == m:
+        return decay
+    time = (m / count * (np.arange(count) + 0.5) - 0.5) * decay.time[-1] / (m - 1)
+    return Measurement(time, curve(time) + projected(decay.values - curve(decay.time), count), sensor=decay.sensor)
+
+
+def _curve(model: DecayModel, fit: Fit, own: Sequence[int]) -> Callable[[Array], Array]:
+    """Return the fitted curve of a record, whose unknowns have the positions ``own``, as a function of the time."""
+    return lambda time: np.asarray(cs.evalf(model.curve(time, *(cs.MX(fit.values[k]) for k in own)))).ravel()
 
 
 def _of_motion(guess: DecayGuess, derivatives: int) -> DecayGuess:
@@ -123,17 +182,16 @@ class _Problem:
 
 
 def _problem(
-    model: DecayModel, records: Sequence[Measurement], guesses: Sequence[DecayGuess], ratio_bounds: tuple[float, float]
+    model: DecayModel, decays: Sequence[Measurement], guesses: Sequence[DecayGuess], ratio_bounds: tuple[float, float]
 ) -> _Problem:
     """Return the problem; its curves are built once, and inserted wherever they are needed."""
     unknowns = model.shared(max(guesses, key=lambda guess: guess.amplitude), ratio_bounds)
     shared, columns = tuple(range(len(unknowns))), []
     for position, guess in enumerate(guesses, start=1):
-        own, suffix = model.own(guess), f"_{position}" if len(records) > 1 else ""
+        own, suffix = model.own(guess), f"_{position}" if len(decays) > 1 else ""
         columns.append((*shared, *range(len(unknowns), len(unknowns) + len(own))))
         unknowns += [replace(u, name=u.name + suffix) for u in own]
-    times = [record.time[g.release :] - record.time[g.release] for record, g in zip(records, guesses, strict=True)]
-    measured = [record.values[g.release :] for record, g in zip(records, guesses, strict=True)]
+    times, measured = [decay.time for decay in decays], [decay.values for decay in decays]
     x = cs.MX.sym("x", len(unknowns))
     curves = [model.curve(t, *(x[i] for i in own)) for t, own in zip(times, columns, strict=True)]
     function = cs.Function("curves", [x], [cs.vertcat(*curves)], {"always_inline": True})
@@ -142,7 +200,7 @@ def _problem(
 
 def _match(
     model: DecayModel,
-    records: Sequence[Measurement],
+    decays: Sequence[Measurement],
     guesses: Sequence[DecayGuess],
     ratio_bounds: tuple[float, float],
     robust: bool,
@@ -153,7 +211,7 @@ def _match(
     Unknowns named in ``start`` begin at the values given there, the others at the guesses.  If it is not given, the
     fit starts from the guesses or from the track of amplitude and phase.
     """
-    problem = _problem(model, records, guesses, ratio_bounds)
+    problem = _problem(model, decays, guesses, ratio_bounds)
     if start is None:
         starts = _ordered(problem, _started(problem.unknowns, _tracked(model, problem, guesses)))
     else:
@@ -216,7 +274,7 @@ def _first_fit(
 
 def _integrate(
     model: DecayModel,
-    records: Sequence[Measurement],
+    decays: Sequence[Measurement],
     guesses: Sequence[DecayGuess],
     ratio_bounds: tuple[float, float],
     robust: bool,
@@ -227,7 +285,7 @@ def _integrate(
     residuals of the integrated law are smaller, they may need a shorter step; the fit is then repeated from its result.
     """
     closed = replace(model, law="quadratic")
-    fit, columns = _match(closed, records, guesses, ratio_bounds, robust)
+    fit, columns = _match(closed, decays, guesses, ratio_bounds, robust)
     found = [closed.values(fit.values[list(own)]) for own in columns]
     guesses = [
         replace(
@@ -247,5 +305,5 @@ def _integrate(
         if step > REFINED * model.longest_step:
             break
         model, start = replace(model, longest_step=step), dict(zip(fit.names, fit.values.tolist(), strict=True))
-        fit, columns = _match(model, records, guesses, ratio_bounds, robust, start)
+        fit, columns = _match(model, decays, guesses, ratio_bounds, robust, start)
     return model, fit, columns

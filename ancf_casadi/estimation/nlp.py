@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,7 @@ import casadi as cs
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import delayed_interrupts
-from ancf_casadi.support.progress import step
+from ancf_casadi.support.progress import counting, step
 
 SILENT: Mapping[str, Any] = {
     "print_time": False,
@@ -109,8 +109,11 @@ def solve_nlp(
     bounds = {"lbx": lower, "ubx": upper}
     if "g" in nlp:
         bounds |= {"lbg": constraint_lower, "ubg": constraint_upper}
+    settings = {**SILENT, **(options or {})}
+    if counting():
+        settings["iteration_callback"] = _Ticks(nlp)  # ``settings`` keeps it while the solver runs
     try:
-        solver = cs.nlpsol("solver", "ipopt", nlp, {**SILENT, **(options or {})})
+        solver = cs.nlpsol("solver", "ipopt", nlp, settings)
         began = time.perf_counter()
         with delayed_interrupts():
             result = solver(x0=start, **bounds)
@@ -132,6 +135,34 @@ def solve_nlp(
         bound_multipliers=result["lam_x"].full().ravel(),
         constraint_multipliers=result["lam_g"].full().ravel(),
     )
+
+
+class _Ticks(cs.Callback):
+    """Callback after each iteration of IPOPT, which shows that a long solution proceeds."""
+
+    def __init__(self, nlp: Mapping[str, cs.MX]) -> None:
+        """Take the shapes of the problem."""
+        cs.Callback.__init__(self)
+        rows = {name: nlp[name].numel() if name in nlp else 0 for name in ("f", "x", "g", "p")}
+        self.rows = [rows[name.removeprefix("lam_")] for name in cs.nlpsol_out()]
+        self.construct("ticks", {})
+
+    def get_n_in(self) -> int:
+        """Return the number of outputs of a solver."""
+        return int(cs.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        """Return 1: whether to stop."""
+        return 1
+
+    def get_sparsity_in(self, i: int) -> cs.Sparsity:
+        """Return the shape of an output of the solver."""
+        return cs.Sparsity.dense(self.rows[i])
+
+    def eval(self, _: Sequence[cs.DM]) -> list[int]:
+        """Count one step, and go on."""
+        step()
+        return [0]
 
 
 def _reason(error: RuntimeError) -> str:

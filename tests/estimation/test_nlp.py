@@ -1,6 +1,8 @@
 """Least squares and nonlinear programs: certified values, closed forms, bounds, and all failures."""
 
+import io
 import math
+import sys
 
 import casadi as cs
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.estimation.nlp import solve_nlp
 from ancf_casadi.exceptions import FitError, InputError
+from ancf_casadi.support import progress
 
 # NIST StRD, Misra1a (Misra 1978): y = b1 (1 - exp(-b2 x)), with certified estimates and standard deviations.
 MISRA_X = [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0]
@@ -251,3 +254,26 @@ def test_every_failure_is_one_short_error(objective, constraint, options, messag
     assert len(str(caught.value)) < 400
     assert caught.value.__suppress_context__ or caught.value.__context__ is None
     assert capfd.readouterr().out == ""
+
+
+def test_a_terminal_shows_the_iterations_and_the_solution_is_the_same(monkeypatch):
+    """A long solution proceeds visibly."""
+
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    x = cs.MX.sym("x", 2)
+    problem = {"x": x, "f": 100 * (x[1] - x[0] ** 2) ** 2 + (1 - x[0]) ** 2, "g": x[0] + x[1]}
+    bounds = {"constraint_lower": -10.0, "constraint_upper": 10.0}
+    silent = solve_nlp(problem, np.array([-1.2, 1.0]), **bounds)
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    counted = []
+    monkeypatch.setattr(progress.tqdm, "update", lambda bar, n=1: counted.append(n))
+    with progress.counter("fit"):
+        shown = solve_nlp(problem, np.array([-1.2, 1.0]), **bounds)
+    assert "fit: 0 steps" in terminal.getvalue()
+    assert len(counted) > silent.iterations > 5
+    np.testing.assert_array_equal(shown.x, silent.x)

@@ -50,6 +50,7 @@ ROUGH = 1e-3  # error, relative to the amplitude, that no model explains, such a
 CLEAR = 10.0  # difference of BIC that leaves no doubt
 POSSIBLE = 4.0  # difference of twice the log-likelihood within which an end is possible (95 %)
 SUPPLY = 0.3  # least energy that a force supplies, relative to the loss of a free mode; less may be a beat of two modes
+WEAK, GROWING = 0.2, 5  # size before a growth, relative to the largest, and least number of blocks of the growth
 ONE_MODE, LOSSY_MODE, FORCED_MODE = 4, 7, 10  # number of unknowns of the models
 
 
@@ -57,7 +58,7 @@ def end_of_excitation(time: Array, displacement: Array) -> int:
     """Return the index of the first sample after an excitation; 0 if there is none."""
     if len(time) < BLOCK_SAMPLES:
         return 0
-    k, z, length = _blocks(time, displacement)
+    k, z, length = _blocks(time, displacement, peak_frequencies(time, displacement - displacement.mean())[0])
     P = len(z)
     if P < FORCED + 1 + FREE:
         return 0
@@ -94,10 +95,23 @@ def end_of_excitation(time: Array, displacement: Array) -> int:
     return int(np.searchsorted(time, time[0] + k[last] * length - typical_step(time) / 2))
 
 
-def _blocks(time: Array, displacement: Array) -> tuple[Array, ComplexArray, float]:
-    """Return numbers and z of the blocks, until noise hides z, and the length of a block (s)."""
-    step, swing = typical_step(time), displacement - displacement.mean()
-    period = 1 / (peak_frequencies(time, swing)[0] * step)  # steps
+def grows_slowly(time: Array, displacement: Array, frequency: float) -> bool:
+    """Return whether the first oscillation of a given frequency (Hz) in a record grows over many blocks.
+
+    That of an excited mode does, that after a release or a blow does not.  Its velocity is taken, in which a slower and
+    larger oscillation is small.
+    """
+    size = np.abs(_blocks(time, np.gradient(displacement, time), frequency)[1])
+    if not size.size:
+        return False
+    begin, peak = int(np.argmax(size > WEAK * size.max())), int(np.argmax(size))
+    return 0 < begin <= peak - GROWING and bool((np.diff(size[begin - 1 : peak + 1]) > 0.0).all())
+
+
+def _blocks(time: Array, displacement: Array, frequency: float) -> tuple[Array, ComplexArray, float]:
+    """Return numbers and z of the blocks for a carrier (Hz), until noise hides z, and the length of a block (s)."""
+    step = typical_step(time)
+    period = 1 / (frequency * step)  # steps
     count = (time[-1] - time[0]) / step + 1
     periods = max(1, math.ceil(BLOCK_SAMPLES / period), math.ceil(count / period / MOST_BLOCKS))
     size = round(periods * period)

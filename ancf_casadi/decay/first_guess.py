@@ -19,9 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ancf_casadi.decay.excitation import grows_slowly
 from ancf_casadi.decay.local_decay import local_decay
 from ancf_casadi.decay.release import MINIMUM_SAMPLES, Release, find_release
-from ancf_casadi.decay.spectrum import peak_frequencies, typical_step
+from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency, typical_step
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import without_line
@@ -35,6 +36,7 @@ AMBIGUOUS = 10.0  # difference of twice the log-likelihood below which two frequ
 FEW_SAMPLES = 3.0  # per period, below which a note warns of aliasing
 SAME_TIME = 1e-6  # steps within which two times are the same
 ROUNDING = 1e-6  # residual relative to the record below which there is no noise
+OTHER_MODE = 0.1  # relative difference of frequencies from which a mode is not the driven one
 DRIFTED = 0.02  # drift over the record, relative to the amplitude, that is worth a note
 DRIFTS = 0.5  # share of the residual variance that a drift explains, beyond which there is a note
 
@@ -158,6 +160,7 @@ def first_guess(
         drift=float(level[1]),
         notes=(
             *found.notes,
+            *_drive_note(record, best),
             *_notes(t, y, best, others),
             *([] if drift else _drift_note(t[-1], asked, best, record.sensor.unit)),
         ),
@@ -208,6 +211,18 @@ def _check_oscillation(y: Array, baseline: Array, best: _Candidate) -> None:
     explained = float(np.sum((y - constant) ** 2)) - best.misfit
     if explained * (len(y) - UNKNOWNS) < 4 * math.log(len(y) / NOISE_ODDS) * best.misfit:
         raise InputError("is noise or drift, nothing oscillates", "record")
+
+
+def _drive_note(record: Measurement, best: _Candidate) -> list[str]:
+    """Return a note if the mode that an excitation lets grow in the record is not the one that decays."""
+    time, values, frequency = record.time, record.values, best.ω_d / (2 * math.pi)
+    driven = step_frequency(time, without_line(time, values))
+    if abs(driven / frequency - 1) < OTHER_MODE or not grows_slowly(time, values, driven):
+        return []
+    return [
+        f"the excitation had {driven:.3g} Hz, and the decay has {frequency:.3g} Hz: another mode than the driven one "
+        "is the largest; let the excitation grow slowly (ramp), measure at another point, or fit several modes"
+    ]
 
 
 def _notes(t: Array, y: Array, best: _Candidate, others: list[_Candidate]) -> list[str]:

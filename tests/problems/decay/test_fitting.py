@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, reduce_model, simulate_reduced
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, linear_decay, quadratic_decay
 from ancf_casadi.decay.friction import friction_decay
 from ancf_casadi.estimation.least_squares import TIGHT, Unknown, least_squares
@@ -497,6 +498,48 @@ def test_a_short_record_says_so():
     time = np.arange(0.0, needed, 0.002)
     longer = fit_decay(time, swing(1.85, 0.003, 0.05, time=time) + 5e-3 * noise(32, len(time)))
     assert longer.standard_errors["damping_ratio"] == pytest.approx(0.1 * vague.damping_ratio, rel=0.2)
+
+
+@pytest.fixture(scope="module")
+def driven_in_mode_5(paper_beam):
+    """The tip after a drive of mode 5 by 0.1 mm for half a second, with noise; by the ramp of the drive."""
+    modes = natural_modes(Model(paper_beam(6)), count=5)
+    law = ModalDamping(modes, ratios=(0.0100, 0.0028, 0.0028, 0.0023, 0.0030))
+    reduced = reduce_model(modes.model, modes=modes, damping=law)
+
+    def record(ramp):
+        base = HarmonicBase(1e-4, modes.frequencies[4], stop=0.5, ramp=ramp)
+        run = simulate_reduced(reduced, base=base, duration=3.5, sample_rate=1000.0)
+        scatter = 2e-5 * np.random.default_rng(5).standard_normal(len(run.time))
+        return Measurement(run.time, run.tip[:, 0] + scatter), base.stop_time
+
+    return record
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["release given", "release detected"])
+def test_a_decay_that_holds_mostly_another_mode_than_the_driven_one_says_so(driven_in_mode_5, known):
+    record, stop = driven_in_mode_5(ramp=0.0)
+    fit = fit_decay(record, release_time=stop if known else None)
+    assert fit.frequency == pytest.approx(1.88, abs=0.02)
+    (warning,) = [text for text in fit.warnings if "excitation" in text]
+    assert re.match(r"the excitation had 9\d\.\d Hz, and the decay has 1\.\d+ Hz: another mode .*\(ramp\)", warning)
+    record, stop = driven_in_mode_5(ramp=5.0)
+    fit = fit_decay(record, release_time=stop if known else None)
+    assert 90.0 < fit.frequency < 100.0
+    assert not any("excitation" in text for text in fit.warnings)
+
+
+@pytest.mark.parametrize("rest", [0.0, 0.5])
+def test_a_release_or_a_blow_that_sets_several_modes_in_motion_is_no_excitation(rest):
+    time = np.arange(0.0, 8.0, 1e-3)
+    since = np.maximum(time - rest, 0.0)
+    modes = [(1.9, 0.01, 1.0), (11.9, 0.005, 0.3), (33.0, 0.003, 0.2)]
+    parts = [a * np.exp(-2 * np.pi * f * ζ * since) * np.sin(2 * np.pi * f * since) for f, ζ, a in modes]
+    record = Measurement(time, 1e-2 * sum(parts) + 1e-5 * np.random.default_rng(6).standard_normal(len(time)))
+    for release in (None, rest, rest + 0.3):
+        fit = fit_decay(record, release_time=release)
+        assert fit.frequency == pytest.approx(1.9, rel=1e-3)
+        assert not any("excitation" in text for text in fit.warnings)
 
 
 def test_a_noisy_record_says_so():

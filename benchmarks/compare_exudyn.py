@@ -2,7 +2,7 @@
 
     python benchmarks/compare_exudyn.py [--case a|b|all] [--law mass|modal|drag|all] [--method idas|radau]
 
-requires ``pip install 'ancf-casadi[exudyn]'`` and a C compiler.  ``exudyn_cases.py`` defines the cases and Exudyn's
+requires ``pip install exudyn`` and a C compiler.  ``exudyn_cases.py`` defines the cases and Exudyn's
 model.
 
 Times.  Each program runs in its own process, one after the other, on one thread, over a ladder of accuracies:
@@ -93,7 +93,7 @@ def main() -> None:
     if arguments.repeat < 1:
         parser.error("--repeat must be at least 1")
     if importlib.util.find_spec("exudyn") is None:
-        sys.exit("Exudyn is not installed, so there is nothing to compare with: pip install 'ancf-casadi[exudyn]'")
+        sys.exit("Exudyn is not installed, so there is nothing to compare with: pip install exudyn")
     os.environ.update(dict.fromkeys(THREADS, "1"))
     laws = LAWS if arguments.law == "all" else (arguments.law,)
     cases = [large(law, arguments.quick) for law in laws] if arguments.case in ("a", "all") else []

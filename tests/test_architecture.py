@@ -58,6 +58,15 @@ def test_a_folder_is_small_and_says_what_belongs_there(folder):
     assert ast.get_docstring(ast.parse((folder / "__init__.py").read_text()))
 
 
+def test_no_hint_installs_the_package_by_a_name_that_no_index_has():
+    """The package is installed from a clone; a hint names the library that is missing."""
+    product = [
+        path for folder in ("ancf_casadi", "problems", "docs", "examples") for path in (ROOT / folder).rglob("*")
+    ]
+    texts = [path for path in (*product, ROOT / "README.md") if path.suffix in (".py", ".md", ".toml")]
+    assert not [path for path in texts if "ancf-casadi[" in path.read_text()]
+
+
 def test_no_file_is_long():
     assert {str(path): lines for path in MODULES if (lines := len(path.read_text().splitlines())) > MOST_LINES} == {}
 

@@ -8,7 +8,7 @@ The blocks of a page run in their order, in one namespace and one folder, in whi
   is only parsed.
 - ``sh``: lines that begin with ``ancf-casadi`` run and succeed.  Lines that set up an environment are left out, and
   ``python NAME.py`` names a file that a block has written and run.
-- ``text``, ``json``, ``c`` and ``matlab`` are for reading.
+- ``text``, ``json``, ``c`` and ``matlab`` are for reading; on the pages ``PRINTED``, ``text`` is what was printed.
 """
 
 import importlib
@@ -49,6 +49,7 @@ SLOW = (  # pages that take more than two seconds
     "tutorials/frequencies.md",
     "tutorials/large_motion.md",
 )
+PRINTED = ("how_to/own_optimiser.md",)  # pages whose blocks of ``text`` are what the block before prints
 READ = ("text", "json", "c", "matlab")
 SET_UP = ("python3 -m venv ", "python -m venv ", "pip install ", ". .venv/bin/activate", ".venv/bin/pip install ")
 FENCE = re.compile(r"(?P<indent> *)(?P<fence>`{3,}|~{3,})(?P<language>.*)")
@@ -87,11 +88,13 @@ def blocks(text):
     assert fence is None, f"the block in line {start - 1} has no end"
 
 
-def run_page(path, folder):
-    """Run the blocks of a page."""
+def run_page(path, folder, printed=None):
+    """Run the blocks of a page; ``printed`` returns what has been printed since its last call."""
     names = {"__name__": "__main__"}
     for block in blocks(path.read_text()):
         where = f"{path.name}, line {block.line}"
+        if printed and block.language == "text":
+            assert printed() == block.code, where
         if block.file_name and block.language in ("python", "toml", "csv"):
             (folder / block.file_name).write_text(block.code)
         if block.language == "python" and block.file_name:
@@ -132,20 +135,28 @@ def run_line(line, folder, where):
     ],
 )
 @pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
-def test_the_code_of_a_page_runs(page, tmp_path, monkeypatch):
+def test_the_code_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("MPLBACKEND", "Agg")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)  # a script imports its neighbours
     shutil.copytree(ROOT / "examples", "examples")
     try:
-        run_page(page, tmp_path)
+        stated = str(page.relative_to(DOCS)) in PRINTED
+        run_page(page, tmp_path, printed=(lambda: capsys.readouterr().out) if stated else None)
     finally:
         for script in tmp_path.glob("*.py"):
             sys.modules.pop(script.stem, None)
 
 
 def test_slow_pages_exist():
-    assert all((DOCS / name).is_file() for name in SLOW)
+    assert all((DOCS / name).is_file() for name in (*SLOW, *PRINTED))
+
+
+def test_another_output_than_stated_is_seen(tmp_path, capsys):
+    page = tmp_path / "page.md"
+    page.write_text("```python\nprint(2)\n```\n\n```text\n3\n```\n")
+    with pytest.raises(AssertionError, match=r"page.md, line 6"):
+        run_page(page, tmp_path, printed=lambda: capsys.readouterr().out)
 
 
 PAGE = """

@@ -219,7 +219,7 @@ def _give_up(compiler: tuple[str, ...], why: str) -> None:
     _failed.add(compiler)
     warnings.warn(
         f"{why}; the equations run uncompiled, two to four times slower. Install gcc or clang, set CC to a C compiler, "
-        "or pip install 'ancf-casadi[compiler]'; ANCF_CASADI_COMPILE=0 turns compilation off",
+        "or pip install ziglang; ANCF_CASADI_COMPILE=0 turns compilation off",
         stacklevel=4,
     )
 

@@ -22,7 +22,10 @@ def add_study(parser: argparse.ArgumentParser) -> None:
 
 def add_reproduce(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
+    from problems.study.keys import PAPER_KEYS
+
     parser.set_defaults(run=_reproduce)
+    parser.epilog = PAPER_KEYS
     _add_options(parser)
 
 

@@ -140,7 +140,7 @@ def _library() -> Any:
     """
     if not installed():
         raise InputError(
-            "is not installed, but finds the poles; pip install 'ancf-casadi[frf]', or give approximate frequencies",
+            "is not installed, but finds the poles; pip install sdypy-EMA, or give approximate frequencies",
             MISSING,
         )
     return importlib.import_module(MODULE)

@@ -1,8 +1,8 @@
-"""The keys of a study file, as ``ancf-casadi study --help`` lists them."""
+"""The keys of a study file: the help of ``study``, and of ``reproduce`` for kinds of parts that only the paper has."""
 
 from __future__ import annotations
 
-from problems.study.kinds.registry import KINDS
+from problems.study.kinds.registry import OF_PAPER, USUAL
 from problems.tables import beam, damping, match
 
 STUDY_KEYS = f"""\
@@ -20,4 +20,7 @@ tables of a TOML file:
                 results.json), title, text, section, notes, draw (false: without
                 figures), quick (false: not in a quick look), and the labels of its
                 tables and figures
-{"".join(kind.keys for kind in KINDS.values())}"""
+{"".join(kind.keys for kind in USUAL)}"""
+PAPER_KEYS = f"""\
+kinds of [[parts]] that only the study of the paper has:
+{"".join(kind.keys for kind in OF_PAPER)}"""

@@ -136,7 +136,7 @@ def _fmi_headers() -> Path:
     """
     found = importlib.util.find_spec("fmpy")
     if found is None or found.origin is None:
-        raise InputError("is not installed, but an FMU needs its FMI headers; pip install 'ancf-casadi[fmu]'", "fmpy")
+        raise InputError("is not installed, but an FMU needs its FMI headers; pip install fmpy", "fmpy")
     folder = Path(found.origin).parent / "c-code"
     if not (folder / "fmi3Functions.h").is_file():
         raise InputError(f"has no FMI 3.0 headers: {folder} lacks fmi3Functions.h; install another version", "fmpy")

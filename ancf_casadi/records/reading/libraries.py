@@ -38,9 +38,7 @@ def check_installed(module: str, format_name: str) -> None:
     except ValueError:  # a module that was switched off
         found = None
     if found is None:
-        raise InputError(
-            f"is not installed, but {format_name} files need it; pip install 'ancf-casadi[records]'", module
-        )
+        raise InputError(f"is not installed, but {format_name} files need it; pip install {module}", module)
 
 
 @contextmanager

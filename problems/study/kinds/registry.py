@@ -1,4 +1,4 @@
-"""All kinds of parts, in the order of the help."""
+"""All kinds of parts, in the order of the help: those of any study, and those that only the study of the paper has."""
 
 from __future__ import annotations
 
@@ -19,8 +19,16 @@ from problems.study.kinds.drag import change, combined, effects
 from problems.study.kinds.experiments import amplitudes, integrators, shapes, transients
 from problems.study.kinds.steady import resonances, response
 
-MODULES = (
-    beam, modes, decays, rayleigh, matching, simulation, response, motion, comparison, transients, amplitudes, shapes,
-    integrators, resonances, effects, change, combined, drawings, omitted,
+USUAL = tuple(
+    module.KIND
+    for module in (
+        beam, modes, decays, rayleigh, matching, simulation, response, motion, comparison, transients,
+    )
 )  # fmt: skip
-KINDS: dict[str, Kind] = {module.KIND.name: module.KIND for module in MODULES}
+OF_PAPER = tuple(
+    module.KIND
+    for module in (
+        amplitudes, shapes, integrators, resonances, effects, change, combined, drawings, omitted,
+    )
+)  # fmt: skip
+KINDS: dict[str, Kind] = {kind.name: kind for kind in (*USUAL, *OF_PAPER)}

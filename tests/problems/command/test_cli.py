@@ -43,6 +43,7 @@ from problems.command import simulate as simulate_command
 from problems.command.fits import fit_decay as fit_decay_command
 from problems.study import runner
 from problems.study import study as study_module
+from problems.study.kinds.registry import KINDS
 from problems.tables import records, response
 from problems.tables.base import AXES
 from problems.tables.columns import READING
@@ -307,6 +308,21 @@ def test_every_command_has_help_and_json(command, capsys):
         main([command, "--help"])
     assert stopped.value.code == 0
     assert "--json" in capsys.readouterr().out
+
+
+def test_the_help_of_study_leaves_the_kinds_of_parts_of_the_paper_alone_to_reproduce(capsys):
+    kinds = {}
+    for command in ("study", "reproduce"):
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        kinds[command] = set(re.findall(r'^  kind = "(\w+)"', capsys.readouterr().out, re.MULTILINE))
+    assert not kinds["study"] & kinds["reproduce"]
+    assert kinds["study"] | kinds["reproduce"] == {*KINDS}
+    root = Path(__file__).parents[3]
+    named = [set(re.findall(r'kind = "(\w+)"', path.read_text())) for path in (root / "docs").rglob("*.md")]
+    assert set().union(*named) & {*KINDS} <= kinds["study"]
+    paper = (root / "problems" / "study" / "paper.toml").read_text()
+    assert all(f'kind = "{kind}"' in paper for kind in kinds["reproduce"])
 
 
 def test_help_names_every_key_that_a_file_may_have(capsys):

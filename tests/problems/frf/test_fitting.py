@@ -312,7 +312,7 @@ def test_without_sdypy_ema_approximate_frequencies_are_enough(four_modes, monkey
     values = modal_sum(f, modes)
     record = FrfRecord(f, values + 1e-6 * complex_noise(np.random.default_rng(12), values.shape), "receptance")
     monkeypatch.setattr(poles, "MODULE", "no_such_module.EMA")
-    with pytest.raises(InputError, match=r"^sdypy-EMA: is not installed.*pip install 'ancf-casadi\[frf\]', or give"):
+    with pytest.raises(InputError, match=r"^sdypy-EMA: is not installed.*pip install sdypy-EMA, or give"):
         fit_frf(record)
     check(fit_frf(record, frequencies=[mode[0] for mode in modes]), modes)
 

@@ -78,9 +78,11 @@ def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
 
     with rc_context(STYLE):
         figure = literal_text(draw)()
+        if engine := figure.get_layout_engine():
+            engine.execute(figure)
+            figure.set_layout_engine(None)  # which would compute the layout, and draw, once more for each file
         svg, png = io.StringIO(), io.BytesIO()
         figure.savefig(svg, format="svg", transparent=True, metadata={"Date": None})
-        figure.set_layout_engine("none")  # the layout is found once
         figure.savefig(png, format="png", dpi=RESOLUTION, metadata={"Software": None})
         return Drawing(name, caption, svg.getvalue(), png.getvalue())
 

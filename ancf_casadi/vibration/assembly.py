@@ -125,12 +125,14 @@ class Structure:
         """
         parts, properties = list(beam_parts(model)), [structure_properties(model)]
         l = model.beam.element_length
+        acting: dict[ElementBalance, list[tuple[Index, Index]]] = {}  # loads at the same place of their elements
         for load in loads:
             s = load.place(model.beam)
             index, given = model.element_at(s), sum(map(len, properties)) + np.arange(3)
             places = NODE * (index + model.root) + np.arange(2 * NODE)
-            parts.append(Part(load_balance(s / l - index, l), places[None, :], given[None, :]))
+            acting.setdefault(load_balance(s / l - index, l), []).append((places, given))
             properties.append(np.array(load.values))
+        parts += [Part(balance, *map(np.array, zip(*rows, strict=True))) for balance, rows in acting.items()]
         return cls(model, tuple(parts), np.concatenate(properties))
 
     def inputs(self, part: Part, at: Position) -> tuple[Array, Array]:

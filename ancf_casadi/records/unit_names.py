@@ -83,6 +83,8 @@ def _doubtful(tokens: list[str], items: list[int], runs: list[tuple[int, int]]) 
                 places.append(place)
         elif before is not None and powers(word):
             symbol = word.rstrip("0123456789")
-            if (len(symbol) > 1 and symbol not in COUNTERS) or parse_unit(left) or left.strip() in OVER:
+            if parse_unit(left):
+                places += [before, place]
+            elif (len(symbol) > 1 and symbol not in COUNTERS) or left.strip() in OVER:
                 places.append(place)
     return places

@@ -162,6 +162,17 @@ def test_a_name_without_a_unit_has_none(name):
     assert unit_in_name(name) == ("", None)
 
 
+def test_a_doubtful_unit_is_shown_as_a_whole():
+    shown = {
+        "jerk_m_s3": "m_s3",
+        "x_mm_per_rev": "mm_per_rev",
+        "F N/mm": "N/mm",
+        "acc_m_s_2": "m_s_2",
+        "e_um_m": "um_m",
+    }
+    assert {name: unit_in_name(name)[0] for name in shown} == shown
+
+
 def test_an_argument_may_scale_a_unit():
     assert known_unit("0.25 mm", "unit").factor == pytest.approx(0.25e-3)
     assert known_unit("-1 m/s^2", "unit").factor == -1.0

@@ -1,9 +1,9 @@
 """Limitations of a decay fit, stated as warnings.
 
-A fit is limited by a short record, by an uncertain damping ratio, by residuals that are not noise, and by a law that
-does not hold over the whole record.  The last is tested by dividing the record in two where the damping has received
-half of its information.  With the estimates x_1, x_2 of the mode from the two parts (``agreement.parts``) and their
-covariances,
+A fit is limited by a short record, by an uncertain damping ratio, by an oscillation that lasts and is stronger than the
+decay, such as hum, by residuals that are not noise, and by a law that does not hold over the whole record.  The last is
+tested by dividing the record in two where the damping has received half of its information.  With the estimates x_1,
+x_2 of the mode from the two parts (``agreement.parts``) and their covariances,
 
     (x_1 - x_2)' (C_1 + C_2)^-1 (x_1 - x_2)
 
@@ -24,14 +24,18 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.special import chdtrc
 
+from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.estimation.agreement import DISAGREE, parts
 from ancf_casadi.estimation.fit import Fit, colour_warning
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from problems.decay.laws import DecayModel
 
 ROUNDING = 1e-6  # residual relative to the amplitude, below which there is no noise
 FEW_PERIODS = 5  # of free decay, below which there is a warning
 IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
+LASTS, DECAYS = 0.1, 1.0  # decay rate times length, below which an oscillation lasts, and beyond which it decays
 DAMPING = ("zeta", "eta1", "eta2", "eta0")  # unknowns whose information divides the record, the first that is free
 RELEASE = ("r0", "v0", "e0", "phase", "offset", "drift")  # unknowns of a release, which belong to no mode
 
@@ -42,6 +46,7 @@ def limitations(
     indices: tuple[int, ...],
     rows: slice,
     time: Array,
+    residuals: Array,
     values: Mapping[str, float],
     errors: Mapping[str, float],
 ) -> list[str]:
@@ -56,19 +61,21 @@ def limitations(
     indices : tuple of int
         Positions of the unknowns of the record.
     rows : slice
-        Residuals of the record.
-    time : ndarray
-        Times of the record from the release on, s.
+        Samples of the record that were fitted, among those of all records.
+    time, residuals : ndarray
+        Times of the record from the release on, s, and its residuals.
     values, errors : mapping
         Quantities of the decay by name, and their standard errors.
     """
     noise_free = ROUNDING * values["amplitude"] * (2 * math.pi * values["frequency"]) ** model.sensor.derivatives
     noisy = math.sqrt(np.mean(fit.residuals[rows] ** 2)) > noise_free
+    fitted = time if fit.times is None else time[0] + fit.times[rows]
     found = [
         _short(time, values),
+        _lasting(time, residuals, values) if noisy else None,
         _uncertain(time, values, errors) if noisy else None,
         colour_warning(fit, noise_free=noise_free),
-        _changing(fit, indices, rows, time) if noisy else None,
+        _changing(fit, indices, rows, fitted) if noisy else None,
     ]
     return [text for text in found if text]
 
@@ -80,6 +87,24 @@ def _short(time: Array, values: Mapping[str, float]) -> str | None:
     return (
         f"the record is short: {periods:.1f} periods of free decay hardly separate frequency, damping and "
         f"equilibrium; record {FEW_PERIODS} periods or more"
+    )
+
+
+def _lasting(time: Array, residuals: Array, values: Mapping[str, float]) -> str | None:
+    """Return a warning if the fitted oscillation lasts, as hum does, and another one in the residuals decays."""
+    length = float(time[-1] - time[0])
+    if values["damping_ratio"] * 2 * math.pi * values["frequency"] * length > LASTS:
+        return None
+    try:
+        other = first_guess(Measurement(time, residuals), release_time=float(time[0]))
+    except InputError:
+        return None
+    if other.ζ * other.ω * length < DECAYS:
+        return None
+    return (
+        f"the fitted oscillation of {values['frequency']:.4g} Hz hardly decays, but another one beside it, of "
+        f"{other.ω / (2 * math.pi):.4g} Hz, does: if the former is hum, fit the latter by isolate_mode or the option "
+        "--band, or both by fit_modes"
     )
 
 

@@ -353,7 +353,6 @@ def decay_result(
         bounds["eta1"] = (0.0 if ratio_bounds[0] >= 0.0 else -math.inf, math.inf)
     values, errors = (dict(zip(QUANTITIES, column.tolist(), strict=True)) for column in fit.derived(quantities))
     ends = np.clip(fit.derived_intervals(quantities).T, *np.array(list(bounds.values())).T).T
-    fitted = time if fit.times is None else time[0] + fit.times[rows]
     return DecayFit(
         law=model.law,
         frequency_law=model.frequency_law,
@@ -363,10 +362,10 @@ def decay_result(
         correlation=_correlation(fit, "eta1", "eta2"),
         standard_errors=errors,
         intervals={name: (low, high) for name, (low, high) in zip(QUANTITIES, ends.tolist(), strict=True)},
-        warnings=(*notes, *fit.warnings, *limitations(model, fit, indices, rows, fitted, values, errors)),
+        warnings=(*notes, *fit.warnings, *limitations(model, fit, indices, rows, time, residuals, values, errors)),
         time=time,
         residuals=residuals,
-        fitted_samples=len(fitted),
+        fitted_samples=rows.stop - rows.start,
         model=model,
         indices=indices,
         fit=fit,

@@ -551,6 +551,25 @@ def test_a_noisy_record_says_so():
     assert any(w.startswith("the damping ratio does not differ significantly from zero") for w in lost.warnings)
 
 
+@pytest.mark.parametrize("law", ["linear", "quadratic"])
+def test_hum_that_is_larger_than_the_decay_is_said_to_hide_it(law):
+    hum = 1.5e-3 * np.cos(2 * math.pi * 50.0 * TIME + 0.3) + 1e-5 * noise(3)
+    fit = fit_decay(TIME, hum + swing(2.0, 0.05, 1e-3), law=law)
+    (warning,) = [text for text in fit.warnings if "hardly decays" in text]
+    assert fit.frequency == pytest.approx(50.0, rel=1e-4)
+    hidden = re.search(r"oscillation of 50 Hz hardly decays.* of (\S+) Hz, does.*--band", warning)
+    assert float(hidden[1]) == pytest.approx(2.0, rel=0.02)
+
+
+@pytest.mark.parametrize("hum", [0.0, 0.2e-3])
+@pytest.mark.parametrize("ratio", [0.05, 0.0])
+def test_weak_hum_and_a_mode_without_damping_hide_no_decay(ratio, hum):
+    lasting = hum * np.cos(2 * math.pi * 50.0 * TIME + 0.3) + 1e-5 * noise(3)
+    fit = fit_decay(TIME, lasting + swing(2.0, ratio, 1e-3))
+    assert fit.frequency == pytest.approx(2.0, rel=1e-2)
+    assert not any("hardly decays" in text for text in fit.warnings)
+
+
 def test_a_fit_survives_the_way_to_another_process():
     fit = fit_decay(TIME, swing(1.85, 0.01, 0.05) + 1e-3 * noise(36))
     copy = pickle.loads(pickle.dumps(fit))

@@ -61,7 +61,7 @@ printed = {weak = [1.0]}
 [[parts]]
 kind = "shapes"
 laws = ["weak"]
-runs = [{mode = 1, amplitude = 0.01, stop = 0.5}]
+runs = [{mode = 1, amplitude = 0.01, frequency = 1.8, ramp = 0.5, stop = 0.5}]
 """
 ALL = BEAM + LAWS + DECAYS + RAYLEIGH + MATCH + OTHERS
 RUN = "mode = 1, amplitude = 0.01, stop = 0.5, frequency = 1.8, window = 1.0, measured_ratio = 0.01"
@@ -134,6 +134,7 @@ MISTAKES = {  # what is replaced, by what, and the message after the name of the
                       ": [parts]: swing: runs: 1: mode: must be a whole number, 1 to 12, got 13"),
     "amplitude": ("amplitude = 0.01, stop", "amplitude = nan, stop",
                   ": [parts]: swing: runs: 1: amplitude: must be a finite number, got nan"),
+    "ramp": ("ramp = 0.5", "ramp = 1", ": [parts]: shapes: runs: 1: ramp: lasts until 0.555556 s, after the stop"),
     "unknown law": ('laws = ["weak"]}]', 'laws = ["week"]}]', ": [parts]: swing: runs: 1: laws: there is no law"),
     "law without a name": ('name = "weak"', "", ": [laws]: the key 'name' is missing"),
     "repeated law": ('name = "found"', 'name = "weak"', ": [laws]: name: must be made of letters, digits and _, and d"),

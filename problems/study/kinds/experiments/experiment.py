@@ -9,6 +9,8 @@ ratio zeta and participation Gamma = phi_tip phi^T M u, with u the unit horizont
 
     Gamma A/(2 zeta) (1 - exp(-zeta omega t)).
 
+While the amplitude of the base grows from 0 to A, over a ramp of some cycles, t counts from the middle of the ramp.
+
 The frequency of the higher modes falls with the square of the amplitude, so that a drive of constant frequency loses
 the resonance where the relative change of frequency exceeds the damping ratio.  The motion then stays below the
 requested amplitude: the amplitude that is reached is a result.
@@ -78,6 +80,8 @@ class Experiment:
         Least number of integrator steps per period.
     method : {"radau", "idas"}
         The integrator.
+    ramp : float
+        Cycles in which the amplitude of the base grows.
     """
 
     beam: Beam
@@ -90,6 +94,7 @@ class Experiment:
     shortening: float
     steps_per_period: int
     method: str = "radau"
+    ramp: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -218,8 +223,8 @@ def _excitation(experiment: Experiment, modes: Modes, ratio: float) -> tuple[Har
     mode = experiment.mode - 1
     ω = float(modes.angular_frequencies[mode])
     frequency = experiment.frequency or ω / (2 * math.pi)
-    unit = HarmonicBase(amplitude=1.0, frequency=frequency, stop=experiment.stop)
-    driven = unit.stop_time  # the first instant of zero velocity after the given stop
+    unit = HarmonicBase(amplitude=1.0, frequency=frequency, stop=experiment.stop, ramp=experiment.ramp)
+    driven = unit.stop_time - unit.ramp / (2 * frequency)  # until the first instant of zero velocity after the stop
     growth = -math.expm1(-ratio * ω * driven) / (2 * ratio) if ratio else ω * driven / 2
     base = replace(unit, amplitude=experiment.amplitude / (participation(modes, mode) * growth))
     halving = math.log(2) * base.frequency / (ratio * ω) if ratio else math.inf  # periods

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import check_keys, is_sequence, located, number, physical, shown, whole
 from problems.study.kinds.experiments.experiment import Experiment, ExperimentResult, run_experiment
@@ -15,7 +16,7 @@ from problems.study.part import Effort, Outcome, Part, Task
 from problems.study.source import BeamChoice, LawChoice, Source
 
 RUN = {"mode", "amplitude", "stop"}
-OPTIONAL = {"frequency", "window", "laws", "measured_ratio"}
+OPTIONAL = {"frequency", "window", "laws", "measured_ratio", "ramp"}
 SECONDS_PER_PERIOD = 0.01  # computing time
 
 
@@ -39,6 +40,8 @@ class Run:
         The laws.
     measured_ratio : float
         Measured damping ratio to draw; nan for none.
+    ramp : float
+        Cycles in which the amplitude of the excitation grows.
     """
 
     mode: int
@@ -48,6 +51,7 @@ class Run:
     window: float
     laws: tuple[LawChoice, ...]
     measured_ratio: float
+    ramp: float
 
     def experiment(
         self, law: LawChoice, choice: BeamChoice, found: Mapping[str, Outcome], effort: Effort, method: str = "radau"
@@ -64,6 +68,7 @@ class Run:
             shortening=effort.window,
             steps_per_period=effort.steps_per_period,
             method=method,
+            ramp=effort.driving * self.ramp,
         )
 
     def under_first_law(self) -> Run:
@@ -128,6 +133,8 @@ def read_runs(source: Source, given: dict[str, Any], where: str) -> tuple[Run, .
             raise InputError("name at least one of [[laws]]", f"{place}: laws")
         laws = tuple(source.law_choice(name, f"{place}: laws") for name in names)
         with located(place):
+            if {"ramp", "frequency"} <= table.keys():
+                HarmonicBase(1.0, table["frequency"], table["stop"], ramp=table["ramp"])  # check
             runs.append(
                 Run(
                     mode=whole(table["mode"], "mode", 1, source.most_modes),
@@ -139,6 +146,7 @@ def read_runs(source: Source, given: dict[str, Any], where: str) -> tuple[Run, .
                     measured_ratio=number(table["measured_ratio"], "measured_ratio")
                     if "measured_ratio" in table
                     else math.nan,
+                    ramp=physical(table["ramp"], "ramp") if "ramp" in table else 0.0,
                 )
             )
     return tuple(runs)

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 KEYS = """\
   kind = "transients"   simulated experiments: beam ("PART"), laws (names of
                         [[laws]]), runs = [{mode, amplitude (m, at the tip), stop
-                        (s), frequency (Hz), window (s), laws, measured_ratio}, ...],
+                        (s), frequency (Hz), ramp (cycles in which the amplitude
+                        grows), window (s), laws, measured_ratio}, ...],
                         printed = {LAW = [damping ratio of each run, %]}
 """
 TAKEN = {"experiment", "runs"}  # other keys of its numbers

@@ -104,6 +104,14 @@ def test_what_figures_show_is_the_motion(third):
     assert np.abs(clamp[:, 1]).max() < 1e-12
 
 
+def test_with_a_ramp_the_whole_motion_is_that_of_the_driven_mode_and_reaches_the_same_amplitude(third):
+    """Mode 1 keeps what the stop leaves: the clamp rests its amplitude away from its mean position."""
+    result = run_experiment(replace(third, terms=LAWS["generic"], ramp=8.0))
+    assert result.reached == pytest.approx(1.5e-3, rel=0.01)
+    assert result.motion.high.max() == pytest.approx(result.reached, rel=0.1)
+    assert result.damping_ratio == pytest.approx(result.expected_ratio, rel=2e-3)
+
+
 def test_drives_at_the_given_frequency_until_the_given_time(third):
     task = replace(third, terms=LAWS["generic"], frequency=28.0, stop=0.8)
     result = run_experiment(task)

@@ -62,6 +62,7 @@ eta2 = 0.11                 # 1/m
 amplitude = 2e-3            # m
 frequency = 1.876           # Hz; frequencies = [1.0, 3.0] sweeps from one to the other
 stop = 1.0                  # s; the clamp stops at the next instant of zero velocity
+# ramp = 10                 # cycles in which the amplitude grows, so that a fast drive moves no low mode
 # or a measured motion: file = "clamp.csv" and x = "clamp_x" or the number of a column
 
 # [release]                 # the beam is held by a load at the tip and released at time 0

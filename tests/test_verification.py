@@ -8,6 +8,7 @@ import pytest
 import scipy.sparse.linalg
 
 from ancf_casadi import (
+    FrictionDamping,
     HarmonicBase,
     ModalDamping,
     Model,
@@ -286,15 +287,24 @@ def turned(model, law, speed, method):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", ["rayleigh", "quadratic", "modal"])
-@pytest.mark.parametrize("impact", [False, True], ids=["release", "impact"])
+@pytest.mark.parametrize(
+    ("law", "impact"),
+    [
+        *((law, impact) for law in ("rayleigh", "quadratic", "modal") for impact in (False, True)),
+        ("friction", False),
+        ("sum", True),
+    ],
+)
 def test_both_integrators_find_the_same_motion_forces_and_energies_within_their_steps_too(thick, law, impact):
     """Released horizontally, or driven until the moving clamp stops suddenly between two samples."""
-    damping = {
+    laws = {
         "rayleigh": RayleighDamping(alpha=0.2, beta=3e-5),
         "quadratic": QuadraticDamping(eta1=0.2, eta2=1.0) + RayleighDamping(beta=3e-5),
         "modal": ModalDamping(natural_modes(thick), (0.02,) * 5) + RayleighDamping(beta=3e-5),
-    }[law]
+        "friction": FrictionDamping(eta0=0.3) + RayleighDamping(beta=3e-5),
+    }
+    laws["sum"] = laws["modal"] + laws["quadratic"] + laws["friction"]
+    damping = laws[law]
     base = HarmonicBase(0.03, 1.85, stop=0.10003, direction=(0.0, 1.0), stop_at="once") if impact else None
     start = "equilibrium" if impact else "straight"
     settings = {"damping": damping, "base": base, "start": start, "duration": 0.2, "sample_rate": 5000.0}

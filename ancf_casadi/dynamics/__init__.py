@@ -7,10 +7,10 @@ this excitation; ``element_forces`` has the Functions of one element.  ``start``
 
 The project has five time steppers, each for a task that the others do not serve:
 
-    IDAS (``idas``)                   full beam whose mesh does not vibrate: many cheap steps of order 2, by an
-                                      established solver against which Radau is checked
-    Radau IIA (``radau``)             full beam in large or fast motion, or after impacts: few long steps of order 5,
-                                      which damp vibrations of the mesh and have exact derivatives (``derivatives``)
+    Radau IIA (``radau``)             full beam, the default: few long steps of order 5, which damp vibrations of the
+                                      mesh and have exact derivatives (``derivatives``)
+    IDAS (``idas``)                   full beam by an established solver, against which Radau is checked: many cheap
+                                      steps of order 2, which resolve vibrations of the mesh
     reduced model                     a few modal coordinates without stiff modes: explicit exponential steps of order 4
     (``reduction.stepping``)          (Lawson), exact for small undamped motion, without a nonlinear system to solve
     one mode (``decay.one_mode``)     Eq. (26) in the variables of its free oscillation, with sensitivities, for fits

@@ -2,9 +2,9 @@
 
 ``simulate`` checks its arguments, sets up the motion (``start``) and collects the solution; ``integration`` runs
 
+    radau    implicit Runge-Kutta collocation of order 5, with long steps
     idas     backward differentiation formulas with variable steps, order 2
-    radau    implicit Runge-Kutta collocation of order 5, with longer steps
-    auto     IDAS, and Radau from the time at which IDAS has taken too many steps; the default
+    auto     Radau, or IDAS if its options are given; the default
 
 If there is a C compiler, the forces of an element are compiled, which does not change any digit of the result.
 """
@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 import time
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import NoneType
@@ -25,7 +24,7 @@ from tqdm import tqdm
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.dissipation import warn_of_energy_gain
-from ancf_casadi.dynamics.integration import Integration, Method
+from ancf_casadi.dynamics.integration import Method, chosen, integrate
 from ancf_casadi.dynamics.segments import ENERGIES, SegmentSolution
 from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
 from ancf_casadi.dynamics.tip_load import LOAD, TipLoad
@@ -37,7 +36,7 @@ from ancf_casadi.support.inputs import check_instance, choice, flag, positive, p
 from ancf_casadi.support.interrupts import noted_interrupts
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
-MOST_STEPS = 5_000_000  # these take one or two minutes
+MOST_STEPS = 5_000_000  # of IDAS, these take one or two minutes
 BAR = "{l_bar}{bar}| {n:.2f}/{total:.2f} s [{elapsed}<{remaining}]"
 
 
@@ -80,8 +79,8 @@ def simulate(
         as in ``equilibrium`` even if the base starts with a velocity, which is an impact on the clamp.  A ``State``: as
         given, at its own time; ``start=run.state(-1)`` continues another run, from any of its samples.
     method : {"auto", "idas", "radau"}
-        The integrator.  ``auto``: IDAS, and Radau from the time at which IDAS takes too many steps; a warning and
-        ``integrators`` of the result report the change.  ``idas`` and ``radau`` never change.
+        The integrator.  ``auto`` is Radau, which reaches the same accuracy at a smaller cost (``docs/accuracy.md``), or
+        IDAS if ``options`` are given; ``integrators`` of the result tells.
     tolerance : float, optional
         Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.  The default
         depends on the expected motion (``ancf_casadi.dynamics.tolerance``).
@@ -110,7 +109,7 @@ def simulate(
     Warns
     -----
     UserWarning
-        If ``auto`` uses Radau, or damping by the tangent stiffness has added energy to the motion.
+        If damping by the tangent stiffness has added energy to the motion.
 
     Notes
     -----
@@ -146,12 +145,12 @@ def simulate(
             start=start,
             make=compiled,
         )
-        done, interrupted, length = _Solution(setup, began), False, float(setup.times[-1] - setup.times[0])
-        integration = Integration(setup, method, tolerance, largest_step, options or {})
+        use = chosen(setup, method, tolerance, options or {})
+        done, interrupted, length = _Solution(setup, use, began), False, float(setup.times[-1] - setup.times[0])
         with tqdm(total=length, disable=hidden, bar_format=BAR) as bar:
             try:
-                for solution, use in integration.integrate():
-                    done.add(solution, use, most_steps)
+                for solution in integrate(setup, use, largest_step, options):
+                    done.add(solution, most_steps)
                     if interrupts:
                         interrupted = True
                         break
@@ -160,8 +159,6 @@ def simulate(
                 error.partial = done.trajectory()
                 raise
     run = replace(done.trajectory(), interrupted=interrupted)
-    for warning in run.warnings:
-        warnings.warn(warning, stacklevel=2)
     warn_of_energy_gain(run, setup.equations.law)
     return run
 
@@ -174,25 +171,25 @@ class _Solution:
     ----------
     setup : MotionSetup
         The motion.
+    use : IntegratorUse
+        The integrator.
     began : float
         Reading of ``time.perf_counter`` at the start of the run, s.
     segments : list of SegmentSolution
         The solution on each segment so far.
-    uses : list of IntegratorUse
-        The integrators so far.
     """
 
     setup: MotionSetup
+    use: IntegratorUse
     began: float
     segments: list[SegmentSolution] = field(default_factory=list)
-    uses: list[IntegratorUse] = field(default_factory=list)
 
     @property
     def steps(self) -> int:
         """Number of steps."""
         return sum(solution.steps for solution in self.segments)
 
-    def add(self, solution: SegmentSolution, use: IntegratorUse, most_steps: int) -> None:
+    def add(self, solution: SegmentSolution, most_steps: int) -> None:
         """Add the solution on a segment.
 
         Raises
@@ -201,15 +198,12 @@ class _Solution:
             If the run has taken too many steps.
         """
         self.segments.append(solution)
-        if not self.uses or use != self.uses[-1]:
-            self.uses.append(use)
-        last = solution.segment
+        last, other = solution.segment, "method='radau', " if self.use.method == "idas" else ""
         if self.steps > most_steps:
             raise SimulationError(
                 f"the integrator took {self.steps} steps up to {last.end:g} s, more than {most_steps}, the last of "
                 f"them {last.length / solution.steps:.1e} s long: undamped vibrations of the mesh may keep them short; "
-                "try method='radau', a little damping proportional to the strain rate, a larger tolerance, or more "
-                "most_steps",
+                f"try {other}a little damping proportional to the strain rate, a larger tolerance, or more most_steps",
                 last.end,
             )
 
@@ -232,5 +226,5 @@ class _Solution:
             load_work=load_work,
             steps=self.steps,
             wall_seconds=time.perf_counter() - self.began,
-            integrators=tuple(self.uses),
+            integrators=(self.use,),
         )

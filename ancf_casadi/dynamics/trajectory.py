@@ -72,24 +72,21 @@ class State:
 
 @dataclass(frozen=True)
 class IntegratorUse:
-    """The integrator of a motion from a given time on.
+    """The integrator of a motion.
 
     Parameters
     ----------
     start : float
-        Time at which it was first used, s.
+        Time at which it began, s.
     method : str
-        ``idas`` or ``radau``.
+        ``radau`` or ``idas``.
     tolerance : float
         Its tolerance.
-    reason : str
-        Reason for not using the default; empty for the default, or if the caller chose the integrator.
     """
 
     start: float
     method: str
     tolerance: float
-    reason: str = ""
 
 
 def relative_to(clamp: Array, coordinates: Array) -> Array:
@@ -128,7 +125,7 @@ class Trajectory:
     wall_seconds : float
         Computing time, s, including the construction of the integrator.
     integrators : tuple of IntegratorUse
-        The integrators used; more than one if the default changed from IDAS to Radau.
+        The integrator used.
     interrupted : bool
         True if Ctrl-C stopped the run before its end; the trajectory then holds the finished part.
 
@@ -160,16 +157,6 @@ class Trajectory:
     wall_seconds: float
     integrators: tuple[IntegratorUse, ...]
     interrupted: bool = False
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """The reasons why the default integrator was not used throughout."""
-        return tuple(
-            f"radau was used from {use.start:.6g} s on: {use.reason}; use method='radau' to start with it, or "
-            "method='idas' to exclude it"
-            for use in self.integrators
-            if use.reason
-        )
 
     @property
     def tip(self) -> Array:

@@ -61,7 +61,7 @@ def _run(options: argparse.Namespace) -> Output:
 
 
 def _use(use: IntegratorUse) -> dict[str, Any]:
-    return {"start_s": use.start, "method": use.method, "tolerance": use.tolerance, "reason": use.reason}
+    return {"start_s": use.start, "method": use.method, "tolerance": use.tolerance}
 
 
 def _motion(run: Trajectory, markers: Mapping[str, float]) -> Table:

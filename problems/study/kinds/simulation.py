@@ -45,13 +45,10 @@ class SimulatedMotion:
         Its numbers for JSON.
     figure : Drawing
         Tip motion and shapes.
-    warnings : tuple of str
-        Limitations.
     """
 
     data: dict[str, Any]
     figure: Drawing
-    warnings: tuple[str, ...]
 
 
 def simulate_plain(given: TablesOfFile, name: str) -> SimulatedMotion:
@@ -75,7 +72,7 @@ def simulate_plain(given: TablesOfFile, name: str) -> SimulatedMotion:
         "integrators": [use.method for use in run.integrators],
     }
     caption = "Motion of the tip relative to the clamp, and shapes of the beam."
-    return SimulatedMotion(data, drawn(name, caption, partial(motion_figure, run)), run.warnings)
+    return SimulatedMotion(data, drawn(name, caption, partial(motion_figure, run)))
 
 
 @final
@@ -103,7 +100,7 @@ class SimulationPart(FilePart):
         heads = ("quantity", "unit", "value")
         columns = tuple(Column(head, cells) for head, cells in zip(heads, zip(*rows, strict=True), strict=True))
         table = DataTable(self.heading.name, "Simulated motion", columns, self.heading.notes)
-        return Finding(Outcome(motion.data), (table,), (motion.figure,), motion.warnings)
+        return Finding(Outcome(motion.data), (table,), (motion.figure,))
 
 
 def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> SimulationPart:

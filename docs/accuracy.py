@@ -12,7 +12,6 @@ import scipy.sparse.linalg
 
 from ancf_casadi import (
     Beam,
-    HarmonicBase,
     ModalDamping,
     Model,
     RayleighDamping,
@@ -39,7 +38,6 @@ BEAM: dict[str, Any] = {
 STIFFNESS = 210e9 * 5e-3 * 0.5e-3**3 / 12
 WEIGHTLESS: dict[str, Any] = {"axis": (1.0, 0.0), "gravity": (0.0, 0.0)}
 SMALL = 1e-3 * LENGTH
-LARGEST_BENDS = (0.5, 0.1, 0.03, 0.01, 0.01)  # largest tip amplitude / L of each mode with 20 elements
 EXACT = 1e-11  # tolerance of the radau reference runs
 TURNING: tuple[tuple[Method, float], ...] = (("idas", 1e-8), ("radau", 1e-7))
 LADDERS: tuple[tuple[Method, tuple[float, ...]], ...] = (
@@ -94,52 +92,6 @@ def small_motion() -> Iterator[str]:
     for (method, tolerance), cells in found.items():
         text = [f"{ratio:.1e}, {shift:.1e}" for ratio, shift, _ in cells]
         yield row(method, f"{tolerance:.0e}", *text, cells[0][2], cells[-1][2])
-
-
-def defaults() -> Iterator[str]:
-    """Numerical damping and frequency error over ten periods of each mode, default settings."""
-    model = Model(Beam.uniform(**BEAM, **WEIGHTLESS, elements=20))
-    modes = natural_modes(model)
-    yield row("tip amplitude / L", *(f"mode {k}" for k in range(1, 6)))
-    yield rule(6)
-    for amplitude in (1e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1, 0.25, 0.5):
-        cells = []
-        for mode, frequency in enumerate(modes.frequencies.tolist()):
-            if amplitude > LARGEST_BENDS[mode]:
-                cells.append("–")
-                continue
-            settings = {
-                "start": bent(modes, mode, amplitude * LENGTH),
-                "duration": max(0.3, 10 / frequency),
-                "sample_rate": 100 * frequency,
-            }
-            exact = simulate(model, method="radau", tolerance=max(EXACT, 1e-7 * amplitude), **settings)
-            with warnings.catch_warnings(action="ignore"):
-                run = simulate(model, **settings)
-            ratio, omega = decay_and_frequency(run, modes, mode)
-            true_ratio, true_omega = decay_and_frequency(exact, modes, mode)
-            used = "+".join(use.method for use in run.integrators)
-            cells.append(f"{ratio - true_ratio:.1e}, {omega / true_omega - 1:.1e}, {used} {run.steps}")
-        yield row(f"{amplitude:g}", *cells)
-
-
-def first_calls() -> Iterator[str]:
-    """Errors of four default runs: hanging, modal damping, driven at a resonance for 2 s, free for 4 s."""
-    model = Model(Beam.uniform(**BEAM, elements=20))
-    modes = natural_modes(model)
-    law = ModalDamping(modes, (0.0100, 0.0028, 0.0028, 0.0023, 0.0030))
-    yield row("driven at", "amplitude, mm", "tip travel / L", "error / travel", "steps", "integrators")
-    yield rule(6)
-    for mode, amplitude in ((0, 1e-3), (0, 2e-3), (0, 5e-3), (1, 1e-3)):
-        base = HarmonicBase(amplitude, modes.frequencies[mode], stop=2.0)
-        settings = {"damping": law, "base": base, "duration": 6.0}
-        exact = simulate(model, method="radau", tolerance=1e-9, **settings)
-        with warnings.catch_warnings(action="ignore"):
-            run = simulate(model, **settings)
-        travel = np.abs(exact.tip - exact.tip[0]).max()
-        used = ", ".join(f"{use.method} from {use.start:.2g} s" for use in run.integrators)
-        error = np.abs(run.tip - exact.tip).max() / travel
-        yield row(f"f{mode + 1}", f"{1e3 * amplitude:g}", f"{travel / LENGTH:.3f}", f"{error:.1e}", run.steps, used)
 
 
 def orders() -> Iterator[str]:
@@ -275,8 +227,6 @@ def rule(columns: int) -> str:
 
 
 TABLES: Sequence[Callable[[], Iterator[str]]] = (
-    defaults,
-    first_calls,
     small_motion,
     orders,
     tolerances,

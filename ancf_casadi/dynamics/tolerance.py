@@ -4,7 +4,7 @@ An integrator with the local error tau relative to the length L of the beam damp
 shifts its frequency, by amounts that depend on tau L/A alone.  Three causes move the beam:
 
     the base, by the larger of its travel and L times its rotation,
-    the start, by a quarter of the larger of the distance from rest under gravity and the first load, and v/w_1, v the
+    the start, by a tenth of the larger of the distance from rest under gravity and the first load, and v/w_1, v the
         velocity relative to the clamp: a release sets all modes in motion, and fast modes soon lose their phase,
     the load, by the static deflection under its largest change since the start, or, if it changes for a short time, by
         that under w_1 times its impulse,
@@ -32,7 +32,7 @@ IDAS_PER_TRAVEL, RADAU_PER_TRAVEL = 6e-8, 2e-5  # tolerance per expected travel 
 IDAS_LARGEST, RADAU_LARGEST = 1e-9, 3e-7  # limits for large motion
 IDAS_SMALLEST, RADAU_SMALLEST = 1e-10, 1e-12  # limits set by rounding
 NEGLIGIBLE = 1e-6  # A/L below which a cause is taken not to move the beam
-PART_OF_START = 0.25  # of the travel of a start that counts
+PART_OF_START = 0.1  # of the travel of a start that counts
 LEAST_OF_LARGEST = 0.1  # smallest expected travel, relative to the largest travel
 FIRST_ROOT = 1.8751040687  # beta_1 L of a cantilever
 

@@ -117,7 +117,7 @@ class SimulationError(NumericsError):
     ...                     density=8000.0, elastic_modulus=210e9, elements=4)
     >>> base = HarmonicBase(amplitude=1e-3, frequency=2.0)
     >>> try:
-    ...     simulate(Model(beam), base=base, duration=1.0, most_steps=100, method="radau")
+    ...     simulate(Model(beam), base=base, duration=1.0, most_steps=100)
     ... except SimulationError as error:
     ...     print(0.0 < error.time < 1.0, error.partial.time[-1] <= error.time)
     True True

@@ -146,7 +146,7 @@ def silicone_motion_fit(folder: Path) -> tuple[TransientFit, dict[str, tuple[Mar
         record = silicone_release(folder, name)
         model = Model(fit.model.beam.with_(tip_mass=hung))
         settings = {"start": "straight", "duration": record.duration, "sample_rate": record.sample_rate}
-        runs[name] = record, simulate(model, damping=fit.law, method="radau", **settings)
+        runs[name] = record, simulate(model, damping=fit.law, **settings)
     return fit, runs
 
 

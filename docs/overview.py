@@ -26,7 +26,7 @@ def overview(results: dict) -> Figure:
     shapes, ratios = figure.subplots(1, 2, width_ratios=(1, 1.3))
     model = Model(paper.standard_beam())
     law = ModalDamping(natural_modes(model), paper.DAMPING_RATIOS)
-    run = simulate(model, damping=law, base=SWING, duration=10.5, sample_rate=200.0, method="radau")
+    run = simulate(model, damping=law, base=SWING, duration=10.5, sample_rate=200.0)
     arc = np.linspace(0.0, model.beam.length, 80)
     rows = np.arange(len(run.time) - 55, len(run.time), 3)
     for row in rows:

@@ -84,7 +84,7 @@ solution = solver(x0=0.0, lbg=0.0, ubg=0.0)
 
 planned = PlannedBase(tuple(solution["x"].full().ravel().tolist()))
 plain = PlannedBase((0.0,) * COEFFICIENTS)
-runs = [simulate(model, damping=damping, base=base, duration=TIME + 1.0, method="radau") for base in (plain, planned)]
+runs = [simulate(model, damping=damping, base=base, duration=TIME + 1.0) for base in (plain, planned)]
 swings = [float(np.ptp(run.tip[run.time >= TIME, 0])) for run in runs]
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ model, law = Model(beam), RayleighDamping(alpha=0.2, beta=5e-4)
 time = np.linspace(0.5, 0.505, 26)
 force = 0.02 * np.sin(np.pi * np.linspace(0.0, 1.0, 26))
 blow = SampledLoad(time, np.column_stack([force, 0.0 * force]))
-run = simulate(model, damping=law, load=blow, duration=12.0, sample_rate=200.0, method="radau")
+run = simulate(model, damping=law, load=blow, duration=12.0, sample_rate=200.0)
 fit = fit_decay(run.time, run.position(0.78 * beam.length)[:, 0])
 
 modes = natural_modes(model, count=1)

@@ -58,7 +58,7 @@ def compare_laws(
     ...                     density=8000.0, elastic_modulus=210e9, elements=4)
     >>> model, base = Model(beam), HarmonicBase(amplitude=5e-3, frequency=1.9)
     >>> true, laws = QuadraticDamping(eta2=2.0), [RayleighDamping(alpha=0.2), QuadraticDamping(eta2=1.0)]
-    >>> run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0, method="radau")
+    >>> run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0)
     >>> comparison = compare_laws(model, MarkerRecord(run.time, run.tip, base=base), laws)
     >>> type(comparison.best.law).__name__, round(comparison.best.estimates["eta2"], 2)
     ('QuadraticDamping', 2.0)

@@ -122,7 +122,7 @@ def fit_transient(
     ...                     density=8000.0, elastic_modulus=210e9, elements=4)
     >>> model, base = Model(beam), HarmonicBase(amplitude=5e-3, frequency=1.9)
     >>> true, guess = RayleighDamping(alpha=0.5), RayleighDamping(alpha=0.2)
-    >>> run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0, method="radau")
+    >>> run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0)
     >>> fit = fit_transient(model, MarkerRecord(run.time, run.tip, base=base), guess)
     >>> print(f"{fit.estimates['alpha']:.3f} {fit.units['alpha']}")
     0.500 1/s

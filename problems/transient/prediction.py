@@ -58,7 +58,7 @@ class MotionPrediction:
     ...                     density=8000.0, elastic_modulus=210e9, elements=4)
     >>> model, base = Model(beam), HarmonicBase(amplitude=5e-3, frequency=1.9)
     >>> true, guess = RayleighDamping(alpha=0.5), RayleighDamping(alpha=0.2)
-    >>> run = simulate(model, damping=true, base=base, duration=0.5, sample_rate=50.0, method="radau")
+    >>> run = simulate(model, damping=true, base=base, duration=0.5, sample_rate=50.0)
     >>> first, whole = (MarkerRecord(run.time[:k], run.tip[:k], base=base) for k in (13, 26))
     >>> prediction = fit_transient(model, first, guess).predict(whole)
     >>> {name: error < 1e-3 for name, error in prediction.relative_errors.items()}

@@ -63,7 +63,7 @@ class TransientFit:
     ...                     density=8000.0, elastic_modulus=210e9, elements=4)
     >>> model, base = Model(beam), HarmonicBase(amplitude=5e-3, frequency=1.9)
     >>> true, guess = RayleighDamping(alpha=0.5), RayleighDamping(alpha=0.2)
-    >>> run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0, method="radau")
+    >>> run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0)
     >>> fit = fit_transient(model, MarkerRecord(run.time, run.tip, base=base), guess)
     >>> type(fit.law).__name__, round(fit.law.alpha, 2), fit.units
     ('RayleighDamping', 0.5, {'alpha': '1/s'})
@@ -172,7 +172,7 @@ class TransientFit:
         >>> model, true, records = Model(beam), RayleighDamping(alpha=0.5), []
         >>> for amplitude in (5e-3, 8e-3):
         ...     base = HarmonicBase(amplitude=amplitude, frequency=1.9)
-        ...     run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0, method="radau")
+        ...     run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0)
         ...     records.append(MarkerRecord(run.time, run.tip, base=base))
         >>> prediction = fit_transient(model, records[0], RayleighDamping(alpha=0.2)).predict(records[1])
         >>> max(prediction.relative_errors.values()) < 1e-3

@@ -167,7 +167,6 @@ def simulate_decay(
         start=start,
         duration=duration + 1 / frequency,  # so that the last peak lies beyond the end
         sample_rate=SAMPLES * frequency,
-        method="radau",
         tolerance=TOLERANCE,
         largest_step=1 / (STEPS * frequency),
     )

@@ -69,14 +69,14 @@ def call(name, modes):
     ],
 )
 def test_a_call_with_all_defaults_warns_of_nothing_and_keeps_a_margin_below_a_ten_thousandth_of_its_travel(modes, name):
-    """A fifth of the limit in the first second, because the error grows with time."""
+    """Half of the limit in the first second, because the error grows with time; a warning would be an error."""
     settings = call(name, modes) | {"duration": 1.0, "sample_rate": 200.0}
     run = simulate(modes.model, **settings)
     (used,) = run.integrators
-    exact = simulate(modes.model, method="radau", tolerance=used.tolerance / 20, **settings)
+    exact = simulate(modes.model, method="radau", tolerance=used.tolerance / 5, **settings)
     travel = abs(exact.tip - exact.tip[0]).max()
     assert travel > 1e-5
-    assert abs(run.tip - exact.tip).max() < 2e-5 * travel
+    assert abs(run.tip - exact.tip).max() < 5e-5 * travel
     assert abs(run.balance_error).max() < 1e-4 * run.kinetic_energy.max()
 
 

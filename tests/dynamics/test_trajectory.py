@@ -213,7 +213,7 @@ class TestBaseMotions:
 class TestInterruptions:
     def at_segment(self, monkeypatch, number, action):
         """Do something when the given segment is finished."""
-        original = integration.integrate_by_idas
+        original = integration.integrate_by_radau
 
         def eventful(*arguments):
             for count, path in enumerate(original(*arguments), start=1):
@@ -221,7 +221,7 @@ class TestInterruptions:
                     action()
                 yield path
 
-        monkeypatch.setattr(integration, "integrate_by_idas", eventful)
+        monkeypatch.setattr(integration, "integrate_by_radau", eventful)
 
     @pytest.mark.slow
     def test_ctrl_c_ends_a_run_with_what_is_done(self, hanging, monkeypatch):
@@ -256,7 +256,7 @@ class TestInterruptions:
 
         self.at_segment(monkeypatch, 6, fail)
         with pytest.raises(SimulationError) as caught:
-            simulate(hanging, duration=0.1, method="idas")
+            simulate(hanging, duration=0.1)
         assert len(caught.value.partial.time) == 21
         again = pickle.loads(pickle.dumps(caught.value))
         assert (str(again), again.time) == ("the integrator gave up", 0.02)

@@ -329,7 +329,8 @@ class TestRefusals:
             Document(Model(paper_beam(4)), law)
 
     def test_files_that_are_not_json(self, tmp_path):
-        assert refused(tmp_path, b"").startswith("is not JSON")
+        assert refused(tmp_path, b"") == "is empty"
+        assert refused(tmp_path, b" ").startswith("is not JSON")
         assert refused(tmp_path, b"\xff\xfe{}").startswith("is not JSON")
         assert refused(tmp_path, "[1, 2]") == "must hold a JSON object"
         assert refused(tmp_path, "{}").startswith("$.format: must be")

@@ -112,7 +112,8 @@ class TestDefaults:
 
 
 MISTAKES = {  # what is replaced, by what, and the message after the name of the file
-    "empty": (ALL, "", ": has nothing to study; add [beam], [[decays]] or [[parts]]"),
+    "comments alone": (ALL, "# a study", ": has nothing to study; add [beam], [[decays]] or [[parts]]"),
+    "empty": (ALL, "", ": is empty"),
     "unknown table": ("[beam]", "[bean]", ": unknown key 'bean'"),
     "unknown key of the study": (BEAM, f"{BEAM}[study]\ncolour = 1\n", ": [study]: unknown key 'colour'"),
     "seed": (BEAM, f"{BEAM}[study]\nseed = -1\n", ": [study]: seed: must be a whole number"),

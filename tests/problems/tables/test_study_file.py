@@ -61,7 +61,7 @@ class TestBeam:
     def test_tables_of_other_commands_do_not_disturb(self, file):
         assert read_model(file(BEAM, "[match]\ntargets = 1\n[base]\n", SIMULATION)).beam == beam()
 
-    @pytest.mark.parametrize("text", ["", "[base]\n", "beam = 1\n"])
+    @pytest.mark.parametrize("text", ["# a beam", "[base]\n", "beam = 1\n"])
     def test_missing(self, file, text):
         with pytest.raises(InputError, match=r"study\.toml: (the key 'beam' is missing|has no table \[beam\])"):
             read_model(file(text))

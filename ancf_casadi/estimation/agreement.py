@@ -37,8 +37,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import chdtrc, stdtrit
+import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.estimates import LEVEL, Estimates
 from ancf_casadi.estimation.loss import row_weights
@@ -137,17 +136,17 @@ def agreement(name: str, unit: str, values: Array, errors: Array) -> Agreement:
     τ2 = 0.0
     if freedom < Q:
         widest = float(np.ptp(values)) ** 2
-        τ2 = float(brentq(lambda variance: mean_and_excess(variance)[1] - freedom, 0.0, widest))
+        τ2 = float(scipy.optimize.brentq(lambda variance: mean_and_excess(variance)[1] - freedom, 0.0, widest))
     mean, excess, total = mean_and_excess(τ2)
     error = math.sqrt(max(1.0, excess / freedom) / total)
-    t = float(stdtrit(freedom if τ2 else np.inf, 0.5 + LEVEL / 2))
+    t = float(scipy.special.stdtrit(freedom if τ2 else np.inf, 0.5 + LEVEL / 2))
     return Agreement(
         name=name,
         unit=unit,
         values=values,
         errors=errors,
         scatter=math.sqrt(τ2),
-        probability=float(chdtrc(freedom, Q)),
+        probability=float(scipy.special.chdtrc(freedom, Q)),
         mean=mean,
         error=error,
         interval=(mean - t * error, mean + t * error),

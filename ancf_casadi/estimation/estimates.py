@@ -34,7 +34,7 @@ from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
-from scipy.special import stdtrit
+import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.loss import dispersion, influence, row_weights
 from ancf_casadi.estimation.noise import Noise, autocorrelation
@@ -275,4 +275,4 @@ def quantile(level: float, freedom: float) -> float:
     """Return the quantile of Student's distribution for a two-sided interval; nan for zero degrees of freedom."""
     if not 0.0 < number(level, "level") < 1.0:
         raise InputError(f"must be between 0 and 1, got {level:g}", "level")
-    return float(stdtrit(freedom, 0.5 + level / 2)) if freedom else math.nan
+    return float(scipy.special.stdtrit(freedom, 0.5 + level / 2)) if freedom else math.nan

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
-from scipy.optimize import lsq_linear
+import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.loss import dispersion, influence, loss, loss_value, row_weights
 from ancf_casadi.support.arrays import Array
@@ -105,7 +105,7 @@ def polish(evaluate: cs.Function, z: Array, lower: Array, upper: Array, huber: f
         if not (np.isfinite(rows).all() and length.all()):
             return Polished(z, count, False)
         bounds = (length * (lower - z)).tolist(), (length * (upper - z)).tolist()
-        step = lsq_linear(rows / length, -psi / weights, bounds, method="bvls").x / length
+        step = scipy.optimize.lsq_linear(rows / length, -psi / weights, bounds, method="bvls").x / length
         size = float(np.linalg.norm(rows @ step))
         deviation = math.sqrt(dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature)
         # The second condition ends steps that rounding or integration errors keep from shrinking.

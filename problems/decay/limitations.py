@@ -22,7 +22,7 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.special import chdtrc
+import scipy  # its packages are imported on first use
 
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.estimation.agreement import DISAGREE, parts
@@ -143,7 +143,7 @@ def _changing(fit: Fit, indices: tuple[int, ...], rows: slice, time: Array) -> s
     size = np.sqrt(np.diag(covariance))
     normal = change / size
     square = float(normal @ np.linalg.lstsq(covariance / np.outer(size, size), normal)[0])
-    if chdtrc(len(known), square) >= DISAGREE:
+    if scipy.special.chdtrc(len(known), square) >= DISAGREE:
         return None
     worst = known[int(np.argmax(np.abs(normal)))]
     name, unit = fit.names[worst], f" {fit.units[worst]}".rstrip()

@@ -19,6 +19,10 @@ these means tell (Lepski's method).  Lines then end the band, and white or autor
 spectrum of all series, which leaves no more than the errors of s^2 and rho.  If no variance changes by more than a
 tenth, or than its random error, the noise counts as white, and the errors are those of an ordinary fit.
 
+A fit of an almost exact record leaves misfit, such as harmonics, instead of noise.  Misfit has no floor: between its
+lines the power falls by orders of magnitude, and a low power beside a line says nothing of the misfit that the curve
+has absorbed.  Where S exceeds ten times its median, it is therefore taken as the mean square of the residuals at least.
+
 The spectrum is that of noise which lasts.  A disturbance that dies away, such as another mode, acts while the columns
 of J are large, and may shift the estimates by more than J' R J says.  The sum of the products of r_i J_i and r_j J_j,
 which are near in time, shows this.  With an orthonormal basis q of the columns of J and the quadratic spectral kernel
@@ -58,6 +62,7 @@ NARROW = 12  # half-width of the narrowest band, in cycles per length of the ser
 AGREE = 2.0  # difference of two means, in standard errors, up to which they agree
 SAME = 0.1  # change of a variance, relative to white noise, up to which the noise counts as white
 SPARSE = 16  # length of the grid over the number of samples, beyond which the samples are counted instead
+MISFIT = 10.0  # power over the median of the spectrum, beyond which it is not the floor of the noise
 NOT_NOISE = 3.0  # concentration beyond which residuals are not noise; 1 for white noise
 EXCEEDS = 4.0  # standard errors of M by which it is larger than q' R q where it replaces it
 FEWEST = 8  # residuals, below which the noise counts as white
@@ -175,7 +180,7 @@ def estimated_noise(residuals: Array, basis: Array, series: Sequence[int], times
         for part, (_, places) in zip(parts, grids, strict=True)
     ]
     spectra = tuple(
-        SeriesSpectrum(rows, places, part.process * mean)
+        SeriesSpectrum(rows, places, _with_misfit(part.process * mean, float(np.mean(residuals[rows] ** 2))))
         for (rows, places), part, (mean, _) in zip(grids, parts, means, strict=True)
     )
     share = np.concatenate([part.leverage for part in parts])
@@ -188,6 +193,16 @@ def estimated_noise(residuals: Array, basis: Array, series: Sequence[int], times
         return white
     noise = replace(lasting, passing=passing, basis=None if passing is None else basis)
     return replace(noise, growth=float(np.trace(noise.form(basis))) / (n * white.variance))
+
+
+def _with_misfit(power: Array, variance: float) -> Array:
+    """Return the power of a series (k,), at least that of white noise of its variance where it exceeds the floor.
+
+    All but the frequencies at both ends have the weight 2.
+    """
+    weights = np.where(np.isin(np.arange(len(power)), [0, len(power) - 1]), 1.0, 2.0)
+    misfit = power > MISFIT * weights * np.median(power / weights)
+    return np.where(misfit, np.maximum(power, weights * variance), power)
 
 
 def _passing(

@@ -551,6 +551,23 @@ def test_a_noisy_record_says_so():
     assert any(w.startswith("the damping ratio does not differ significantly from zero") for w in lost.warnings)
 
 
+@pytest.mark.parametrize("floor", [0.0, 1e-9])
+def test_the_misfit_of_an_almost_exact_record_makes_no_error_smaller_than_white_noise_would(floor):
+    """Damping and frequency depend on the amplitude, and another mode remains, as after a simulated excitation.
+
+    The damping ratio is zeta (1 - c A^2) with c A^2 = 1e-3 at the release, so that the fit deviates from zeta.
+    """
+    ω, ζ, A, c = 2 * math.pi * 1.85, 0.01, 0.03, 1e-3
+    fade = np.exp(-2 * ζ * ω * TIME)
+    envelope = A * np.sqrt(fade / (1 - c * (1 - fade)))
+    turned = ω * TIME + 1e-4 * (1 - fade)
+    record = envelope * np.cos(turned) + 1e-3 * A * (envelope / A) ** 3 * np.cos(3 * turned)
+    record += swing(10.19, 0.0028, 1.7e-5) + floor * noise(5)
+    fit = fit_decay(TIME, record)
+    assert fit.residual_rms < 1e-3 * A
+    assert (fit.fit.errors > 0.95 * fit.fit.white_errors).all()
+
+
 @pytest.mark.parametrize("law", ["linear", "quadratic"])
 def test_hum_that_is_larger_than_the_decay_is_said_to_hide_it(law):
     hum = 1.5e-3 * np.cos(2 * math.pi * 50.0 * TIME + 0.3) + 1e-5 * noise(3)

@@ -28,7 +28,7 @@ from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.equations import Equations, as_it_is, excitation_pieces
 from ancf_casadi.dynamics.segments import CLOSE
 from ancf_casadi.dynamics.tip_load import TipLoad, equilibrium_under
-from ancf_casadi.dynamics.tolerance import expected_travel
+from ancf_casadi.dynamics.tolerance import check_excitation, check_speed, expected_travel
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import NODE, Model
@@ -162,13 +162,13 @@ def set_up(
             f"begins at {load.begin:g} s, after the end of the motion at {end:g} s; its times are those of the motion",
             "load",
         )
-    pieces = timed_pieces(equations, base, load, begin, end)
+    pieces = timed_pieces(model, base, load, begin, end)
     return MotionSetup(
         equations=equations,
         base=base,
         load=load,
         pieces=pieces,
-        checked=checked_excitation(pieces),
+        checked=checked_excitation(model, pieces),
         start=initial_state(model, pieces[0].excitation, start),
         sample_rate=sample_rate,
         times=times,
@@ -191,35 +191,25 @@ def sample_times(duration: float, sample_rate: float, origin: float = 0.0) -> Ar
     return times
 
 
-def timed_pieces(
-    equations: Equations, base: BaseMotion, load: TipLoad | None, begin: float, end: float
-) -> list[TimedPiece]:
+def timed_pieces(model: Model, base: BaseMotion, load: TipLoad | None, begin: float, end: float) -> list[TimedPiece]:
     """Return the smooth pieces of a base motion and a tip load together between two instants (s)."""
     pieces = excitation_pieces(base, load, begin, end)
-    return [
-        TimedPiece(piece.begin, piece.end, piece.function(equations.model, base), piece.largest_step)
-        for piece in pieces
-    ]
+    return [TimedPiece(piece.begin, piece.end, piece.function(model, base), piece.largest_step) for piece in pieces]
 
 
-def checked_excitation(pieces: Sequence[TimedPiece]) -> ExcitationSamples:
+def checked_excitation(model: Model, pieces: Sequence[TimedPiece]) -> ExcitationSamples:
     """Return the excitation at instants throughout a motion.
 
     Raises
     ------
     InputError
-        If the base motion is not finite.
+        If the excitation is beyond all reason; see ``check_excitation``.
     """
-    every, found = [], []
-    for piece in pieces:
-        times = np.linspace(piece.begin, piece.end, CHECKED)
-        values = piece.excitation(times[None, :]).full().T
-        finite = np.isfinite(values[:, : 3 * NODE]).all(axis=1)
-        if not finite.all():
-            raise InputError(f"its position, velocity or acceleration is not finite at {times[~finite][0]:g} s", "base")
-        every.append(times)
-        found.append(values)
-    return ExcitationSamples(np.concatenate(every), np.vstack(found))
+    every = [np.linspace(piece.begin, piece.end, CHECKED) for piece in pieces]
+    found = [piece.excitation(times[None, :]).full().T for piece, times in zip(pieces, every, strict=True)]
+    samples = ExcitationSamples(np.concatenate(every), np.vstack(found))
+    check_excitation(model, samples.times, samples.values)
+    return samples
 
 
 def base_of(model: Model, base: BaseMotion | None, start: Start | Equilibrium | State) -> BaseMotion:
@@ -332,6 +322,7 @@ def _check_state(model: Model, excitation: Array, state: State) -> None:
             "start",
         )
     node, velocity = excitation[:NODE], excitation[NODE : 2 * NODE]
+    check_speed(model, np.abs(state.velocities).max(), "in the state", "start")
     if _distance(model, state.coordinates, node) > AGREEMENT:
         raise InputError(
             f"the clamp of the state is at {_point(state.coordinates)}, that of the base motion at {_point(node)} at "

@@ -1,4 +1,4 @@
-"""Default tolerances from the expected motion.
+"""Default tolerances from the expected motion, and limits of what moves the beam.
 
 An integrator with the local error tau relative to the length L of the beam damps a small motion of amplitude A, and
 shifts its frequency, by amounts that depend on tau L/A alone.  Three causes move the beam:
@@ -14,6 +14,9 @@ several do, A is the smallest travel, but at least a tenth of the largest, so th
 large one is resolved too.  At a resonance the travel is larger than expected, and the result more accurate than
 required.  The tolerances below keep the error of the tip under 1e-4 of its travel for 6 s, numerical damping under 1e-5
 and the frequency within 3e-5 in the first five modes (``docs/accuracy.md``).
+
+An excitation beyond the limits would keep an integrator busy for minutes before it fails, so that it is refused before
+the first step.  The limits are far beyond experiments: a gantry travels some tens of lengths of its beam.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ import numpy as np
 
 from ancf_casadi.dynamics.tip_load import equilibrium_under
 from ancf_casadi.dynamics.trajectory import State
-from ancf_casadi.exceptions import EquilibriumError
+from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
 
@@ -35,6 +38,8 @@ NEGLIGIBLE = 1e-6  # A/L below which a cause is taken not to move the beam
 PART_OF_START = 0.1  # of the travel of a start that counts
 LEAST_OF_LARGEST = 0.1  # smallest expected travel, relative to the largest travel
 FIRST_ROOT = 1.8751040687  # beta_1 L of a cantilever
+MOST_LENGTHS = 1000.0  # of travel of the clamp, and of deflection under the load by the theory of small deflections
+MOST_WAVE_SPEEDS = 10.0  # of velocity; a body that meets another at one wave speed is stretched by its own length
 
 
 def idas_tolerance(travel: float) -> float:
@@ -71,7 +76,8 @@ def expected_travel(model: Model, times: Array, excitations: Array, start: State
     spin = slope[0, 0] * velocity[3] - slope[0, 1] * velocity[2]
     rigid = velocity[:2] + spin * np.column_stack([-arms[:, 1], arms[:, 0]])
     swing = np.linalg.norm(start.velocities.reshape(-1, NODE)[:, :2] - rigid, axis=1).max() / _first_frequency(model)
-    loaded = _deflection(model, times, excitations[:, 3 * NODE :])
+    loads = excitations[:, 3 * NODE :]
+    loaded = deflection(model, times, loads - loads[0])
     causes = max(travel, length * turn) / length, PART_OF_START * max(distance, swing) / length, loaded
     smallest = min((cause for cause in causes if cause >= NEGLIGIBLE), default=0.0)
     return float(max(smallest, LEAST_OF_LARGEST * max(causes)) if smallest else max(causes))
@@ -87,11 +93,74 @@ def _rest(model: Model, excitation: Array) -> Array:
     return np.asarray(coordinates.reshape(-1, NODE)[:, :2] + excitation[:2])
 
 
-def _deflection(model: Model, times: Array, loads: Array) -> float:
-    """Return the travel of the tip under a load (k, 3), relative to the length of the beam."""
-    length, frequency, changes = model.beam.length, _first_frequency(model), loads - loads[0]
+def check_excitation(model: Model, times: Array, excitations: Array) -> None:
+    """Check the size of a base motion and a tip load.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    times : array (k,)
+        Instants of the motion, s.
+    excitations : array (k, 15)
+        Position, velocity and acceleration of the clamped node, and the tip load, at these instants.
+
+    Raises
+    ------
+    InputError
+        If the base motion is not finite, moves the clamp by more than 1000 lengths of the beam, or is faster than ten
+        times the longitudinal waves in the beam; or if the load bends the beam by more than 1000 lengths.
+    """
+    length, clamp = model.beam.length, excitations[:, : 3 * NODE]
+    finite = np.isfinite(clamp).all(axis=1)
+    if not finite.all():
+        raise InputError(f"its position, velocity or acceleration is not finite at {times[~finite][0]:g} s", "base")
+    travel = np.hypot(*(clamp[:, :2] - clamp[0, :2]).T)
+    if travel.max() > MOST_LENGTHS * length:
+        raise InputError(
+            f"moves the clamp by {travel.max():.3g} m until {times[travel.argmax()]:g} s, but the beam is {length:g} m "
+            f"long; at most {MOST_LENGTHS:g} lengths are possible.  Check the unit",
+            "base",
+        )
+    velocity = clamp[:, NODE : 2 * NODE]
+    speed = np.hypot(velocity[:, 0], velocity[:, 1]) + length * np.hypot(velocity[:, 2], velocity[:, 3])
+    check_speed(model, float(speed.max()), f"at {times[speed.argmax()]:g} s", "base")
+    load = excitations[:, 3 * NODE :]
+    bent = max(deflection(model, times, load - load[0]), deflection(model, times, np.broadcast_to(load[0], load.shape)))
+    if not bent <= MOST_LENGTHS:
+        raise InputError(
+            f"would bend the beam by {bent:.3g} of its lengths, if the deflection were small; at most {MOST_LENGTHS:g} "
+            "are possible.  Check the unit",
+            "load",
+        )
+
+
+def check_speed(model: Model, speed: float, at: str, where: str) -> None:
+    """Check a velocity, m/s, against that of longitudinal waves in the beam, (E/rho)^1/2.
+
+    Raises
+    ------
+    InputError
+        If it is more than ten times as fast.
+    """
+    _, _, density, modulus = model.properties
+    waves = math.sqrt(float((modulus / density).max()))
+    if not speed <= MOST_WAVE_SPEEDS * waves:
+        raise InputError(
+            f"moves at {speed:.3g} m/s {at}, more than {MOST_WAVE_SPEEDS:g} times as fast as longitudinal waves in the "
+            f"beam, {waves:.3g} m/s.  Check the unit",
+            where,
+        )
+
+
+def deflection(model: Model, times: Array, loads: Array) -> float:
+    """Return the travel of the tip under a load (k, 3) that begins at once, relative to the length of the beam.
+
+    It is that of small deflections, at rest or after an impulse.
+    """
+    length, frequency = model.beam.length, _first_frequency(model)
     stiffness, _ = _mean_section(model)
-    bending = np.linalg.norm(changes[:, :2], axis=1) * length / 3 + np.abs(changes[:, 2]) / 2
+    bending = np.hypot(loads[:, 0], loads[:, 1]) * length / 3 + np.abs(loads[:, 2]) / 2
     return float(min(bending.max(), frequency * np.trapezoid(bending, times)) * length / stiffness)
 
 

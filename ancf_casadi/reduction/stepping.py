@@ -22,9 +22,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
-from ancf_casadi.dynamics.equations import excitation_pieces
 from ancf_casadi.dynamics.segments import CLOSE
-from ancf_casadi.dynamics.start import Start, base_of, initial_state, sample_times
+from ancf_casadi.dynamics.start import Start, base_of, checked_excitation, initial_state, sample_times, timed_pieces
 from ancf_casadi.dynamics.trajectory import State, relative_to
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.reduction.forces import BASE_SIZE
@@ -188,9 +187,9 @@ def simulate_reduced(
     end, base = float(instants[-1]), base_of(reduced.model, base, start)
     longest_step = _longest_step(reduced, end - origin, positive(steps_per_period, "steps_per_period"))
     pieces = base.pieces_between(origin, end)
-    state = initial_state(
-        reduced.model, excitation_pieces(base, None, origin, end)[0].function(reduced.model, base), start
-    )
+    excitations = timed_pieces(reduced.model, base, None, origin, end)
+    checked_excitation(reduced.model, excitations)
+    state = initial_state(reduced.model, excitations[0].excitation, start)
     advance = _stepper(reduced, end - origin)
 
     samples: list[Array] = []  # of (q, v)

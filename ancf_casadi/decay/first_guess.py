@@ -27,6 +27,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import without_line
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import number
 
 MINIMUM_PERIODS = 1.5  # counted from the peak of the spectrum, which may be too low by half a period
 NOISE_ODDS = 1e-4  # probability of mistaking pure noise for an oscillation
@@ -124,7 +125,7 @@ def first_guess(
     if release_time is None:
         found = find_release(time, displacement)
     else:
-        found = Release(int(np.searchsorted(time, release_time - SAME_TIME * step)), "given")
+        found = Release(int(np.searchsorted(time, number(release_time, "release_time") - SAME_TIME * step)), "given")
     begin = found.index
     t, y = time[begin:] - time[min(begin, len(time) - 1)], displacement[begin:]
     if len(t) < MINIMUM_SAMPLES:

@@ -25,6 +25,7 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.mechanics.beam import PROPERTIES, UNITS
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import instances
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 COORDINATES = (("x", "m", "position, x"), ("y", "m", "position, y"), ("slope_x", "1", "slope dr/ds, x"),
@@ -145,7 +146,7 @@ def values(signals: Sequence[Signal]) -> Array:
     >>> values(reduced.states)
     array([0., 0., 0., 0.])
     """
-    return np.array([signal.value for signal in signals], dtype=float)
+    return np.array([signal.value for signal in instances(signals, "signals", Signal)], dtype=float)
 
 
 def parameter_signals(equations: Equations) -> tuple[Signal, ...]:

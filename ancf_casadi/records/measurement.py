@@ -17,7 +17,7 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.records.sensor_units import sensor_of
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, located, number, physical, whole
+from ancf_casadi.support.inputs import LARGEST, array, check_instance, located, number, physical, whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -240,13 +240,14 @@ class Measurement:
 
 
 def _series(values: ArrayLike, where: str, *, gaps: bool = False) -> Array:
-    try:
-        series = np.array(values, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError("must be a vector of numbers", where) from None
+    series = array(values, where, finite=False)
     if series.ndim != 1:
         raise InputError(f"must be a vector, got an array of shape {series.shape}", where)
     usable = np.isfinite(series) | (np.isnan(series) & gaps)
+    beyond = usable & (np.abs(series) > LARGEST) & gaps  # of times, the span is checked
+    if beyond.any():
+        first = int(np.argmax(beyond))
+        raise InputError(f"sample {first + 1}, {series[first]:g}, is beyond {LARGEST:g}; check the unit", where)
     if not usable.all():
         first = int(np.argmin(usable))
         raise InputError(f"must be finite; sample {first + 1} is {series[first]}", where)

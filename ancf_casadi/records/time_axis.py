@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from ancf_casadi.records.channel import Channel, Contents
 from ancf_casadi.records.time_names import names_time
 from ancf_casadi.records.units import Unit, known_unit
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.inputs import physical, shown
+from ancf_casadi.support.inputs import check_instance, physical, shown
 
 COUNTERS = re.compile(
     r"(?:frames?|samples?|scans?|index|row|record|point|count(?:er)?|bildnummer)?[ _.#-]*"
@@ -63,10 +64,11 @@ def find_channel(channels: Sequence[Channel], wanted: object, option: str, path:
     InputError
         If there is none, or several.
     """
+    check_instance(wanted, option, str, Integral)
     named = [channel for channel in channels if channel.name == wanted]
     if not named and isinstance(wanted, str):
         named = [channel for channel in channels if channel.name.casefold() == wanted.strip().casefold()]
-    if not named and isinstance(wanted, int | str):
+    if not named:
         named = [channel for channel in channels if str(channel.number) == str(wanted).strip()]
     if len(named) == 1:
         return named[0]

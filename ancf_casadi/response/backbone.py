@@ -215,6 +215,10 @@ def backbone(
     amplitude, tolerance = physical(amplitude, "amplitude"), positive(tolerance, "tolerance")
     points = whole(points, "points", 2)
     subject = excited(model, damping, free=True)
+    if subject.model is not None and amplitude > subject.model.beam.length:
+        raise InputError(
+            f"{amplitude:g} m is more than the length of the beam, {subject.model.beam.length:g} m", "amplitude"
+        )
     mode = whole(mode, "mode", 1, subject.system.size)
     series = fourier(FIRST_HARMONICS, least_samples(FIRST_HARMONICS), subject.symmetric)
     balance = HarmonicBalance(subject.system, subject.drive, series)

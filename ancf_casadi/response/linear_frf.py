@@ -26,7 +26,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.response.small_motion import SmallMotion
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance, choice, is_sequence, number, vector
+from ancf_casadi.support.inputs import LARGEST, array, check_instance, choice, is_sequence, number, vector
 from ancf_casadi.support.tables import Table
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
@@ -284,8 +284,8 @@ def _points(model: Model, given: Any, where: str) -> tuple[float, ...]:
 def _frequencies(given: ArrayLike) -> Array:
     """Return frequencies as an array."""
     f = np.atleast_1d(array(given, "frequencies"))
-    if f.ndim != 1 or not f.size or (f < 0.0).any():
-        raise InputError("must be one or more frequencies, Hz, 0 or more", "frequencies")
+    if f.ndim != 1 or not f.size or (f < 0.0).any() or (f > LARGEST).any():
+        raise InputError(f"must be one or more frequencies, Hz, from 0 to {LARGEST:g}", "frequencies")
     return f
 
 

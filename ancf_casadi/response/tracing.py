@@ -36,7 +36,7 @@ from ancf_casadi.response.onset import TOLERANCE, grown, motion_of, reached, set
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.response.systems.drive import HarmonicForce
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, choice, number, physical, positive, vector, whole
+from ancf_casadi.support.inputs import LARGEST, check_instance, choice, physical, positive, vector, whole
 
 POINTS = 60
 MOST_POINTS = 2000
@@ -217,7 +217,9 @@ def parameter_response(
     subject, tolerance = excited(model, damping, base, load, force), positive(tolerance, "tolerance")
     names = [own.name for own in subject.system.parameters]
     index = names.index(choice(parameter, names, "parameter"))
-    first, last = (number(value, "values") for value in vector(values, "values"))
+    first, last = vector(values, "values")
+    if max(abs(first), abs(last)) > LARGEST:
+        raise InputError(f"must be within {LARGEST:g}, got {max(abs(first), abs(last)):g}", "values")
     given = subject.system.values
     given[index] = first
     subject = replace(subject, system=subject.system.with_values(given))

@@ -21,6 +21,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 
 SMALLEST, LARGEST = 1e-30, 1e30  # s or Hz
+REAL = "biufO"  # kinds of NumPy's types that may hold real numbers
 INSTEAD: Mapping[tuple[str, str], str] = {
     ("Beam", "Model"): "Model(beam)",
     ("Model", "Beam"): "model.beam",
@@ -41,7 +42,13 @@ INSTEAD: Mapping[tuple[str, str], str] = {
     ("tuple", "DampingLaw"): "the sum of the laws",
     ("ndarray", "Measurement"): "Measurement(time, displacement)",
 }  # (class given, class needed) -> the expression to use instead
-IN_WORDS = {"str": "a text", "PathLike": "a path", "Mapping": "a mapping", "ndarray": "an array"}
+IN_WORDS = {
+    "str": "a text",
+    "PathLike": "a path",
+    "Mapping": "a mapping",
+    "ndarray": "an array",
+    "Integral": "a whole number",
+}
 
 
 @contextlib.contextmanager
@@ -61,8 +68,11 @@ def number(value: Any, where: str) -> float:
     InputError
         If ``value`` is not a number, or not finite.
     """
+    other = isinstance(value, str | bytes | bool) or (
+        isinstance(value, np.ndarray | np.generic) and (value.ndim > 0 or value.dtype.kind not in REAL)
+    )
     try:
-        result = float(value) if not isinstance(value, str | bytes | bool) else math.nan
+        result = math.nan if other else float(value)
     except (TypeError, ValueError, OverflowError):
         result = math.nan
     if not math.isfinite(result):
@@ -82,8 +92,8 @@ def check_instance(value: Any, where: str, *kinds: type) -> None:
         raise InputError(_mistaken(value, kinds), where)
 
 
-def instances(values: Any, where: str, kind: type) -> tuple[Any, ...]:
-    """Return a sequence of one or more instances of a class as a tuple.
+def instances(values: Any, where: str, kind: type, *, least: int = 1) -> tuple[Any, ...]:
+    """Return a sequence of instances of a class, by default of one or more, as a tuple.
 
     Raises
     ------
@@ -93,7 +103,7 @@ def instances(values: Any, where: str, kind: type) -> tuple[Any, ...]:
     if not is_sequence(values):
         advice = "; put it in a list" if isinstance(values, kind) else ""
         raise InputError(f"must be a sequence of {kind.__name__}, got {_given(values)}{advice}", where)
-    if not len(values):
+    if len(values) < least:
         given = "" if kind is object else f" {kind.__name__}"
         raise InputError(f"is empty; give at least one{given}", where)
     for value in values:
@@ -274,9 +284,12 @@ def array(values: ArrayLike, where: str, *, finite: bool = True) -> Array:
         If a value is not a number, or, unless ``finite`` is false, not finite.
     """
     try:
-        result = np.array(values, dtype=float)
+        given = np.asarray(values)
+        result = given.astype(float) if given.dtype.kind in REAL else None
     except (TypeError, ValueError, OverflowError):
-        raise InputError("must be numbers", where) from None
+        result = None
+    if result is None:
+        raise InputError("must be numbers", where)
     if finite and not np.isfinite(result).all():
         raise InputError("must be finite", where)
     return result

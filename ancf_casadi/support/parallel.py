@@ -88,6 +88,8 @@ def run_all(
     """
     if not is_sequence(tasks) or not all(map(callable, tasks)):
         raise InputError(f"must be a sequence of functions without arguments, got {shown(tasks)}", "tasks")
+    if each is not None and not callable(each):
+        raise InputError(f"must be a function, got {shown(each)}", "each")
     check_instance(executor, "executor", Executor, NoneType)
     progress = flag(progress, "progress")
     jobs = min(whole(jobs, "jobs", 1), max(1, len(tasks)))

@@ -18,7 +18,7 @@ import numpy as np
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.inputs import physical
+from ancf_casadi.support.inputs import physical, vector
 from problems.decay.mode_separation import MOST_MODES, fit_modes
 from problems.decay.result import DecayFit
 
@@ -92,7 +92,7 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
     >>> round(fit_decay(found.record).frequency, 2)
     9.55
     """
-    low, high = physical(band[0], "band"), physical(band[1], "band")
+    low, high = (physical(limit, "band") for limit in vector(band, "band"))
     if not low < high:
         raise InputError(f"must be in order, got {low:g}, {high:g} Hz", "band")
     fits: tuple[DecayFit, ...] = ()

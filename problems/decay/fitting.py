@@ -94,7 +94,7 @@ def fit_decay(
     """
     record = as_record(time, displacement)
     choice(law, (*get_args(Law), "auto"), "law")
-    choice(frequency_law or "constant", (*get_args(FrequencyLaw), "auto"), "frequency_law")
+    choice("constant" if frequency_law is None else frequency_law, (*get_args(FrequencyLaw), "auto"), "frequency_law")
     if law == "auto" or frequency_law == "auto":
         if flag(robust, "robust"):
             raise InputError("compares sums of squares; name a law, or leave out robust=True", "auto")

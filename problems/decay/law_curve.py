@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.decay.envelope import LawCurve
 from ancf_casadi.estimation.estimates import LEVEL
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import array
+from ancf_casadi.support.inputs import array, check_instance
 from problems.decay.result import DecayFit
 
 POINTS = 60
@@ -49,6 +49,7 @@ def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: floa
     >>> [f"{100 * ratio:.2f} %" for ratio in curve.damping_ratio]
     ['0.83 %', '1.67 %']
     """
+    check_instance(fit, "fit", DecayFit)
     if amplitudes is None:
         last = fit.displacement(fit.time[fit.time > fit.time[-1] - 1 / fit.frequency])
         per_amplitude = (2 * np.pi * fit.frequency) ** fit.model.sensor.derivatives  # of the record

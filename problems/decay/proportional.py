@@ -38,7 +38,7 @@ from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.figures import literal_text
-from ancf_casadi.support.inputs import is_sequence, numbers, physical, positive
+from ancf_casadi.support.inputs import is_sequence, numbers, physical
 from ancf_casadi.support.tables import Table
 
 if TYPE_CHECKING:
@@ -197,7 +197,7 @@ def fit_rayleigh(
     if len(ω) < 2:
         raise InputError(f"needs at least 2 modes, got {len(ω)}", "frequencies")
     given: Any = ratio_std if ratio_std is None or is_sequence(ratio_std) else [ratio_std] * len(ω)
-    deviations = None if given is None else tuple(positive(deviation, "ratio_std") for deviation in given)
+    deviations = None if given is None else tuple(physical(deviation, "ratio_std") for deviation in given)
     σ = np.ones(len(ω)) if deviations is None else np.array(deviations)
     for name, values in (("ratios", ζ), ("ratio_std", σ)):
         if len(values) != len(ω):

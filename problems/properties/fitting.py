@@ -132,7 +132,9 @@ def fit_properties(
     started = [_unknown(name, first[name], own, bounds or {}) for name in names]
     strange = set(bounds or ()) - set(names)
     if strange:
-        raise InputError(f"{', '.join(sorted(strange))}: not among the unknowns; remove these bounds", "bounds")
+        raise InputError(
+            f"{', '.join(sorted(map(str, strange)))}: not among the unknowns; remove these bounds", "bounds"
+        )
     solved = tuple(unknown.name for unknown in started)
     _check_determined(own, solved)
     best, *others = _optima(own, started)

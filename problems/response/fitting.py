@@ -37,7 +37,7 @@ from ancf_casadi.estimation.least_squares import Unknown, least_squares, restart
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.beam import LUMPED
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import check_instance, choice, positive, whole
+from ancf_casadi.support.inputs import check_instance, choice, instances, positive, whole
 from ancf_casadi.vibration.modes import natural_modes
 from problems.response.joint import ALLOWED, LEVEL_ERROR, NEGLIGIBLE, OPTIONS, JointProblem, motion_problem
 from problems.response.problem import ResponseProblem
@@ -133,6 +133,7 @@ def fit_response(
         positive(excitation_deviation, "excitation_deviation")
         if excitation == "known":
             raise InputError("belongs to excitation='common' or 'each'", "excitation_deviation")
+    evidence = instances(evidence, "evidence", Evidence, least=0)
     if any(one.deviations is None for one in evidence):
         raise InputError("needs a standard deviation for each value, to be weighed against the curves", "evidence")
     if (motions or evidence) and not properties:
@@ -156,7 +157,7 @@ def fit_response(
             excitation=excitation,
         ),
         motions=motion_problem(model, motions, damping) if motions else None,
-        evidence=tuple(evidence),
+        evidence=evidence,
         excitation_deviation=excitation_deviation,
     )
     return _fit(problem, unknowns)

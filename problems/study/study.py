@@ -22,7 +22,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Any
 
-from ancf_casadi.support.files import check_folder, write_files
+from ancf_casadi.support.files import check_folder, check_path, write_files
 from ancf_casadi.support.inputs import check_instance, flag, whole
 from ancf_casadi.support.tables import to_json
 from ancf_casadi.version import __version__
@@ -137,6 +137,8 @@ def run_study(
     >>> round(report.results["rayleigh"]["alpha"], 6), report.page.name
     (0.228181, 'report.html')
     """
+    if path is not None:
+        check_path(path, "path")
     check_instance(executor, "executor", Executor, NoneType)
     folder = check_folder(out)
     quick, jobs = flag(quick, "quick"), whole(jobs, "jobs", 1)

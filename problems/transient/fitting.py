@@ -48,7 +48,7 @@ from ancf_casadi.estimation.loss import HUBER
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import check_instance, choices, flag, positive
+from ancf_casadi.support.inputs import check_instance, choices, flag, instances, positive
 from problems.transient.determination import ZERO, check_determined
 from problems.transient.marker_record import Record, motion_records
 from problems.transient.problem import OPTIONS, TransientProblem
@@ -134,11 +134,12 @@ def fit_transient(
     load = choices(load, START, "load")
     base_amplitude, robust = flag(base_amplitude, "base_amplitude"), flag(robust, "robust")
     unknowns = transient_unknowns(model, motions, damping, properties, base_amplitude, load, fixed, bounds or {})
+    evidence = instances(evidence, "evidence", Evidence, least=0)
     if any(one.deviations is None for one in evidence):
         raise InputError("needs a standard deviation for each value, to be weighed against the motions", "evidence")
     weights = first_weights(motions, robust=robust)
     chosen = first_tolerance(motions, weights, model.beam.length) if tolerance is None else tolerance
-    problem = TransientProblem(model, motions, damping, load, positive(chosen, "tolerance"), weights, tuple(evidence))
+    problem = TransientProblem(model, motions, damping, load, positive(chosen, "tolerance"), weights, evidence)
     improve = robust or weights.improvable
     while True:
         with warnings.catch_warnings():

@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import casadi as cs
 import numpy as np
@@ -40,6 +40,7 @@ FIRST_MODE = 3.516  # angular frequency of a cantilever over (E I/(mu L^4))^1/2
 Bounds = Mapping[str, tuple[float, float]]
 
 
+@runtime_checkable
 class Evidence(Protocol):
     """Further measurements of the same beam, such as a ``StaticRecord``, that enter a fit with its unknowns."""
 

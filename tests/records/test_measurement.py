@@ -38,9 +38,9 @@ def test_nan_marks_a_gap_and_its_sample_is_left_out():
         ([0, 1, float("inf")], [0, 1, 2], "time: must be finite; sample 3 is inf"),
         ([[0, 1], [2, 3]], [0, 1], r"time: must be a vector, got an array of shape \(2, 2\)"),
         (3.0, [0, 1], r"time: must be a vector, got an array of shape \(\)"),
-        ([0, 1], ["a", "b"], "values: must be a vector of numbers"),
-        ([0, 1], [0, 1j], "values: must be a vector of numbers"),
-        ([0, [1, 2]], [0, 1], "time: must be a vector of numbers"),
+        ([0, 1], ["a", "b"], "values: must be numbers"),
+        ([0, 1], [0, 1j], "values: must be numbers"),
+        ([0, [1, 2]], [0, 1], "time: must be numbers"),
         ([0, 1], None, "values: must be a vector"),
     ],
 )

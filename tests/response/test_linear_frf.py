@@ -200,7 +200,7 @@ def test_the_result_is_reported_drawn_and_written(hanging):
         ({"load_points": (0.1, -0.1)}, "load_points: must be on the beam"),
         ({"direction": (0.0, 0.0)}, "direction: must not be the zero vector"),
         ({"load_direction": 1.0}, "load_direction: must be a pair of numbers"),
-        ({"frequencies": [-1.0]}, "frequencies: must be one or more frequencies, Hz, 0 or more"),
+        ({"frequencies": [-1.0]}, "frequencies: must be one or more frequencies, Hz, from 0 to"),
         ({"frequencies": []}, "frequencies: must be one or more"),
         ({"frequencies": [1.0, np.nan]}, "frequencies: must be finite"),
         ({"kind": "transmissibility", "load_points": 0.5}, "load_points: has no meaning for a transmissibility"),

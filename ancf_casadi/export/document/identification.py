@@ -21,7 +21,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document.strict_json import MOST_LEVELS, check, place
 from ancf_casadi.export.document.structs import DataFileData, IdentificationData, ProvenanceData, data_of
 from ancf_casadi.support.files import opened
-from ancf_casadi.support.inputs import is_sequence, shown
+from ancf_casadi.support.inputs import check_instance, is_sequence, shown
 from ancf_casadi.version import __version__
 
 KINDS = {"frequency_hz": "decay", "matched_hz": "frequency matching", "unknowns": "transient"}
@@ -193,6 +193,7 @@ class Provenance:
 
     def __post_init__(self) -> None:
         """Validate."""
+        check_instance(self.versions, "versions", Mapping)
         _check(self, ProvenanceData)
         try:
             datetime.datetime.fromisoformat(self.written)

@@ -30,8 +30,8 @@ from ancf_casadi.export.document.structs import (
     read,
 )
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.files import write_file
-from ancf_casadi.support.inputs import is_sequence, located, shown
+from ancf_casadi.support.files import check_file, write_file
+from ancf_casadi.support.inputs import check_instance, is_sequence, located, shown
 from ancf_casadi.support.tables import to_json
 
 
@@ -123,7 +123,8 @@ def write_document(path: str | Path, document: Document) -> None:
     >>> json.loads(Path("beam.json").read_text())["beam"]["length"]
     0.5
     """
-    write_file(Path(path), to_json(document.to_dict()))
+    check_instance(document, "document", Document)
+    write_file(check_file(path), to_json(document.to_dict()))
 
 
 def read_document(path: str | Path) -> Document:

@@ -18,6 +18,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from types import NoneType
 
 import casadi as cs
 
@@ -35,7 +36,7 @@ from ancf_casadi.dynamics.signals import (
 from ancf_casadi.export.functions.statics import balance_for, equilibrium_function, frequencies_function
 from ancf_casadi.export.functions.step import step_function
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.support.inputs import numbers, whole
+from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.vibration.modes import natural_modes
 
 ALL = ("q", "v", "a", "base", "p")
@@ -125,6 +126,8 @@ def beam_functions(
     >>> bool(abs(r.full()).max() < 1e-6)
     True
     """
+    check_instance(model, "model", Model)
+    check_instance(damping, "damping", DampingLaw, NoneType)
     equations = Equations(model, RayleighDamping() if damping is None else damping)
     markers = numbers(markers, "markers")
     points = [cs.DM(model.interpolation(s)) for s in markers]

@@ -17,7 +17,7 @@ from ancf_casadi.export.targets.c_source import TABLE_NAMES, header, source
 from ancf_casadi.export.targets.decay_program import decay_program
 from ancf_casadi.export.targets.overwriting import check_ours
 from ancf_casadi.support.files import check_folder, write_files
-from ancf_casadi.support.inputs import matches, shown
+from ancf_casadi.support.inputs import check_instance, instances, matches, shown
 
 MARK = "/* Written by ancf-casadi"
 NAME_PATTERN = r"[a-z][a-z0-9]*(_[a-z0-9]+)*"
@@ -72,9 +72,10 @@ def write_c(
             f"{shown(name)}",
             "name",
         )
+    check_instance(functions, "functions", MotionFunctions)
     target = check_folder(folder)
     every = {f"{name}_{own}": function for own, function in functions.named.items()}
-    for function in also:
+    for function in instances(also, "also", cs.Function, least=0):
         own = function.name()
         if every.setdefault(f"{name}_{own}", function) is not function or own in TABLE_NAMES or own.endswith("_raw"):
             raise InputError("is the name of another Function or table; rename the Function", own)

@@ -102,4 +102,5 @@ def _highest_frequency(functions: MotionFunctions) -> float:
 
 def _value_and_jacobian(expression: cs.MX, symbol: cs.MX, at: Array) -> list[Array]:
     found = cs.Function("found", [symbol], [expression, cs.jacobian(expression, symbol)])(at)
-    return [np.squeeze(part.full()) for part in found]
+    value, jacobian = (part.full() for part in found)
+    return [value.ravel(), jacobian]

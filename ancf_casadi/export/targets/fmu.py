@@ -33,6 +33,7 @@ import tempfile
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
+from types import NoneType
 from typing import NoReturn
 
 import casadi as cs
@@ -45,7 +46,8 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document.model_document import Document
 from ancf_casadi.export.targets.fmu_description import CLAMP, described
 from ancf_casadi.support.compilation import LIBRARY, SECONDS, c_compiler
-from ancf_casadi.support.files import write_file
+from ancf_casadi.support.files import check_file, write_file
+from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import to_json
 
 MODEL = "beam"  # of the model in C
@@ -89,6 +91,9 @@ def write_fmu(
     >>> Path("strip.fmu").exists()
     True
     """
+    check_instance(functions, "functions", MotionFunctions)
+    check_instance(document, "document", Document, NoneType)
+    target = check_file(path)
     _check_document(document, functions)
     headers, compiler = _fmi_headers(), c_compiler()
     if not compiler:
@@ -100,7 +105,7 @@ def write_fmu(
         folder = Path(temporary)
         with contextlib.chdir(folder):
             files = _dae_builder(functions).export_fmu({"with_serialization": False, "no_warning": True})
-        description = described(folder / "modelDescription.xml", Path(path).stem, functions, document)
+        description = described(folder / "modelDescription.xml", target.stem, functions, document)
         _advance(bar, "compiler")
         system, suffix = PLATFORMS.get(platform.system(), ("linux", "so"))
         library = folder / f"{MODEL}.{suffix}"

@@ -21,7 +21,8 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.functions.motion_functions import BeamFunctions
 from ancf_casadi.export.targets.overwriting import check_ours
 from ancf_casadi.reduction.reduced import ReducedFunctions
-from ancf_casadi.support.files import opened, write_file
+from ancf_casadi.support.files import check_file, opened, write_file
+from ancf_casadi.support.inputs import check_instance
 
 TITLE = "ancf-casadi functions"
 FORMAT = f"{TITLE} 2"
@@ -51,7 +52,8 @@ def save_functions(functions: BeamFunctions | ReducedFunctions, path: str | Path
     >>> Path("reduced.casadi").exists()
     True
     """
-    target = Path(path)
+    check_instance(functions, "functions", *MODELS.values())
+    target = check_file(path)
     check_ours(target, BEGINNING)
     tables = {name: [asdict(signal) for signal in getattr(functions, name)] for name in TABLES}
     (kind,) = (name for name, kept in MODELS.items() if isinstance(functions, kept))

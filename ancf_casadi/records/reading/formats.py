@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Contents
+from ancf_casadi.records.channel import Channel, Contents
 from ancf_casadi.records.reading.c3d import read_c3d
 from ancf_casadi.records.reading.lvm import read_lvm
 from ancf_casadi.records.reading.matlab import read_hdf5, read_matlab
@@ -15,6 +18,7 @@ from ancf_casadi.records.reading.tdms import read_tdms
 from ancf_casadi.records.reading.text.reader import read_text
 from ancf_casadi.records.reading.uff import read_uff
 from ancf_casadi.support.files import opened
+from ancf_casadi.support.inputs import LARGEST
 
 MOST_BYTES = 2**30
 START = 1024  # bytes looked at
@@ -41,7 +45,14 @@ def read_contents(path: str | Path, *, progress: bool = False) -> Contents:
         found = _read(Path(path), file.read(START), progress)
     if not found.channels:
         raise InputError("has no channels of numbers", str(path))
-    return found
+    return replace(found, channels=tuple(map(_within_range, found.channels)))
+
+
+def _within_range(channel: Channel) -> Channel:
+    """Return a channel, with a fault if a number has no finite square."""
+    largest = np.abs(channel.values).max(initial=0.0, where=np.isfinite(channel.values))
+    beyond = f"has numbers beyond {LARGEST:g}, such as {largest:g}" if largest > LARGEST else ""
+    return replace(channel, fault=channel.fault or beyond)
 
 
 def _read(file: Path, start: bytes, progress: bool) -> Contents:

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from types import NoneType
 from typing import NamedTuple
 
 import casadi as cs
@@ -24,7 +25,7 @@ import numpy as np
 from ancf_casadi.damping import Parameter
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.inputs import array, instances
+from ancf_casadi.support.inputs import array, check_instance, instances
 
 MOST_KEPT = 32  # numbers of samples for which the Functions of a system are kept
 
@@ -167,10 +168,13 @@ class SecondOrderSystem:
         InputError
             If the numbers of entries disagree, or the expressions contain other symbols.
         """
+        needed = {"q": q, "v": v, "a": a, "u": u, "conservative": conservative}
+        for name, given in {**needed, "p": p, "damping": damping, "excitation": excitation}.items():
+            check_instance(given, name, cs.SX, *(() if name in needed else (NoneType,)))
         n = q.numel()
         none = cs.SX.zeros(n)
         p = cs.SX(0, 1) if p is None else p
-        own = instances(parameters, "parameters", Parameter) if p.numel() or len(parameters) else ()
+        own = instances(parameters, "parameters", Parameter, least=0)
         if p.numel() != len(own):
             raise InputError(f"has {len(own)} entries for {p.numel()} symbols", "parameters")
         damping, excitation = (none if part is None else part for part in (damping, excitation))

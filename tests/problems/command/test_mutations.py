@@ -9,7 +9,8 @@ from problems.command.init import STUDY
 
 VALUES = [
     "0", "-1", "0.5", "1e300", "-1e300", "1e-300", "nan", "inf", "10000", "99999999999999999999", "true", '"x"', '""',
-    "[]", "[[]]", "[1, 2]", "[nan, 1]", "{}", "{a = 1}", "1979-05-27", '"motion.csv"', '"."', "[{}]", "[{column = 2}]",
+    "[]", "[[]]", "[1, 2]", "[nan, 1]", "{}", "{a = 1}", "1979-05-27", "1e308", '"motion.csv"', '"."', "[{}]",
+    "[{column = 2}]",
 ]  # fmt: skip
 HEADS = ["[beam]", "[[damping]]", "[base]", "[release]", "[markers]", "[[records]]", "[fit]", "[x]", "[[beam]]"]
 COMMANDS = (["modes"], ["match"], ["simulate"], ["export", "--format", "json", "--out", "o.json"], ["fit-motion"])

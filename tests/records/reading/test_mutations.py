@@ -15,7 +15,8 @@ TIME = np.arange(25) / 100.0
 MM = 5.0 * np.cos(20.0 * TIME)
 TOKENS = (
     b",", b";", b"\t", b" ", b"\n", b"\r", b'"', b"nan", b"1e999", b"#", b"\0", b"(ms)", b"[", b"1" * 30, b":", b"T",
-    b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", b"\xef\xbb\xbf", b"\xc3", b"time", b"1e-320", b"1_0", b"\xd9\xa1",
+    b"\xff\xff\xff\xff", b"\xff\xff\xff\x7f", b"\xef\xbb\xbf", b"\xc3", b"time", b"1e308", b"1e-320", b"1_0",
+    b"\xd9\xa1",
 )  # fmt: skip
 
 

@@ -1,0 +1,351 @@
+"""Calls of all public functions with valid arguments, of which one or two are replaced by hostile values."""
+
+import random
+import signal
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from decimal import Decimal
+from functools import cache
+from pathlib import Path
+
+import casadi as cs
+import numpy as np
+
+import ancf_casadi
+import problems
+from ancf_casadi import export
+from ancf_casadi.response.systems.system import SecondOrderSystem
+
+SECONDS = 10.0  # that a call may take
+
+
+class Refused(Exception):
+    """The error of a caller's own function."""
+
+
+def failing(*_, **__):
+    raise Refused
+
+
+class Other:
+    """A class that takes any arguments."""
+
+    def __init__(self, *_, **__):
+        pass
+
+
+HOSTILE = {
+    "None": None, "True": True, "0": 0, "-1": -1, "1": 1, "2.5": 2.5, "nan": np.nan, "inf": np.inf, "-inf": -np.inf,
+    "1e308": 1e308, "-1e308": -1e308, "1e-308": 1e-308, "1e9": 1e9, "10^30": 10**30, "10^400": 10**400, "1j": 1j,
+    "empty text": "", "x": "x", "null": "\0", "long text": "x" * 100_000, "bytes": b"x", "list": [], "nested": [[]],
+    "table": {}, "keys": {1: 2}, "set": {1}, "object": object(), "class": Other, "callable": failing,
+    "pair": (1.0, 2.0), "pair of nan": (np.nan, 1.0), "pair of texts": ("a", "b"), "large pair": (1e308, -1e308),
+    "pair of None": (None, None), "ragged": [[1.0], [1.0, 2.0]], "date": np.datetime64("2024-05-17"),
+    "dates": np.arange("2024-05-01", "2024-05-11", dtype="M8[D]"), "NaT": np.datetime64("NaT"),
+    "decimal": Decimal("1e400"), "no numbers": np.zeros(0), "one number": np.array(1.0), "row": np.zeros((1, 40)),
+    "cube": np.zeros((2, 2, 2)), "nans": np.full(40, np.nan), "large": np.full(40, 1e308), "zeros": np.zeros(40),
+    "complex": np.ones(40, complex), "objects": np.array([None, "a"], dtype=object), "words": np.array(["a"] * 40),
+    "flags": np.ones(40, bool), "range": range(40), "iterator": iter(()), "numpy 1": np.float32(1.0),
+    "whole": np.int8(-1), "base": ancf_casadi.HarmonicBase(1e-3, 2.0), "law": ancf_casadi.RayleighDamping(0.1),
+    "sensor": ancf_casadi.Sensor(), "section": ancf_casadi.Section(1e-3, 1e-3), "path": Path("none.csv"),
+    "folder": Path("."), "pair of large whole numbers": (10**30, 10**400),
+}  # fmt: skip
+NOT_CALLED = frozenset(
+    "BaseMotion DampingLaw TipLoad __version__"  # abstract
+    " Backbone Equilibrium LinearFrf Modes PeriodicMotion ReducedModel ReducedTrajectory ResponseCurve Trajectory"
+    " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions DecayFit DecayFits FrequencyMatch FrfFit"
+    " IsolatedMode LawComparison MonteCarlo MotionPrediction Prediction PropertyFit RayleighFit ResponseFit"
+    " ResponsePrediction StudyReport TransientFit".split()  # results, which the package makes
+)
+
+
+def public():
+    """Names of the public functions and classes of the two packages."""
+    names = {*ancf_casadi.__all__, *export.__all__, *problems.__all__} - NOT_CALLED
+    own = {name: next(getattr(m, name) for m in (ancf_casadi, export, problems) if hasattr(m, name)) for name in names}
+    return {n: o for n, o in own.items() if not (isinstance(o, type) and issubclass(o, Exception))}
+
+
+@cache
+def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
+    """Valid calls by name: the function, and its arguments."""
+    a, p = ancf_casadi, problems
+    uniform = {
+        "length": 0.5, "width": 5e-3, "thickness": 5e-4, "density": 8e3, "elastic_modulus": 2.1e11, "elements": 2,
+    }  # fmt: skip
+    beam = a.Beam.uniform(**uniform)
+    model = a.Model(beam)
+    rest = a.static_equilibrium(model)
+    modes = a.natural_modes(model, count=2)
+    f = float(modes.frequencies[0])
+    law, base = a.ModalDamping(modes, (0.02, 0.01)), a.HarmonicBase(1e-3, f, stop=0.05)
+    load, rayleigh = a.HarmonicLoad((0.01, 0.0), f), a.RayleighDamping(0.2)
+    reduced = a.reduce_model(model, modes=1, damping=rayleigh)
+    instants = np.arange(200) / (20 * f)
+    values = 5e-3 * np.exp(-0.02 * 2 * np.pi * f * instants) * np.cos(2 * np.pi * f * instants)
+    noise = 1e-5 * np.random.default_rng(1).standard_normal(200)
+    record = a.Measurement(instants, values + noise)
+    fit = p.fit_decay(record)
+    columns = np.column_stack([instants, values])
+    np.savetxt(folder / "a.csv", columns, delimiter=",", header="t (s),x (mm)", comments="")
+    recording = a.read_recording(folder / "a.csv")
+    (folder / "a.toml").write_text("[beam]\n" + "".join(f"{key} = {value}\n" for key, value in uniform.items()))
+    (folder / "study.toml").write_text(
+        '[[parts]]\nkind = "rayleigh"\nfrequencies = [1.85, 10.19]\nratios = [0.01, 0.0028]\n'
+    )
+    export.write_document(folder / "a.json", export.Document(model, rayleigh))
+    functions = export.beam_functions(model, modes=1)
+    export.save_functions(functions, folder / "a.casadi")
+    q, v, acceleration, u, c = (cs.SX.sym(name) for name in ("q", "v", "a", "u", "c"))
+    oscillator = {
+        "q": q, "v": v, "a": acceleration, "u": u, "p": c, "conservative": acceleration + q, "damping": c * v,
+        "excitation": u, "parameters": (a.Parameter("c", 0.1, "", ""),), "rest": [0.0], "scale": [1.0],
+    }  # fmt: skip
+    grid = np.linspace(0.8 * f, 1.2 * f, 40)
+    frf = 1 / (f**2 - grid**2 + 0.04j * f * grid)
+    frequencies = tuple(modes.frequencies.tolist())
+    markers = np.zeros((40, 1, 2)) + [0.0, -0.5] + np.outer(values[:40], [1.0, 0.0])[:, None, :]
+    motion_record = p.MotionRecord([a.Measurement(instants[:40], values[:40])], base)
+    point = a.PointLoad((0.01, 0.0))
+    static = p.StaticRecord(model, [point], [1e-3], a.Sensor("displacement"))
+    natural = p.FrequencyRecord(model, frequencies)
+    steady = a.HarmonicBase(1e-4, f)
+    curve = p.ResponseRecord(grid[::8], [1e-4] * 5, base=steady, sweep="up")
+    damped = {"damping": law, "base": steady}
+    time40, x40 = instants[:40], values[:40]
+    found = {
+        "Beam": (a.Beam, {
+            "length": 0.5, "width": (5e-3,) * 2, "thickness": (5e-4,) * 2, "density": (8e3,) * 2,
+            "elastic_modulus": (2e11,) * 2, "axis": (0.0, -1.0), "gravity": (0.0, -9.81), "tip_mass": 0.0,
+            "clamp_stiffness": np.inf,
+        }),
+        "Beam.uniform": (a.Beam.uniform, uniform),
+        "Beam.with_": (beam.with_, {"length": 0.4, "axis": (1.0, 0.0)}),
+        "Beam.from_toml": (a.Beam.from_toml, {"path": folder / "a.toml"}),
+        "FixedBase": (a.FixedBase, {"displacement": (0.0, 0.0), "rotation": 0.1}),
+        "FrictionDamping": (a.FrictionDamping, {"eta0": 0.1, "smoothing_speed": 1e-3}),
+        "HarmonicBase": (a.HarmonicBase, {
+            "amplitude": 1e-3, "frequency": 2.0, "stop": 1.0, "direction": (1.0, 0.0), "stop_at": "rest", "ramp": 0.1,
+        }),
+        "HarmonicForce": (a.HarmonicForce, {"amplitude": 1.0, "frequency": 2.0, "direction": (1.0,)}),
+        "HarmonicLoad": (a.HarmonicLoad, {
+            "force": (0.1, 0.0), "frequency": 2.0, "moment": 0.0, "stop": 1.0, "ramp": 0.1,
+        }),
+        "SweepBase": (a.SweepBase, {
+            "amplitude": 1e-3, "frequencies": (1.0, 2.0), "stop": 1.0, "direction": (1.0, 0.0), "stop_at": "rest",
+            "ramp": 0.1,
+        }),
+        "SampledBase": (a.SampledBase, {"time": time40, "displacement": np.zeros((40, 2)), "rotation": 0 * time40}),
+        "SampledLoad": (a.SampledLoad, {"time": time40, "force": np.zeros((40, 2)), "moment": 0 * time40}),
+        "Measurement": (a.Measurement, {"time": time40, "values": x40, "name": "a", "sensor": a.Sensor()}),
+        "Measurement.from_file": (a.Measurement.from_file, {
+            "path": folder / "a.csv", "column": 2, "time": 1, "unit": "mm", "time_unit": "s", "rate": None,
+        }),
+        "Measurement.from_recording": (a.Measurement.from_recording, {
+            "recording": recording, "column": 2, "unit": "mm", "sensor": None,
+        }),
+        "Measurement.cut": (record.cut, {"begin": 0.1, "end": 0.5}),
+        "ModalDamping": (a.ModalDamping, {"modes": modes, "ratios": (0.01, 0.02), "frequencies": None}),
+        "Model": (a.Model, {"beam": beam, "measures": a.StrainMeasures()}),
+        "Parameter": (a.Parameter, {
+            "name": "a", "value": 1.0, "unit": "m", "description": "b", "lower": 0.0, "upper": 2.0,
+        }),
+        "PointLoad": (a.PointLoad, {"force": (0.0, 1.0), "moment": 0.1, "point": 0.3}),
+        "QuadraticDamping": (a.QuadraticDamping, {"eta1": 0.1, "eta2": 0.2}),
+        "RayleighDamping": (a.RayleighDamping, {"alpha": 0.1, "beta": 1e-4, "stiffness": "strain-rate"}),
+        "Recording": (a.Recording, {"path": "a.csv", "channels": recording.channels, "notes": ()}),
+        "Recording.channel": (recording.channel, {"column": 2}),
+        "SecondOrderSystem": (SecondOrderSystem.of, oscillator),
+        "Section": (a.Section, {"width": 1e-3, "thickness": 1e-3}),
+        "Sensor": (a.Sensor, {
+            "quantity": "displacement", "point": 0.3, "direction": (1.0, 0.0), "frame": "inertial", "gravity": False,
+            "distance": None,
+        }),
+        "State": (a.State, {"coordinates": rest.coordinates, "velocities": 0 * rest.coordinates, "time": 0.0}),
+        "StrainMeasures": (a.StrainMeasures, {
+            "axial": "engineering", "curvature": "material", "axial_points": 2, "bending_points": 2,
+        }),
+        "amplitude_response": (a.amplitude_response, {"model": reduced, "amplitudes": (1e-5, 1e-4), "points": 5}
+            | {"base": steady, "load": None, "force": None, "tolerance": 1e-5}),
+        "backbone": (a.backbone, {"model": reduced, "mode": 1, "amplitude": 1e-3, "points": 3, "tolerance": 1e-5}),
+        "damping_curve": (a.damping_curve, {"record": record, "periods": 3.0, "release_time": 0.0}),
+        "frequency_response": (a.frequency_response, {
+            "model": reduced, "frequencies": (0.9 * f, 1.1 * f), "base": steady, "points": 5, "start": None,
+            "tolerance": 1e-5,
+        }),
+        "linear_frf": (a.linear_frf, {
+            "model": model, "damping": law, "frequencies": grid, "kind": "receptance", "points": 0.5,
+            "load_points": 0.5, "direction": (1.0, 0.0), "load_direction": (1.0, 0.0), "equilibrium": rest,
+        }),
+        "mac": (a.mac, {"first": modes.shapes, "second": modes.shapes}),
+        "motion": (a.motion, damped | {
+            "model": model, "duration": 0.01, "load": load, "sample_rate": 1000.0, "start": "equilibrium",
+            "tolerance": 1e-5, "largest_step": np.inf, "start_load": False, "most_steps": 1000,
+        }),
+        "motion_function": (a.motion_function, {
+            "motion": a.periodic_motion(reduced, base=steady), "point": 0.3, "direction": (1.0, 0.0), "relative": True,
+        }),
+        "natural_modes": (a.natural_modes, {"model": model, "count": 2, "equilibrium": rest}),
+        "parameter_response": (a.parameter_response, {
+            "model": reduced, "parameter": "alpha", "values": (0.1, 0.2), "base": steady, "points": 5,
+        }),
+        "periodic_motion": (a.periodic_motion, {
+            "model": reduced, "damping": None, "base": steady, "load": None, "force": None, "tolerance": 1e-5,
+        }),
+        "read_recording": (a.read_recording, {
+            "path": folder / "a.csv", "time": 1, "time_unit": "s", "rate": None, "progress": False,
+        }),
+        "reduce_model": (a.reduce_model, {
+            "model": model, "modes": 1, "damping": law, "markers": (0.3,), "slope_points": None, "drag_points": None,
+        }),
+        "run_all": (a.run_all, {
+            "tasks": [dict], "executor": None, "jobs": 1, "sizes": [1.0], "title": "a", "each": None,
+        }),
+        "simulate": (a.simulate, damped | {
+            "model": model, "duration": 0.01, "load": load, "sample_rate": 1000.0, "start": "equilibrium",
+            "method": "radau", "tolerance": 1e-5, "largest_step": np.inf, "options": None, "most_steps": 2000,
+        }),
+        "simulate_reduced": (a.simulate_reduced, {
+            "reduced": reduced, "duration": 0.01, "base": base, "sample_rate": 1000.0, "start": "equilibrium",
+            "steps_per_period": 20,
+        }),
+        "static_equilibrium": (a.static_equilibrium, {
+            "model": model, "tip_force": (0.01, 0.0), "tip_moment": 1e-3, "loads": [point],
+        }),
+        "DataFile": (export.DataFile, {"name": "a", "sha256": "a" * 64}),
+        "DataFile.of": (export.DataFile.of, {"path": folder / "a.csv"}),
+        "Document": (export.Document, {"model": model, "damping": law, "identifications": ()}),
+        "Identification": (export.Identification, {"kind": "decay", "result": {"a": 1}, "data": ()}),
+        "Provenance": (export.Provenance, {"written": "2025-02-28T12:00:00Z", "versions": {}, "note": ""}),
+        "Signal": (export.Signal, {"name": "a", "unit": "m", "description": "b", "value": 1.0}),
+        "beam_functions": (export.beam_functions, {"model": model, "damping": law, "markers": (0.3,), "modes": 1}),
+        "load_functions": (export.load_functions, {"path": folder / "a.casadi"}),
+        "read_document": (export.read_document, {"path": folder / "a.json"}),
+        "save_functions": (export.save_functions, {"functions": functions, "path": folder / "b.casadi"}),
+        "schema": (export.schema, {}),
+        "values": (export.values, {"signals": functions.states}),
+        "write_c": (export.write_c, {"functions": reduced, "folder": folder / "c", "name": "beam", "also": ()}),
+        "write_document": (export.write_document, {
+            "path": folder / "b.json", "document": export.Document(model, law),
+        }),
+        "write_fmu": (export.write_fmu, {"functions": functions, "path": folder / "a.fmu", "document": None}),
+        "Camera": (p.Camera, {"scale": (0.9, 1.1), "rotation": (-0.1, 0.1), "origin": ((0.0, 1.0), (0.0, 1.0))}),
+        "Channel": (p.Channel, {"measurement": record, "noise": 1e-5, "offset": (-1.0, 1.0), "zero": (0.0, 1.0)}),
+        "FrequencyRecord": (p.FrequencyRecord, {
+            "model": model, "frequencies": frequencies, "standard_deviation": 0.01, "modes": (1, 2), "name": "a",
+        }),
+        "FrfRecord": (p.FrfRecord, {
+            "frequencies": grid, "values": frf, "kind": "receptance", "coherence": None, "std": None, "points": None,
+        }),
+        "Global": (p.Global, {"name": "density", "bounds": 0.1}),
+        "LeastChange": (p.LeastChange, {"weight": 1.0}),
+        "MarkerRecord": (p.MarkerRecord, {
+            "time": time40, "positions": markers, "points": (0.5,), "base": base, "start": "equilibrium",
+            "release": 0.0, "camera": None, "load": None,
+        }),
+        "MeasuredModes": (p.MeasuredModes, {
+            "frequencies": frequencies, "frequency_std": (0.1, 0.1), "points": (0.2, 0.5),
+            "shapes": ((0.1, 1.0), (-0.5, 1.0)), "shape_std": ((0.1, 0.1), (0.1, 0.1)),
+        }),
+        "MotionRecord": (p.MotionRecord, {
+            "channels": [record], "base": base, "start": "equilibrium", "release": 0.0, "camera": None, "load": None,
+        }),
+        "PerElement": (p.PerElement, {"name": "density", "bounds": 0.1}),
+        "ResponseRecord": (p.ResponseRecord, {
+            "frequencies": grid[:5], "values": [1e-4] * 5, "phases": None, "sensor": a.Sensor(), "base": steady,
+            "load": None, "levels": None, "sweep": "up", "control": "excitation", "amplitude_deviation": None,
+            "phase_deviation": None, "level_deviation": None, "name": "",
+        }),
+        "Smooth": (p.Smooth, {"name": "density", "terms": 2, "bounds": 0.1}),
+        "Smoothness": (p.Smoothness, {"weight": 1.0}),
+        "StaticRecord": (p.StaticRecord, {
+            "model": model, "loads": [point], "values": [1e-3], "sensors": a.Sensor(), "standard_deviation": 1e-5,
+            "tared": True, "name": "a",
+        }),
+        "compare_decay_laws": (p.compare_decay_laws, {
+            "time": instants, "displacement": values + noise, "laws": ("linear",), "frequency_laws": ("constant",),
+            "offset": True, "drift": False, "release_time": 0.0, "ratio_bounds": (0.0, 0.9),
+        }),
+        "compare_laws": (p.compare_laws, {"model": model, "records": [motion_record], "laws": [rayleigh]}),
+        "fit_decay": (p.fit_decay, {
+            "time": instants, "displacement": values + noise, "law": "linear", "frequency_law": None, "offset": True,
+            "drift": False, "release_time": 0.0, "ratio_bounds": (0.0, 0.9), "robust": False,
+        }),
+        "fit_decays": (p.fit_decays, {
+            "records": [record], "law": "linear", "frequency_law": "constant", "offset": True, "drift": False,
+            "release_times": None, "ratio_bounds": (0.0, 0.9), "robust": False,
+        }),
+        "fit_frf": (p.fit_frf, {
+            "record": p.FrfRecord(grid, frf, "receptance"), "count": 1, "frequencies": None, "band": None,
+        }),
+        "fit_modes": (p.fit_modes, {
+            "time": instants, "displacement": values + noise, "count": 1, "offset": True, "release_time": 0.0,
+        }),
+        "fit_properties": (p.fit_properties, {"records": [static, natural], "unknowns": ["density"], "bounds": None}),
+        "fit_rayleigh": (p.fit_rayleigh, {
+            "frequencies": (1.0, 5.0, 9.0), "ratios": (0.01, 0.02, 0.03), "ratio_std": 1e-3,
+        }),
+        "fit_response": (p.fit_response, {
+            "model": model, "records": [curve], "damping": rayleigh, "properties": (), "excitation": "known",
+            "excitation_deviation": None, "fixed": (), "bounds": None, "modes": 1, "harmonics": 3, "evidence": (),
+        }),
+        "fit_transient": (p.fit_transient, {
+            "model": model, "records": [motion_record], "damping": rayleigh, "properties": (), "base_amplitude": False,
+            "load": (), "fixed": (), "bounds": None, "robust": False, "tolerance": 1e-4, "evidence": (),
+        }),
+        "isolate_mode": (p.isolate_mode, {"record": record, "band": (0.7 * f, 1.4 * f), "release_time": 0.0}),
+        "law_curve": (p.law_curve, {"fit": fit, "amplitudes": [1e-3, 2e-3], "level": 0.9}),
+        "match_frequencies": (p.match_frequencies, {
+            "beam": beam, "targets": frequencies, "unknowns": [p.Global("density")], "bounds": 0.1,
+            "preference": None, "objective": "least-squares", "guess": None, "starts": 1, "seed": 0,
+        }),
+        "monte_carlo": (p.monte_carlo, {"fit": fit, "runs": 2, "seed": 0, "method": "parametric"}),
+        "run_study": (p.run_study, {
+            "path": folder / "study.toml", "out": folder / "study", "quick": False, "jobs": 1, "command": "a",
+        }),
+    }  # fmt: skip
+    return found
+
+
+def hostile_call(rng: random.Random, folder: Path) -> tuple[str, dict, Callable]:
+    """Draw a call; return its description, its arguments and its function."""
+    every = calls(folder)
+    name = rng.choice(sorted(every))
+    function, arguments = every[name]
+    replaced = {
+        key: rng.choice(sorted(HOSTILE))
+        for key in rng.sample(sorted(arguments), min(len(arguments), rng.choice((1, 1, 2))))
+    }
+    return f"{name} {replaced}", arguments | {key: HOSTILE[value] for key, value in replaced.items()}, function
+
+
+def outcome(function: Callable, arguments: dict, positional: Sequence = ()) -> str:
+    """Call; return ``returned``, ``refused``, or the description of a fault."""
+
+    def late(*_):
+        raise TimeoutError("waits too long")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.setitimer(signal.ITIMER_REAL, 3 * SECONDS)  # other programs may use the machine too
+    began = time.process_time()
+    try:
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            function(*positional, **arguments)
+        found = "returned"
+    except ancf_casadi.AncfError as error:
+        text = str(error)
+        found = "refused" if "\n" not in text and len(text) < 1000 else f"a message of {len(text)} characters"
+    except Refused:
+        found = "refused"
+    except Exception as error:
+        return f"{type(error).__name__}: {' '.join(str(error).split())[:150]}"
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    foreign = [w for w in warned if w.category is not UserWarning]
+    if foreign:
+        return f"warns: {foreign[0].category.__name__}: {foreign[0].message}"
+    used = time.process_time() - began
+    return found if used < SECONDS else f"takes {used:.0f} s"

@@ -1,0 +1,97 @@
+"""Public functions return, or refuse hostile arguments with an error of the package."""
+
+import inspect
+import random
+
+import numpy as np
+import pytest
+
+from ancf_casadi import HarmonicBase, InputError, Measurement, damping_curve, export, natural_modes, run_all
+from ancf_casadi.response.systems.system import SecondOrderSystem
+from problems import fit_decay, isolate_mode, law_curve
+from tests.hostile_calls import NOT_CALLED, calls, hostile_call, outcome, public
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder for the files of the calls."""
+    return tmp_path_factory.mktemp("calls")
+
+
+@pytest.fixture
+def there(folder, monkeypatch):
+    """The same folder as the current one."""
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def test_every_public_function_is_called(folder):
+    called = {name.partition(".")[0] for name in calls(folder)}
+    assert called == set(public())
+    assert not called & NOT_CALLED
+    for name, (function, arguments) in calls(folder).items():
+        inspect.signature(function).bind(**arguments)
+        assert len(arguments) or name == "schema"
+
+
+def faults(folder, seed, count):
+    rng = random.Random(seed)
+    drawn = (hostile_call(rng, folder) for _ in range(count))
+    found = [(name, outcome(function, arguments)) for name, arguments, function in drawn]
+    return [fault for fault in found if fault[1] not in ("returned", "refused")]
+
+
+def test_hostile_calls_return_or_are_refused(there):
+    assert faults(there, 1, 40) == []
+
+
+@pytest.mark.slow
+def test_many_hostile_calls_return_or_are_refused(there):
+    assert faults(there, 2, 400) == []
+
+
+@pytest.mark.slow
+def test_the_calls_are_valid_before_a_value_is_replaced(there):
+    assert {name: outcome(*call) for name, call in calls(there).items()} == dict.fromkeys(calls(there), "returned")
+
+
+TIME = np.linspace(0.0, 1.0, 101)
+RECORD = Measurement(TIME, np.exp(-TIME) * np.cos(40.0 * TIME))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: export.write_document("a.json", {}), "document: must be a Document, got a dict"),
+        (lambda: export.write_document(3, None), "document: must be a Document, got None"),
+        (lambda: export.write_c(None, "folder"), "functions: must be a MotionFunctions, got None"),
+        (lambda: export.write_fmu(None, "a.fmu"), "functions: must be a MotionFunctions, got None"),
+        (lambda: export.save_functions([], "a.casadi"), "functions: must be a BeamFunctions or a ReducedFunctions"),
+        (lambda: export.beam_functions(3), "model: must be a Model, got 3"),
+        (lambda: export.values([1.0]), "signals: must be a Signal, got 1.0"),
+        (lambda: export.Provenance("2025-01-31T12:00:00Z", [1]), "versions: must be a mapping"),
+        (lambda: law_curve("x"), "fit: must be a DecayFit, got 'x'"),
+        (lambda: isolate_mode(RECORD, 3.0), "band: must be a pair of numbers"),
+        (lambda: damping_curve(RECORD, release_time="x"), "release_time: must be a finite number"),
+        (lambda: damping_curve([1.0, 2.0]), "record: must be a Measurement, got a list"),
+        (lambda: SecondOrderSystem.of(1, 2, 3, 4, conservative=5), "q: must be a SX, got 1"),
+        (lambda: run_all([dict], each=3), "each: must be a function, got 3"),
+        (lambda: Measurement(TIME, 1j * TIME), "values: must be numbers"),
+        (lambda: Measurement(TIME.astype("M8[s]"), TIME), "time: must be numbers"),
+        (lambda: fit_decay(TIME, 1j * TIME), "values: must be numbers"),
+        (lambda: HarmonicBase(np.complex128(1j), 2.0), "amplitude: must be a finite number"),
+        (lambda: natural_modes(None), "model: must be a Model, got None"),
+    ],
+)
+def test_a_wrong_argument_is_named(call, message):
+    """Regression: raw exceptions of Python, NumPy and CasADi, and complex values that lost their imaginary parts."""
+    with pytest.raises(InputError, match=f"^{message}"):
+        call()
+
+
+def test_c_code_of_a_model_with_one_mode(there):
+    """Regression: the program for a single mode ended in LinAlgError."""
+    function, arguments = calls(there)["write_c"]
+    source, _, program = function(**arguments)
+    assert source.stat().st_size > 1000
+    assert "q[0] = " in program.read_text()

@@ -11,11 +11,13 @@ files, and titles, are no formulas.  ``literal_text`` shows them as they were wr
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, ParamSpec
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
 MEASURED = "#222222"
 COMPUTED = "#1b7f5c"
@@ -47,22 +49,31 @@ def literal_text(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def _show_literally(figure: Figure) -> None:
-    from matplotlib.axis import Axis, Tick  # slow to import
-    from matplotlib.text import Annotation, Text
-    from matplotlib.ticker import FixedFormatter, FuncFormatter
+    from matplotlib.ticker import FixedFormatter, FuncFormatter  # slow to import
 
-    axes = figure.findobj(Axis)
-    numbers = {id(text) for tick in figure.findobj(Tick) for text in (tick.label1, tick.label2)}
-    numbers |= {id(axis.get_offset_text()) for axis in axes}
-    for text in figure.findobj(Text):
-        if id(text) not in numbers and not isinstance(text, Annotation) and text.get_text():
-            text.set_text(_drawable(text.get_text()))
-            if "$" in text.get_text():
-                text.set_parse_math(False)
-    for axis in axes:
+    for text in _texts(figure):
+        text.set_text(_drawable(text.get_text()))
+        if "$" in text.get_text():
+            text.set_parse_math(False)
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         names = axis.get_major_formatter()
         if isinstance(names, FixedFormatter | FuncFormatter):
             axis.set_major_formatter(FuncFormatter(functools.partial(_literal_name, names)))
+
+
+def _texts(artist: Artist) -> Iterator[Text]:
+    """Yield the texts in an artist, but no annotations, and no numbers beside axes, which a search would create."""
+    from matplotlib.axis import Axis
+    from matplotlib.text import Annotation, Text
+
+    if isinstance(artist, Axis):
+        yield artist.label
+    elif isinstance(artist, Text):
+        if not isinstance(artist, Annotation):
+            yield artist
+    else:
+        for child in artist.get_children():
+            yield from _texts(child)
 
 
 def _literal_name(names: Callable[[float, int | None], str], value: float, position: int | None) -> str:

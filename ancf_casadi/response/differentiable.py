@@ -30,7 +30,7 @@ from ancf_casadi.response.harmonic_balance.newton import Condition, NotFound, so
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.callbacks import Differentiable, kept
-from ancf_casadi.support.inputs import check_instance
+from ancf_casadi.support.inputs import check_instance, flag
 
 PARTS = (1, 4, 16)  # into which the way from the given motion is divided if Newton's method fails
 READ = 8  # samples per harmonic from which a displacement is read
@@ -152,6 +152,7 @@ def motion_function(
     -0.212 m s
     """
     check_instance(motion, "motion", PeriodicMotion)
+    relative = flag(relative, "relative")
     subject, size = motion.excited, motion.coefficients.size
     parameters, varied = _parameters(subject)
     frequency, amplitude = cs.MX.sym("frequency"), cs.MX.sym("amplitude")

@@ -101,6 +101,7 @@ class TestCompositeStrip:
 class TestAluminiumStrip:
     """Published frequencies at four free lengths with a 5 g accelerometer at the tip."""
 
+    @pytest.mark.slow
     def test_with_the_tip_mass_known_the_modulus_is_that_of_aluminium_and_the_clamp_is_stiff(self, page):
         fit = fit_properties(page.strip_records(), ["elastic_modulus", "clamp_stiffness"])
         low, high = fit.intervals()["elastic_modulus"]

@@ -57,6 +57,7 @@ def test_png_is_complete_and_the_same_each_time(motion):
     assert b"Software" not in first
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("suffix", "begins"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF-"), (".PDF", b"%PDF-")]
 )

@@ -158,6 +158,7 @@ def backbone(model, amplitude, across, method, tolerance):
     return frequency / modes.frequencies[0] - 1, np.mean(swings) / LENGTH
 
 
+@pytest.mark.slow
 def test_an_undamped_release_from_a_bend_of_eight_tenths_of_the_length_needs_few_steps(weightless):
     run = released(weightless, 9.1, duration=1.0, sample_rate=1000.0, method="radau", tolerance=1e-6)
     assert run.tip[0, 1] > 0.79 * LENGTH and run.tip[:, 1].min() < -0.5 * LENGTH

@@ -32,7 +32,7 @@ from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.compilation import compiled
-from ancf_casadi.support.inputs import check_instance, choice, flag, positive, positive_or_infinite, whole
+from ancf_casadi.support.inputs import check_instance, choice, flag, physical, positive_or_infinite, whole
 from ancf_casadi.support.interrupts import noted_interrupts
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
@@ -131,7 +131,7 @@ def simulate(
     check_instance(options, "options", Mapping, NoneType)
     if options and method == "radau":
         raise InputError("are those of IDAS; method='radau' has none", "options")
-    tolerance = None if tolerance is None else positive(tolerance, "tolerance")
+    tolerance = None if tolerance is None else physical(tolerance, "tolerance")
     largest_step, most_steps = positive_or_infinite(largest_step, "largest_step"), whole(most_steps, "most_steps", 1)
     hidden = not flag(progress, "progress")
     with noted_interrupts() as interrupts:

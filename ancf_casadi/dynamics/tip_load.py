@@ -30,7 +30,7 @@ from ancf_casadi.dynamics.base_motion import Piece, Piecewise, check_ramp, rampe
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, number, physical, positive_or_infinite, vector
+from ancf_casadi.support.inputs import array, check_size, number, physical, positive_or_infinite, vector
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
 LOAD = 3  # components of a load: force x and y, N, and moment, N m
@@ -120,7 +120,7 @@ class HarmonicLoad(TipLoad):
         physical(self.frequency, "frequency")
         object.__setattr__(self, "moment", number(self.moment, "moment"))
         for name in ("force", "moment"):
-            _check_size(getattr(self, name), name)
+            check_size(getattr(self, name), name)
         positive_or_infinite(self.stop, "stop")
         check_ramp(self.ramp, lambda cycles: cycles / self.frequency, self.stop)
 
@@ -189,7 +189,7 @@ class SampledLoad(TipLoad):
         if moment.shape != time.shape:
             raise InputError(f"must have the shape ({time.size},), got {moment.shape}", "moment")
         for name, values in (("time", time), ("force", force), ("moment", moment)):
-            _check_size(values, name)
+            check_size(values, name)
             object.__setattr__(self, name, values)
 
     def __reduce__(self) -> tuple[type[SampledLoad], tuple[ArrayLike, ...]]:
@@ -247,13 +247,6 @@ def equilibrium_under(model: Model, load: Array) -> Equilibrium:
     """
     force_x, force_y, moment = load.tolist()
     return static_equilibrium(model, tip_force=(force_x, force_y), tip_moment=moment)
-
-
-def _check_size(values: ArrayLike, where: str) -> None:
-    """Refuse values that are not zero, but so large or small that their powers are not finite."""
-    largest = float(np.abs(values).max())
-    if largest:
-        physical(largest, where)
 
 
 def _nothing(end: float) -> Piece:

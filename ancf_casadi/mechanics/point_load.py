@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.support.inputs import number, positive, vector
+from ancf_casadi.support.inputs import check_size, number, positive, vector
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,8 @@ class PointLoad:
         """Validate."""
         object.__setattr__(self, "force", vector(self.force, "force"))
         object.__setattr__(self, "moment", number(self.moment, "moment"))
+        check_size(self.force, "force")
+        check_size(self.moment, "moment")
         if self.point is not None and number(self.point, "point") < 0.0:
             raise InputError(f"must be 0 or more, got {self.point:g}", "point")
 

@@ -6,6 +6,7 @@ the beam, (-a_y, a_x) for the axis a, unless another is given.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from types import NoneType
@@ -143,7 +144,7 @@ class Excited:
         along = np.array((-ay, ax) if direction is None else vector(direction, "direction"))
         if not along.any():
             raise InputError("must not be the zero vector", "direction")
-        along = along / np.linalg.norm(along)
+        along = along / math.hypot(*along)
         if isinstance(self.body, ReducedModel):
             motion = ReducedMotion(self.body.projection, q, v, u[:BASE_SIZE, :], gravity=cs.DM(2, 1))
             shape = cs.DM(interpolation[:1, ::2] @ self.body.projection.slopes.shape)

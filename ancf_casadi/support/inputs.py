@@ -190,7 +190,7 @@ def positive(value: Any, where: str) -> float:
 
 
 def physical(value: Any, where: str) -> float:
-    """Return a time or a frequency as a float: a number from 1e-30 to 1e30, so that its powers are finite.
+    """Return a time, a frequency or a tolerance: a number from 1e-30 to 1e30, so that its powers are finite.
 
     Raises
     ------
@@ -201,6 +201,19 @@ def physical(value: Any, where: str) -> float:
     if not SMALLEST <= result <= LARGEST:
         raise InputError(f"{result:g} is not within {SMALLEST:g} to {LARGEST:g}; check the unit", where)
     return result
+
+
+def check_size(values: ArrayLike, where: str) -> None:
+    """Refuse numbers that are not all zero, but so large or small that their powers are not finite.
+
+    Raises
+    ------
+    InputError
+        If the largest of them is below 1e-30 or above 1e30.
+    """
+    largest = float(np.abs(values).max())
+    if largest:
+        physical(largest, where)
 
 
 def positive_or_infinite(value: Any, where: str) -> float:

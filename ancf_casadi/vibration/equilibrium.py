@@ -33,7 +33,7 @@ from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorised, sparse
-from ancf_casadi.support.inputs import check_instance, instances, is_sequence, number, vector
+from ancf_casadi.support.inputs import check_instance, check_size, instances, is_sequence, number, vector
 from ancf_casadi.vibration.assembly import Position, Structure, refined
 from ancf_casadi.vibration.eigensolver import lowest_modes
 
@@ -163,6 +163,8 @@ def static_equilibrium(
     """
     check_instance(model, "model", Model)
     force, moment = vector(tip_force, "tip_force"), number(tip_moment, "tip_moment")
+    check_size(force, "tip_force")
+    check_size(moment, "tip_moment")
     further = () if is_sequence(loads) and not len(loads) else instances(loads, "loads", PointLoad)
     acting = _all_loads(force, moment, further)
     rest = Position.of(model.straight)

@@ -16,7 +16,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from types import NoneType
 
 import casadi as cs
 import numpy as np
@@ -28,7 +27,17 @@ from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.callbacks import Differentiable
-from ancf_casadi.support.inputs import array, check_instance, flag, instances, is_sequence, located, physical, whole
+from ancf_casadi.support.inputs import (
+    array,
+    check_instance,
+    flag,
+    instances,
+    is_sequence,
+    located,
+    physical,
+    shown,
+    whole,
+)
 from problems.properties.observation import FACTORS, place, readings
 from problems.properties.response import ModalResponse, Respond, StaticResponse
 
@@ -280,8 +289,9 @@ class FrequencyRecord(PropertyRecord):
         for value in found.tolist():
             physical(value, "frequencies")
         free = self.model.size - self.model.free.start
-        check_instance(self.modes, "modes", Sequence, np.ndarray, NoneType)
         given = range(1, found.size + 1) if self.modes is None else self.modes
+        if not is_sequence(given):
+            raise InputError(f"must be numbers of modes, got {shown(given)}", "modes")
         modes = tuple(whole(k, "modes", 1, free) for k in given)
         if len(modes) != found.size or any(b <= a for a, b in pairwise(modes)):
             raise InputError(f"must be {found.size} ascending numbers, one per frequency, got {modes}", "modes")

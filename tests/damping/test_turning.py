@@ -72,6 +72,7 @@ def ratio_of(time, displacement, omega):
     return least_squares(residuals, [0.01, 1.0, 0.5, 0.5], xtol=1e-14, ftol=1e-14, gtol=1e-14).x[0]
 
 
+@pytest.mark.slow
 @BOTH
 @ANGLES
 def test_the_modes_of_a_turned_beam_decay_with_the_ratios_given(modes, method, degrees):

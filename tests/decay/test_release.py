@@ -52,6 +52,7 @@ def test_the_motion_obeys_its_equation_and_is_smooth_where_the_force_ends():
     assert abs(np.diff(x)).max() < 1.1 * ω * h
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ζ", "noise", "least"), [(0.002, 0.01, 18), (0.01, 0.1, 17), (0.03, 0.01, 18), (0.03, 0.1, 17)]
 )

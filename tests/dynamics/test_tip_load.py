@@ -77,6 +77,7 @@ def linear(small):
 # ----------------------------------------------------------------------------------------------------- small motion
 
 
+@pytest.mark.slow
 @BOTH
 def test_a_sudden_force_swings_the_tip_about_the_deflected_equilibrium_as_the_modes_say(small, linear, method):
     """x(t) = sum phi^2 F (1 - cos omega t)/omega^2; mode 1 has 97 % of the deflection, and swings to twice of that."""

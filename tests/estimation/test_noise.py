@@ -88,6 +88,7 @@ def test_missing_samples_and_bursts_of_them_do_not_spoil_the_variances(rho):
     assert constant == pytest.approx(1.0, abs=0.21)
 
 
+@pytest.mark.slow
 def test_interpolation_adds_no_information():
     """A tenth of the samples are measured, the others are interpolated between them."""
 

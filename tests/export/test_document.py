@@ -402,7 +402,7 @@ class TestParts:
             (lambda: DataFile("a", 3), "sha256: expected `str`, got `int`"),
             (lambda: DataFile.of("."), ".: cannot be read (Is a directory)"),
             (lambda: Provenance(3, {}), "written: expected `str`, got `int`"),
-            (lambda: Provenance(WRITTEN, 3), "versions: expected `object`, got `int`"),
+            (lambda: Provenance(WRITTEN, 3), "versions: must be a mapping, got 3"),
             (lambda: Provenance(WRITTEN, {1: "2"}), "versions: expected `str`, got `int`"),
             (lambda: Provenance(WRITTEN, {"casadi": 3.8}), "versions[...]: expected `str`, got `float`"),
             (lambda: Provenance(WRITTEN, {}, note=3), "note: expected `str`, got `int`"),

@@ -154,6 +154,7 @@ def test_the_program_of_the_reduced_model_agrees_with_both_models(reduced, small
     np.testing.assert_allclose(rows[:, 1:3], full.tip, atol=2e-4 * swing)
 
 
+@pytest.mark.slow
 @needs_gcc
 @pytest.mark.parametrize("which", [("functions", "folder"), ("reduced", "small_folder")], ids=["full", "reduced"])
 def test_the_tables_of_the_header_agree_with_the_model(request, which):

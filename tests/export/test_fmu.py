@@ -162,6 +162,7 @@ def test_another_beam_and_law_by_parameters(exported, functions, document, refer
     assert np.abs(run.tip - reference.tip).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_directional_derivatives_agree_with_differences(exported, tmp_path):
     """Central differences of the derivatives of the states."""
     about = fmpy.read_model_description(exported)
@@ -286,6 +287,7 @@ def test_the_reduced_model_is_valid_and_agrees_with_simulate_reduced(small, redu
     check(run_fmu(small, {}), run, run.energy.T[:2], 1e-6)
 
 
+@pytest.mark.slow
 def test_the_reduced_model_under_other_parameters(small, reduced, rest):
     values = {"gravity_x": 1.0, "gravity_y": -8.0, "beta": 1e-3, "eta1": 1.0, "eta2": 3.0}
     changed = dataclasses.replace(

@@ -64,6 +64,7 @@ def test_the_second_mode_of_the_beam_softens_and_jumps(second_mode):
     assert second_mode.stable[second_mode.bifurcations[1].index + 1 :].all()
 
 
+@pytest.mark.slow
 def test_the_tangent_is_vertical_at_a_fold(second_mode):
     for own in second_mode.bifurcations:
         nearest = min(abs(own.motion.multipliers - 1.0))
@@ -247,6 +248,7 @@ def test_a_system_checks_its_expressions():
         SecondOrderSystem.of(q, v, a, u, mu, conservative=a + mu * q)
 
 
+@pytest.mark.slow
 def test_a_hard_stop_ends_the_curve_with_the_part_before_it():
     stopped = SecondOrderSystem.of(
         q, v, a, u, conservative=a + q + 1e6 * cs.fmax(q - 1, 0), damping=0.05 * v, excitation=u
@@ -256,6 +258,7 @@ def test_a_hard_stop_ends_the_curve_with_the_part_before_it():
     assert caught.value.partial.amplitude().max() == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_curve_is_reported_drawn_and_written(second_mode):
     report = second_mode.report()
     assert "fold" in report

@@ -110,6 +110,7 @@ def state(motion):
 STRONG = (0.03, 1.0, 0.6)  # damping ratio, cubic stiffness and force of a motion whose amplitude reaches 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("Ω", [0.3, 0.9, 1.35, 4.0])
 def test_the_steady_state_at_large_amplitude_is_the_end_of_a_time_integration_from_rest(Ω):
     ζ, μ, F = STRONG

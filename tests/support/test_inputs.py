@@ -14,6 +14,7 @@ from ancf_casadi import (
     Measurement,
     ModalDamping,
     Model,
+    PointLoad,
     QuadraticDamping,
     RayleighDamping,
     SampledBase,
@@ -23,6 +24,7 @@ from ancf_casadi import (
     mac,
     motion,
     natural_modes,
+    periodic_motion,
     reduce_model,
     run_all,
     simulate,
@@ -169,6 +171,24 @@ def test_an_integer_too_large_for_a_float_is_no_number():
     for call in (lambda: Measurement([0, 10**400], [0, 1]), lambda: State([10**400], [0.0])):
         with pytest.raises(InputError, match=r"must be (a vector of )?numbers"):
             call()
+
+
+def test_a_load_has_finite_powers():
+    """The squares of 1e308 overflow, with a warning of NumPy."""
+    for call in (
+        lambda: static_equilibrium(MODEL, tip_force=(1e308, -1e308)),
+        lambda: static_equilibrium(MODEL, tip_moment=1e308),
+        lambda: PointLoad((0.0, 1e308)),
+    ):
+        with pytest.raises(InputError, match=r"1e\+308 is not within 1e-30 to 1e\+30; check the unit"):
+            call()
+
+
+def test_a_direction_may_have_any_length():
+    """The squares of 1e308 overflow, with a warning of NumPy."""
+    swing = periodic_motion(MODEL, damping=RayleighDamping(0.1), base=HarmonicBase(1e-3, 1.0))
+    found, expected = (swing.amplitude(direction=(size, -size)) for size in (1e308, 1.0))
+    assert math.isclose(found, expected, rel_tol=1e-12)
 
 
 @pytest.mark.parametrize("stop", [1e-30, 1e-14])

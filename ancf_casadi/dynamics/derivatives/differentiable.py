@@ -22,7 +22,7 @@ from ancf_casadi.dynamics.tolerance import radau_tolerance
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import flag, positive, positive_or_infinite
+from ancf_casadi.support.inputs import flag, physical, positive, positive_or_infinite
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 
@@ -94,7 +94,7 @@ def motion(
         load=setup.load,
         start=start,
         times=setup.times,
-        tolerance=radau_tolerance(setup.travel) if tolerance is None else positive(tolerance, "tolerance"),
+        tolerance=radau_tolerance(setup.travel) if tolerance is None else physical(tolerance, "tolerance"),
         largest_step=positive_or_infinite(largest_step, "largest_step"),
         held=start_load,
         most_steps=round(positive(most_steps, "most_steps")),

@@ -186,6 +186,7 @@ class TestInput:
             ({"modes": (2, 1)}, "modes: must be 2 ascending numbers"),
             ({"modes": (1,)}, "modes: must be 2 ascending numbers"),
             ({"modes": (0, 1)}, "modes: must be a whole number"),
+            ({"modes": np.array(1.0)}, "modes: must be numbers of modes, got"),
             ({"standard_deviation": -1.0}, "standard_deviation: must be positive"),
         ],
     )

@@ -110,6 +110,7 @@ def nasty(tmp_path_factory) -> StudyReport:
     return run_study(folder / "study.toml", folder / "results", quick=True, command=f"study {NASTY}")
 
 
+@pytest.mark.slow
 class TestPage:
     def test_loads_nothing_and_runs_nothing(self, page):
         """No script, no style sheet, no picture, no font from elsewhere; links lead to files beside it."""
@@ -119,7 +120,6 @@ class TestPage:
         assert not re.search(r"@import|url\((?!#)|@font-face", page.source)
         assert not [link for link in page.links if re.match(r"\w+:|//", link)]
 
-    @pytest.mark.slow
     def test_ids_are_unique_and_links_lead_somewhere(self, page, small_paper):
         assert [name for name, count in Counter(page.ids).items() if count > 1] == []
         for link in page.links:
@@ -219,8 +219,8 @@ class TestPage:
         assert re.search(r"nav li \{[^}]*margin-left: 2rem;", page.source)
 
 
+@pytest.mark.slow
 class TestTextsOfUsers:
-    @pytest.mark.slow
     def test_are_texts(self, nasty):
         """A tag, a formula and a template in every text: the page shows them as they were written."""
         page = Page(nasty.page)
@@ -230,7 +230,6 @@ class TestTextsOfUsers:
         assert "49" not in "".join(data for _, data in page.texts if "7 * 7" in data)
         assert [name for name, count in Counter(page.ids).items() if count > 1] == []
 
-    @pytest.mark.slow
     def test_stand_in_the_files_as_they_are(self, nasty):
         folder = nasty.page.parent
         assert json.loads((folder / "results.json").read_text())["study"]["title"] == NASTY
@@ -258,6 +257,7 @@ class TestLabels:
     def test_name_files(self, label, name):
         assert file_name(label) == name
 
+    @pytest.mark.slow
     def test_others_are_numbered(self, small_paper):
         """Two tables in parts without labels; in a study with labels, theirs start with A and avoid those given."""
         table, figure = small_paper.parts[1].tables[0][1], small_paper.parts[0].figures[0][1]
@@ -272,6 +272,7 @@ class TestLabels:
         assert [label for part in shown for label, _ in part.figures] == ["Figure A1", "Table A1"]
 
 
+@pytest.mark.slow
 def test_a_study_without_labels_counts(study_file, tmp_path):
     report = run_study(study_file(BEAM, RAYLEIGH, DECAYS), tmp_path / "results")
     assert [label for part in report.parts for label, _ in (*part.tables, *part.figures)] == [

@@ -99,6 +99,7 @@ class TestKey:
         tasks = [*(Task(sample, given) for given in inputs), Task(other, inputs[0])]
         assert len({key_of(task) for task in tasks}) == len(tasks)
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("change", ["source", "new", "renamed", "version"])
     def test_changes_with_the_program(self, tmp_path, monkeypatch, change):
         """The sources stand in for those of this program, in a folder of their own."""

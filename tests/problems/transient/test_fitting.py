@@ -153,6 +153,7 @@ def test_the_shift_by_the_error_of_integration_is_found_from_one_tighter_integra
     assert fine.to_dict()["tolerance"] == 1e-8 and fine.to_dict()["integration_shifts"] == fine.shifts.tolist()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
 def test_the_fit_selects_a_tolerance_at_which_no_estimate_is_shifted(exact, noise):
     """Without noise the allowance for a systematic error decides; the interval still covers the truth."""

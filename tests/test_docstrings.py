@@ -12,14 +12,9 @@ import problems
 from ancf_casadi.support.compilation import c_compiler
 
 SLOW = (
-    "TransientFit",
-    "ResponseFit",
-    "MotionPrediction",
-    "ResponsePrediction",
-    "compare_laws",
-    "fit_transient",
-    "DecayFit",
-)
+    "ContinuationError", "DecayFit", "MotionPrediction", "ResponseFit", "ResponsePrediction", "SampledLoad",
+    "TransientFit", "compare_laws", "fit_response", "fit_transient", "write_fmu",
+)  # fmt: skip
 PUBLIC = [
     pytest.param(
         getattr(package, name), id=f"{package.__name__}.{name}", marks=[pytest.mark.slow] if name in SLOW else []

@@ -57,6 +57,7 @@ class TestCompositeStrip:
     def with_clamp(page):
         return fit_properties(page.composite_record(), ["bending_stiffness", "clamp_stiffness"])
 
+    @pytest.mark.slow
     def test_the_computed_deflections_and_the_estimate_are_those_of_the_elastica(self, page, stiffness_alone):
         forces, measured = 9.81e-3 * np.array(page.HUNG_G), 1e-3 * np.array(page.DEFLECTION_MM)
         exact = [elastica(force, stiffness_alone["bending_stiffness"]) for force in forces]
@@ -73,6 +74,7 @@ class TestCompositeStrip:
         assert 0.55 < low < 0.577 < high < 0.60 < page.LAMINATE
         assert 0.005 < stiffness_alone.scatter < 0.02
 
+    @pytest.mark.slow
     def test_the_compliance_of_the_clamp_is_not_seen_and_laminate_theory_stays_outside(self, page, with_clamp):
         assert math.isinf(with_clamp.intervals()["clamp_stiffness"][1])
         assert with_clamp.intervals()["clamp_stiffness"][0] > 15.0

@@ -189,6 +189,7 @@ def test_the_tip_of_a_large_motion_converges_at_order_four_with_the_elements(pap
 # ------------------------------------------------------------------------------------------------------- tolerance
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "loose", "factor"), [("idas", 1e-6, 15.0), ("radau", 1e-5, 100.0)])
 def test_error_and_loss_of_energy_fall_with_the_tolerance_as_the_order_says(paper_beam, method, loose, factor):
     """Error of order p, step of local error e: tolerance^(p/(e + 1)), 2/3 for IDAS at order 2 and 5/4 for radau."""

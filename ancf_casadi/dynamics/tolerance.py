@@ -119,7 +119,7 @@ def check_excitation(model: Model, times: Array, excitations: Array) -> None:
     if travel.max() > MOST_LENGTHS * length:
         raise InputError(
             f"moves the clamp by {travel.max():.3g} m until {times[travel.argmax()]:g} s, but the beam is {length:g} m "
-            f"long; at most {MOST_LENGTHS:g} lengths are possible.  Check the unit",
+            f"long; at most {MOST_LENGTHS:g} lengths are possible. Check the unit",
             "base",
         )
     velocity = clamp[:, NODE : 2 * NODE]
@@ -130,7 +130,7 @@ def check_excitation(model: Model, times: Array, excitations: Array) -> None:
     if not bent <= MOST_LENGTHS:
         raise InputError(
             f"would bend the beam by {bent:.3g} of its lengths, if the deflection were small; at most {MOST_LENGTHS:g} "
-            "are possible.  Check the unit",
+            "are possible. Check the unit",
             "load",
         )
 
@@ -148,7 +148,7 @@ def check_speed(model: Model, speed: float, at: str, where: str) -> None:
     if not speed <= MOST_WAVE_SPEEDS * waves:
         raise InputError(
             f"moves at {speed:.3g} m/s {at}, more than {MOST_WAVE_SPEEDS:g} times as fast as longitudinal waves in the "
-            f"beam, {waves:.3g} m/s.  Check the unit",
+            f"beam, {waves:.3g} m/s. Check the unit",
             where,
         )
 

@@ -179,6 +179,7 @@ def test_damping_by_the_reference_stiffness_has_the_predicted_ratio_in_very_smal
     assert small > 2 * predicted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", [0, 1])
 @pytest.mark.parametrize("amplitude", [1e-3, 2e-3])
 def test_quadratic_air_drag_gives_a_simulated_decay_whose_ratio_is_proportional_to_its_amplitude(

@@ -42,6 +42,7 @@ def test_the_curve_is_the_equivalent_damping_ratio_at_each_amplitude(terms):
     np.testing.assert_allclose(curve.frequency, 1.85, rtol=5e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("terms", TERMS)
 def test_errors_are_those_of_the_scatter(terms):
     """The deviations from the curve without noise, over their standard errors, have a mean square of 1."""

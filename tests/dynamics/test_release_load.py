@@ -35,6 +35,7 @@ def test_the_velocity_is_that_of_the_equilibria_as_the_load_changes(model):
     np.testing.assert_allclose(start.velocities, expected, atol=1e-6 * abs(expected).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [1.0, -0.4])
 def test_derivatives_by_load_and_properties_agree_with_central_differences(model, place):
     load, start = place * LOAD, held(model, place * LOAD)

@@ -96,6 +96,7 @@ def test_derivatives_are_those_of_a_tightly_integrated_motion_at_two_points(case
         )
 
 
+@pytest.mark.slow
 def test_reverse_derivatives_are_the_transposed_of_the_forward_ones(case, law, model):
     _, _, symbols, tip = case
     at = values(law, model)

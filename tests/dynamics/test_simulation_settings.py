@@ -227,6 +227,7 @@ def test_an_option_that_idas_refuses_is_named_in_one_line(small, capfd, options,
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 def test_options_override_the_defaults(small):
     settings = {"start": "straight", "duration": 0.05, "method": "idas"}
     loose = simulate(small, options={"abstol": 1e-5}, **settings)

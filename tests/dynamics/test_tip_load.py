@@ -259,6 +259,7 @@ def test_both_integrators_find_the_same_motion_under_a_force_and_a_moment(small)
     assert abs(idas.load_work - radau.load_work).max() < 1e-5 * np.ptp(idas.load_work)
 
 
+@pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize(
     "load",

@@ -123,6 +123,7 @@ class TestEnergy:
 
 
 class TestStarts:
+    @pytest.mark.slow
     def test_a_run_from_a_state_continues_the_run_it_came_from(self, hanging):
         start = static_equilibrium(hanging, tip_force=(0.05, 0.0))
         law = RayleighDamping(alpha=0.3, beta=1e-4)

@@ -49,6 +49,7 @@ def transient():
     return fit_transient(model, MarkerRecord(run.time, run.tip + noise, start="straight"), law, tolerance=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["parametric", "bootstrap"])
 def test_the_scatter_of_the_runs_is_the_standard_error_where_the_noise_is_white(decay, method):
     """100 runs: a standard deviation is known to 7 %; four of these are allowed."""

@@ -372,6 +372,7 @@ def driven_in_mode_5(paper_beam):
     return tip_amplitudes
 
 
+@pytest.mark.slow
 def test_a_drive_of_a_high_mode_that_starts_as_a_sine_leaves_more_of_the_first_mode(driven_in_mode_5, paper_beam):
     """The clamp starts with the velocity A omega_5, and so does the beam, while the clamp stays where it is."""
     modes = natural_modes(Model(paper_beam(6)), count=5)

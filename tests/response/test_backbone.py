@@ -103,6 +103,7 @@ def test_under_quadratic_drag_the_damping_ratio_grows_in_proportion_to_the_ampli
         assert curve.damping_ratio(amplitude) == pytest.approx(4 * c * eta2 * amplitude / (3 * math.pi), rel=2e-4)
 
 
+@pytest.mark.slow
 def test_friction_damps_small_motion_most(hanging):
     law = FrictionDamping(eta0=0.01)
     curve = backbone(reduce_model(hanging, modes=3, damping=law), mode=1, amplitude=0.05)

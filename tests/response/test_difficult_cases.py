@@ -176,6 +176,7 @@ def test_violent_drives_agree_with_a_time_integration(paper_beam, amplitude, rat
     assert np.abs(run.tip[-1] - run.tip[0]).max() < 1e-6 * model.beam.length
 
 
+@pytest.mark.slow
 def test_a_force_too_sharp_for_the_harmonics_gives_one_line():
     sharp = oscillator(lambda q: q, lambda v: 0.1 * cs.tanh(1e5 * v))
     with pytest.raises(NumericsError, match=r"needs more than \d+ harmonics"):

@@ -76,6 +76,7 @@ def script(tmp_path, guard, seconds):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGKILL", "SIGHUP"])
 def test_processes_end_with_their_parent(tmp_path, name):

@@ -431,6 +431,7 @@ class TestExport:
         header = (files / "source/beam.h").read_text()
         assert "beam_step(const double q[2]" in header and "thickness_2" not in header
 
+    @pytest.mark.slow
     @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
     def test_fmu(self, files, capsys, monkeypatch):
         (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))

@@ -60,6 +60,7 @@ def test_the_jumps_are_the_folds_of_the_curve_that_leans(study, capsys):
     assert large["peak_amplitude_m"] == pytest.approx(4 * small["peak_amplitude_m"], rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_point_of_the_table_is_the_steady_vibration_at_its_frequency(study, capsys):
     assert main(["response", "study.toml", "--out", "curve.csv"]) == 0
     text = capsys.readouterr().out

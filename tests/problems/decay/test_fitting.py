@@ -225,6 +225,7 @@ def test_a_long_decay_is_fitted_from_its_first_guess(periods, rate, life, share,
     assert fit.residual_rms == pytest.approx(1e-4, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["linear", "quadratic", "friction", "one-mode"])
 def test_every_law_fits_600_periods_in_few_iterations(law):
     time, ω = np.arange(0.0, 12.0, 1e-3), 100 * math.pi

@@ -136,6 +136,7 @@ def test_the_modes_of_a_beam_are_recovered(paper_beam, kind):
     assert np.abs(fit.shapes.real - (shapes / shapes[np.abs(shapes).argmax(axis=0), range(3)]).T).max() < 0.02
 
 
+@pytest.mark.slow
 def test_it_is_the_minimum_that_an_independent_least_squares_method_finds(four_modes):
     f, modes = four_modes
     values = modal_sum(f, modes)[:2, 0]

@@ -170,6 +170,7 @@ class TestLeastChange:
 class TestMesh:
     """The result depends on the beam, not on its mesh."""
 
+    @pytest.mark.slow
     def test_least_change_converges_with_the_square_of_the_element_length(self):
         """Change of E: -5.2, -5.5, -5.9, -6.3 % with 10, 20, 40, 200 elements when each element counted as one."""
         found = []

@@ -47,6 +47,7 @@ def test_the_force_on_the_clamp_contains_that_at_the_tip(swing, struck):
     assert found.fit.residual_rms < 2e-3 * min(force[:, 0].std(), moment.std())
 
 
+@pytest.mark.slow
 def test_a_load_after_the_record_is_refused(struck):
     late = SampledLoad([100.0, 101.0], np.ones((2, 2)))
     with pytest.raises(InputError, match="load: begins at 100 s, after the end of the motion"):

@@ -143,12 +143,14 @@ def test_the_view_of_a_camera_is_found(swing):
     assert found.fit.residual_rms == pytest.approx(1e-4, rel=0.15)
 
 
+@pytest.mark.slow
 def test_a_measurement_is_a_record_of_a_free_beam_that_is_released_from_an_estimated_load(swing):
     found = fitted(swing, swing.measurement(X, 0.01), load=("force_x",))
     score = (found.fit.values - [TRUTH, 0.004]) / found.fit.errors
     assert abs(score).max() < 3.0
 
 
+@pytest.mark.slow
 def test_the_zero_of_an_accelerometer_is_found_within_its_bounds(swing):
     own = swing.measurement(Sensor("acceleration"), 0.01)
     biased = Measurement(own.time, own.values + 0.3, sensor=own.sensor)
@@ -157,6 +159,7 @@ def test_the_zero_of_an_accelerometer_is_found_within_its_bounds(swing):
     assert found.fit.units == ("1/s", "m/s^2") and abs(score).max() < 3.0
 
 
+@pytest.mark.slow
 def test_markers_that_are_lost_for_a_while_are_gaps(swing):
     seen = swing.run.tip[::EVERY] + 1e-4 * np.random.default_rng(6).normal(size=(81, 2))
     seen[20:40, 1] = np.nan

@@ -28,6 +28,7 @@ class TestModes:
         assert [mode["frequency_hz"] for mode in modes] == [pytest.approx(f, rel=1e-3) for f in (3.0, 19.0, 50.0)]
         assert not any(mode["warnings"] for mode in modes)
 
+    @pytest.mark.slow
     def test_an_acceleration_has_its_own_unit(self, run, tmp_path):
         time = np.arange(0.0, 5.0, 0.002)
         swing = np.exp(-0.5 * time) * np.cos(20 * time) + 0.4 * np.exp(-time) * np.cos(120 * time)
@@ -122,6 +123,7 @@ def test_units_and_columns_are_given_by_options(run, tmp_path):
     assert data["amplitude_m"] == pytest.approx(1e-3, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_curve_that_fails_leaves_the_fit_and_the_figure(run, decay, tmp_path, monkeypatch):
     from ancf_casadi import InputError
     from problems.command.fits import fit_decay

@@ -127,6 +127,7 @@ def test_measured_and_synthetic_records_stand_in_one_table(study_file, tmp_path)
     assert "SYNTHETIC" in second.svg
 
 
+@pytest.mark.slow
 def test_a_changed_file_is_fitted_again(study_file, tmp_path):
     """A result is kept under what its files hold, not under their names."""
     time = np.arange(0.0, 4.0, 0.005)

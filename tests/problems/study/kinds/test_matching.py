@@ -70,6 +70,7 @@ def test_tables_name_properties_and_frequencies(report):
     assert any("IPOPT" in note for note in properties.notes)
 
 
+@pytest.mark.slow
 def test_the_standard_frequencies_need_another_density_and_no_gravity(study_file):
     """Erratum 1: the column beside the match has those of Table 10."""
     text = BEAM.replace("elements = 3", "elements = 20")

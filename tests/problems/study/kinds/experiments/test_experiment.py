@@ -77,6 +77,7 @@ def test_quadratic_damping_falls_with_the_amplitude_and_generic_damping_does_not
             assert rest == pytest.approx(0.15 / (4 * math.pi * result.natural_frequency), rel=0.05)
 
 
+@pytest.mark.slow
 def test_both_integrators_agree(third):
     """Motion around the stop and damping ratio, by methods that have nothing in common."""
     task = replace(third, terms=LAWS["quadratic"], mode=2, amplitude=4e-3, stop=0.4, shortening=0.2)

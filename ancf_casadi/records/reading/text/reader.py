@@ -116,7 +116,7 @@ class _Reader:
         if delimiter != " ":
             block = _filled(block, delimiter.encode())
         text = block.decode("ascii").rstrip("\n")
-        if not text or "\n\n" in text or text[0] == "\n":
+        if not text.strip() or "\n\n" in text or text[0] == "\n":
             return None
         try:
             values = np.loadtxt(

@@ -109,6 +109,7 @@ def test_a_file_too_large_is_refused_before_it_is_read(tmp_path):
         "t;x\n0,5;1\n3;\n5;2,25\n",
         "t\tx\ty\n0,5\t1\t\n3\t\t\n5\t2,25\t\n",
         "t x\n0.5 1\n3   nan\n5 \t 2.25\n",
+        "t x\n1 2\n   ",
         "t,x\n0,1_0\n1,2\n",
         "t,x\n0,1\n1,2,3\n",
         "t,x\n0,1,2\n1,2,3\n",

@@ -179,6 +179,7 @@ class SampledLoad(TipLoad):
         time, force = array(self.time, "time"), array(self.force, "force")
         if time.ndim != 1 or time.size < 2:
             raise InputError("needs at least 2 instants", "time")
+        check_size(time, "time")
         if (np.diff(time) <= 0.0).any():
             raise InputError("must increase", "time")
         for interval in (np.diff(time).min(), time[-1] - time[0]):

@@ -21,6 +21,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 
 SMALLEST, LARGEST = 1e-30, 1e30  # s or Hz
+LARGEST_WHOLE = 2**31 - 1  # larger ones overflow in libraries
 REAL = "biufO"  # kinds of NumPy's types that may hold real numbers
 INSTEAD: Mapping[tuple[str, str], str] = {
     ("Beam", "Model"): "Model(beam)",
@@ -261,7 +262,7 @@ def is_sequence(value: Any) -> bool:
 
 
 def whole(value: Any, where: str, least: int, most: int | None = None) -> int:
-    """Return a whole number within its range.
+    """Return a whole number within its range, which ends at the largest 32-bit number at the latest.
 
     Raises
     ------
@@ -269,6 +270,8 @@ def whole(value: Any, where: str, least: int, most: int | None = None) -> int:
         If it is anything else.
     """
     whole_one = isinstance(value, Integral) and not isinstance(value, bool)
+    if most is None and whole_one and value > LARGEST_WHOLE:
+        most = LARGEST_WHOLE
     if not whole_one or value < least or (most is not None and value > most):
         range_ = f"{least} or more" if most is None else f"{least} to {most}"
         raise InputError(f"must be a whole number, {range_}, got {shown(value)}", where)

@@ -18,6 +18,7 @@ from ancf_casadi import (
     QuadraticDamping,
     RayleighDamping,
     SampledBase,
+    SampledLoad,
     Section,
     State,
     SweepBase,
@@ -31,6 +32,7 @@ from ancf_casadi import (
     simulate_reduced,
     static_equilibrium,
 )
+from ancf_casadi.support.inputs import whole
 from problems import (
     MarkerRecord,
     MeasuredModes,
@@ -182,6 +184,18 @@ def test_a_load_has_finite_powers():
     ):
         with pytest.raises(InputError, match=r"1e\+308 is not within 1e-30 to 1e\+30; check the unit"):
             call()
+
+
+def test_a_whole_number_is_one_of_32_bits():
+    """Larger ones overflow in CasADi, in NumPy and in the executors of Python."""
+    assert whole(2**31 - 1, "jobs", 1) == 2**31 - 1
+    with pytest.raises(InputError, match=r"^jobs: must be a whole number, 1 to 2147483647, got 1"):
+        whole(10**400, "jobs", 1)
+
+
+def test_instants_of_a_load_have_finite_differences():
+    with pytest.raises(InputError, match=r"^time: 1e\+308 is not within 1e-30 to 1e\+30; check the unit$"):
+        SampledLoad((-1e308, 1e308), [(0.0, 1.0), (0.0, 1.0)])
 
 
 def test_a_direction_may_have_any_length():

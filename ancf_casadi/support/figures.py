@@ -57,7 +57,8 @@ def _show_literally(figure: Figure) -> None:
             text.set_parse_math(False)
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         names = axis.get_major_formatter()
-        if isinstance(names, FixedFormatter | FuncFormatter):
+        done = isinstance(names, FuncFormatter) and getattr(names.func, "func", None) is _literal_name
+        if isinstance(names, FixedFormatter | FuncFormatter) and not done:
             axis.set_major_formatter(FuncFormatter(functools.partial(_literal_name, names)))
 
 

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from ancf_casadi.estimation.figures import criteria_figure, residual_figure, scatter_figure
 from ancf_casadi.plot import rendered
 from ancf_casadi.records.figures import series_figure, spectra_figure
+from ancf_casadi.support.figures import literal_text
 
 ROOT = Path(__file__).parents[2]
 FORMULA = r"$\undefined$, $5"
@@ -66,3 +67,18 @@ def test_every_function_that_makes_a_figure_shows_texts_as_they_are():
                     makes = any(ast.unparse(call.func) == "Figure" for call in calls)
                     named = [ast.unparse(decorator) for decorator in function.decorator_list]
                     assert not makes or "literal_text" in named, f"{path}: {function.name}"
+
+
+def test_a_figure_that_passes_twice_is_the_same():
+    """Regression: names beside an axis in a figure of a fit, drawn in a study, had a backslash before each $."""
+
+    def draw():
+        figure = Figure()
+        figure.subplots().set_xticks([0.0, 1.0], ["a $b$", "c"])
+        return figure
+
+    labels = []
+    for function in (literal_text(draw), literal_text(literal_text(draw))):
+        axis = function().axes[0].xaxis
+        labels.append([axis.get_major_formatter()(value, k) for k, value in enumerate((0.0, 1.0))])
+    assert labels[0] == labels[1] == [r"a \$b\$", "c"]

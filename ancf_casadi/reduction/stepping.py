@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from types import NoneType
@@ -31,10 +31,11 @@ from ancf_casadi.reduction.reduced import STAGES, ReducedModel
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import compiled, interpreted
 from ancf_casadi.support.inputs import check_instance, physical, positive, whole
+from ancf_casadi.support.interrupts import delayed_interrupts
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 STEPS_PER_PERIOD = 20
-CHUNK = 1000  # steps per call of a CasADi Function
+CHUNK = 1000  # steps per call of a CasADi Function, which nothing interrupts
 COMPILED_FROM = 0.25  # s of simulated time; a shorter run would end before the compiler does
 COMPILED_UP_TO = 20_000  # operations in the right-hand side; compiling more takes minutes
 MOST_STEPS = 100_000_000
@@ -198,17 +199,21 @@ def simulate_reduced(
     for piece, now, piece_end in pieces:
         clamp = _clamp_motion(piece, base)
         count = int(np.searchsorted(instants, piece_end, side="right"))
-        starts, h, sampled = _steps(now, instants[taken:count], piece_end, longest_step)
-        stages = clamp((starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, STAGES)).reshape(1, -1)).full()
-        if not np.isfinite(stages).all():
-            raise InputError(f"its position, velocity or acceleration is not finite before {piece_end:g} s", "base")
-        path = advance(project(reduced, state, clamp(now).full().ravel()), stages, h)
-        _check_finite(path, starts)
-        samples.append(path[sampled])
+        x = project(reduced, state, clamp(now).full().ravel())
+        for starts, h, sampled in _portions(now, instants[taken:count], piece_end, longest_step):
+            with delayed_interrupts():
+                stages = clamp((starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, STAGES)).reshape(1, -1)).full()
+                if not np.isfinite(stages).all():
+                    where = f"before {piece_end:g} s"
+                    raise InputError(f"its position, velocity or acceleration is not finite {where}", "base")
+                path = advance(x, stages, h)
+            _check_finite(path, starts)
+            samples.append(path[sampled])
+            x, steps = path[-1], steps + len(h)
         clamps.append(clamp(instants[None, taken:count]).full().T[: count - taken])  # CasADi returns 1 for no instant
-        q, v = np.split(path[-1], 2)
+        q, v = np.split(x, 2)
         state = _full_state(reduced, q, v, clamp(piece_end).full().ravel(), piece_end)
-        steps, taken = steps + len(h), count
+        taken = count
     q, v = np.split(np.vstack(samples), 2, axis=1)
     return ReducedTrajectory(reduced, instants, q, v, np.vstack(clamps), steps, time.perf_counter() - began)
 
@@ -258,13 +263,23 @@ def _longest_step(reduced: ReducedModel, duration: float, steps_per_period: floa
     return 1 / per_second
 
 
-def _steps(now: float, instants: Array, end: float, longest: float) -> tuple[Array, Array, Index]:
-    """Return start and length of each step from ``now`` to ``end``, and the number of steps before each instant."""
+def _portions(now: float, instants: Array, end: float, longest: float) -> Iterator[tuple[Array, Array, Index]]:
+    """Yield the steps from ``now`` to ``end``, at most ``CHUNK`` at a time.
+
+    A portion has the start and the length of each step (k,), s, and of each instant up to its end that no portion
+    before had, the number of steps of the portion before it.
+    """
     marks = np.unique(np.concatenate([[now], instants, [end]]))
     counts = np.maximum(np.ceil(np.diff(marks) / longest - CLOSE), 1).astype(int)
-    lengths = np.repeat(np.diff(marks) / counts, counts)
-    steps_before = np.concatenate([[0], np.cumsum(counts)])
-    return now + np.cumsum(lengths) - lengths, lengths, steps_before[np.searchsorted(marks, instants)]
+    lengths, before = np.diff(marks) / counts, np.concatenate([[0], np.cumsum(counts)])
+    sampled, taken = before[np.searchsorted(marks, instants)], 0
+    for begin in range(0, before[-1], CHUNK):
+        steps = np.arange(begin, min(begin + CHUNK, before[-1]))
+        interval = np.searchsorted(before, steps, side="right") - 1
+        count = int(np.searchsorted(sampled, steps[-1] + 1, side="right"))
+        starts = marks[interval] + (steps - before[interval]) * lengths[interval]
+        yield starts, lengths[interval], sampled[taken:count] - begin
+        taken = count
 
 
 def _check_finite(path: Array, starts: Array) -> None:
@@ -287,7 +302,7 @@ def _stepper(reduced: ReducedModel, duration: float) -> Callable[[Array, Array, 
     """Return the function that makes many steps, compiled if the motion is long and the model small.
 
     It takes the state (2 m,), the base motion at the stages (9, 3 k) and the lengths of the steps (k,), and returns the
-    states before and after each step, (k + 1, 2 m).
+    states before and after each step, (k + 1, 2 m).  Nothing interrupts it.
     """
     m, names = reduced.count, ("q", "v", "base", "p", "h")
     symbols = [cs.MX.sym(name, *reduced.step.size_in(name)) for name in names]
@@ -303,11 +318,6 @@ def _stepper(reduced: ReducedModel, duration: float) -> Callable[[Array, Array, 
         return one.mapaccum("many", steps)
 
     def advance(x: Array, base: Array, h: Array) -> Array:
-        path = [x[None]]
-        for begin in range(0, len(h), CHUNK):
-            lengths = h[begin : begin + CHUNK]
-            stages = base[:, STAGES * begin : STAGES * (begin + CHUNK)]
-            path.append(many(len(lengths))(path[-1][-1], stages, lengths[None]).full().T)
-        return np.vstack(path)
+        return np.vstack([x, many(len(h))(x, base, h[None]).full().T])
 
     return advance

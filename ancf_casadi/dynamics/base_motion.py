@@ -303,8 +303,8 @@ class SweepBase(_Oscillation):
 
     def __post_init__(self) -> None:
         """Validate, and normalise the direction."""
-        for frequency in vector(self.frequencies, "frequencies"):
-            physical(frequency, "frequencies")
+        first, last = (physical(frequency, "frequencies") for frequency in vector(self.frequencies, "frequencies"))
+        object.__setattr__(self, "frequencies", (first, last))
         physical(self.stop, "stop")
         self._validate()
 

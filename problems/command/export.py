@@ -10,13 +10,13 @@ from ancf_casadi.support.files import check_folder
 from ancf_casadi.support.inputs import located
 from problems.command.exporting import FORMATS, export, read_identifications
 from problems.command.output import Output, comma_numbers, json_text, new_files, positive_count
-from problems.tables.study_file import SOURCE_KEYS, read_source
+from problems.schema.beam import DAMPED_HELP, read_damped
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.set_defaults(run=_run)
-    parser.epilog = SOURCE_KEYS
+    parser.epilog = DAMPED_HELP
     parser.add_argument("file", metavar="BEAM.toml", help="tables [beam] and [damping], or a JSON document")
     parser.add_argument("--format", choices=tuple(FORMATS), required=True, help="; ".join(FORMATS.values()))
     parser.add_argument("--out", type=Path, required=True, metavar="PATH", help="file to write; for c, a folder")
@@ -46,7 +46,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 def _run(options: argparse.Namespace) -> Output:
     began = time.perf_counter()
-    source = read_source(options.file)
+    source = read_damped(options.file)
     if options.format == "c":
         with located("--out"):
             check_folder(options.out)

@@ -12,13 +12,13 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import located
 from problems.command.output import Output, add_plot, figure_writer, json_text, new_files
 from problems.matching.frequency_matching import match_frequencies
-from problems.tables.study_file import MATCH_KEYS, read_match
+from problems.schema.match import MATCH_HELP, read_match
 
 
 def add_match(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.set_defaults(run=_run)
-    parser.epilog = MATCH_KEYS
+    parser.epilog = MATCH_HELP
     parser.add_argument("file", metavar="BEAM.toml", help="a file with the tables [beam] and [match]")
     parser.add_argument("--out", type=Path, metavar="FILE.json", help="write the matched beam as a JSON document")
     add_plot(parser, "draw the properties along the beam")

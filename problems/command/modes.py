@@ -20,7 +20,7 @@ from problems.command.output import (
     new_files,
     positive_count,
 )
-from problems.tables.study_file import BEAM_KEYS, read_model
+from problems.schema.beam import BEAM_HELP, read_beam
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,7 +31,7 @@ STATIONS = 101  # points along the beam at which shapes are given
 def add_modes(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.set_defaults(run=_run)
-    parser.epilog = BEAM_KEYS
+    parser.epilog = BEAM_HELP
     parser.add_argument("file", metavar="BEAM.toml", help="a file with the table [beam], or a JSON document")
     parser.add_argument("--count", type=positive_count, default=5, metavar="N", help="number of modes (default: 5)")
     parser.add_argument(
@@ -41,7 +41,7 @@ def add_modes(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> Output:
-    model = read_model(options.file)
+    model = read_beam(options.file).model
     out, plot = new_files([options.file], options.out, options.plot)
     modes = natural_modes(model, count=options.count)
     arc, shapes = _shapes(modes)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.support.tables import Table
 from problems.command.output import Output, add_plot, figure_writer, file_writer, json_text, new_files
+from problems.schema.response import RESPONSE_HELP, ResponseTask, read_response
 from problems.study.data_table import Column, DataTable
 from problems.study.kinds.steady.curves import (
     CurveData,
@@ -18,8 +19,6 @@ from problems.study.kinds.steady.curves import (
     level_titles,
     summary_columns,
 )
-from problems.tables.response import ResponseTask
-from problems.tables.study_file import RESPONSE_KEYS, read_response
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
 def add_response(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.set_defaults(run=_run)
-    parser.epilog = RESPONSE_KEYS
+    parser.epilog = RESPONSE_HELP
     parser.add_argument(
         "file",
         metavar="STUDY.toml",

@@ -14,7 +14,7 @@ from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import Table
 from problems.command.output import Output, add_plot, figure_writer, file_writer, json_text, new_files
-from problems.tables.study_file import SIMULATION_KEYS, read_simulation
+from problems.schema.simulation import SIMULATION_HELP, read_simulation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def add_simulate(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.set_defaults(run=_run)
-    parser.epilog = SIMULATION_KEYS
+    parser.epilog = SIMULATION_HELP
     parser.add_argument(
         "file",
         metavar="STUDY.toml",

@@ -10,9 +10,9 @@ from typing import Any
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import opened
+from problems.schema.file import StudyFile
 from problems.study.part import Part
 from problems.study.source import Source
-from problems.tables.study import Study as StudyFile
 
 NAMING = ("file", "document")  # keys whose value is the name of a file
 
@@ -75,7 +75,7 @@ def _named(tables: Any) -> Iterator[str]:
 def _digest(file: StudyFile, name: str) -> str:
     """Return the hash of a file, or an empty one if it cannot be read, which the reader of the table reports."""
     try:
-        with opened(file.file(name, file.path)) as content:
+        with opened(file.beside(name, file.path)) as content:
             return hashlib.file_digest(content, "sha256").hexdigest()
     except InputError:
         return ""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from problems.schema import beam, match
 from problems.study.kinds.registry import OF_PAPER, USUAL
-from problems.tables import beam, damping, match
 
 STUDY_KEYS = f"""\
-tables of a TOML file:
+{beam.HEAD}\
   [study]       title, text, source (a reference), printed_by (origin of printed
                 numbers), seed
 {beam.KEYS}{match.KEYS}\
@@ -14,7 +14,7 @@ tables of a TOML file:
                 time_unit, rate, from, to, release_time
   [[laws]]      damping laws: name, title, terms = [{{law = "modal", ...}}, ...] with
                 the keys of [[damping]], or terms = [{{part = "PART"}}]
-{damping.KEYS}\
+{beam.DAMPING_KEYS}\
   [[parts]]     the document in order; without it, the parts that the other tables
                 suggest.  Each part has a kind and may have a name (its key in
                 results.json), title, text, section, notes, draw (false: without

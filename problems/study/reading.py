@@ -11,13 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import flag, located, shown, whole
+from ancf_casadi.support.inputs import check_keys, flag, located, shown, whole
+from problems.schema.file import StudyFile
 from problems.study.document.labels import file_name
 from problems.study.kinds.registry import KINDS
 from problems.study.part import Heading, Part, Study
-from problems.study.source import Source, text_of, texts_of
-from problems.tables import damping
-from problems.tables.study import Study as StudyFile
+from problems.study.source import Source, read_laws, text_of, texts_of
 
 USUAL = {  # parts that a table suggests
     "beam": ("beam", "modes"), "decays": ("decays",), "match": ("match",), "simulation": ("simulation",),
@@ -36,9 +35,9 @@ def read_study(path: str | Path) -> Study:
     InputError
         If the file cannot be read, or a table, key or value cannot be used.
     """
-    file = StudyFile.read(str(path), required=set())
-    about = file.table("study", set(), STUDY) if "study" in file.tables else {}
-    where = file.where("study")
+    file = StudyFile.of(str(path), required=set())
+    about, where = file.tables.get("study", {}), file.where("study")
+    check_keys(about, set(), STUDY, where)
     with located(where):
         title, text, origin, printed_by = (
             text_of(about, key, default)
@@ -48,7 +47,7 @@ def read_study(path: str | Path) -> Study:
     tables = file.several("parts") or [{"kind": kind} for name in USUAL if name in file.tables for kind in USUAL[name]]
     if not tables:
         raise InputError("has nothing to study; add [beam], [[decays]] or [[parts]]", str(path))
-    source = Source(file, damping.named_laws(file), seed)
+    source = Source(file, read_laws(file), seed)
     parts: dict[str, Part] = {}
     for table in tables:
         part = _part(source, table, printed_by, parts)

@@ -11,11 +11,10 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.strain import StrainMeasures
-from ancf_casadi.support.inputs import is_sequence, located, number, shown
+from ancf_casadi.support.inputs import check_keys, is_sequence, located, number, shown
+from problems.schema.beam import law_of, read_beam
+from problems.schema.file import StudyFile
 from problems.study.part import Outcome, Terms
-from problems.tables.beam import read_beam
-from problems.tables.damping import NamedLaw, law_of, resolved
-from problems.tables.study import Study as StudyFile
 
 
 @dataclass(frozen=True)
@@ -56,7 +55,7 @@ class BeamChoice:
 
 @dataclass(frozen=True)
 class LawChoice:
-    """A damping law of a part, whose terms may be those that an earlier part has found.
+    """A damping law of a table [[laws]], whose terms may be those that an earlier part has found.
 
     Parameters
     ----------
@@ -86,7 +85,11 @@ class LawChoice:
         for name in self.needs:
             if not found[name].terms:
                 raise InputError(f"the part {name!r} finds no damping law", f"[laws]: {self.name}")
-        return resolved(self.terms, {name: outcome.terms for name, outcome in found.items()})
+        terms: list[dict[str, Any]] = []
+        for term in self.terms:  # other keys beside ``part`` override those of the terms that the part has found
+            own = {key: value for key, value in term.items() if key != "part"}
+            terms += [other | own for other in found[term["part"]].terms] if "part" in term else [term]
+        return tuple(terms)
 
 
 @dataclass(frozen=True)
@@ -97,14 +100,14 @@ class Source:
     ----------
     file : StudyFile
         The tables.
-    laws : tuple of NamedLaw
+    laws : tuple of LawChoice
         The tables [[laws]].
     seed : int
         Seed of random numbers.
     """
 
     file: StudyFile
-    laws: tuple[NamedLaw, ...]
+    laws: tuple[LawChoice, ...]
     seed: int
 
     @cached_property
@@ -154,8 +157,34 @@ class Source:
         for law in self.laws:
             if law.name == name:
                 law_of([term for term in law.terms if "part" not in term], self.model, f"{where}: {name}")  # check
-                return LawChoice(law.name, law.title, law.terms)
+                return law
         raise InputError(f"there is no law {shown(name)}; [[laws]] names them", where)
+
+
+def read_laws(file: StudyFile) -> tuple[LawChoice, ...]:
+    """Return the laws of the tables [[laws]].
+
+    Raises
+    ------
+    InputError
+        If a key or value cannot be used, or two laws have one name.
+    """
+    where = file.where("laws")
+    found: dict[str, LawChoice] = {}
+    for table in file.several("laws"):
+        check_keys(table, {"name", "terms"}, {"title"}, where)
+        name, title, terms = table["name"], table.get("title", table["name"]), table["terms"]
+        if not isinstance(name, str) or not name.isidentifier() or name in found:
+            raise InputError(f"must be made of letters, digits and _, and differ, got {shown(name)}", f"{where}: name")
+        if not isinstance(title, str):
+            raise InputError(f"must be a text, got {shown(title)}", f"{where}: {name}: title")
+        if not isinstance(terms, list) or not all(isinstance(term, dict) for term in terms):
+            raise InputError(f"must be a list of tables, got {shown(terms)}", f"{where}: {name}: terms")
+        for term in terms:
+            if not isinstance(term.get("part", ""), str):
+                raise InputError(f"must be the name of a part, got {shown(term['part'])}", f"{where}: {name}: part")
+        found[name] = LawChoice(name, title, tuple(terms))
+    return tuple(found.values())
 
 
 def text_of(table: Mapping[str, Any], key: str, default: str) -> str:

@@ -80,6 +80,11 @@ def test_a_sweep_begins_with_the_first_frequency_and_ends_with_the_last():
     np.testing.assert_allclose(abs(v), expected, atol=1e-6 * abs(v).max())
 
 
+def test_a_sweep_may_be_given_a_list_of_frequencies():
+    assert SweepBase(2e-3, [1, 4], stop=3.0) == SweepBase(2e-3, (1.0, 4.0), stop=3.0)
+    assert hash(SweepBase(2e-3, [1, 4], stop=3.0)) == hash(SweepBase(2e-3, (1.0, 4.0), stop=3.0))
+
+
 def test_a_sweep_holds_where_it_stops():
     base = SweepBase(2e-3, (1.0, 2.2), stop=1.7, direction=(0.0, 2.0), stop_at="once")
     reached, held = motion(base, [1.7, 5.0])

@@ -19,13 +19,13 @@ from problems.command.record_options import (
 )
 from problems.decay.comparison import compare_decay_laws
 from problems.response.comparison import compare_laws
-from problems.tables.study_file import MOTION_KEYS, read_motions
+from problems.schema.records import RECORDS_HELP, read_motions
 
 
 def add_compare_laws(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.set_defaults(run=_run)
-    parser.epilog = MOTION_KEYS
+    parser.epilog = RECORDS_HELP
     parser.add_argument(
         "file",
         metavar="FILE|STUDY.toml",

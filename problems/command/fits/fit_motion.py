@@ -12,14 +12,14 @@ from ancf_casadi.exceptions import AncfError
 from ancf_casadi.export import Document, write_document
 from ancf_casadi.support.inputs import located
 from problems.command.output import Output, add_plot, figure_writer, json_text, new_files
-from problems.tables.study_file import MOTION_KEYS, read_motions
+from problems.schema.records import RECORDS_HELP, read_motions
 from problems.transient.fitting import fit_transient
 
 
 def add_fit_motion(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
     parser.set_defaults(run=_run)
-    parser.epilog = MOTION_KEYS
+    parser.epilog = RECORDS_HELP
     parser.add_argument(
         "file", metavar="STUDY.toml", help="a file with the tables [beam], [[damping]] and [[records]]; init writes one"
     )

@@ -9,6 +9,7 @@ from typing import Any, TypedDict, final
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import check_keys
 from problems.response.comparison import compare_laws
+from problems.schema.records import read_motions
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn
 from problems.study.files import FilePart, TablesOfFile
@@ -16,7 +17,6 @@ from problems.study.kind import Kind
 from problems.study.kinds.motion import TABLES
 from problems.study.part import Effort, Finding, Heading, Outcome, Task
 from problems.study.source import Source
-from problems.tables.study_file import motions_of
 
 KEYS = """\
   kind = "comparison"   the law that explains measured large motion best: the tables
@@ -63,7 +63,7 @@ def compare_plain(given: TablesOfFile, name: str) -> ComparedLaws:
     InputError, FitError
         As ``compare_laws``.
     """
-    motions = motions_of(given.file())
+    motions = read_motions(given.file())
     found = compare_laws(motions.model, motions.records, motions.laws, **motions.settings)
     caption = "Information criteria of the laws above the lowest: smaller is better."
     return ComparedLaws(found.to_dict(), tuple(found.table().notes), drawn(name, caption, found.figure))
@@ -106,7 +106,7 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
         If a table is missing, a key or value cannot be used, a file cannot be read, or there is only one law.
     """
     check_keys(given, set(), set(), where)
-    motions = motions_of(source.file)
+    motions = read_motions(source.file)
     if len(motions.laws) < 2:
         raise InputError("there is only one law; add tables [[damping]]", where)
     if "fixed" in motions.settings:

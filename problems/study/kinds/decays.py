@@ -25,13 +25,13 @@ from ancf_casadi.support.prefixes import prefixed
 from problems.decay.fitting import fit_decay
 from problems.decay.laws import LAWS
 from problems.decay.result import DecayFit
+from problems.schema.motion import READING, read_measured
 from problems.study.data_table import Column, DataTable, printed_values
 from problems.study.drag.combined_law import ModeCoefficients
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
 from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
 from problems.study.source import Source, printed_numbers
-from problems.tables.columns import READING, read_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,7 +47,6 @@ KEYS = """\
                         printed = {frequency (Hz), damping_ratio (%), eta1, eta2}
 """
 RECORD = {"file", "column", "unit", "from", "to", "release_time", *READING}
-LAW_NAMES = (*LAWS, "auto")
 PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
 FRAME_RATE, DURATION, NOISE = 500.0, 5.0, 0.2e-3  # 1/s, s, m: of synthetic decays
 ZOOMED, SHORT_ZOOM = 12, 3  # periods drawn in detail, and of a record with many samples per period
@@ -348,7 +347,7 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
 def _measured(source: Source, table: Any, where: str) -> Decay:
     """Return the decay in a file."""
     check_keys(table, {"file"}, RECORD - {"file"}, where)
-    recording = read_file(source.file, table, where)
+    recording = read_measured(source.file, table, where)
     with located(where):
         record = Measurement.from_recording(recording, table.get("column"), unit=table.get("unit"))
         record = record.cut(table.get("from"), table.get("to"))

@@ -14,12 +14,12 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_keys, located, physical
 from ancf_casadi.vibration.modes import natural_modes
 from problems.matching.frequency_matching import match_frequencies
+from problems.schema.match import MATCH_KEYS, request_of
 from problems.study.data_table import Column, DataTable, printed_values
 from problems.study.drawing import Drawing, drawn, new_figure, series
 from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
 from problems.study.source import Source, printed_numbers
-from problems.tables.match import MATCH_KEYS, request_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -238,7 +238,8 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     check_keys(given, set(), {*MATCH_KEYS, "weightless", "printed"}, where)
     request = {key: value for key, value in given.items() if key in MATCH_KEYS}
     if not request:
-        request = source.file.table("match", {"targets"}, MATCH_KEYS - {"targets"})
+        request = source.file.needed("match")
+        check_keys(request, {"targets"}, MATCH_KEYS - {"targets"}, source.file.where("match"))
     with located(where):
         request_of(request)  # check
         modes = len(request["targets"])

@@ -12,13 +12,13 @@ from typing import Any, TypedDict, final
 
 from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.support.inputs import check_keys
+from problems.schema.records import read_motions
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn
 from problems.study.files import FilePart, TablesOfFile
 from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Task
 from problems.study.source import Source
-from problems.tables.study_file import motions_of
 from problems.transient.fitting import fit_transient
 from problems.transient.prediction import MotionPrediction
 
@@ -77,7 +77,7 @@ def fit_plain(given: TablesOfFile, name: str) -> FittedMotion:
     InputError, FitError
         As ``fit_transient``.
     """
-    motions = motions_of(given.file())
+    motions = read_motions(given.file())
     fit = fit_transient(motions.model, motions.records, motions.damping, **motions.settings)
     figures = [drawn(name, "Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
     predictions: list[MotionPrediction] = []
@@ -147,7 +147,7 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
         If a table is missing, a key or value cannot be used, or a file cannot be read.
     """
     check_keys(given, set(), set(), where)
-    motions_of(source.file)  # check
+    read_motions(source.file)  # check
     return MotionFit(heading, TablesOfFile.of(source, TABLES))
 
 

@@ -17,7 +17,6 @@ from problems.study.drawing import drawn, line, new_figure, plain_log_ticks
 from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part
 from problems.study.source import Source, printed_numbers, text_of
-from problems.tables.study import checked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -185,7 +184,8 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
 
 def _others(given: Mapping[str, Any]) -> tuple[tuple[float, float], ...]:
     """Return frequency and ratio of the other modes."""
-    others = checked(given.get("others", {"frequencies": [], "ratios": []}), {"frequencies", "ratios"}, set(), "others")
+    others = given.get("others", {"frequencies": [], "ratios": []})
+    check_keys(others, {"frequencies", "ratios"}, set(), "others")
     frequencies, ratios = (numbers(others[key], f"others: {key}") for key in ("frequencies", "ratios"))
     if len(frequencies) != len(ratios):
         raise InputError(f"has {len(ratios)} values for {len(frequencies)} frequencies", "others: ratios")

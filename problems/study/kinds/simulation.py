@@ -11,13 +11,13 @@ import numpy as np
 
 from ancf_casadi.dynamics.simulation import simulate
 from ancf_casadi.support.inputs import check_keys
+from problems.schema.simulation import read_simulation
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn
 from problems.study.files import FilePart, TablesOfFile
 from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Task
 from problems.study.source import Source
-from problems.tables.study_file import simulation_of
 
 KEYS = """\
   kind = "simulation"   one motion: the tables [[damping]], [base], [load],
@@ -61,7 +61,7 @@ def simulate_plain(given: TablesOfFile, name: str) -> SimulatedMotion:
     """
     from ancf_casadi.plot import motion_figure  # matplotlib is slow to import
 
-    task = simulation_of(given.file())
+    task = read_simulation(given.file())
     run = simulate(task.model, damping=task.damping, base=task.base, **task.settings)
     if run.interrupted:
         raise KeyboardInterrupt
@@ -113,7 +113,7 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
     """
     check_keys(given, set(), set(), where)
     wanted = {"beam", "damping", "base", "load", "release", "simulation", "markers"}
-    simulation_of(source.file)  # check
+    read_simulation(source.file)  # check
     return SimulationPart(heading, TablesOfFile.of(source, wanted))
 
 

@@ -41,15 +41,14 @@ from problems.command import match as match_command
 from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
 from problems.command.fits import fit_decay as fit_decay_command
+from problems.schema import records
+from problems.schema.match import MATCH_KEYS
+from problems.schema.motion import AXES, READING
+from problems.schema.response import ResponseTable
+from problems.schema.simulation import SETTINGS, read_simulation
 from problems.study import runner
 from problems.study import study as study_module
 from problems.study.kinds.registry import KINDS
-from problems.tables import records, response
-from problems.tables.base import AXES
-from problems.tables.columns import READING
-from problems.tables.match import MATCH_KEYS
-from problems.tables.simulation import SETTINGS
-from problems.tables.study_file import read_simulation
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 RECORD = Path(__file__).parents[4] / "shared" / "data" / "silicone_beam" / "beam_gravity_tip.csv"
@@ -337,7 +336,7 @@ def test_help_names_every_key_that_a_file_may_have(capsys):
         "match": {*beam, *MATCH_KEYS},
         "export": beam | laws,
         "simulate": {*motion, "duration", *SETTINGS, "markers"},
-        "response": {*beam, *laws, *response.REQUIRED, *response.OPTIONAL, "markers"},
+        "response": {*beam, *laws, *ResponseTable.__struct_fields__, "markers"},
         "fit-motion": {*motion, "file", *records.RECORD, *records.FIT},
     }
     for command, keys in expected.items():
@@ -650,7 +649,7 @@ class TestUnusableInput:
             (
                 "eta2 = 0.11",
                 "zeta2 = 0.11",
-                "[damping]: unknown key 'zeta2'; known are air_density, drag_coefficient, eta1, eta2, law",
+                "[damping]: unknown key 'zeta2'; known are eta1, eta2",
             ),
             ("frequency = 1.876", "frequency = 0", "[base]: frequency: must be positive, got 0"),
             ("stop = 0.2 ", "stop_at = 'once'\nstop = 'late' ", "[base]: stop: must be a finite number, got 'late'"),

@@ -16,6 +16,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import check_keys, is_sequence, located, numbers, physical, shown
 from ancf_casadi.vibration.modes import Modes, natural_modes
+from problems.schema.beam import law_of
 from problems.study.data_table import Column, DataTable
 from problems.study.drag.air import Air, DragCoefficient, implied_drag_coefficient, viscous_damping_ratios
 from problems.study.drag.combined_law import CombinedLawFit, ModeCoefficients, fit_combined_law
@@ -24,7 +25,6 @@ from problems.study.drawing import drawn, line, new_figure
 from problems.study.kind import Kind
 from problems.study.part import Effort, Finding, Heading, Outcome, Part
 from problems.study.source import BeamChoice, LawChoice, Source, printed_numbers, text_of
-from problems.tables.damping import law_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,10 +12,10 @@ from ancf_casadi.damping import QuadraticDamping
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.inputs import is_sequence, located, physical, shown
+from problems.schema.beam import law_of
 from problems.study.drag.effects import RESOLVED, Decay, Envelope, simulate_decay
 from problems.study.part import Effort, Task
 from problems.study.source import LawChoice, Source
-from problems.tables.damping import law_of
 
 DURATION, AMPLITUDE = 15.0, 0.076  # s, m at the tip
 SECONDS, SECONDS_PER_PERIOD = 0.3, 0.006  # computing time of a decay, and of each of its periods

@@ -14,13 +14,13 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_keys
 from ancf_casadi.vibration.modes import Modes, natural_modes
+from problems.schema.beam import law_of
 from problems.study.drawing import drawn, new_figure, plain_log_ticks, series
 from problems.study.kind import Kind
 from problems.study.kinds.experiments.experiment import FEWEST_MODES, ExperimentResult
 from problems.study.kinds.experiments.runs import ExperimentPart, Run, read_runs, results_of
 from problems.study.part import Effort, Finding, Heading, Outcome
 from problems.study.source import Source
-from problems.tables.damping import law_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -40,8 +40,8 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.decay.fitting import fit_decay
+from problems.schema.beam import law_of
 from problems.study.drawing import Band, band
-from problems.tables.damping import law_of
 
 TOLERANCE = 1e-4  # of the integrator, over the tip amplitude relative to the length
 LOOSEST = 1e-5  # largest tolerance

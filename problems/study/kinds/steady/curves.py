@@ -22,8 +22,8 @@ from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.modes import natural_modes
+from problems.schema.response import ResponseTask
 from problems.study.data_table import Column
-from problems.tables.response import ResponseTask
 
 TIP = "tip"
 MODES = 10  # of the full beam, among which the nearest is sought

@@ -23,6 +23,8 @@ from ancf_casadi.reduction.stepping import ReducedTrajectory
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_keys, is_sequence, located, whole
+from problems.schema.beam import law_of
+from problems.schema.response import MODES, TOLERANCE, ResponseTask
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn, new_figure, series
 from problems.study.kind import Kind
@@ -30,8 +32,6 @@ from problems.study.kinds.steady.curves import CurveData, CurveNumbers, curve_da
 from problems.study.kinds.steady.figure import draw_curve
 from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task, Terms
 from problems.study.source import BeamChoice, LawChoice, Source, text_of
-from problems.tables.damping import law_of
-from problems.tables.response import MODES, TOLERANCE, ResponseTask
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, final
 
 from ancf_casadi.support.inputs import check_keys
+from problems.schema.response import read_response
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import drawn
 from problems.study.files import FilePart, TablesOfFile
@@ -22,7 +23,6 @@ from problems.study.kinds.steady.curves import (
 from problems.study.kinds.steady.figure import response_figure
 from problems.study.part import Effort, Finding, Heading, Outcome, Task
 from problems.study.source import Source
-from problems.tables.study_file import response_of
 
 KEYS = """\
   kind = "response"     steady vibration over frequency, with folds and jumps: the
@@ -40,7 +40,7 @@ def level_curve(given: TablesOfFile, level: float) -> CurveData:
     InputError, EquilibriumError, NumericsError
         As ``frequency_response``.
     """
-    task = response_of(given.file())
+    task = read_response(given.file())
     return curve_data(task, task.curve(level))
 
 
@@ -84,7 +84,7 @@ def read(source: Source, given: dict[str, Any], heading: Heading, where: str) ->
         If a table is missing, or a key or value cannot be used.
     """
     check_keys(given, set(), set(), where)
-    task = response_of(source.file)
+    task = read_response(source.file)
     return Response(heading, TablesOfFile.of(source, TABLES), task.levels, task.unit)
 
 

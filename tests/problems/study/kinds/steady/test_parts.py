@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from ancf_casadi import InputError
+from problems.schema.response import read_response
 from problems.study.kinds.steady.resonances import range_of
 from problems.study.part import FULL, Outcome
 from problems.study.reading import read_study
 from problems.study.study import StudyReport, run_study
-from problems.tables.study_file import read_response
 from tests.problems.study.conftest import BEAM
 
 pytestmark = pytest.mark.slow  # all tests need the study

@@ -6,36 +6,46 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta, Struct
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.model_document import Document
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
 from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.tracing import MOST_POINTS, POINTS, frequency_response
-from ancf_casadi.support.inputs import choice, is_sequence, located, physical, positive, vector, whole
-from problems.tables.simulation import read_markers
-from problems.tables.study import Study
+from ancf_casadi.support.inputs import whole
+from problems.schema.beam import DAMPED_HELP, read_damped
+from problems.schema.file import StudyFile
+from problems.schema.simulation import MARKERS_KEYS, read_markers
+from problems.schema.table import Positive, read, told
 
-KEYS = """\
-  [response]    steady vibration: frequencies = [FROM, TO] (Hz);
-                base_amplitudes (m) or tip_forces (N), one number or several
-                levels; direction; model ("reduced" or "full"), modes (of the
-                reduced model, 8), points (least number on a curve, 60),
-                tolerance (error of each motion relative to its size, 1e-4)
-  [markers]     NAME = arc length from the clamp (m): points in the output
-"""
-REQUIRED = {"frequencies"}
-OPTIONAL = {"base_amplitudes", "tip_forces", "direction", "model", "modes", "points", "tolerance"}
-MODELS = ("reduced", "full")
 MODES = 8  # of the reduced model, if the beam has as many
 TOLERANCE = 1e-4  # few harmonics suffice for it, even under friction
-LARGEST_TOLERANCE = 0.01
-MOST_LEVELS = 20
+
+Levels = Positive | Annotated[tuple[Positive, ...], Meta(min_length=1, max_length=20)]
+
+
+class ResponseTable(Struct, frozen=True):
+    """Keys of the table [response]; 0 stands for what is not given."""
+
+    frequencies: Annotated[tuple[Positive, Positive], Meta(description="[FROM, TO], Hz")]
+    base_amplitudes: Annotated[Levels, Meta(description="m, one number or several levels")] = ()
+    tip_forces: Annotated[Levels, Meta(description="N, instead of base_amplitudes")] = ()
+    direction: tuple[float, float] = (1.0, 0.0)
+    model: Literal["reduced", "full"] = "reduced"
+    modes: Annotated[int, Meta(ge=1, description=f"of the reduced model, {MODES}")] = 0
+    points: Annotated[int, Meta(ge=2, le=MOST_POINTS, description=f"least number on a curve, {POINTS}")] = POINTS
+    tolerance: Annotated[
+        float, Meta(gt=0.0, le=0.01, description=f"error of each motion relative to its size, {TOLERANCE:g}")
+    ] = TOLERANCE
+
+
+RESPONSE_HELP = DAMPED_HELP + told("[response]", "steady vibration: {}", ResponseTable) + MARKERS_KEYS
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,60 +130,46 @@ class ResponseTask:
         )
 
 
-def response_task(study: Study, source: Document) -> ResponseTask:
-    """Return the steady vibration of a beam with its damping.
+def read_response(given: str | StudyFile) -> ResponseTask:
+    """Read a beam, its damping, and its harmonic excitation over a range of frequencies.
 
     Raises
     ------
     InputError
-        If the table is missing, a key or value cannot be used, or a marker is not on the beam.
+        If a table is missing, a key or value cannot be used, or a marker is not on the beam.
     """
-    table, where = study.table("response", REQUIRED, OPTIONAL), study.where("response")
-    with located(where):
-        first, last = (physical(f, "frequencies") for f in vector(table["frequencies"], "frequencies"))
-        if first == last:
-            raise InputError(f"must be [FROM, TO], two different values, got {first:g} twice", "frequencies")
-        x, y = vector(table.get("direction", (1.0, 0.0)), "direction")
-        size = math.hypot(x, y)
-        if not size:
-            raise InputError("must not be zero", "direction")
-        driven, levels = _levels(table)
-        modes = _modes(table, source.model)
-        points = whole(table.get("points", POINTS), "points", 2, MOST_POINTS)
-        tolerance = positive(table.get("tolerance", TOLERANCE), "tolerance")
-        if tolerance > LARGEST_TOLERANCE:
-            raise InputError(f"must be at most {LARGEST_TOLERANCE:g}, got {tolerance:g}", "tolerance")
+    file = StudyFile.of(given)
+    source, where = read_damped(file), file.where("response")
+    table = read(file.needed("response"), ResponseTable, where)
+    first, last = table.frequencies
+    if first == last:
+        raise InputError(f"must be [FROM, TO], two different values, got {first:g} twice", f"{where}: frequencies")
+    x, y = table.direction
+    size = math.hypot(x, y)
+    if not size:
+        raise InputError("must not be zero", f"{where}: direction")
+    if bool(table.base_amplitudes) == bool(table.tip_forces):
+        raise InputError("give either base_amplitudes (m) or tip_forces (N)", f"{where}: base_amplitudes")
+    levels = table.base_amplitudes or table.tip_forces
     return ResponseTask(
         source.model,
         source.damping,
         (first, last),
-        levels,
-        driven,
+        levels if isinstance(levels, tuple) else (levels,),
+        "base" if table.base_amplitudes else "tip",
         (x / size, y / size),
-        modes,
-        points,
-        tolerance,
-        read_markers(study, source.model),
+        _modes(table, source.model, f"{where}: modes"),
+        table.points,
+        table.tolerance,
+        read_markers(file, source.model),
     )
 
 
-def _levels(table: Mapping[str, Any]) -> tuple[str, tuple[float, ...]]:
-    """Return the place of the excitation and its amplitudes."""
-    given = [key for key in ("base_amplitudes", "tip_forces") if key in table]
-    if len(given) != 1:
-        raise InputError("give either base_amplitudes (m) or tip_forces (N)", "base_amplitudes")
-    (key,) = given
-    values = table[key] if is_sequence(table[key]) else [table[key]]
-    if not 1 <= len(values) <= MOST_LEVELS:
-        raise InputError(f"must have 1 to {MOST_LEVELS} levels, got {len(values)}", key)
-    return key.partition("_")[0], tuple(physical(value, key) for value in values)
-
-
-def _modes(table: Mapping[str, Any], model: Model) -> int:
+def _modes(table: ResponseTable, model: Model, where: str) -> int:
     """Return the number of modes of the reduced model; 0 for the full beam."""
     most = model.size - model.free.start
-    if choice(table.get("model", "reduced"), MODELS, "model") == "full":
-        if "modes" in table:
-            raise InputError("belongs to the reduced model; leave it out", "modes")
+    if table.model == "full":
+        if table.modes:
+            raise InputError("belongs to the reduced model; leave it out", where)
         return 0
-    return whole(table["modes"], "modes", 1, most) if "modes" in table else min(MODES, most // 2)
+    return whole(table.modes, where, 1, most) if table.modes else min(MODES, most // 2)

@@ -1,4 +1,4 @@
-"""A TOML file with its tables, and the checks that all tables share."""
+"""A TOML file with its tables."""
 
 from __future__ import annotations
 
@@ -11,28 +11,14 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import read_toml
 from ancf_casadi.support.inputs import check_keys, shown
 
-TABLES = {
-    "beam",
-    "match",
-    "damping",
-    "base",
-    "load",
-    "release",
-    "simulation",
-    "response",
-    "markers",
-    "records",
-    "predictions",
-    "fit",
-    "study",
-    "parts",
-    "laws",
-    "decays",
-}
+TABLES = set(
+    "beam match damping base load release simulation response markers records predictions fit study parts laws decays"
+    .split()
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Study:
+class StudyFile:
     """The tables of a TOML file.
 
     Parameters
@@ -47,45 +33,41 @@ class Study:
     tables: Mapping[str, Any]
 
     @classmethod
-    def read(cls, path: str, required: Set[str] = frozenset({"beam"})) -> Study:
-        """Read a TOML file with the table [beam] and others.
-
-        Parameters
-        ----------
-        path : str
-            Name of the file.
-        required : set of str
-            Names of tables that must be there.
+    def of(cls, given: str | StudyFile, required: Set[str] = frozenset({"beam"})) -> StudyFile:
+        """Read a TOML file by its name, with the tables that must be there; a file that was read stays as it is.
 
         Raises
         ------
         InputError
             If the file cannot be read, is a JSON document, or lacks a table or has an unknown one.
         """
-        if is_document(path):
+        if isinstance(given, StudyFile):
+            return given
+        if is_document(given):
             raise InputError(
-                f'a document holds only beam and damping; write a TOML file with [beam] document = "{Path(path).name}"',
-                path,
+                "a document holds only beam and damping; write a TOML file with [beam] document = "
+                f'"{Path(given).name}"',
+                given,
             )
-        tables = read_toml(path)
-        check_keys(tables, set(required), TABLES, path)
-        return cls(path, tables)
+        tables = read_toml(given)
+        check_keys(tables, set(required), TABLES, given)
+        return cls(given, tables)
 
     def where(self, name: str) -> str:
         """Return the place of a table, for messages."""
         return f"{self.path}: [{name}]"
 
-    def table(self, name: str, required: set[str], optional: set[str]) -> dict[str, Any]:
+    def needed(self, name: str, why: str = "--help lists its keys") -> Any:
         """Return a table that the command needs.
 
         Raises
         ------
         InputError
-            If it is missing, is no table, or its keys are not those.
+            If it is missing.
         """
         if name not in self.tables:
-            raise InputError("the table is missing; --help lists its keys", self.where(name))
-        return checked(self.tables[name], required, optional, self.where(name))
+            raise InputError(f"the table is missing; {why}", self.where(name))
+        return self.tables[name]
 
     def several(self, name: str) -> list[Any]:
         """Return the tables of one name, [name] or several [[name]]; none if there is no such table.
@@ -102,7 +84,7 @@ class Study:
             raise InputError(f"must be a table [{name}], or several [[{name}]]", self.path)
         return given
 
-    def file(self, name: Any, where: str) -> Path:
+    def beside(self, name: Any, where: str) -> Path:
         """Return the path of a file that a table names, relative to the folder of this file.
 
         Raises
@@ -118,16 +100,3 @@ class Study:
 def is_document(path: str) -> bool:
     """Return whether a file is a JSON document, by its name."""
     return Path(path).suffix.lower() == ".json"
-
-
-def checked(table: Any, required: set[str], optional: set[str], where: str) -> dict[str, Any]:
-    """Return a table whose keys are known and complete.
-
-    Raises
-    ------
-    InputError
-        If it is no table, or its keys are not those.
-    """
-    check_keys(table, required, optional, where)
-    found: dict[str, Any] = table
-    return found

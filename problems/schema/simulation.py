@@ -10,20 +10,22 @@ from typing import Any
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.model_document import Document
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import located, physical, shown
-from problems.tables.base import read_base
-from problems.tables.load import read_load
-from problems.tables.release import read_release
-from problems.tables.study import Study
+from ancf_casadi.support.inputs import check_keys, located, physical, shown
+from problems.schema.beam import DAMPED_HELP, read_damped
+from problems.schema.file import StudyFile
+from problems.schema.motion import KEYS as MOTION_KEYS
+from problems.schema.motion import read_base, read_load, read_release
 
 KEYS = """\
   [simulation]  duration (s), sample_rate (1/s), tolerance,
                 method ("auto", "idas" or "radau"),
                 start ("equilibrium", "straight" or "impact")
+"""
+MARKERS_KEYS = """\
   [markers]     NAME = arc length from the clamp (m): points in the output
 """
+SIMULATION_HELP = DAMPED_HELP + MOTION_KEYS + KEYS + MARKERS_KEYS
 SAMPLE_RATE = 1000.0  # 1/s, the default of ``simulate``
 SETTINGS = {"sample_rate", "start", "method", "tolerance"}
 MOST_BYTES = 5e8  # of the coordinates and velocities of a motion
@@ -55,26 +57,30 @@ class Simulation:
     markers: Mapping[str, float]
 
 
-def simulation(study: Study, source: Document) -> Simulation:
-    """Return the simulation of a beam with its damping.
+def read_simulation(given: str | StudyFile) -> Simulation:
+    """Read a beam, its damping, the motion of its base and the settings of the simulation.
 
     Raises
     ------
     InputError
-        If a table is missing, a key or value cannot be used, or a marker is not on the beam.
+        If a table is missing, a key or value cannot be used, a file cannot be read, or a marker is not on the beam.
     EquilibriumError
         If there is no equilibrium under the load of [release].
     """
-    settings = dict(study.table("simulation", {"duration"}, SETTINGS))
-    _check_size(settings, source.model, study.where("simulation"))
-    if "load" in study.tables:
-        settings["load"] = read_load(study, study.tables["load"], study.where("load"))
-    base = read_base(study, study.tables["base"], study.where("base")) if "base" in study.tables else None
-    markers = read_markers(study, source.model)
-    if "release" in study.tables:
+    file = StudyFile.of(given)
+    source, where = read_damped(file), file.where("simulation")
+    table = file.needed("simulation")
+    check_keys(table, {"duration"}, SETTINGS, where)
+    settings = dict(table)
+    _check_size(settings, source.model, where)
+    if "load" in file.tables:
+        settings["load"] = read_load(file, file.tables["load"], file.where("load"))
+    base = read_base(file, file.tables["base"], file.where("base")) if "base" in file.tables else None
+    markers = read_markers(file, source.model)
+    if "release" in file.tables:
         if "start" in settings:
-            raise InputError("is given by the table [release]; leave it out", f"{study.where('simulation')}: start")
-        settings["start"] = read_release(study.tables["release"], source.model, study.where("release"))
+            raise InputError("is given by the table [release]; leave it out", f"{where}: start")
+        settings["start"] = read_release(source.model, file.tables["release"], file.where("release"))
     return Simulation(source.model, source.damping, base, settings, markers)
 
 
@@ -91,7 +97,7 @@ def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:
         )
 
 
-def read_markers(study: Study, model: Model) -> dict[str, float]:
+def read_markers(file: StudyFile, model: Model) -> dict[str, float]:
     """Return the points of the table [markers]: arc length by name, m.
 
     Raises
@@ -99,7 +105,7 @@ def read_markers(study: Study, model: Model) -> dict[str, float]:
     InputError
         If a name or an arc length cannot be used.
     """
-    table, where = study.tables.get("markers", {}), study.where("markers")
+    table, where = file.tables.get("markers", {}), file.where("markers")
     if not isinstance(table, dict):
         raise InputError(f"must be a table, got {shown(table)}", where)
     for name, point in table.items():

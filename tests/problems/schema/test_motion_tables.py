@@ -15,8 +15,9 @@ from ancf_casadi import (
     read_recording,
     static_equilibrium,
 )
-from problems.tables import columns
-from problems.tables.study_file import read_motions, read_simulation
+from problems.schema import motion
+from problems.schema.records import read_motions
+from problems.schema.simulation import read_simulation
 
 BEAM = """
 [beam]
@@ -181,7 +182,7 @@ class TestRecords:
 
     def test_channels_of_one_file_are_read_at_once(self, file, monkeypatch):
         read = []
-        monkeypatch.setattr(columns, "read_recording", lambda *a, **k: read.append(a) or read_recording(*a, **k))
+        monkeypatch.setattr(motion, "read_recording", lambda *a, **k: read.append(a) or read_recording(*a, **k))
         other = self.RECORDS.replace("column = 4,", "column = 4, time_unit = 'ms',").replace("from = 0.2", "")
         text = "[base]\nfile = 'clamp.csv'\nx = 2\ny = 3\nrotation = 4\n"
         assert len(read_motions(file(BEAM, LAWS, self.RECORDS)).records[0].channels) == 2

@@ -6,10 +6,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import located, numbers, shown
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.strain import StrainMeasures
+from ancf_casadi.support.inputs import check_keys, located, numbers, shown
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.unknowns import Global, PerElement, PropertyUnknown, Smooth
-from problems.tables.study import Study
+from problems.schema.beam import BEAM_HELP, read_beam
+from problems.schema.file import StudyFile
 
 KEYS = """\
   [match]       targets (Hz), frequency_std (Hz), bounds, starts, seed,
@@ -18,22 +21,35 @@ KEYS = """\
                 unknowns = {width = "element", density = "global",
                 thickness = {smooth = 3, bounds = 0.05}}
 """
+MATCH_HELP = BEAM_HELP + KEYS
 MOST_ELEMENTS = 1000  # a match with more takes minutes, and Ctrl-C does not end it at once
 MODES = ("frequency_std", "points", "shapes", "shape_std")  # keys that belong to MeasuredModes
 MATCH_KEYS = {"targets", "bounds", "objective", "starts", "seed", "unknowns", *MODES}
 
 
-def read_request(study: Study) -> dict[str, Any]:
-    """Return the arguments of ``match_frequencies`` after the beam.
+def read_match(given: str | StudyFile) -> tuple[Beam, dict[str, Any]]:
+    """Read a beam and the arguments of ``match_frequencies`` after it.
 
     Raises
     ------
     InputError
-        If the table is missing, or a key or value cannot be used.
+        If a table is missing, a key or value cannot be used, or a match does not support the strain measures.
     """
-    table = study.table("match", {"targets"}, MATCH_KEYS - {"targets"})
-    with located(study.where("match")):
-        return request_of(table)
+    file = StudyFile.of(given)
+    model, where = read_beam(file).model, file.where("match")
+    if model.measures != StrainMeasures():
+        raise InputError(
+            "the document has strain measures that a match does not support; use the defaults", file.where("beam")
+        )
+    if model.beam.elements > MOST_ELEMENTS:
+        raise InputError(
+            f"a match takes {MOST_ELEMENTS} at most, got {model.beam.elements}; 20 to 100 are enough",
+            f"{file.where('beam')}: elements",
+        )
+    table = file.needed("match")
+    check_keys(table, {"targets"}, MATCH_KEYS - {"targets"}, where)
+    with located(where):
+        return model.beam, request_of(table)
 
 
 def request_of(table: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.start import Start
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.model_document import Document
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.recording import Recording
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.support.inputs import is_sequence, located, shown, whole
-from ancf_casadi.vibration.equilibrium import Equilibrium
-from problems.tables.base import read_base
-from problems.tables.columns import READING, read_file
-from problems.tables.damping import read_terms, total
-from problems.tables.load import read_load
-from problems.tables.release import read_release
-from problems.tables.study import Study, checked
+from ancf_casadi.support.inputs import check_keys, is_sequence, located, shown, whole
+from problems.schema.beam import DAMPED_HELP, read_damped, read_terms, total
+from problems.schema.file import StudyFile
+from problems.schema.motion import KEYS as MOTION_KEYS
+from problems.schema.motion import READING, read_base, read_load, read_measured, read_release
+from problems.schema.table import made
 from problems.transient.motion_record import Camera, Channel, MotionRecord
 
 KEYS = """\
@@ -53,12 +49,12 @@ KEYS = """\
                 laws = [[1], [1, 2]]: for compare-laws, the tables [[damping]]
                 of each law (default: each alone, and all together)
 """
+RECORDS_HELP = DAMPED_HELP + MOTION_KEYS + KEYS
 SENSOR = {"point", "direction", "frame", "gravity", "distance"}
 UNKNOWN = {"noise", "offset", "zero"}
 CHANNEL = {"file", "column", "unit", "sensor", "from", "to", *SENSOR, *READING, *UNKNOWN}
 RECORD = {"channels", "release_time", "camera", "base", "load", "release", "start", *CHANNEL}
-CAMERA = {"scale", "rotation", "origin"}
-FIT = {"properties", "base_amplitude", "load", "fixed", "bounds", "robust", "tolerance"}
+FIT = {"properties", "base_amplitude", "load", "fixed", "bounds", "robust", "tolerance"}  # of ``fit_transient``
 
 
 @dataclass(frozen=True)
@@ -89,8 +85,8 @@ class Motions:
     settings: Mapping[str, Any]
 
 
-def motions(study: Study, source: Document) -> Motions:
-    """Return the measured motions of a beam with its damping.
+def read_motions(given: str | StudyFile) -> Motions:
+    """Read a beam, its damping, measured motions, and the unknowns of a fit to them.
 
     Raises
     ------
@@ -99,73 +95,78 @@ def motions(study: Study, source: Document) -> Motions:
     EquilibriumError
         If there is no equilibrium under the load of a release.
     """
-    fit = study.table("fit", set(), {*FIT, "laws"}) if "fit" in study.tables else {}
-    terms = read_terms(study, source.model)
-    law = total(terms) or source.damping
+    file = StudyFile.of(given)
+    source = read_damped(file)
+    fit, where = file.tables.get("fit", {}), file.where("fit")
+    check_keys(fit, set(), {*FIT, "laws"}, where)
+    law = source.damping
     if law is None:
-        raise InputError("the table is missing; its parameters are the unknowns", study.where("damping"))
-    if not study.several("records"):
-        raise InputError("the table is missing; it names the file to fit", study.where("records"))
-    with located(study.where("fit")):
-        laws = _laws(fit["laws"], terms) if "laws" in fit else _usual_laws(terms, law)
-    records = [_record(study, table, source.model, study.where("records")) for table in study.several("records")]
-    predictions = []
-    for table in study.several("predictions"):
-        own = {key: value for key, value in table.items() if key != "tip_mass"} if isinstance(table, dict) else table
-        mass = table["tip_mass"] if own != table else None
-        predictions.append((_record(study, own, source.model, study.where("predictions")), mass))
+        raise InputError("the table is missing; its parameters are the unknowns", file.where("damping"))
+    if not file.several("records"):
+        file.needed("records", "it names the file to fit")
+    with located(where):
+        laws = _laws(fit.get("laws"), read_terms(file, source.model), law)
+    records, predictions = (
+        [_record(file, table, source.model, file.where(name), keys) for table in file.several(name)]
+        for name, keys in (("records", RECORD), ("predictions", RECORD | {"tip_mass"}))
+    )
+    masses = [table.get("tip_mass") for table in file.several("predictions")]
     settings = {key: fit[key] for key in FIT & fit.keys()}
-    return Motions(source.model, law, laws, tuple(records), tuple(predictions), settings)
+    return Motions(source.model, law, laws, tuple(records), tuple(zip(predictions, masses, strict=True)), settings)
 
 
-def _laws(given: Any, terms: Sequence[DampingLaw]) -> tuple[DampingLaw, ...]:
-    """Return the sums of the terms with the given numbers, from 1."""
+def _laws(given: Any, terms: Sequence[DampingLaw], law: DampingLaw) -> tuple[DampingLaw, ...]:
+    """Return the sums of the terms with the given numbers, from 1; if not given, each term, and their sum."""
+    if given is None:
+        return (*terms, law) if len(terms) > 1 else (law,)
     if not is_sequence(given) or not given or not all(is_sequence(numbers) and numbers for numbers in given):
         raise InputError(f"must be a list of lists of numbers, such as [[1], [1, 2]], got {shown(given)}", "laws")
     laws = [total([terms[whole(number, "laws", 1, len(terms)) - 1] for number in numbers]) for numbers in given]
     return tuple(law for law in laws if law is not None)
 
 
-def _usual_laws(terms: Sequence[DampingLaw], law: DampingLaw) -> tuple[DampingLaw, ...]:
-    return (*terms, law) if len(terms) > 1 else (law,)
-
-
-def _record(study: Study, table: Any, model: Model, where: str) -> MotionRecord:
-    given = checked(table, set(), RECORD, where)
+def _record(file: StudyFile, given: Any, model: Model, where: str, keys: set[str]) -> MotionRecord:
+    check_keys(given, set(), keys, where)
     shared = {key: given[key] for key in CHANNEL & given.keys()}
     listed = given.get("channels", [{}])
     if not is_sequence(listed) or not listed:
         raise InputError(f"must be a list of tables, got {shown(listed)}", f"{where}: channels")
     channels = []
-    files: dict[str, Recording] = {}
+    recordings: dict[str, Recording] = {}
     for k, channel in enumerate(listed, start=1):
         place = f"{where}: channels: {k}" if "channels" in given else where
-        own = shared | checked(channel, set(), CHANNEL, place)
+        check_keys(channel, set(), CHANNEL, place)
+        own = shared | channel
         key = repr([own.get(name) for name in ("file", *READING)])  # channels of one file are read at once
-        if key not in files:
-            named = checked(own, {"file"}, CHANNEL, place)
-            _check_made(study, named["file"], place)
-            files[key] = read_file(study, named, place)
-        channels.append(_channel(files[key], own, place))
-    base, start = _base(study, given, where), _start(study, given, model, where)
-    settings = {"release": given["release_time"]} if "release_time" in given else {}
-    if "load" in given:
-        settings["load"] = read_load(study, given["load"], f"{where}: load")
-    elif "load" in study.tables:
-        settings["load"] = read_load(study, study.tables["load"], study.where("load"))
+        if key not in recordings:
+            check_keys(own, {"file"}, CHANNEL, place)
+            _check_made(file, own["file"], place)
+            recordings[key] = read_measured(file, own, place)
+        channels.append(_channel(recordings[key], own, place))
+    if {"release", "start"} <= given.keys():
+        raise InputError("is given by the release; leave it out", f"{where}: start")
+    settings = {name: given[key] for name, key in {"start": "start", "release": "release_time"}.items() if key in given}
     if "camera" in given:
-        view = checked(given["camera"], set(), CAMERA, f"{where}: camera")
-        with located(f"{where}: camera"):
-            settings["camera"] = Camera(**view)
+        settings["camera"] = made(given["camera"], Camera, f"{where}: camera")
+    readers: dict[str, Callable[[Any, str], Any]] = {
+        "base": partial(read_base, file),
+        "load": partial(read_load, file),
+        "release": partial(read_release, model),
+    }
+    for name, reader in readers.items():  # of the record, or of the file
+        table, place = (given[name], f"{where}: {name}") if name in given else (file.tables.get(name), file.where(name))
+        argument = "start" if name == "release" else name
+        if table is not None and argument not in settings:
+            settings[argument] = reader(table, place)
     with located(where):
-        return MotionRecord(channels, base, start, **settings)
+        return MotionRecord(channels, **settings)
 
 
-def _check_made(study: Study, name: Any, where: str) -> None:
+def _check_made(file: StudyFile, name: Any, where: str) -> None:
     """Check that a file exists that the simulation of the same study can make."""
-    path = study.file(name, f"{where}: file")
-    if "simulation" in study.tables and path.suffix.lower() == ".csv" and not path.exists():
-        command = f"ancf-casadi simulate {shlex.quote(study.path)} --out {shlex.quote(str(path))}"
+    path = file.beside(name, f"{where}: file")
+    if "simulation" in file.tables and path.suffix.lower() == ".csv" and not path.exists():
+        command = f"ancf-casadi simulate {shlex.quote(file.path)} --out {shlex.quote(str(path))}"
         raise InputError(f"does not exist; if it is to hold the motion of [simulation], run: {command}", str(path))
 
 
@@ -177,22 +178,3 @@ def _channel(recording: Recording, given: Mapping[str, Any], where: str) -> Chan
         sensor = Sensor(given.get("sensor", "position"), **settings)
         record = Measurement.from_recording(recording, given.get("column"), unit=given.get("unit"), sensor=sensor)
         return Channel(record.cut(given.get("from"), given.get("to")), **unknown)
-
-
-def _base(study: Study, given: Mapping[str, Any], where: str) -> BaseMotion | None:
-    if "base" in given:
-        return read_base(study, given["base"], f"{where}: base")
-    return read_base(study, study.tables["base"], study.where("base")) if "base" in study.tables else None
-
-
-def _start(study: Study, given: Mapping[str, Any], model: Model, where: str) -> Start | Equilibrium:
-    if {"release", "start"} <= given.keys():
-        raise InputError("is given by the release; leave it out", f"{where}: start")
-    if "release" in given:
-        return read_release(given["release"], model, f"{where}: release")
-    if "start" in given:
-        start: Start = given["start"]
-        return start
-    if "release" in study.tables:
-        return read_release(study.tables["release"], model, study.where("release"))
-    return "equilibrium"

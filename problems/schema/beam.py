@@ -1,0 +1,124 @@
+"""The tables of a beam: [beam], or a JSON document with a beam and its damping, and [[damping]], the terms of a law."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping, RayleighDamping
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.export.document.model_document import Document, read_document
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.inputs import check_keys, is_sequence, located, shown
+from ancf_casadi.vibration.modes import natural_modes
+from problems.schema.file import StudyFile, is_document
+from problems.schema.table import made
+
+HEAD = "tables of a TOML file:\n"
+KEYS = """\
+  [beam]        length (m), elements; width, thickness (m), density (kg/m^3),
+                elastic_modulus (Pa): each a number, or a list with one value
+                per element; optional: axis, gravity (m/s^2), tip_mass (kg),
+                clamp_stiffness (N m/rad);
+                or only document = "BEAM.json": a JSON document with a beam and
+                its damping; a relative path starts at the folder of this file
+"""
+DAMPING_KEYS = """\
+  [[damping]]   law = "rayleigh": alpha (1/s), beta (s),
+                stiffness ("strain-rate", "tangent" or "reference")
+                law = "quadratic": eta1 (1/s), eta2 (1/m); or drag_coefficient,
+                air_density (kg/m^3)
+                law = "friction": eta0 (m/s^2), smoothing_speed (m/s)
+                law = "modal": ratios, frequencies (Hz)
+                several tables add up
+"""
+BEAM_HELP = HEAD + KEYS
+DAMPED_HELP = BEAM_HELP + DAMPING_KEYS
+LAWS: dict[str, Callable[..., DampingLaw]] = {
+    "rayleigh": RayleighDamping,
+    "quadratic": QuadraticDamping,
+    "friction": FrictionDamping,
+    "modal": ModalDamping,
+}
+
+
+def read_beam(given: str | StudyFile) -> Document:
+    """Read the beam of a TOML file, or a JSON document (a name that ends in ``.json``) with a beam and its damping.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or a key or value cannot be used.
+    """
+    if isinstance(given, str) and is_document(given):
+        return read_document(given)
+    file = StudyFile.of(given)
+    table, where = file.needed("beam"), file.where("beam")
+    if isinstance(table, dict) and "document" in table:
+        check_keys(table, {"document"}, set(), where)
+        path = file.beside(table["document"], f"{where}: document")
+        with located(f"{where}: document"):
+            return read_document(path)
+    return Document(Model(Beam.from_table(table, file.path)))
+
+
+def read_damped(given: str | StudyFile) -> Document:
+    """Read a beam and its damping; the damping of a document holds unless the file has its own.
+
+    Raises
+    ------
+    InputError
+        As ``read_beam``.
+    """
+    if isinstance(given, str) and is_document(given):
+        return read_document(given)
+    file = StudyFile.of(given)
+    source = read_beam(file)
+    own = "damping" in file.tables
+    return replace(source, damping=total(read_terms(file, source.model))) if own else source
+
+
+def read_terms(file: StudyFile, model: Model) -> list[DampingLaw]:
+    """Return the laws of the tables [[damping]], in their order.
+
+    Raises
+    ------
+    InputError
+        If a law is unknown, or a key or value cannot be used.
+    """
+    return [_term(table, model, file.where("damping")) for table in file.several("damping")]
+
+
+def law_of(terms: Sequence[Any], model: Model, where: str) -> DampingLaw | None:
+    """Return the sum of terms given as tables [[damping]]; None if there are none.
+
+    Raises
+    ------
+    InputError
+        If a law is unknown, or a key or value cannot be used.
+    """
+    return total([_term(table, model, where) for table in terms])
+
+
+def total(terms: Sequence[DampingLaw]) -> DampingLaw | None:
+    """Return the sum of laws; None if there are none."""
+    law: DampingLaw | None = None
+    for term in terms:
+        law = term if law is None else law + term
+    return law
+
+
+def _term(table: Any, model: Model, where: str) -> DampingLaw:
+    kind = table.get("law") if isinstance(table, dict) else None
+    if not isinstance(kind, str) or kind not in LAWS:
+        raise InputError(f"law must be one of {', '.join(LAWS)}, got {shown(kind)}", where)
+    own = {key: value for key, value in table.items() if key != "law"}
+    if kind == "quadratic" and {"drag_coefficient", "air_density"} & own.keys():
+        return made(own, QuadraticDamping.from_drag, where, beam=model.beam)
+    if kind != "modal":
+        return made(own, LAWS[kind], where)
+    ratios: Any = own.get("ratios")
+    count = min(max(1, len(ratios) if is_sequence(ratios) else 1), model.size - model.free.start)
+    return made(own, ModalDamping, where, modes=natural_modes(model, count=count))

@@ -1,0 +1,135 @@
+"""The tables of a motion: [base] of the clamp, [load] at the tip, and [release], the load before time 0."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase, HarmonicBase, SampledBase, SweepBase
+from ancf_casadi.dynamics.tip_load import HarmonicLoad, SampledLoad, TipLoad
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.recording import Recording, read_recording
+from ancf_casadi.records.sensor import Quantity, Sensor
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_keys, located
+from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
+from problems.schema.file import StudyFile
+from problems.schema.table import made
+
+KEYS = """\
+  [base]        harmonic: amplitude (m), frequency (Hz), stop (s), direction,
+                stop_at ("rest" or "once"), ramp (cycles in which the
+                amplitude grows from 0)
+                sweep: the same with frequencies = [FIRST, LAST] (Hz)
+                sampled: file, with the columns (name or number) x, y and
+                rotation, of which one is enough; time, unit, time_unit, rate
+                fixed: displacement (m), rotation (rad)
+  [load]        force and moment at the tip, in the laboratory frame
+                harmonic: force (N), moment (N m), frequency (Hz), stop (s),
+                ramp (cycles)
+                sampled: time = [0, 5], force = [[1, 0], [1, 0]], moment; or
+                file, with the columns force_x, force_y and moment, of which
+                one is enough; time, unit, time_unit, rate
+  [release]     the load that holds the beam until time 0: tip_force (N),
+                tip_moment (N m)
+"""
+READING = ("time", "time_unit", "rate")  # keys that say how to read a file
+AXES: dict[str, Quantity] = {"x": "position", "y": "position", "rotation": "slope"}
+COMPONENTS: dict[str, Quantity] = {"force_x": "force", "force_y": "force", "moment": "moment"}
+
+
+def read_base(file: StudyFile, table: Any, where: str) -> BaseMotion:
+    """Return the motion of the clamp, of one of four kinds that the keys of its table tell apart.
+
+    Raises
+    ------
+    InputError
+        If the keys belong to no kind of motion, a value cannot be used, or a file cannot be read.
+    """
+    keys = set(table) if isinstance(table, dict) else set()
+    if "file" in keys:
+        time, parts = _columns(file, table, AXES, where)
+        with located(where):
+            return SampledBase(time, np.column_stack([parts["x"], parts["y"]]), parts["rotation"])
+    if "frequencies" in keys:
+        return made(table, SweepBase, where)
+    if keys and keys <= {field.name for field in fields(FixedBase)}:
+        return made(table, FixedBase, where)
+    return made(table, HarmonicBase, where)
+
+
+def read_load(file: StudyFile, table: Any, where: str) -> TipLoad:
+    """Return the force and the moment at the tip over time, of one of three kinds that the keys tell apart.
+
+    Raises
+    ------
+    InputError
+        If the keys belong to no kind of load, a value cannot be used, or a file cannot be read.
+    """
+    keys = set(table) if isinstance(table, dict) else set()
+    if "file" in keys:
+        time, parts = _columns(file, table, COMPONENTS, where)
+        with located(where):
+            return SampledLoad(time, np.column_stack([parts["force_x"], parts["force_y"]]), parts["moment"])
+    return made(table, SampledLoad if "time" in keys else HarmonicLoad, where)
+
+
+def read_release(model: Model, table: Any, where: str) -> Equilibrium:
+    """Return the equilibrium under the load at the tip that holds the beam until it is released.
+
+    Raises
+    ------
+    InputError
+        If a key or value cannot be used.
+    EquilibriumError
+        If there is no equilibrium under this load.
+    """
+    return made(table, static_equilibrium, where, {"tip_force", "tip_moment"}, model=model)
+
+
+def read_measured(file: StudyFile, given: Mapping[str, Any], where: str) -> Recording:
+    """Read the file that a table names, with its keys ``READING``.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    path = file.beside(given["file"], f"{where}: file")
+    with located(where):
+        return read_recording(path, progress=True, **{key: given.get(key) for key in READING})
+
+
+def _columns(
+    file: StudyFile, table: dict[str, Any], quantities: Mapping[str, Quantity], where: str
+) -> tuple[Array, dict[str, Array]]:
+    """Return the times (s) and the components, in SI units; a component without a column is zero.
+
+    The table gives ``file``, the columns by component (name or number from 1), and how to read them; a ``unit`` holds
+    for the components of the first quantity.
+    """
+    check_keys(table, {"file"}, {*quantities, "unit", *READING}, where)
+    named = [name for name in quantities if name in table]
+    if not named:
+        raise InputError(f"name at least one of the columns {', '.join(quantities)}", where)
+    recording = read_measured(file, table, where)
+    first = next(iter(quantities.values()))
+    columns = {}
+    for name in named:
+        unit = table.get("unit") if quantities[name] == first else None
+        with located(f"{where}: {name}"):
+            columns[name] = Measurement.from_recording(
+                recording, table[name], unit=unit, sensor=Sensor(quantities[name])
+            )
+    time = columns[named[0]].time
+    for name in named[1:]:
+        if not np.array_equal(columns[name].time, time):
+            raise InputError(
+                f"has other times or gaps than {named[0]}; give all columns at the same times", f"{where}: {name}"
+            )
+    return time, {name: columns[name].values if name in columns else np.zeros(len(time)) for name in quantities}

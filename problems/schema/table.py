@@ -1,0 +1,160 @@
+"""One declaration per key: tables of TOML files as arguments of a function, or as a class with types and ranges."""
+
+from __future__ import annotations
+
+import inspect
+import textwrap
+from collections.abc import Callable, Iterator, Set
+from typing import Annotated, Any, TypeVar
+
+from msgspec import Meta
+from msgspec import inspect as types
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.inputs import (
+    check_keys,
+    choice,
+    flag,
+    is_sequence,
+    located,
+    number,
+    physical,
+    shown,
+    vector,
+    whole,
+)
+
+Made = TypeVar("Made")
+
+Positive = Annotated[float, Meta(gt=0.0)]
+
+
+def made(table: Any, maker: Callable[..., Made], where: str, keys: Set[str] | None = None, **given: Any) -> Made:
+    """Return what a function or a class, which checks its arguments, makes of a table.
+
+    Parameters
+    ----------
+    table : dict
+        Arguments by key.
+    maker : callable
+        Function or class; its parameters are the keys of the table, and those without a default are required.
+    where : str
+        Place of the table, for messages.
+    keys : set of str, optional
+        Parameters that a table may give; all of them but those in ``given`` if not given.
+    **given
+        Other arguments.
+
+    Raises
+    ------
+    InputError
+        If it is no table, its keys are not those, or a value cannot be used.
+    """
+    parameters = inspect.signature(maker).parameters.values()
+    known = [one for one in parameters if one.name not in given and (keys is None or one.name in keys)]
+    required = {one.name for one in known if one.default is one.empty}
+    check_keys(table, required, {one.name for one in known} - required, where)
+    with located(where):
+        return maker(**table, **given)
+
+
+def read(value: Any, kind: type[Made], where: str) -> Made:
+    """Return a value of a TOML file as a declared type.
+
+    Parameters
+    ----------
+    value
+        Value as ``tomllib`` returns it.
+    kind : type
+        A class whose fields are the keys of a table, with ranges and descriptions by ``msgspec.Meta``; or another type.
+    where : str
+        Place of the value, for messages.
+
+    Raises
+    ------
+    InputError
+        If keys are missing or unknown, or a value does not have the type or is out of range.
+    """
+    found: Made = _read(value, types.type_info(kind), where)
+    return found
+
+
+def _read(value: Any, kind: types.Type, where: str) -> Any:
+    match kind:
+        case types.Metadata():
+            return _read(value, kind.type, where)
+        case types.StructType() | types.DataclassType():
+            fields = {field.encode_name: field for field in kind.fields}
+            required = {key for key, field in fields.items() if field.required}
+            check_keys(value, required, fields.keys() - required, where)
+            return kind.cls(
+                **{fields[key].name: _read(own, fields[key].type, f"{where}: {key}") for key, own in value.items()}
+            )
+        case types.FloatType():
+            return _real(value, kind, where)
+        case types.IntType():
+            return whole(value, where, kind.ge or 0, kind.le)
+        case types.BoolType():
+            return flag(value, where)
+        case types.LiteralType():
+            return choice(value, [str(name) for name in kind.values], where)
+        case types.StrType():
+            if not isinstance(value, str):
+                raise InputError(f"must be a text, got {shown(value)}", where)
+        case types.TupleType() if len(kind.item_types) == 2:
+            return tuple(
+                _read(own, item, where) for own, item in zip(vector(value, where), kind.item_types, strict=True)
+            )
+        case types.VarTupleType():
+            return _list(value, kind, where)
+        case types.UnionType():
+            listed = [own for own in kind.types if isinstance(own, types.VarTupleType) == is_sequence(value)]
+            return _read(value, (listed or list(kind.types))[0], where)
+    return value
+
+
+def _real(value: Any, kind: types.FloatType, where: str) -> float:
+    result = number(value, where) if kind.gt != 0 else physical(value, where)
+    if kind.ge is not None and result < kind.ge:
+        raise InputError(
+            "must not be negative" if kind.ge == 0 else f"must be at least {kind.ge:g}, got {result:g}", where
+        )
+    if kind.le is not None and result > kind.le:
+        raise InputError(f"must be at most {kind.le:g}, got {result:g}", where)
+    if kind.lt is not None and result >= kind.lt:
+        raise InputError(f"must be below {kind.lt:g}, got {result:g}", where)
+    return result
+
+
+def _list(value: Any, kind: types.VarTupleType, where: str) -> tuple[Any, ...]:
+    tables = isinstance(kind.item_type, types.StructType | types.DataclassType)
+    what = "tables" if tables else "texts" if isinstance(kind.item_type, types.StrType) else "numbers"
+    least, most = kind.min_length or 0, kind.max_length
+    if not is_sequence(value) or len(value) < least or (most is not None and len(value) > most):
+        size = f"{least} to {most} {what}" if most else f"one or more {what}" if least else what
+        raise InputError(f"must be a list of {size}, got {shown(value)}", where)
+    return tuple(
+        _read(own, kind.item_type, f"{where}: {k}" if tables else where) for k, own in enumerate(value, start=1)
+    )
+
+
+def told(head: str, text: str, *declared: type, indent: int = 16) -> str:
+    """Return the help on a table: its head, and beside it a text in which each {} stands for the keys of a class."""
+    full = f"  {head} ".ljust(indent) + text.format(*(", ".join(_keys(kind)) for kind in declared))
+    return (
+        textwrap.fill(full, 80, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False) + "\n"
+    )
+
+
+def _keys(kind: type) -> Iterator[str]:
+    info = types.type_info(kind)
+    assert isinstance(info, types.StructType | types.DataclassType)
+    for field in info.fields:
+        own = field.type
+        note = (own.extra_json_schema or {}).get("description", "") if isinstance(own, types.Metadata) else ""
+        plain = own.type if isinstance(own, types.Metadata) else own
+        if isinstance(plain, types.LiteralType):
+            note = note or " or ".join(f'"{value}"' for value in plain.values)
+        elif isinstance(plain, types.BoolType):
+            note = f"true or false{note and f': {note}'}"
+        yield f"{field.encode_name} ({note})" if note else field.encode_name

@@ -1,0 +1,87 @@
+"""A declared class reads tables with its types and ranges, names the key of each mistake, and lists its keys."""
+
+from typing import Annotated, Any, Literal
+
+import pytest
+from msgspec import Meta, Struct
+
+from ancf_casadi.exceptions import InputError
+from problems.schema.table import Positive, made, read, told
+
+
+class Mark(Struct, frozen=True):
+    place: Annotated[float, Meta(ge=0.0, lt=1.0)]
+    name: str = ""
+
+
+class Record(Struct, frozen=True, rename={"begin": "from"}):
+    rate: Annotated[Positive, Meta(description="1/s")]
+    begin: float = 0.0
+    marks: Annotated[tuple[Mark, ...], Meta(min_length=1)] = ()
+    levels: Positive | tuple[Positive, ...] = ()
+    bounds: tuple[float, Annotated[float, Meta(le=9.0)]] = (0.0, 1.0)
+    count: Annotated[int, Meta(ge=1, le=5)] = 1
+    side: Literal["left", "right"] = "left"
+    quiet: bool = False
+    labels: tuple[str, ...] = ()
+    column: Any = None
+
+
+def test_values_take_their_types_and_the_rest_the_defaults():
+    found = read(
+        {"rate": 2, "from": -1, "marks": [{"place": 0}], "levels": 3, "labels": ["a"], "column": 4}, Record, "x"
+    )
+    assert found == Record(2.0, -1.0, (Mark(0.0),), 3.0, labels=("a",), column=4)
+    assert isinstance(found.rate, float)
+    assert read({"rate": 1.0, "levels": [1, 2], "bounds": [0, 9]}, Record, "x").levels == (1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (3, "x: must be a table, got 3"),
+        ({}, "x: the key 'rate' is missing"),
+        ({"ratte": 1.0}, "x: the key 'rate' is missing; unknown keys: 'ratte'"),
+        ({"rate": 1.0, "speed": 1.0}, "x: unknown key 'speed'; known are bounds, column, count, from, labels"),
+        ({"rate": 0.0}, "x: rate: must be positive, got 0"),
+        ({"rate": float("nan")}, "x: rate: must be a finite number, got nan"),
+        ({"rate": 1e300}, "x: rate: 1e+300 is not within 1e-30 to 1e+30; check the unit"),
+        ({"rate": 1.0, "marks": []}, "x: marks: must be a list of one or more tables, got []"),
+        ({"rate": 1.0, "marks": [{"place": 0.5}, {"at": 1}]}, "x: marks: 2: the key 'place' is missing"),
+        ({"rate": 1.0, "marks": [{"place": -0.5}]}, "x: marks: 1: place: must not be negative"),
+        ({"rate": 1.0, "marks": [{"place": 1}]}, "x: marks: 1: place: must be below 1, got 1"),
+        ({"rate": 1.0, "levels": ["a"]}, "x: levels: must be a finite number, got 'a'"),
+        ({"rate": 1.0, "bounds": [1]}, "x: bounds: must be a pair of numbers (x, y), got [1]"),
+        ({"rate": 1.0, "bounds": [1, 10]}, "x: bounds: must be at most 9, got 10"),
+        ({"rate": 1.0, "count": 6}, "x: count: must be a whole number, 1 to 5, got 6"),
+        ({"rate": 1.0, "side": "up"}, "x: side: must be one of left, right, got 'up'"),
+        ({"rate": 1.0, "quiet": 1}, "x: quiet: must be True or False, got 1"),
+        ({"rate": 1.0, "labels": "a"}, "x: labels: must be a list of texts, got 'a'"),
+        ({"rate": 1.0, "labels": [1]}, "x: labels: must be a text, got 1"),
+    ],
+)
+def test_a_mistake_names_its_key(given, message):
+    with pytest.raises(InputError) as raised:
+        read(given, Record, "x")
+    assert str(raised.value).startswith(message)
+
+
+def test_the_arguments_of_a_function_are_the_keys_of_a_table():
+    def swing(length: float, mass: float = 1.0, *, start: float = 0.0) -> tuple[float, ...]:
+        return length, mass, start
+
+    assert made({"length": 2.0}, swing, "x", start=3.0) == (2.0, 1.0, 3.0)
+    for table, keys, message in (
+        ({}, None, "x: the key 'length' is missing"),
+        ({"length": 1.0, "start": 1.0}, {"length"}, "x: unknown key 'start'; known are length"),
+        ([], None, "x: must be a table"),
+    ):
+        with pytest.raises(InputError, match=message):
+            made(table, swing, "x", keys)
+
+
+def test_the_help_lists_keys_with_units_and_choices():
+    text = told("[record]", "a record: {}", Record)
+    assert text.splitlines()[0].startswith("  [record]      a record: rate (1/s), from, marks")
+    assert 'side ("left" or "right"), quiet (true or false)' in " ".join(text.split())
+    assert all(len(line) <= 80 for line in text.splitlines())

@@ -16,13 +16,15 @@ from matplotlib.figure import Figure, SubFigure
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.envelope import DampingCurve, LawCurve, draw_against_amplitude
-from ancf_casadi.dynamics.trajectory import Trajectory
+from ancf_casadi.dynamics.trajectory import Motion
 from ancf_casadi.estimation.figures import draw_autocorrelation
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import PROPERTIES, Beam
+from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
+from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text
 from ancf_casadi.support.prefixes import prefixed
+from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
 
 DATED = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}  # metadata that would change from run to run
@@ -32,7 +34,7 @@ COLUMNS = 600  # of a record that is drawn by its extremes
 MOST_PERIODS, ZOOMED = 40, 8  # periods that are drawn in full, and that are drawn beside the extremes
 DRAWN_MODES = 10
 DRAWN_SHAPES, FINE_SHAPE = 12, 60  # shapes of a drawn motion, and points of each
-DRAWN_SWING = 0.15  # displacement of the tip in a drawn mode, relative to the length of the beam
+DRAWN_SWING = 0.15  # largest displacement in a drawn mode, relative to the length of the beam
 
 
 def rendered(figure: Figure, suffix: str = ".png") -> bytes:
@@ -162,52 +164,91 @@ def _draw_residuals(axes: Axes, time: Array, residuals: Array, unit: str) -> Non
 
 
 @literal_text
-def motion_figure(run: Trajectory) -> Figure:
-    """Draw the motion of the tip relative to the clamp over time, and shapes of the beam at twelve instants.
+def motion_figure(runs: Mapping[str, Motion]) -> Figure:
+    """Draw the motion of the tip relative to the clamp over time, and shapes of the beam at twelve instants, by label.
 
-    The motion is the change of the horizontal and of the vertical position since the start.
+    The motion is the change of the horizontal and of the vertical position since the start.  Of several runs, only the
+    shapes at the start and at the end are drawn.
     """
     figure = Figure(figsize=(9, 4.4), layout="constrained")
     over_time, in_plane = figure.subfigures(1, 2, squeeze=False, width_ratios=(8, 5)).ravel()
     panels = over_time.subplots(2, 1, sharex=True)
     over_time.suptitle("displacement of the tip relative to the clamp", fontsize="medium")
-    for axes, direction, motion in zip(panels, ("horizontal", "vertical"), (run.tip - run.base).T, strict=True):
-        axes.plot(run.time, 1e3 * (motion - motion[0]), lw=0.7, color=COMPUTED)
+    for (label, run), (colour, dash) in zip(runs.items(), _lines(runs), strict=False):
+        for axes, motion in zip(panels, (run.tip - run.coordinates[:, :2]).T, strict=True):
+            axes.plot(run.time, 1e3 * (motion - motion[0]), lw=0.7, color=colour, ls=dash, label=label or None)
+    for axes, direction in zip(panels, ("horizontal", "vertical"), strict=True):
         axes.set(ylabel=f"{direction}, mm")
         axes.grid(alpha=0.3)
     panels[-1].set(xlabel="time, s")
     over_time.align_ylabels()
-    _draw_shapes(in_plane.subplots(), run)
+    if any(runs):
+        panels[0].legend(frameon=False, fontsize="small")
+    _draw_shapes(in_plane.subplots(), runs)
     return figure
 
 
-def _draw_shapes(axes: Axes, run: Trajectory) -> None:
-    """Draw the beam at equally spaced instants: the first dashed, the last bold, those between thin."""
-    points = [run.model.interpolation(s) for s in np.linspace(0.0, run.model.beam.length, FINE_SHAPE).tolist()]
-    last = len(run.time) - 1
-    rows = np.unique(np.linspace(0, last, DRAWN_SHAPES).astype(int)).tolist()
-    styles: dict[int, dict[str, Any]] = {row: {"lw": 0.6, "alpha": 0.5} for row in rows}
-    styles |= {last: {"lw": 2.0}, 0: {"lw": 1.2, "ls": "--"}}
-    for row in rows:
-        x, y = 1e3 * np.array([point @ run.coordinates[row] for point in points]).T
-        colour = MEASURED if row == 0 else COMPUTED
-        label = f"at {run.time[row]:.4g} s" if row in (0, last) else None
-        axes.plot(x, y, color=colour, label=label, **styles[row])
-    axes.plot(*(1e3 * run.base[[-1]]).T, "s", ms=5, color=MEASURED, label="clamp")
+def _lines(results: Mapping[str, object]) -> list[tuple[str, Any]]:
+    """Return colour and dashes of each result: those of a computed curve if there is only one."""
+    return [(COMPUTED, "-")] if len(results) == 1 else [line[:2] for line in SERIES * len(results)]
+
+
+def _draw_shapes(axes: Axes, runs: Mapping[str, Motion]) -> None:
+    """Draw beams at equally spaced instants: the first dashed, the last bold, those between thin."""
+    for (label, run), (colour, dash) in zip(runs.items(), _lines(runs), strict=False):
+        last, alone = len(run.time) - 1, len(runs) == 1
+        rows = np.unique(np.linspace(0, last, DRAWN_SHAPES if alone else 2).astype(int)).tolist()
+        styles: dict[int, dict[str, Any]] = {row: {"lw": 0.6, "alpha": 0.5} for row in rows}
+        styles |= {last: {"lw": 2.0, "ls": dash}, 0: {"lw": 1.2, "ls": "--"}}
+        for row in rows:
+            name = f"{label}, " if label else ""
+            axes.plot(*_shape(run.model, run.coordinates[row]), color=MEASURED if alone and row == 0 else colour,
+                      label=f"{name}at {run.time[row]:.4g} s" if row in (0, last) else None, **styles[row])  # fmt: skip
+        axes.plot(*(1e3 * run.coordinates[[-1], :2]).T, "s", ms=5, color=MEASURED)
+    axes.lines[-1].set_label("clamp")
+    _draw_plane(axes)
+    axes.set_title(f"shape of the beam at {len(rows)} instants", fontsize="medium")
+    axes.figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=3 if alone else 2)
+
+
+def _shape(model: Model, coordinates: Array) -> Array:
+    """Return the positions (2, k) along a beam, mm."""
+    points = np.linspace(0.0, model.beam.length, FINE_SHAPE).tolist()
+    return 1e3 * np.array([model.interpolation(s) @ coordinates for s in points]).T
+
+
+def _draw_plane(axes: Axes) -> None:
+    """Draw the axes of positions."""
     axes.set(xlabel="horizontal position x, mm", ylabel="vertical position y, mm")
     axes.set_aspect("equal", adjustable="datalim")  # fills the panel, whether the beam stands or lies
-    axes.set_title(f"shape of the beam at {len(rows)} instants", fontsize="medium")
     axes.grid(alpha=0.3)
-    axes.figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=3)
 
 
 @literal_text
-def modes_figure(modes: Modes) -> Figure:
-    """Draw the lowest ten mode shapes on both sides of the equilibrium."""
-    points = [modes.model.interpolation(s) for s in np.linspace(0.0, modes.model.beam.length, 101).tolist()]
-    rest = 1e3 * np.array([row @ modes.equilibrium.coordinates for row in points])
-    swing = 1e3 * DRAWN_SWING * modes.model.beam.length / modes.tip_amplitudes()
-    shown, lies = min(modes.count, DRAWN_MODES), np.ptp(rest[:, 0]) > np.ptp(rest[:, 1])
+def equilibrium_figure(equilibria: Mapping[str, Equilibrium]) -> Figure:
+    """Draw the beam at rest, by label, and straight."""
+    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+    axes = figure.subplots()
+    for (label, rest), (colour, dash) in zip(equilibria.items(), _lines(equilibria), strict=False):
+        axes.plot(*_shape(rest.model, rest.model.straight), color=MEASURED, ls=":", lw=0.8)
+        axes.plot(*_shape(rest.model, rest.coordinates), color=colour, ls=dash, lw=2.0, label=label or "at rest")
+        axes.plot(0.0, 0.0, "s", ms=5, color=MEASURED)
+    axes.lines[0].set_label("straight")
+    axes.lines[-1].set_label("clamp")
+    _draw_plane(axes)
+    figure.legend(frameon=False, fontsize="small", loc="outside lower center", ncols=4)
+    return figure
+
+
+@literal_text
+def modes_figure(results: Mapping[str, Modes]) -> Figure:
+    """Draw the lowest ten mode shapes on both sides of the equilibrium, by label."""
+    first = next(iter(results.values()))
+    rest = _shape(first.model, first.equilibrium.coordinates).T
+    shown, lies = (
+        min(max(modes.count for modes in results.values()), DRAWN_MODES),
+        np.ptp(rest[:, 0]) > np.ptp(rest[:, 1]),
+    )
     columns, width, height = (2, 4.2, 1.7) if lies else (5, 1.8, 3.2)
     columns = min(shown, columns)
     rows = -(-shown // columns)
@@ -216,18 +257,31 @@ def modes_figure(modes: Modes) -> Figure:
     for k, axes in enumerate(plots):
         axes.set_visible(k < shown)
         if k < shown:
-            shape = swing[k] * np.array([row @ modes.shapes[:, k] for row in points])
-            axes.plot(*rest.T, ls=":", lw=0.8, color=MEASURED)
-            for side, line in ((1.0, 1.5), (-1.0, 0.5)):
-                axes.plot(*(rest + side * shape).T, lw=line, color=COMPUTED)
-            axes.set_title(f"mode {k + 1}: {modes.frequencies[k]:.4g} Hz", fontsize=9)
-            axes.set(aspect="equal")
+            _draw_mode(axes, k, results)
             if k + columns >= shown:  # nothing below
                 axes.tick_params(labelbottom=True)
                 axes.set(xlabel="x, mm")
     for axes in plots[::columns]:
         axes.set(ylabel="y, mm")
+    if any(results):
+        figure.legend(*plots[0].get_legend_handles_labels(), frameon=False, loc="outside lower center", ncols=3)
     return figure
+
+
+def _draw_mode(axes: Axes, k: int, results: Mapping[str, Modes]) -> None:
+    """Draw mode k, from 0, of each result that has it."""
+    for (label, modes), (colour, dash) in zip(results.items(), _lines(results), strict=False):
+        if k >= modes.count:
+            continue
+        size = np.linalg.norm(_shape(modes.model, modes.shapes[:, k]), axis=0).max()
+        rest, swing = modes.equilibrium.coordinates, 1e3 * DRAWN_SWING * modes.model.beam.length / size
+        axes.plot(*_shape(modes.model, rest), ls=":", lw=0.8, color=MEASURED)
+        for side, width in ((1.0, 1.5), (-1.0, 0.5)):
+            axes.plot(*_shape(modes.model, rest + side * swing * modes.shapes[:, k]), lw=width, color=colour, ls=dash,
+                      label=label if label and side > 0.0 else None)  # fmt: skip
+    values = ", ".join(f"{modes.frequencies[k]:.4g}" for modes in results.values() if k < modes.count)
+    axes.set_title(f"mode {k + 1}: {values} Hz", fontsize=9)
+    axes.set(aspect="equal")
 
 
 @literal_text

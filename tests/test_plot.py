@@ -9,7 +9,7 @@ import pytest
 
 from ancf_casadi import Beam, HarmonicBase, Model, Trajectory, simulate
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.plot import motion_figure, png, properties_figure, rendered
+from ancf_casadi.plot import png, properties_figure, rendered
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +20,7 @@ def motion() -> Trajectory:
 
 
 def test_a_motion_figure_shows_both_directions_of_the_tip_relative_to_the_clamp_and_shapes_of_the_beam(motion):
-    figure = motion_figure(motion)
+    figure = motion.figure()
     horizontal, vertical, in_plane = figure.axes
     assert (horizontal.get_ylabel(), vertical.get_ylabel()) == ("horizontal, mm", "vertical, mm")
     assert vertical.get_xlabel() == "time, s"
@@ -35,7 +35,7 @@ def test_a_motion_figure_shows_both_directions_of_the_tip_relative_to_the_clamp_
 
 
 def test_the_shapes_of_a_motion_figure_tell_start_and_end_without_colour(motion):
-    *_, in_plane = motion_figure(motion).axes
+    *_, in_plane = motion.figure().axes
     first, *between, last, clamp = in_plane.lines
     assert (first.get_xdata()[0], first.get_ydata()[0]) == pytest.approx((0.0, 0.0))
     assert (last.get_xdata()[-1], last.get_ydata()[-1]) == pytest.approx(1e3 * motion.tip[-1], abs=1e-6)
@@ -47,7 +47,7 @@ def test_the_shapes_of_a_motion_figure_tell_start_and_end_without_colour(motion)
 
 def test_png_is_complete_and_the_same_each_time(motion):
     """Signature, image size in the header, end mark, and no date or version that would change the bytes."""
-    first, second = png(motion_figure(motion)), png(motion_figure(motion))
+    first, second = png(motion.figure()), png(motion.figure())
     assert first == second
     assert first.startswith(b"\x89PNG\r\n\x1a\n")
     assert first.endswith(b"IEND" + zlib.crc32(b"IEND").to_bytes(4))
@@ -62,7 +62,7 @@ def test_png_is_complete_and_the_same_each_time(motion):
     ("suffix", "begins"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".pdf", b"%PDF-"), (".PDF", b"%PDF-")]
 )
 def test_the_suffix_names_the_format_and_the_bytes_are_the_same_each_time(motion, suffix, begins):
-    first, second = (rendered(motion_figure(motion), suffix) for _ in range(2))
+    first, second = (rendered(motion.figure(), suffix) for _ in range(2))
     assert first.startswith(begins)
     assert first == second
 
@@ -70,7 +70,7 @@ def test_the_suffix_names_the_format_and_the_bytes_are_the_same_each_time(motion
 @pytest.mark.parametrize("suffix", ["", ".jpg", "png"])
 def test_another_format_is_refused(motion, suffix):
     with pytest.raises(InputError, match=r"figure: must end in \.png, \.svg, \.pdf"):
-        rendered(motion_figure(motion), suffix)
+        rendered(motion.figure(), suffix)
 
 
 @pytest.mark.slow

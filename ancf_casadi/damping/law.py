@@ -17,13 +17,14 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, number, numbers
+from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.modes import Modes
 
 S = TypeVar("S", cs.SX, cs.MX)
 
 
 @dataclass(frozen=True)
-class Parameter:
+class Parameter(Displayed):
     """A parameter of a damping law, a base motion or a system.
 
     Parameters
@@ -89,7 +90,7 @@ class Forces(Protocol):
         """(e_t, p, v0) -> int S^T mu v/(|v|^2 + v0^2)^(1/2) dp."""
 
 
-class DampingLaw(ABC):
+class DampingLaw(Displayed, ABC):
     """Base class of the damping laws; ``+`` adds the forces of two laws.
 
     Examples

@@ -40,7 +40,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 from ancf_casadi.support.inputs import check_instance, positive
 from ancf_casadi.support.prefixes import prefixed
-from ancf_casadi.support.tables import Table
+from ancf_casadi.support.tables import Displayed, Table, counted, spread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +62,7 @@ Window = tuple[float, LocalDecay]  # its middle, s, and the decay there
 
 
 @dataclass(frozen=True, eq=False)
-class DampingCurve:
+class DampingCurve(Displayed):
     """Damping ratio and frequency of a decaying mode against its amplitude.
 
     Parameters
@@ -130,9 +130,12 @@ class DampingCurve:
         draw_against_amplitude(figure.subplots(1, 2), self, None)
         return figure
 
+    def _summary(self) -> str:
+        return f"{counted(len(self.amplitude), 'window')}, amplitude {spread(self.amplitude, self.unit)}"
+
 
 @dataclass(frozen=True, eq=False)
-class LawCurve:
+class LawCurve(Displayed):
     """Damping ratio and frequency against amplitude under a law, with the bands of their intervals.
 
     Parameters
@@ -170,6 +173,9 @@ class LawCurve:
     frequency: Array
     frequency_band: Array
     unit: str = "m"
+
+    def _summary(self) -> str:
+        return f"{counted(len(self.amplitude), 'amplitude')}, {spread(self.amplitude, self.unit)}"
 
 
 def draw_against_amplitude(axes: Sequence[Axes], points: DampingCurve | None, law: LawCurve | None) -> None:

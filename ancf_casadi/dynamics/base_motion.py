@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.damping import Parameter
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import array, choice, number, physical, positive, positive_or_infinite, vector
+from ancf_casadi.support.tables import Displayed
 
 StopAt = Literal["rest", "once"]
 
@@ -52,7 +53,7 @@ class Piece:
     largest_step: float = math.inf
 
 
-class Piecewise(ABC):
+class Piecewise(Displayed, ABC):
     """Base class of functions of time with smooth pieces."""
 
     @abstractmethod

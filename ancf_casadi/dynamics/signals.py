@@ -26,6 +26,7 @@ from ancf_casadi.mechanics.beam import PROPERTIES, UNITS
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import instances
+from ancf_casadi.support.tables import Displayed, counted
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 COORDINATES = (("x", "m", "position, x"), ("y", "m", "position, y"), ("slope_x", "1", "slope dr/ds, x"),
@@ -67,7 +68,7 @@ class Signal:
 
 
 @dataclass(frozen=True, eq=False)
-class MotionFunctions:
+class MotionFunctions(Displayed):
     """An equation of motion as CasADi Functions with named entries, the source of C code, FMUs and function files.
 
     Parameters
@@ -129,6 +130,10 @@ class MotionFunctions:
     def free(self) -> int:
         """Number of coordinates q."""
         return len(self.states) // 2
+
+    def _summary(self) -> str:
+        names = ", ".join(own.name for own in self.parameters)
+        return f"{counted(len(self.states) // 2, 'coordinate')}, parameters {names}"
 
 
 def values(signals: Sequence[Signal]) -> Array:

@@ -13,8 +13,10 @@ motion.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -23,12 +25,13 @@ from ancf_casadi.mechanics.accurate_strain import axial_strains_near, curvature_
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, number, whole
+from ancf_casadi.support.tables import Displayed, Reported, Table, counted
 
 AT_ONCE = 1000  # samples whose energy is computed together, to limit memory
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class State(Displayed):
     """Coordinates and velocities of a beam at one instant, from which a simulation can start.
 
     Parameters
@@ -69,9 +72,12 @@ class State:
             object.__setattr__(self, name, array(getattr(self, name), name, finite=False))
         object.__setattr__(self, "time", number(self.time, "time"))
 
+    def _summary(self) -> str:
+        return f"{self.time:.6g} s, {counted(len(self.coordinates) // NODE, 'node')}"
+
 
 @dataclass(frozen=True)
-class IntegratorUse:
+class IntegratorUse(Displayed):
     """The integrator of a motion.
 
     Parameters
@@ -96,8 +102,80 @@ def relative_to(clamp: Array, coordinates: Array) -> Array:
     return nodes.reshape(coordinates.shape)
 
 
+class Motion(Reported):
+    """Base class of simulated motions of a beam."""
+
+    _drawing = "ancf_casadi.plot.motion_figure"
+
+    model: Model
+    time: Array
+    coordinates: Array
+    steps: int
+    wall_seconds: float
+
+    @property
+    @abstractmethod
+    def tip(self) -> Array:
+        """Position of the tip, (k, 2), m."""
+
+    @property
+    @abstractmethod
+    def _methods(self) -> tuple[str, ...]:
+        """The integrators in words."""
+
+    @property
+    def relative_coordinates(self) -> Array:
+        """Nodal coordinates relative to the position of the clamp, (k, 4 n + 4)."""
+        return relative_to(self.coordinates[:, :2], self.coordinates)
+
+    def position(self, s: float) -> Array:
+        """Return the position of the material point at arc length ``s`` (m), (k, 2), m.
+
+        Raises
+        ------
+        InputError
+            If the point is not on the beam.
+        """
+        return np.asarray(self.coordinates @ self.model.interpolation(s).T)
+
+    def table(self) -> Table:
+        """Return the position of the tip at the start and at the end, and its travel relative to the clamp."""
+        rows = [
+            (name, *values.tolist())
+            for name, values in (("start", self.tip[0]), ("end", self.tip[-1]), ("travel", self._travel))
+        ]
+        title = f"Motion of the tip, {self._length}; the travel is relative to the clamp"
+        notes = (*self._methods, f"{counted(self.steps, 'step')} in {self.wall_seconds:.3g} s")
+        return Table("motion", title, ("tip", "x_m", "y_m"), rows, notes)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the positions of clamp and tip over time as plain data; ``pickle`` keeps the whole motion."""
+        return {
+            "time_s": self.time.tolist(),
+            "tip_m": self.tip.tolist(),
+            "clamp_m": self.coordinates[:, :2].tolist(),
+            "tip_travel_m": self._travel.tolist(),
+            "steps": self.steps,
+            "seconds": self.wall_seconds,
+        }
+
+    @property
+    def _travel(self) -> Array:
+        """Range of the tip relative to the clamp in each direction, (2,), m."""
+        return np.asarray(np.ptp(self.tip - self.coordinates[:, :2], axis=0))
+
+    @property
+    def _length(self) -> str:
+        return f"{self.time[-1] - self.time[0]:.4g} s, {counted(len(self.time), 'sample')}"
+
+    def _summary(self) -> str:
+        how = ", ".join(text.split(" from ")[0] for text in self._methods)
+        travel = f"tip travel {1e3 * self._travel.max():.4g} mm"
+        return f"{self._length}, {counted(self.model.beam.elements, 'element')}, {travel}, {how}"
+
+
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(Motion):
     """A simulated motion, sampled at equal intervals.
 
     Parameters
@@ -179,9 +257,11 @@ class Trajectory:
         return self.coordinates[:, :2]
 
     @property
-    def relative_coordinates(self) -> Array:
-        """Nodal coordinates relative to the position of the clamp, (k, 4 n + 4)."""
-        return relative_to(self.base, self.coordinates)
+    def _methods(self) -> tuple[str, ...]:
+        """The integrators with their start and tolerance."""
+        return tuple(
+            f"{use.method} from {use.start:.6g} s at tolerance {use.tolerance:.1e}" for use in self.integrators
+        )
 
     def state(self, index: int) -> State:
         """Return the state at a sample.
@@ -193,16 +273,6 @@ class Trajectory:
         """
         index = whole(index, "index", -len(self.time), len(self.time) - 1)
         return State(self.coordinates[index], self.velocities[index], float(self.time[index]))
-
-    def position(self, s: float) -> Array:
-        """Return the position of the material point at arc length ``s`` (m), (k, 2), m.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
-        return np.asarray(self.coordinates @ self.model.interpolation(s).T)
 
     def velocity(self, s: float) -> Array:
         """Return the velocity of the material point at arc length ``s`` (m), (k, 2), m/s.
@@ -287,6 +357,20 @@ class Trajectory:
     def balance_error(self) -> Array:
         """Error of the energy balance, (k,), J; 0 for an exact solution."""
         return np.asarray(self.energy - self.energy[0] - self.base_work - self.load_work + self.dissipated_energy)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return clamp, tip and energies over time as plain data; ``pickle`` keeps the whole motion."""
+        return {
+            "kind": "motion",
+            **super().to_dict(),
+            "dissipated_energy_j": self.dissipated_energy.tolist(),
+            "base_work_j": self.base_work.tolist(),
+            "load_work_j": self.load_work.tolist(),
+            "integrators": [
+                {"start_s": use.start, "method": use.method, "tolerance": use.tolerance} for use in self.integrators
+            ],
+            "interrupted": self.interrupted,
+        }
 
     def _interpolated(self, matrix: Array) -> tuple[Array, Array]:
         """Return x and y, (k,), from an interpolation matrix."""

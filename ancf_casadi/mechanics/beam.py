@@ -29,6 +29,7 @@ from ancf_casadi.support.inputs import (
     vector,
     whole,
 )
+from ancf_casadi.support.tables import Displayed, counted
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 LUMPED = ("tip_mass", "clamp_stiffness")
@@ -41,7 +42,7 @@ UNIT_TOLERANCE = 1e-15  # largest deviation of the length of a unit vector from 
 
 
 @dataclass(frozen=True)
-class Section:
+class Section(Displayed):
     """A rectangular cross-section.
 
     Parameters
@@ -85,7 +86,7 @@ class Section:
 
 
 @dataclass(frozen=True)
-class Beam:
+class Beam(Displayed):
     """A clamped beam with one value of each property per element.
 
     ``Beam.uniform`` and ``Beam.from_toml`` are the usual ways to make one.
@@ -319,6 +320,11 @@ class Beam:
                     raise InputError(
                         f"the {name} of element {k + 1} is {value:g}, beyond the range of numbers; check the units"
                     )
+
+    def _summary(self) -> str:
+        wide, thick = (f"{1e3 * min(sizes):.4g}" for sizes in (self.width, self.thickness))
+        varies = "" if len({*self.sections}) == 1 else " or more"
+        return f"{self.length:.4g} m, {counted(self.elements, 'element')}, {wide} x {thick} mm{varies}"
 
 
 def _spread(value: Any, elements: int, name: str) -> tuple[float, ...]:

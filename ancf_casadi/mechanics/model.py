@@ -35,12 +35,13 @@ from ancf_casadi.mechanics.strain import StrainMeasures
 from ancf_casadi.mechanics.tip_mass import tip_mass
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, number
+from ancf_casadi.support.tables import Displayed
 
 NODE = 4  # coordinates of a node: position and slope
 
 
 @dataclass(frozen=True)
-class Model:
+class Model(Displayed):
     """A beam as symbolic equations of motion.
 
     Each Function takes nodal coordinates e (4 n + 4, or 4 n + 8 with an elastic clamp), velocities e_t, and properties
@@ -321,3 +322,7 @@ class Model:
     def _matrix(self, blocks: Sequence[cs.MX]) -> cs.MX:
         """Return the sum of the element matrices of each group as one sparse matrix."""
         return self.matrix(cs.vertcat(*map(cs.vec, blocks)))
+
+    def _summary(self) -> str:
+        measures = "" if self.measures == StrainMeasures() else f", {self.measures}"
+        return f"{self.beam._summary()}{measures}"

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.inputs import check_size, number, positive, vector
+from ancf_casadi.support.tables import Displayed
 
 
 @dataclass(frozen=True)
-class PointLoad:
+class PointLoad(Displayed):
     """A force and a moment at one point of a beam.
 
     Parameters
@@ -68,7 +69,7 @@ class PointLoad:
         --------
         >>> from ancf_casadi import PointLoad
         >>> PointLoad.hung(0.1, point=0.45)
-        PointLoad(force=(0.0, -0.9810000000000001), moment=0.0, point=0.45)
+        PointLoad(force=(0, -0.981), point=0.45)
         """
         x, y = vector(gravity, "gravity")
         if not (x or y):

@@ -21,6 +21,7 @@ import casadi as cs
 
 from ancf_casadi.mechanics.shape import gauss_pairs, hermite_curvature, hermite_slope, shape_matrix
 from ancf_casadi.support.inputs import choice, whole
+from ancf_casadi.support.tables import Displayed
 
 AxialStrain = Literal["engineering", "green"]
 Curvature = Literal["material", "geometric", "small"]
@@ -30,7 +31,7 @@ BENDING_POINTS = 2
 
 
 @dataclass(frozen=True)
-class StrainMeasures:
+class StrainMeasures(Displayed):
     """The strain measures in Eq. (8) and their numbers of Gauss points.
 
     Parameters

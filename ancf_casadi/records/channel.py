@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from ancf_casadi.records.units import Unit
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import shown
+from ancf_casadi.support.tables import Displayed, counted
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class Channel(Displayed):
     """One column of a file, or one channel of a measuring system.
 
     Parameters
@@ -43,6 +44,9 @@ class Channel:
     def label(self) -> str:
         """Number and name, for messages."""
         return f"{self.number} {shown(self.name)}"
+
+    def _summary(self) -> str:
+        return f"{self.label}, {counted(len(self.values), 'sample')}"
 
 
 @dataclass(frozen=True, eq=False)

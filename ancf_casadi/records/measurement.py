@@ -18,6 +18,7 @@ from ancf_casadi.records.sensor_units import sensor_of
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import LARGEST, array, check_instance, located, number, physical, whole
+from ancf_casadi.support.tables import Displayed, counted, spread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,7 +27,7 @@ SHORTEST = 30  # new samples of a record that can be decimated: the length of th
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Measurement:
+class Measurement(Displayed):
     """Record of one sensor over time.
 
     Parameters
@@ -237,6 +238,10 @@ class Measurement:
 
         label = f"{self.sensor.quantity}, {self.sensor.unit}" if self.sensor.unit else self.sensor.quantity
         return series_figure([(label, self.time, self.values)], self.name)
+
+    def _summary(self) -> str:
+        parts = (repr(self.name), counted(len(self.time), "sample"), spread(self.time, "s"), self.sensor.quantity)
+        return ", ".join((*parts[not self.name :], *filter(None, [self.sensor.unit])))
 
 
 def _series(values: ArrayLike, where: str, *, gaps: bool = False) -> Array:

@@ -13,10 +13,11 @@ from ancf_casadi.records.channel import Channel, Contents
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.time_axis import find_channel, is_counter, is_time, listed, time_axis, with_times
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.tables import Displayed, counted
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class Recording(Displayed):
     """The channels of a file.
 
     Parameters
@@ -86,6 +87,10 @@ class Recording:
         if found.fault:
             raise InputError(found.fault, f"{self.path}: column {found.label}")
         return found
+
+    def _summary(self) -> str:
+        samples = max((len(own.values) for own in self.channels), default=0)
+        return f"{self.name!r}, {counted(len(self.channels), 'channel')}, {counted(samples, 'sample')}"
 
 
 def read_recording(

@@ -9,6 +9,7 @@ from typing import Literal, get_args
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import choice, flag, number, vector
+from ancf_casadi.support.tables import Displayed
 
 Quantity = Literal[
     "position", "displacement", "velocity", "acceleration", "slope", "strain", "force", "moment"
@@ -33,7 +34,7 @@ AT_CLAMP = ("force", "moment")
 
 
 @dataclass(frozen=True)
-class Sensor:
+class Sensor(Displayed):
     """A sensor on a beam.
 
     Parameters

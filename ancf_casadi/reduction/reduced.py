@@ -50,6 +50,7 @@ from ancf_casadi.reduction.kinematics import nodal_slopes, select_points
 from ancf_casadi.reduction.projection import Projection, project_model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, numbers, whole
+from ancf_casadi.support.tables import counted
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
 MOST_DRAG_POINTS = 100
@@ -136,6 +137,9 @@ class ReducedModel(ReducedFunctions):
     def values(self) -> Array:
         """The values of p."""
         return values(self.parameters)
+
+    def _summary(self) -> str:
+        return f"{self.modes._summary()}, {counted(self.model.beam.elements, 'element')}, {self.law!r}"
 
 
 def reduce_model(

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from types import NoneType
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -24,14 +25,16 @@ import numpy as np
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
 from ancf_casadi.dynamics.segments import CLOSE
 from ancf_casadi.dynamics.start import Start, base_of, checked_excitation, initial_state, sample_times, timed_pieces
-from ancf_casadi.dynamics.trajectory import State, relative_to
+from ancf_casadi.dynamics.trajectory import Motion, State
 from ancf_casadi.exceptions import InputError, SimulationError
+from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import STAGES, ReducedModel
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import compiled, interpreted
 from ancf_casadi.support.inputs import check_instance, physical, positive, whole
 from ancf_casadi.support.interrupts import delayed_interrupts
+from ancf_casadi.support.tables import counted
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 STEPS_PER_PERIOD = 20
@@ -44,7 +47,7 @@ PROJECTION_TOLERANCE = 1e-12  # largest last change of q, relative to the root o
 
 
 @dataclass(frozen=True, eq=False)
-class ReducedTrajectory:
+class ReducedTrajectory(Motion):
     """A motion of the reduced model, sampled at equal intervals.
 
     Parameters
@@ -85,7 +88,17 @@ class ReducedTrajectory:
     wall_seconds: float
 
     @cached_property
-    def coordinates(self) -> Array:
+    def model(self) -> Model:  # type: ignore[override]
+        """The model of the beam."""
+        return self.reduced.model
+
+    @property
+    def _methods(self) -> tuple[str, ...]:
+        """The modes of the reduced model."""
+        return (counted(self.reduced.count, "mode"),)
+
+    @cached_property
+    def coordinates(self) -> Array:  # type: ignore[override]
         """Nodal coordinates of the full model, (k, 4 n + 4)."""
         return np.asarray(self.reduced.coordinates(self.q.T, self.v.T, self.base.T)[0].full().T)
 
@@ -95,24 +108,9 @@ class ReducedTrajectory:
         return np.asarray(self.reduced.coordinates(self.q.T, self.v.T, self.base.T)[1].full().T)
 
     @property
-    def relative_coordinates(self) -> Array:
-        """Nodal coordinates of the full model relative to the position of the clamp, (k, 4 n + 4)."""
-        return relative_to(self.base[:, :2], self.coordinates)
-
-    @property
     def tip(self) -> Array:
         """Position of the tip, (k, 2), m."""
         return np.asarray(self.reduced.tip(self.q.T, self.base.T).full().T)
-
-    def position(self, s: float) -> Array:
-        """Return the position of the material point at arc length ``s`` (m), (k, 2), m.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam.
-        """
-        return np.asarray(self.coordinates @ self.reduced.model.interpolation(s).T)
 
     @cached_property
     def energy(self) -> Array:
@@ -130,6 +128,10 @@ class ReducedTrajectory:
         """
         index = whole(index, "index", -len(self.time), len(self.time) - 1)
         return _full_state(self.reduced, self.q[index], self.v[index], self.base[index], float(self.time[index]))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return positions of clamp and tip, and modal coordinates over time as plain data."""
+        return {"kind": "reduced motion", **super().to_dict(), "modal_coordinates": self.q.tolist()}
 
 
 def simulate_reduced(

@@ -26,7 +26,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -44,9 +44,7 @@ from ancf_casadi.response.onset import TOLERANCE, motion_of, rest
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import number, physical, positive, whole
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from ancf_casadi.support.tables import Reported, Table, counted, spread
 
 POINTS = 30
 MOST_POINTS = 1000
@@ -55,7 +53,7 @@ FIRST_STEP = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Backbone:
+class Backbone(Reported):
     """Frequency and damping ratio of a mode against its amplitude.
 
     Parameters
@@ -78,6 +76,8 @@ class Backbone:
     >>> print(f"{curve.frequency(0.02) / curve.natural_frequency - 1:.1%}")
     -1.0%
     """
+
+    _drawing = "ancf_casadi.response.drawing.backbone_figure"
 
     mode: int
     natural_frequency: float
@@ -121,6 +121,7 @@ class Backbone:
     def to_dict(self) -> dict[str, Any]:
         """Return the backbone as plain data."""
         return {
+            "kind": "backbone",
             "mode": self.mode,
             "natural_frequency_hz": self.natural_frequency,
             "amplitudes": self.amplitudes.tolist(),
@@ -128,18 +129,17 @@ class Backbone:
             "damping_ratios": self.damping_ratios.tolist(),
         }
 
-    def report(self) -> str:
-        """Return the backbone as a table."""
-        rows = zip(self.amplitudes, self.frequencies, self.damping_ratios, strict=True)
-        lines = [f"{amplitude:>12.5g}{frequency:>14.6f}{ratio:>14.4e}" for amplitude, frequency, ratio in rows]
-        return "\n".join([f"mode {self.mode}, {self.natural_frequency:.6g} Hz in small motion",
-                          f"{'amplitude':>12}{'frequency, Hz':>14}{'damping ratio':>14}", *lines])  # fmt: skip
+    def table(self) -> Table:
+        """Return the backbone."""
+        unit = self.motions[0].excited.unit
+        columns = (f"amplitude, {unit}" if unit else "amplitude", "frequency, Hz", "damping ratio")
+        title = f"Mode {self.mode}, {self.natural_frequency:.6g} Hz in small motion"
+        rows = np.column_stack([self.amplitudes, self.frequencies, self.damping_ratios]).tolist()
+        return Table("backbone", title, columns, rows)
 
-    def figure(self) -> Figure:
-        """Draw frequency and damping ratio against amplitude."""
-        from ancf_casadi.response.drawing import backbone_figure  # matplotlib is slow to import
-
-        return backbone_figure({"": self})
+    def _summary(self) -> str:
+        found = f"{counted(len(self.motions), 'motion')}, {spread(self.frequencies, 'Hz')}"
+        return f"mode {self.mode}, {self.natural_frequency:.4g} Hz in small motion, {found}"
 
     @property
     def _point(self) -> float | None:

@@ -17,13 +17,14 @@ from numpy.typing import NDArray
 from ancf_casadi.response.floquet import Bifurcation
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.tables import Displayed, Reported, Table, counted, spread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
-class BifurcationPoint:
+class BifurcationPoint(Displayed):
     """A bifurcation on a curve.
 
     Parameters
@@ -55,7 +56,7 @@ class Jumps(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ResponseCurve:
+class ResponseCurve(Reported):
     """A curve of periodic motions.
 
     Parameters
@@ -81,6 +82,8 @@ class ResponseCurve:
     >>> curve.amplitude().shape == curve.frequencies.shape == curve.stable.shape
     True
     """
+
+    _drawing = "ancf_casadi.response.drawing.response_figure"
 
     free: str
     motions: tuple[PeriodicMotion, ...]
@@ -134,24 +137,23 @@ class ResponseCurve:
         """The motion with the largest amplitude, of the tip of a beam or the first coordinate of another system."""
         return self.motions[int(self.amplitude().argmax())]
 
-    def report(self) -> str:
-        """Return bifurcations, jumps and the largest amplitude as text."""
+    def table(self) -> Table:
+        """Return bifurcations, jumps and the largest amplitude."""
         name, unit = self.quantity
-        largest = self.peak
-        lines = [
-            f"{len(self.motions)} motions, {np.count_nonzero(~self.stable)} of them unstable",
-            f"largest amplitude  {largest.amplitude():.6g} at {name} {_value(largest, self.free):.6g} {unit}".rstrip(),
-        ]
-        for own in self.bifurcations:
-            where = f"{_value(own.motion, self.free):.6g} {unit}".rstrip()
-            lines.append(f"{own.kind:<19}{where}, amplitude {own.motion.amplitude():.6g}")
+        rows: list[tuple[str, float, float | None]] = [("largest amplitude", *self._place(self.peak))]
+        rows += [(own.kind, *self._place(own.motion)) for own in self.bifurcations]
         for direction, jumps in zip(("up", "down"), self.jumps, strict=True):
-            lines += [f"jump, sweeping {direction:<5}{value:.6g} {unit}".rstrip() for value in jumps]
-        return "\n".join(lines)
+            rows += [(f"jump, sweeping {direction}", value, None) for value in jumps]
+        length = self.motions[0].excited.unit
+        columns = ("", f"{name}, {unit}" if unit else name, f"amplitude, {length}" if length else "amplitude")
+        unstable = np.count_nonzero(~self.stable)
+        title = f"Response curve of {counted(len(self.motions), 'motion')}, {unstable} of them unstable"
+        return Table("response", title, columns, rows)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the curve as plain data, with amplitude and phase of the tip or of the first coordinate."""
         return {
+            "kind": "response curve",
             "free": self.free,
             "values": self.values.tolist(),
             "frequencies_hz": self.frequencies.tolist(),
@@ -167,11 +169,32 @@ class ResponseCurve:
             "closed": self.closed,
         }
 
-    def figure(self, point: float | None = None) -> Figure:
-        """Draw amplitude and phase of a point; unstable motions are dashed, bifurcations marked."""
-        from ancf_casadi.response.drawing import response_figure  # matplotlib is slow to import
+    def figure(self, *others: ResponseCurve, labels: Sequence[str] = (), point: float | None = None) -> Figure:
+        """Draw amplitude and phase of a point, and others over them; unstable motions are dashed, bifurcations marked.
 
-        return response_figure({"": self}, point)
+        Parameters
+        ----------
+        *others : ResponseCurve
+            Curves over the same quantity.
+        labels : sequence of str
+            Names of this curve and the others in the legend; their numbers, from 1, if not given.
+        point : float, optional
+            The point, as in ``PeriodicMotion.amplitude``.
+
+        Raises
+        ------
+        InputError
+            If a curve is over another quantity, or there is not one label for each.
+        """
+        return self._drawn(others, labels, point=point)
+
+    def _place(self, motion: PeriodicMotion) -> tuple[float, float]:
+        return _value(motion, self.free), motion.amplitude()
+
+    def _summary(self) -> str:
+        name, unit = self.quantity
+        found = counted(len(self.bifurcations), "bifurcation")
+        return f"{counted(len(self.motions), 'motion')}, {name} {spread(self.values, unit)}, {found}"
 
     @property
     def quantity(self) -> tuple[str, str]:

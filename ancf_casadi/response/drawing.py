@@ -1,4 +1,4 @@
-"""Figures of response curves and backbones."""
+"""Figures of response curves, backbones, periodic motions and frequency response functions, by label."""
 
 from __future__ import annotations
 
@@ -10,8 +10,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.response.backbone import Backbone
+from ancf_casadi.response.bode import Curve, bode_figure
 from ancf_casadi.response.curve import ResponseCurve
+from ancf_casadi.response.linear_frf import LinearFrf
+from ancf_casadi.response.periodic import FINE, PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import SERIES, literal_text
 
@@ -26,6 +30,8 @@ def response_figure(curves: Mapping[str, ResponseCurve], point: float | None = N
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     first = next(iter(curves.values()))
     name, unit = first.quantity
+    if any(curve.quantity != first.quantity for curve in curves.values()):
+        raise InputError(f"the curves must be over the same quantity, here {name}", "figure")
     beam = first.motions[0].excited.model is not None
     kinds: set[str] = set()
     for (label, curve), (colour, _, _) in zip(curves.items(), SERIES * len(curves), strict=False):
@@ -88,3 +94,39 @@ def backbone_figure(backbones: Mapping[str, Backbone]) -> Figure:
     if any(backbones):
         above.legend()
     return figure
+
+
+@literal_text
+def periodic_figure(motions: Mapping[str, PeriodicMotion]) -> Figure:
+    """Draw the displacement of the tip, or of the first coordinate, over a period, and the size of its harmonics."""
+    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+    above, below = figure.subplots(2, 1)
+    beam = bool(next(iter(motions.values())).excited.unit)
+    scale, phases = 1e3 if beam else 1.0, np.linspace(0.0, 1.0, FINE + 1)
+    for (label, motion), (colour, dash, marker) in zip(motions.items(), SERIES * len(motions), strict=False):
+        displacement = scale * motion.displacement()
+        above.plot(phases, np.append(displacement, displacement[0]), color=colour, linestyle=dash, label=label or None)
+        size = scale * np.abs(motion.harmonics()[: motion.harmonic_count + 1])
+        below.semilogy(range(len(size)), size, marker, color=colour, fillstyle="none")
+    unit = " (mm)" if beam else ""
+    above.set(xlabel="time (periods of the excitation)", ylabel=f"displacement{unit}")
+    below.set(xlabel="harmonic", ylabel=f"amplitude{unit}")
+    for axes in (above, below):
+        axes.grid(alpha=0.3)
+    if any(motions):
+        above.legend()
+    return figure
+
+
+def frf_figure(functions: Mapping[str, LinearFrf]) -> Figure:
+    """Draw amplitude and phase of frequency response functions against frequency (Bode plot)."""
+    first = next(iter(functions.values()))
+    if any(own.kind != first.kind for own in functions.values()):
+        raise InputError(f"the functions must be of the same kind, here {first.kind}", "figure")
+    curves = [
+        Curve(f"{label}, {name}" if label else name, own.frequencies, values)
+        for label, own in functions.items()
+        for names, row in zip(own.labels(), own.values, strict=True)
+        for name, values in zip(names, row, strict=True)
+    ]
+    return bode_figure([curves], first.kind.replace("-", " ") + (f", {first.unit}" if first.unit != "1" else ""))

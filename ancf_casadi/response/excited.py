@@ -60,6 +60,11 @@ class Excited:
         return self.body.model if isinstance(self.body, ReducedModel) else self.body
 
     @property
+    def unit(self) -> str:
+        """Unit of a displacement; empty for the coordinates of another system than a beam."""
+        return "m" if self.model is not None else ""
+
+    @property
     def symmetric(self) -> bool:
         """True if the motion may have the mirror symmetry of the system: a beam is then excited across its axis."""
         ax, ay = self.model.beam.axis if self.model else (0.0, 0.0)

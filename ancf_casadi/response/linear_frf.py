@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from types import NoneType
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,12 +27,9 @@ from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.response.small_motion import SmallMotion
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import LARGEST, array, check_instance, choice, is_sequence, number, vector
-from ancf_casadi.support.tables import Table
+from ancf_casadi.support.tables import Reported, Table, counted, spread
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FrfKind = Literal["receptance", "mobility", "accelerance", "transmissibility", "relative-transmissibility"]
 
@@ -51,7 +48,7 @@ DIFFERENT = 0.01  # relative difference of the damping ratios beyond which there
 
 
 @dataclass(frozen=True, eq=False)
-class LinearFrf:
+class LinearFrf(Reported):
     """Frequency response functions of small motion.
 
     Parameters
@@ -81,6 +78,8 @@ class LinearFrf:
     ((1, 1, 2), 'm/(N s)')
     """
 
+    _drawing = "ancf_casadi.response.drawing.frf_figure"
+
     kind: FrfKind
     frequencies: Array
     values: ComplexArray
@@ -88,7 +87,7 @@ class LinearFrf:
     load_points: tuple[float, ...]
     direction: tuple[float, float]
     load_direction: tuple[float, float]
-    modes: Modes = field(repr=False)
+    modes: Modes
     damping: DampingLaw
 
     @property
@@ -142,14 +141,11 @@ class LinearFrf:
         title = f"Peaks of the {self.kind.replace('-', ' ')} at {len(self.frequencies)} frequencies"
         return Table("frf", title, columns, rows, (f"natural frequencies (damping ratios): {own}",))
 
-    def report(self) -> str:
-        """Return the result as text."""
-        return "\n".join([self.table().text(), *(f"  note: {note}" for note in self.warnings)])
-
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, real and imaginary parts apart, lists in the order (outputs, inputs, k)."""
         return {
-            "kind": self.kind,
+            "kind": "frequency response of small motion",
+            "quantity": self.kind,
             "unit": self.unit,
             "frequencies_hz": self.frequencies.tolist(),
             "real": self.values.real.tolist(),
@@ -161,14 +157,9 @@ class LinearFrf:
             "warnings": list(self.warnings),
         }
 
-    def figure(self) -> Figure:
-        """Draw amplitude and phase against frequency (Bode plot)."""
-        from ancf_casadi.response.bode import Curve, bode_figure  # matplotlib is slow to import
-
-        names = [name for row in self.labels() for name in row]
-        values = self.values.reshape(len(names), -1)
-        curves = [Curve(name, self.frequencies, column) for name, column in zip(names, values, strict=True)]
-        return bode_figure([curves], self.kind.replace("-", " ") + (f", {self.unit}" if self.unit != "1" else ""))
+    def _summary(self) -> str:
+        shape = f"{counted(len(self.points), 'point')}, {len(self.frequencies)} frequencies"
+        return f"{self.kind}, {shape}, {spread(self.frequencies, 'Hz')}, {self.damping!r}"
 
 
 def linear_frf(

@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -23,12 +24,13 @@ from ancf_casadi.response.harmonic_balance.fourier import fourier
 from ancf_casadi.response.systems.beams import base_force
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import whole
+from ancf_casadi.support.tables import Reported, Table, counted
 
 FINE = 256  # samples of a period for peaks and harmonics of a point
 
 
 @dataclass(frozen=True, eq=False)
-class PeriodicMotion:
+class PeriodicMotion(Reported):
     """A periodic motion; the phase of the excitation is sin(omega t).
 
     Parameters
@@ -62,6 +64,8 @@ class PeriodicMotion:
     >>> bool(abs(motion.supplied_energy / motion.dissipated_energy - 1) < 1e-9)
     True
     """
+
+    _drawing = "ancf_casadi.response.drawing.periodic_figure"
 
     excited: Excited
     balance: HarmonicBalance
@@ -195,6 +199,44 @@ class PeriodicMotion:
             wall_seconds=time.perf_counter() - began,
             integrators=(IntegratorUse(0.0, "harmonic balance", self.errors.largest),),
         )
+
+    def table(self) -> Table:
+        """Return amplitude and phase of the tip, or of the first coordinate of another system, and the stability."""
+        rows = [
+            ("frequency", self.frequency, "Hz"),
+            ("amplitude of the excitation", self.drive_amplitude, self.excited.drive.unit),
+            ("amplitude", self.amplitude(), self.excited.unit),
+            ("phase", self.phase(), "rad"),
+            ("energy lost per period", self.dissipated_energy, "J"),
+            ("largest Floquet multiplier", float(np.abs(self.multipliers).max()), ""),
+            ("estimated relative error", self.errors.largest, ""),
+        ]
+        title = f"{'Stable' if self.stable else 'Unstable'} periodic motion, {counted(self.harmonic_count, 'harmonic')}"
+        return Table("periodic_motion", title, ("quantity", "value", "unit"), rows)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the motion as plain data, with the harmonics of the tip or of the first coordinate."""
+        harmonics = self.harmonics()[: self.harmonic_count + 1]
+        return {
+            "kind": "periodic motion",
+            "frequency_hz": self.frequency,
+            "drive_amplitude": self.drive_amplitude,
+            "drive_unit": self.excited.drive.unit,
+            "amplitude": self.amplitude(),
+            "phase_rad": self.phase(),
+            "stable": self.stable,
+            "harmonics": {"real": harmonics.real.tolist(), "imaginary": harmonics.imag.tolist()},
+            "multipliers": {"real": self.multipliers.real.tolist(), "imaginary": self.multipliers.imag.tolist()},
+            "coefficients": self.coefficients.tolist(),
+            "dissipated_energy_j": self.dissipated_energy,
+            "relative_error": self.errors.largest,
+        }
+
+    def _summary(self) -> str:
+        size, unit = self.amplitude(), self.excited.unit
+        amplitude = f"{1e3 * size:.4g} mm" if unit else f"{size:.4g}"
+        state = "stable" if self.stable else "unstable"
+        return f"{self.frequency:.6g} Hz, amplitude {amplitude}, {counted(self.harmonic_count, 'harmonic')}, {state}"
 
 
 def _integral(power: Array, instants: Array) -> Array:

@@ -1,4 +1,8 @@
-"""Results as tables for a terminal and for CSV, and as JSON."""
+"""Display of objects and results: one line in a shell, tables for a terminal, a notebook and CSV, and JSON.
+
+A class that inherits from ``Displayed`` has a ``repr`` of one line.  One that inherits from ``Reported`` also has text,
+HTML, a file and a figure, which follow from its table, its plain data and the name of the function that draws it.
+"""
 
 from __future__ import annotations
 
@@ -6,18 +10,81 @@ import csv
 import io
 import json
 import math
+import reprlib
 import textwrap
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from html import escape
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.files import check_file, write_file
+from ancf_casadi.support.inputs import instances
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 WIDTH = 100  # columns of a report on a terminal
+LONGEST_LINE = 180  # characters of an object on one line
 
 Cell = str | float | int | None
 
 
+class Displayed:
+    """Base class of public objects, which are shown on one line: the name of the class, and a summary."""
+
+    def __init_subclass__(cls, **keywords: Any) -> None:
+        """Keep the display of a dataclass, which would generate another one."""
+        super().__init_subclass__(**keywords)
+        cls.__repr__ = cls.__repr__  # type: ignore[method-assign]
+
+    def __repr__(self) -> str:
+        """Return the object on one line."""
+        text = " ".join(self._summary().split())
+        most = LONGEST_LINE - len(type(self).__name__)
+        return f"{type(self).__name__}({text if len(text) <= most else f'{text[: most - 3]}...'})"
+
+    def _summary(self) -> str:
+        """Return the content in a few words; by default, the fields that differ from their defaults."""
+        content: Any = self
+        values = [(own, getattr(self, own.name)) for own in (fields(content) if is_dataclass(content) else ())]
+        return ", ".join(f"{own.name}={BRIEF.repr(value)}" for own, value in values if not _is_default(own, value))
+
+
+class Brief(reprlib.Repr):
+    """Values on one line: numbers to six digits, arrays by their shape, long sequences by their beginning."""
+
+    def repr_float(self, value: float, level: int) -> str:
+        """Return a number."""
+        return f"{value:.6g}"
+
+    def repr_float64(self, value: np.float64, level: int) -> str:
+        """Return a number."""
+        return f"{value:.6g}"
+
+    def repr_ndarray(self, value: np.ndarray[Any, Any], level: int) -> str:
+        """Return the shape of an array."""
+        return f"array{value.shape}"
+
+
+BRIEF = Brief()
+BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
+BRIEF.maxstring, BRIEF.maxother = 60, LONGEST_LINE
+
+
+def _is_default(own: Field[Any], value: Any) -> bool:
+    default = own.default if own.default_factory is MISSING else own.default_factory()
+    return type(value) is type(default) and not isinstance(value, np.ndarray) and bool(value == default)
+
+
 @dataclass(frozen=True)
-class Table:
+class Table(Displayed):
     """A table with a title and notes.
 
     Parameters
@@ -55,6 +122,98 @@ class Table:
         writer.writerow(self.columns)
         writer.writerows([["" if cell is None else cell for cell in row] for row in self.rows])
         return out.getvalue()
+
+    def _summary(self) -> str:
+        return f"{self.name!r}, {len(self.rows)} rows, columns {', '.join(self.columns)}"
+
+    def _repr_html_(self) -> str:
+        """Return the table for a notebook."""
+        head = "".join(f"<th>{escape(cell)}</th>" for cell in self.columns)
+        rows = ["".join(f"<td>{escape(_shown(cell))}</td>" for cell in row) for row in self.rows]
+        body = "".join(f"<tr>{row}</tr>" for row in rows)
+        notes = "".join(f"<p>{escape(note)}</p>" for note in self.notes)
+        caption = f"<caption>{escape(self.title)}</caption>"
+        return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{notes}"
+
+
+class Reported(Displayed, ABC):
+    """Base class of results: text and HTML, JSON, a file, and a figure."""
+
+    _drawing: ClassVar[str]  # module and name of the function that draws results by their labels
+
+    @abstractmethod
+    def table(self) -> Table:
+        """Return the most important numbers."""
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as plain data for JSON, with its ``kind``."""
+
+    def report(self) -> str:
+        """Return the table and the warnings as text."""
+        return "\n".join([self.table().text(), *(f"  note: {note}" for note in self._warnings)])
+
+    def figure(self, *others: Any, labels: Sequence[str] = ()) -> Figure:
+        """Draw the result, and others of its kind over it.
+
+        Parameters
+        ----------
+        *others : results
+            Results of the same kind; a ``Trajectory`` and a ``ReducedTrajectory`` are of one kind.
+        labels : sequence of str
+            Names of this result and the others in the legend; their numbers, from 1, if not given.
+
+        Raises
+        ------
+        InputError
+            If a result is of another kind, or there is not one label for each.
+        """
+        return self._drawn(others, labels)
+
+    def save(self, path: str | Path) -> None:
+        """Write the data of ``to_dict`` to a JSON file.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be written.
+        """
+        write_file(check_file(path), to_json(self.to_dict()))
+
+    @property
+    def _warnings(self) -> Sequence[str]:
+        return getattr(self, "warnings", ())
+
+    def _repr_html_(self) -> str:
+        """Return the table and the warnings for a notebook."""
+        return self.table()._repr_html_() + "".join(f"<p>note: {escape(note)}</p>" for note in self._warnings)
+
+    def _drawn(self, others: Sequence[Any], labels: Sequence[str], **options: Any) -> Figure:
+        """Return the figure of the drawing function for results by label; matplotlib is imported here."""
+        drawing = self._drawing
+        strange = [one for one in others if getattr(one, "_drawing", None) != drawing]
+        if strange:
+            raise InputError(f"a {type(self).__name__} cannot be drawn with a {type(strange[0]).__name__}", "figure")
+        own = [self, *others]
+        if not labels:
+            labels = [str(k) for k in range(1, len(own) + 1)] if others else [""]
+        names = instances(labels, "labels", str)
+        if len(set(names)) != len(own):
+            raise InputError(f"must be {len(own)} different names", "labels")
+        module, name = drawing.rsplit(".", 1)
+        found: Figure = getattr(import_module(module), name)(dict(zip(names, own, strict=True)), **options)
+        return found
+
+
+def counted(count: int, noun: str) -> str:
+    """Return a number of things, as ``1 mode`` or ``5 modes``."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def spread(values: ArrayLike, unit: str) -> str:
+    """Return the smallest and the largest of values with their unit, as ``1.85 to 88.6 Hz``."""
+    ends = dict.fromkeys(f"{end(values):.4g}" for end in (np.min, np.max)) if np.size(values) else ["no"]
+    return f"{' to '.join(ends)} {unit}".rstrip()
 
 
 def to_json(value: Any) -> str:

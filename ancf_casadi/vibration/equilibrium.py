@@ -22,8 +22,9 @@ mesh.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -34,6 +35,7 @@ from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import factorised, sparse
 from ancf_casadi.support.inputs import check_instance, check_size, instances, is_sequence, number, vector
+from ancf_casadi.support.tables import Reported, Table, counted
 from ancf_casadi.vibration.assembly import Position, Structure, refined
 from ancf_casadi.vibration.eigensolver import lowest_modes
 
@@ -45,7 +47,7 @@ MOST_TRIALS = 500  # load steps tried in all; a path that needs more is close to
 
 
 @dataclass(frozen=True)
-class Equilibrium:
+class Equilibrium(Reported):
     """A beam at rest.
 
     Parameters
@@ -74,6 +76,8 @@ class Equilibrium:
     >>> round(rest.tip_angle, 3), rest.is_stable
     (-0.357, True)
     """
+
+    _drawing = "ancf_casadi.plot.equilibrium_figure"
 
     model: Model
     coordinates: Array
@@ -123,6 +127,28 @@ class Equilibrium:
     def is_stable(self) -> bool:
         """Stability: True if the tangent stiffness is positive definite."""
         return lowest_modes(self.structure, self.exact, 1) is not None
+
+    def table(self) -> Table:
+        """Return position and angle of the tip, and the loads."""
+        (x, y), loads = self.tip.tolist(), _all_loads(self.tip_force, self.tip_moment, self.loads)
+        title = f"Equilibrium, {'stable' if self.is_stable else 'unstable'}"
+        rows = [("tip x", x, "m"), ("tip y", y, "m"), ("tip angle", self.tip_angle, "rad")]
+        return Table("equilibrium", title, ("quantity", "value", "unit"), rows, (_described(loads),))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return tip, stability, loads and nodal coordinates as plain data."""
+        return {
+            "kind": "equilibrium",
+            "tip_m": self.tip.tolist(),
+            "tip_angle_rad": self.tip_angle,
+            "stable": self.is_stable,
+            "loads": [asdict(load) for load in _all_loads(self.tip_force, self.tip_moment, self.loads)],
+            "coordinates": self.coordinates.tolist(),
+        }
+
+    def _summary(self) -> str:
+        x, y = np.round(self.tip, 6) + 0.0  # no -0.0
+        return f"tip ({x:g}, {y:g}) m, {counted(self.model.beam.elements, 'element')}"
 
 
 def static_equilibrium(

@@ -17,19 +17,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from types import NoneType
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import EquilibriumError, InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, check_instance, whole
+from ancf_casadi.support.inputs import array, check_instance, numbers, whole
+from ancf_casadi.support.tables import Reported, Table, counted, spread
 from ancf_casadi.vibration.eigensolver import lowest_modes
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
+STATIONS = 101  # points along the beam at which shapes are given
+
 
 @dataclass(frozen=True)
-class Modes:
+class Modes(Reported):
     """The lowest modes about an equilibrium, in ascending order.
 
     Parameters
@@ -53,6 +58,8 @@ class Modes:
     >>> modes.frequencies.round(2)
     array([ 1.88, 10.59, 29.47])
     """
+
+    _drawing = "ancf_casadi.plot.modes_figure"
 
     equilibrium: Equilibrium
     frequencies: Array
@@ -116,6 +123,37 @@ class Modes:
         mass = self.model.mass(self.model.properties).sparse()
         projector = mass @ self.shapes[:, mode] * self.tip_amplitudes()[mode]
         return np.asarray((coordinates - self.equilibrium.coordinates) @ projector)
+
+    def along(self, arc_lengths: ArrayLike) -> Array:
+        """Return the displacement (x, y) of each mode at arc lengths (k,), m, as (m, k, 2); that of the tip is 1.
+
+        Raises
+        ------
+        InputError
+            If a point is not on the beam.
+        """
+        rows = np.stack([self.model.interpolation(s) @ self.shapes for s in numbers(arc_lengths, "arc_lengths")])
+        return np.asarray(np.moveaxis(rows, 2, 0) / self.tip_amplitudes()[:, None, None])
+
+    def table(self) -> Table:
+        """Return the natural frequencies."""
+        x, y = self.equilibrium.tip.tolist()
+        rows = list(enumerate(self.frequencies.tolist(), start=1))
+        return Table("modes", "Natural modes", ("mode", "f_Hz"), rows, (f"the tip rests at ({x:.6g}, {y:.6g}) m",))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return frequencies and shapes as plain data; the displacement of the tip is 1 in each shape."""
+        arc = np.linspace(0.0, self.model.beam.length, STATIONS)
+        return {
+            "kind": "modes",
+            "frequencies_hz": self.frequencies.tolist(),
+            "equilibrium_tip_m": self.equilibrium.tip.tolist(),
+            "arc_length_m": arc.tolist(),
+            "shapes": self.along(arc).tolist(),
+        }
+
+    def _summary(self) -> str:
+        return f"{counted(self.count, 'mode')}, {spread(self.frequencies, 'Hz')}"
 
 
 def natural_modes(model: Model, *, count: int = 5, equilibrium: Equilibrium | None = None) -> Modes:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.support.tables import Table
 from problems.command.output import Output, add_plot, figure_writer, file_writer, json_text, new_files
 from problems.schema.response import RESPONSE_HELP, ResponseTask, read_response
@@ -19,9 +17,6 @@ from problems.study.kinds.steady.curves import (
     level_titles,
     summary_columns,
 )
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def add_response(parser: argparse.ArgumentParser) -> None:
@@ -47,7 +42,7 @@ def _run(options: argparse.Namespace) -> Output:
     if out is not None:
         files.append(file_writer(out, lambda: _points(task, curves).csv()))
     if plot is not None:
-        files.append(figure_writer(plot, lambda: _figure(titles, found)))
+        files.append(figure_writer(plot, lambda: found[0].figure(*found[1:], labels=titles)))
     if options.json:
         levels = level_numbers(task.levels, task.unit, curves)
         return Output(json_text({"modes": task.modes or None, "driven": task.driven, "levels": levels}), files)
@@ -78,9 +73,3 @@ def _points(task: ResponseTask, curves: Sequence[CurveData]) -> Table:
         )
     ]
     return Table("response", "Steady vibration", columns, rows)
-
-
-def _figure(titles: Sequence[str], curves: Sequence[ResponseCurve]) -> Figure:
-    from ancf_casadi.response.drawing import response_figure  # matplotlib is slow to import
-
-    return response_figure(dict(zip(titles, curves, strict=True)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +15,6 @@ from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import Table
 from problems.command.output import Output, add_plot, figure_writer, file_writer, json_text, new_files
 from problems.schema.simulation import SIMULATION_HELP, read_simulation
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def add_simulate(parser: argparse.ArgumentParser) -> None:
@@ -44,7 +41,7 @@ def _run(options: argparse.Namespace) -> Output:
     if out is not None:
         files.append(file_writer(out, lambda: _motion(run, study.markers).csv()))
     if plot is not None:
-        files.append(figure_writer(plot, lambda: _figure(run)))
+        files.append(figure_writer(plot, run.figure))
     summary = {
         "samples": len(run.time),
         "duration_s": float(run.time[-1]),
@@ -68,12 +65,6 @@ def _motion(run: Trajectory, markers: Mapping[str, float]) -> Table:
     places = {"tip": run.tip, "base": run.base} | {name: run.position(s) for name, s in markers.items()}
     columns = ("time_s", *(f"{name}_{axis}_m" for name in places for axis in "xy"))
     return Table("motion", "Motion of the beam", columns, np.column_stack([run.time, *places.values()]).tolist())
-
-
-def _figure(run: Trajectory) -> Figure:
-    from ancf_casadi.plot import motion_figure  # matplotlib is slow to import
-
-    return motion_figure(run)
 
 
 def _plain(value: Any) -> str:

@@ -19,6 +19,7 @@ from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import physical, vector
+from ancf_casadi.support.tables import Displayed
 from problems.decay.mode_separation import MOST_MODES, fit_modes
 from problems.decay.result import DecayFit
 
@@ -26,7 +27,7 @@ CLOSE = 0.3  # correlation of two modes beyond which there is a warning; the err
 
 
 @dataclass(frozen=True, eq=False)
-class IsolatedMode:
+class IsolatedMode(Displayed):
     """A mode of a record, and the record without the other modes.
 
     Parameters
@@ -58,6 +59,10 @@ class IsolatedMode:
     others: tuple[DecayFit, ...]
     record: Measurement
     warnings: tuple[str, ...]
+
+    def _summary(self) -> str:
+        others = ", ".join(f"{one.frequency:.4g}" for one in self.others)
+        return f"{self.mode.frequency:.4g} Hz{others and f', without {others} Hz'}, {self.record!r}"
 
 
 def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time: float | None = None) -> IsolatedMode:

@@ -13,13 +13,14 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.response.linear_frf import UNITS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import array, check_instance, choice, instances, is_sequence, numbers, shown
+from ancf_casadi.support.tables import Displayed, counted, spread
 
 LEAST_LINES = 8
 SMOOTHED = 12  # lines on either side over which the scatter of repeated measurements is averaged
 
 
 @dataclass(frozen=True, eq=False)
-class FrfRecord:
+class FrfRecord(Displayed):
     """Measured frequency response functions: one or several outputs, one or several inputs.
 
     Parameters
@@ -185,6 +186,10 @@ class FrfRecord:
         if self.inputs == 1:
             return outputs
         return [f"{name}, input {k}" for name in outputs for k in range(1, self.inputs + 1)]
+
+    def _summary(self) -> str:
+        shape = f"{counted(self.outputs, 'output')}, {counted(self.inputs, 'input')}"
+        return f"{self.kind}, {shape}, {len(self.frequencies)} frequencies, {spread(self.frequencies, 'Hz')}"
 
 
 def as_record(given: Any) -> FrfRecord:

@@ -21,12 +21,13 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, positive, shown
+from ancf_casadi.support.tables import Displayed, counted, spread
 
 SMALLEST = 1e-12  # relative standard deviation
 
 
 @dataclass(frozen=True)
-class MeasuredModes:
+class MeasuredModes(Displayed):
     """Measured natural frequencies and mode shapes.
 
     Parameters
@@ -183,6 +184,10 @@ class MeasuredModes:
         for shape, deviations in zip(self.shapes, found, strict=True):
             _check_ratio(np.array(deviations) / np.nanmax(np.abs(shape)), "shape_std")
         return found
+
+    def _summary(self) -> str:
+        shapes = f", shapes at {len(self.points)} points" if self.shapes else ""
+        return f"{counted(len(self.frequencies), 'mode')}, {spread(self.frequencies, 'Hz')}{shapes}"
 
 
 def _spread(given: Any, count: int, where: str) -> tuple[float, ...]:

@@ -28,6 +28,7 @@ import numpy as np
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import positive
+from ancf_casadi.support.tables import Displayed
 from problems.matching.design_space import DesignSpace
 from problems.matching.unknowns import PerElement
 
@@ -37,7 +38,7 @@ SMOOTH = 50.0  # default weight of smoothness relative to that of least change
 
 
 @dataclass(frozen=True)
-class LeastChange:
+class LeastChange(Displayed):
     """Preference for the least change of the beam.
 
     Parameters
@@ -82,7 +83,7 @@ class LeastChange:
 
 
 @dataclass(frozen=True)
-class Smoothness:
+class Smoothness(Displayed):
     """Preference for the smoothest beam and, among equally smooth ones, for the least change.
 
     Parameters

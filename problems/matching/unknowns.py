@@ -25,6 +25,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import LUMPED, MAXIMUM_ELEMENTS, PROPERTIES
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import choice, positive, shown, whole
+from ancf_casadi.support.tables import Displayed
 
 
 def check_bounds(bounds: float, where: str) -> float:
@@ -49,7 +50,7 @@ def _check(name: str, bounds: float | None, known: tuple[str, ...] = PROPERTIES)
 
 
 @dataclass(frozen=True)
-class Global:
+class Global(Displayed):
     """One factor on a property of all elements.
 
     Parameters
@@ -92,7 +93,7 @@ class Global:
 
 
 @dataclass(frozen=True)
-class PerElement:
+class PerElement(Displayed):
     """One factor on a property for each element.
 
     Parameters
@@ -136,7 +137,7 @@ class PerElement:
 
 
 @dataclass(frozen=True)
-class Smooth:
+class Smooth(Displayed):
     """A smooth factor along the beam on a property.
 
     Parameters

@@ -38,11 +38,12 @@ from ancf_casadi.support.inputs import (
     shown,
     whole,
 )
+from ancf_casadi.support.tables import Displayed, counted
 from problems.properties.observation import FACTORS, place, readings
 from problems.properties.response import ModalResponse, Respond, StaticResponse
 
 
-class PropertyRecord(ABC):
+class PropertyRecord(Displayed, ABC):
     """Measured values that depend on the properties of a beam at rest or in small vibration."""
 
     model: Model
@@ -104,6 +105,9 @@ class PropertyRecord(ABC):
         """Pickle the record without its Functions."""
         fields = self.__dataclass_fields__  # type: ignore[attr-defined]
         return type(self), tuple(getattr(self, name) for name in fields)
+
+    def _summary(self) -> str:
+        return f"{self.name!r}, {counted(len(self.measured), 'value')}, {self.model!r}"
 
 
 @dataclass(frozen=True, eq=False)

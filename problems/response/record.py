@@ -37,6 +37,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import array, check_instance, choice, instances, is_sequence
+from ancf_casadi.support.tables import Displayed, counted, spread
 from problems.transient.marker_record import motion_record
 from problems.transient.motion_record import MotionRecord
 
@@ -51,7 +52,7 @@ CONTROLLED = 0.1  # default standard deviation of what is controlled, relative t
 
 
 @dataclass(frozen=True, eq=False)
-class ResponseRecord:
+class ResponseRecord(Displayed):
     """Steady-state readings of one sensor at several frequencies of a harmonic excitation.
 
     Parameters
@@ -210,6 +211,11 @@ class ResponseRecord:
             usual if own is None else np.asarray(own)
             for own, usual in zip(given, (amplitude, phase, level), strict=True)
         ])  # fmt: skip
+
+    def _summary(self) -> str:
+        name = f"{self.name!r}, " if self.name else ""
+        points, range_ = counted(np.size(self.frequencies), "point"), spread(self.frequencies, "Hz")
+        return f"{name}{points}, {range_}, {self.sensor.quantity}"
 
 
 def split_records(records: Any) -> tuple[tuple[ResponseRecord, ...], tuple[MotionRecord, ...]]:

@@ -24,7 +24,7 @@ from typing import Any
 
 from ancf_casadi.support.files import check_folder, check_path, write_files
 from ancf_casadi.support.inputs import check_instance, flag, whole
-from ancf_casadi.support.tables import to_json
+from ancf_casadi.support.tables import Displayed, counted, to_json
 from ancf_casadi.version import __version__
 from problems.study.document.labels import Shown, file_name, labelled
 from problems.study.document.page import Circumstances, page
@@ -39,7 +39,7 @@ PAGE, NUMBERS, SCHEMA = "report.html", "results.json", "results.schema.json"
 
 
 @dataclass(frozen=True)
-class StudyReport:
+class StudyReport(Displayed):
     r"""The results of a study.
 
     Parameters
@@ -86,6 +86,9 @@ class StudyReport:
             texts += [f"{label}. {table.text()}" for label, table in part.tables]
             texts += [f"note: {warning}" for warning in part.finding.warnings]
         return "\n\n".join(texts)
+
+    def _summary(self) -> str:
+        return f"{str(self.page)!r}, {counted(len(self.parts), 'part')}, {counted(len(self.warnings), 'warning')}"
 
 
 def run_study(

@@ -19,6 +19,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import array, check_instance, instances, numbers, physical
+from ancf_casadi.support.tables import Displayed, counted, spread
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.transient.motion_record import FEWEST, Bounds, Camera, Channel, MotionRecord
 
@@ -26,7 +27,7 @@ DIRECTIONS = ((1.0, 0.0), (0.0, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
-class MarkerRecord:
+class MarkerRecord(Displayed):
     """Measured positions of points on a beam: a ``MotionRecord`` with x and y of each point as channels.
 
     Parameters
@@ -102,6 +103,10 @@ class MarkerRecord:
                 sensor = Sensor("position", place, direction)
                 channels.append(Channel(Measurement(self.time, values, sensor=sensor)))
         return MotionRecord(channels, self.base, self.start, self.release, self.camera, self.load)
+
+    def _summary(self) -> str:
+        points = 1 if self.points is None else len(self.points)
+        return f"{counted(points, 'point')}, {counted(np.size(self.time), 'sample')}, {spread(self.time, 's')}"
 
 
 Record = MotionRecord | MarkerRecord | Measurement

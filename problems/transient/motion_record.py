@@ -37,6 +37,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, check_instance, is_sequence, number, positive, shown
+from ancf_casadi.support.tables import Displayed, counted
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 FEWEST = 10  # samples of a record
@@ -46,7 +47,7 @@ Bounds = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class Channel(Displayed):
     """The record of one sensor, and the unknowns of this sensor.
 
     Parameters
@@ -104,7 +105,7 @@ class Channel:
 
 
 @dataclass(frozen=True)
-class Camera:
+class Camera(Displayed):
     """Bounds of the unknown view of a camera, for the channels of a record that are positions.
 
     Parameters
@@ -161,7 +162,7 @@ class Camera:
 
 
 @dataclass(frozen=True, eq=False)
-class MotionRecord:
+class MotionRecord(Displayed):
     """Records of several sensors in one experiment.
 
     Parameters
@@ -302,6 +303,10 @@ class MotionRecord:
                 "those of the motion",
                 "load",
             )
+
+    def _summary(self) -> str:
+        samples = sum(len(one.measurement.time) for one in self.own_channels)
+        return f"{counted(len(self.channels), 'channel')}, {counted(samples, 'sample')}, {self.own_base!r}"
 
 
 def pair(bounds: Any, where: str) -> Bounds:

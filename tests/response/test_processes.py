@@ -78,9 +78,13 @@ def test_a_pickled_curve_has_the_same_motions(reduced, base):
 
 
 @pytest.mark.slow
-def test_two_processes_give_the_motions_of_one(reduced, base):
-    tasks = [partial(periodic_motion, reduced, base=HarmonicBase(size, base.frequency)) for size in (5e-4, 1e-3)]
-    one, two = run_all(tasks), run_all(tasks, jobs=2)
-    for here, there in zip(one, two, strict=True):
+def test_two_processes_give_the_motions_and_the_curve_of_one(reduced, base):
+    sizes = [HarmonicBase(size, base.frequency) for size in (5e-4, 1e-3)]
+    range_of_curve = (0.97 * base.frequency, base.frequency)
+    tasks = [partial(periodic_motion, reduced, base=one) for one in sizes]
+    tasks.append(partial(frequency_response, reduced, range_of_curve, base=base))
+    *one, curve = run_all(tasks)
+    *two, other = run_all(tasks, jobs=2)
+    for here, there in zip((*one, curve.peak), (*two, other.peak), strict=True):
         np.testing.assert_allclose(there.coefficients, here.coefficients, rtol=1e-9, atol=1e-15)
         assert there.phase() == pytest.approx(here.phase(), rel=1e-9)

@@ -10,12 +10,14 @@ import stat
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 
+import numpy as np
 import pytest
 
 from ancf_casadi import InputError
 from ancf_casadi.support.files import check_file, check_folder, write_file, write_files
-from ancf_casadi.support.tables import Table, to_json
+from ancf_casadi.support.tables import Displayed, Table, counted, spread, to_json
 
 TABLE = Table(
     "one",
@@ -46,6 +48,43 @@ class TestTable:
     def test_without_rows(self):
         assert Table("none", "Nothing", ("a", "b"), []).csv() == "a,b\n"
         assert Table("none", "Nothing", ("a", "b"), []).text().splitlines() == ["Nothing", "----", "a  b", "----"]
+
+    def test_html_shows_cells_as_they_are_written(self):
+        html = Table("one", "A < B", ("<script>", "y"), [("a & b", 1 / 3), (None, 2)], ("x > 0",))._repr_html_()
+        assert "<caption>A &lt; B</caption>" in html and "<th>&lt;script&gt;</th><th>y</th>" in html
+        assert "<td>a &amp; b</td><td>0.333333</td>" in html and "<td></td><td>2</td>" in html
+        assert html.endswith("</table><p>x &gt; 0</p>")
+
+
+@dataclass(frozen=True, eq=False)
+class Thing(Displayed):
+    size: float
+    values: np.ndarray
+    words: str = "none"
+    inner: object = None
+
+
+class TestOneLine:
+    def test_it_has_the_fields_that_differ_from_their_defaults_in_short(self):
+        assert repr(Thing(1 / 3, np.zeros((2, 5)))) == "Thing(size=0.333333, values=array(2, 5))"
+        inner = Thing(np.float64(2.0), np.zeros(3), inner=(1, 2.5))
+        assert "inner=Thing(size=2, values=array(3,), inner=(1, 2.5))" in repr(Thing(1.0, np.zeros(1), inner=inner))
+
+    @pytest.mark.parametrize("words", ["word " * 1000, "a\n" * 50, ["word"] * 1000, {k: "word" for k in range(1000)}])
+    def test_it_is_below_200_characters(self, words):
+        text = repr(Thing(1.0, np.zeros(10**6), words=words, inner=[words] * 10))
+        assert len(text) < 200 and "\n" not in text and text.endswith(")")
+
+    def test_a_class_without_fields_has_its_name(self):
+        assert repr(type("Law", (Displayed,), {})()) == "Law()"
+
+    def test_a_class_may_show_itself_otherwise(self):
+        own = type("Own", (Displayed,), {"__repr__": lambda self: "mine"})
+        assert repr(type("Child", (own,), {})()) == "mine"
+
+    def test_counts_and_ranges_read_as_words(self):
+        assert (counted(1, "mode"), counted(0, "mode"), counted(5, "mode")) == ("1 mode", "0 modes", "5 modes")
+        assert (spread([1.0, 3.0, 2.0], "Hz"), spread([2.0], "s"), spread([], "s")) == ("1 to 3 Hz", "2 s", "no s")
 
 
 class TestJson:

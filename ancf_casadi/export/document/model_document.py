@@ -144,7 +144,7 @@ def read_document(path: str | Path) -> Document:
     >>> write_document("beam.json", Document(Model(beam), RayleighDamping(alpha=0.2)))
     >>> document = read_document("beam.json")
     >>> document.model.beam == beam, document.damping
-    (True, RayleighDamping(alpha=0.2, beta=0.0, stiffness='strain-rate'))
+    (True, RayleighDamping(alpha=0.2))
     """
     data = read_json(path)
     with located(str(path)):

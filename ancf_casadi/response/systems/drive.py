@@ -23,12 +23,13 @@ from ancf_casadi.dynamics.tip_load import HarmonicLoad, TipLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, check_instance, physical
+from ancf_casadi.support.tables import Displayed
 
 BEAM_EXCITATION = 12
 
 
 @dataclass(frozen=True)
-class HarmonicForce:
+class HarmonicForce(Displayed):
     """Excitation u = amplitude direction sin(2 pi frequency t) of a ``SecondOrderSystem``.
 
     Parameters

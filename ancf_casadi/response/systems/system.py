@@ -26,6 +26,7 @@ from ancf_casadi.damping import Parameter
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import array, check_instance, instances
+from ancf_casadi.support.tables import Displayed, counted
 
 MOST_KEPT = 32  # numbers of samples for which the Functions of a system are kept
 
@@ -78,7 +79,7 @@ class SampledFunctions(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class SecondOrderSystem:
+class SecondOrderSystem(Displayed):
     """A system of second-order equations of motion.
 
     Parameters
@@ -225,6 +226,10 @@ class SecondOrderSystem:
             raise InputError(f"has {given.size} entries for {len(self.parameters)} parameters", "values")
         own = zip(self.parameters, given.tolist(), strict=True)
         return replace(self, parameters=tuple(replace(one, value=value) for one, value in own))
+
+    def _summary(self) -> str:
+        values = ", ".join(f"{own.name}={own.value:.6g}" for own in self.parameters)
+        return f"{counted(self.size, 'coordinate')}{values and f', {values}'}"
 
 
 def dense_entries(size: int) -> tuple[Index, Index]:

@@ -56,8 +56,6 @@ class ModesOfBeam(Part):
 
     def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
         """Return the table of frequencies, and the shapes."""
-        from ancf_casadi.plot import modes_figure  # matplotlib is slow to import
-
         beam = self.choice.beam(found)
         modes = natural_modes(Model(beam), count=self.count)
         frequencies = modes.frequencies.tolist()
@@ -67,7 +65,7 @@ class ModesOfBeam(Part):
             Column("frequency", tuple(frequencies), "Hz", printed=printed_values(self.printed, "frequency")),
         )
         table = DataTable(name, "Natural frequencies", columns, heading.notes, heading.source)
-        figure = drawn(name, "Mode shapes about the equilibrium.", lambda: modes_figure(modes))
+        figure = drawn(name, "Mode shapes about the equilibrium.", modes.figure)
         return Finding(Outcome({"frequency_hz": frequencies}, beam=beam), (table,), (figure,))
 
 

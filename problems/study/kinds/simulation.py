@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, TypedDict, final
 
 import numpy as np
@@ -59,8 +58,6 @@ def simulate_plain(given: TablesOfFile, name: str) -> SimulatedMotion:
     InputError, SimulationError
         As ``simulate``.
     """
-    from ancf_casadi.plot import motion_figure  # matplotlib is slow to import
-
     task = read_simulation(given.file())
     run = simulate(task.model, damping=task.damping, base=task.base, **task.settings)
     if run.interrupted:
@@ -72,7 +69,7 @@ def simulate_plain(given: TablesOfFile, name: str) -> SimulatedMotion:
         "integrators": [use.method for use in run.integrators],
     }
     caption = "Motion of the tip relative to the clamp, and shapes of the beam."
-    return SimulatedMotion(data, drawn(name, caption, partial(motion_figure, run)))
+    return SimulatedMotion(data, drawn(name, caption, run.figure))
 
 
 @final

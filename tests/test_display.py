@@ -1,0 +1,200 @@
+"""Every public object is shown on one line and can be pickled; every computed result has text, data and a figure."""
+
+import json
+import pickle
+
+import casadi as cs
+import numpy as np
+import pytest
+
+import ancf_casadi
+import problems
+from ancf_casadi import (
+    Beam,
+    FrictionDamping,
+    HarmonicBase,
+    HarmonicForce,
+    HarmonicLoad,
+    InputError,
+    Measurement,
+    ModalDamping,
+    Model,
+    Parameter,
+    PointLoad,
+    QuadraticDamping,
+    RayleighDamping,
+    SampledBase,
+    SampledLoad,
+    SecondOrderSystem,
+    Sensor,
+    SweepBase,
+    backbone,
+    damping_curve,
+    frequency_response,
+    linear_frf,
+    natural_modes,
+    periodic_motion,
+    read_recording,
+    reduce_model,
+    simulate,
+    simulate_reduced,
+    static_equilibrium,
+)
+from ancf_casadi.support.tables import Reported
+from problems import (
+    Camera,
+    Channel,
+    FrequencyRecord,
+    FrfRecord,
+    Global,
+    LeastChange,
+    MarkerRecord,
+    MeasuredModes,
+    MotionRecord,
+    PerElement,
+    ResponseRecord,
+    Smooth,
+    Smoothness,
+    StaticRecord,
+    fit_decay,
+    isolate_mode,
+    law_curve,
+    run_study,
+)
+
+FIT = "a fit, or a prediction of one"
+LEFT_OUT = {
+    **dict.fromkeys(("BaseMotion", "DampingLaw", "TipLoad"), "abstract"),
+    **dict.fromkeys(
+        ("DecayFit", "DecayFits", "FrequencyMatch", "FrfFit", "LawComparison", "MonteCarlo", "MotionPrediction",
+         "Prediction", "PropertyFit", "RayleighFit", "ResponseFit", "ResponsePrediction", "TransientFit"), FIT,
+    ),
+}  # fmt: skip
+CLASSES = {
+    name: found
+    for package in (ancf_casadi, problems)
+    for name in package.__all__
+    if isinstance(found := getattr(package, name), type)
+}
+COMPUTED = sorted(name for name, found in CLASSES.items() if issubclass(found, Reported))
+TIME = np.arange(0.0, 4.0, 0.02)
+SWING = 0.05 * np.exp(-0.2 * TIME) * np.cos(12.0 * TIME) + 1e-4 * np.sin(300.0 * TIME**2)
+STUDY = """
+[beam]
+length = 0.5
+width = 5e-3
+thickness = 0.5e-3
+density = 8000.0
+elastic_modulus = 210e9
+elements = 4
+
+[[parts]]
+kind = "beam"
+"""
+
+
+@pytest.fixture(scope="module")
+def samples(tmp_path_factory):
+    """Return an object of each public class by name."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ANCF_CASADI_COMPILE", "0")
+        return made(tmp_path_factory.mktemp("samples"))
+
+
+def made(folder):
+    beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8e3, elastic_modulus=210e9, elements=4)
+    model, law = Model(beam), RayleighDamping(alpha=0.5)
+    modes, rest = natural_modes(model, count=3), static_equilibrium(model, tip_force=(0.02, 0.0))
+    base, record = HarmonicBase(amplitude=5e-3, frequency=1.9), Measurement(TIME, SWING, "tip <b>")
+    reduced, system = reduce_model(model, modes=2, damping=law), duffing()
+    run = simulate(model, damping=law, base=base, duration=0.02)
+    force = HarmonicForce(amplitude=0.05, frequency=0.1)
+    (folder / "run.csv").write_text("t (s),x (mm)\n0.0,1.5\n0.1,1.4\n0.2,1.3\n")
+    (folder / "study.toml").write_text(STUDY)
+    errors = (ancf_casadi.EquilibriumError, ancf_casadi.FitError, ancf_casadi.NumericsError)
+    drift = np.outer(SWING, (1.0, 0.0))
+    found = [
+        beam, beam.sections[0], model, model.measures, PointLoad(force=(0.0, 1e-3)), Parameter("k", 2.0, "N/m", "k"),
+        law, QuadraticDamping(eta2=0.1), FrictionDamping(eta0=1e-4), ModalDamping(modes, (0.01, 0.003, 0.003)),
+        ancf_casadi.FixedBase(), base, SweepBase(5e-3, (1.0, 2.0), stop=9.0), SampledBase(TIME, drift), force,
+        HarmonicLoad(force=(1e-3, 0.0), frequency=2.0), SampledLoad(TIME, drift), rest, modes, run, run.state(-1),
+        reduced, simulate_reduced(reduced, base=base, duration=0.1, sample_rate=100.0), system,
+        periodic_motion(system, force=force), backbone(system, amplitude=0.1, points=2),
+        frequency_response(system, (0.1, 0.12), force=force), linear_frf(model, law, [1.0, 2.0, 3.0]),
+        Sensor("strain", point=0.1), record, read_recording(folder / "run.csv"), damping_curve(record),
+        law_curve(fit_decay(record)), Channel(record), Camera(scale=(0.9, 1.1)), MotionRecord([record], base=base),
+        MarkerRecord(TIME, np.column_stack([SWING, SWING])), MeasuredModes((1.9, 10.4), 0.01),
+        StaticRecord(model, [PointLoad(force=(1e-3, 0.0))], [0.01], Sensor()), FrequencyRecord(model, [1.9, 10.4]),
+        ResponseRecord([1.8, 1.9, 2.0], [0.01, 0.02, 0.01], base=base), Global("thickness"), PerElement("thickness"),
+        Smooth("thickness"), LeastChange(), Smoothness(), FrfRecord(np.arange(1.0, 9.0), np.ones(8), "receptance"),
+        isolate_mode(record, band=(1.0, 3.0)), run_study(folder / "study.toml", folder / "results"),
+        ancf_casadi.AncfError("no"), InputError("must be positive", "width"), *(error("no") for error in errors),
+        ancf_casadi.SimulationError("no", time=1.0), ancf_casadi.ContinuationError("no", partial=rest),
+    ]  # fmt: skip
+    return {type(own).__name__: own for own in found}
+
+
+def duffing():
+    q, v, a, u, mu = (cs.SX.sym(name) for name in ("q", "v", "a", "u", "mu"))
+    return SecondOrderSystem.of(
+        q, v, a, u, mu, conservative=a + q + mu * q**3, damping=0.05 * v, excitation=u,
+        parameters=[Parameter("mu", 0.5, "1/m^2", "cubic stiffness")],
+    )  # fmt: skip
+
+
+def test_every_public_class_has_a_sample_or_a_reason(samples):
+    assert set(CLASSES) == samples.keys() | LEFT_OUT.keys()
+    assert not samples.keys() & LEFT_OUT.keys()
+
+
+@pytest.mark.parametrize("name", sorted(CLASSES.keys() - LEFT_OUT.keys()))
+def test_an_object_is_shown_on_one_line_and_can_be_pickled(samples, name):
+    own = samples[name]
+    text = repr(own)
+    assert text.startswith(f"{name}(") and len(text) < 200 and "\n" not in text
+    again = pickle.loads(pickle.dumps(own))
+    assert type(again) is type(own) and repr(again) == text
+
+
+@pytest.mark.parametrize("name", COMPUTED)
+def test_a_computed_result_has_text_html_data_and_a_file(samples, name, tmp_path):
+    own = samples[name]
+    assert own.table().title in own.report() and own._repr_html_().startswith("<table>")
+    data = own.to_dict()
+    own.save(tmp_path / "result.json")
+    assert json.loads((tmp_path / "result.json").read_text()) == json.loads(json.dumps(data))
+    assert pickle.loads(pickle.dumps(own)).to_dict() == data
+
+
+def test_each_computed_result_states_its_own_kind(samples):
+    assert len({samples[name].to_dict()["kind"] for name in COMPUTED}) == len(COMPUTED) == 8
+
+
+@pytest.mark.parametrize("name", COMPUTED)
+def test_two_of_a_kind_are_drawn_over_each_other(samples, name):
+    own = samples[name]
+    alone, both = own.figure(), own.figure(own, labels=("one", "the $other"))
+    assert len(alone.axes) == len(both.axes)
+    assert len(both.axes[0].lines) > len(alone.axes[0].lines)
+    legends = [*both.legends, *(axes.get_legend() for axes in both.axes if axes.get_legend())]
+    names = [text.get_text() for legend in legends for text in legend.get_texts()]
+    assert any(text.startswith("one") for text in names) and any(text.startswith("the $other") for text in names)
+
+
+def test_a_full_and_a_reduced_motion_are_of_one_kind(samples):
+    legend = samples["Trajectory"].figure(samples["ReducedTrajectory"]).axes[0].get_legend()
+    assert [text.get_text() for text in legend.get_texts()] == ["1", "2"]
+
+
+def test_results_of_different_kinds_are_not_drawn_together(samples):
+    run, curve, system = samples["Trajectory"], samples["ResponseCurve"], samples["SecondOrderSystem"]
+    with pytest.raises(InputError, match=r"^figure: a Trajectory cannot be drawn with a Modes$"):
+        run.figure(samples["Modes"])
+    with pytest.raises(InputError, match=r"^labels: must be 2 different names$"):
+        run.figure(run, labels=("same", "same"))
+    free = ancf_casadi.amplitude_response(system, (0.02, 0.05), force=samples["HarmonicForce"])
+    with pytest.raises(InputError, match=r"^figure: the curves must be over the same quantity, here frequency$"):
+        curve.figure(free)
+    other = linear_frf(samples["Model"], samples["RayleighDamping"], [1.0, 2.0], kind="mobility")
+    with pytest.raises(InputError, match=r"^figure: the functions must be of the same kind, here receptance$"):
+        samples["LinearFrf"].figure(other)

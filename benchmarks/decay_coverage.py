@@ -152,12 +152,12 @@ def main() -> None:
     seeds = range(arguments.first, arguments.first + arguments.runs)
     tasks = [partial(half_widths, case, seed) for case in cases for seed in seeds]
     results = np.array(run_all(tasks, jobs=arguments.jobs, progress=True)).reshape(len(cases), len(seeds), -1, 3)
-    rows = []
+    rows: list[list[str | float]] = []
     for case, own in zip(cases, results, strict=True):
         error, below, above = np.moveaxis(own, -1, 0)
         covered = 100 * np.mean((error <= below) & (-error <= above), axis=0)
         width = np.mean(below + above, axis=0) / 2 / np.quantile(np.abs(error), 0.95, axis=0)
-        rows.append((case.name, *(round(float(v), 2) for pair in zip(covered, width, strict=True) for v in pair)))
+        rows.append([case.name, *(round(float(v), 2) for pair in zip(covered, width, strict=True) for v in pair)])
     columns = ("case", "frequency, %", "width", "damping ratio, %", "width")
     print(Table("coverage", f"Coverage of 95 % intervals over {len(seeds)} records", columns, rows).text())
 

@@ -89,6 +89,21 @@ def test_a_wrong_argument_is_named(call, message):
         call()
 
 
+@pytest.mark.parametrize(
+    ("name", "changed", "found"),
+    [
+        ("fit_response", {"properties": np.zeros(0)}, "returned"),
+        ("fit_response", {"bounds": {1: 2, "a": (0.0, 1.0)}}, "refused"),
+        ("fit_transient", {"bounds": {1: 2, "a": (0.0, 1.0)}}, "refused"),
+        ("fit_properties", {"bounds": {1: 2, "a": (0.0, 1.0)}}, "refused"),
+    ],
+)
+def test_a_call_that_ended_in_an_exception_of_python(there, name, changed, found):
+    """Regression: the truth of an empty array, and names of unknowns that are no texts."""
+    function, arguments = calls(there)[name]
+    assert outcome(function, arguments | changed) == found
+
+
 def test_c_code_of_a_model_with_one_mode(there):
     """Regression: the program for a single mode ended in LinAlgError."""
     function, arguments = calls(there)["write_c"]

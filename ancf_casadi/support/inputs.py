@@ -321,9 +321,9 @@ def check_keys(table: Any, required: set[str], optional: set[str], where: str) -
     """
     if not isinstance(table, dict):
         raise InputError(f"must be a table, got {shown(table)}", where)
-    unknown = sorted(table.keys() - required - optional)
+    unknown = sorted(table.keys() - required - optional, key=str)
     for key in sorted(required - table.keys()):
         instead = f"; unknown keys: {', '.join(map(shown, unknown))}" if unknown else ""
         raise InputError(f"the key '{key}' is missing{instead}", where)
     for key in unknown:
-        raise InputError(f"unknown key '{key}'; known are {', '.join(sorted(required | optional))}", where)
+        raise InputError(f"unknown key {shown(key)}; known are {', '.join(sorted(required | optional))}", where)

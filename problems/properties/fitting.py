@@ -44,7 +44,7 @@ from ancf_casadi.estimation.polish import residuals_and_jacobian
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import array, check_instance, choices, instances, shown
+from ancf_casadi.support.inputs import array, check_instance, check_keys, choices, instances, shown
 from problems.properties.determined import Determined
 from problems.properties.quantities import ALL_UNITS, CLAMP, COMBINED, STIFFNESSES, factors_of, unknown_of, value_of
 from problems.properties.records import PropertyRecord
@@ -124,17 +124,13 @@ def fit_properties(
         if rivals:
             raise InputError(f"{name} contains {', '.join(sorted(rivals))}; estimate one or the other", "unknowns")
     check_instance(bounds, "bounds", Mapping, NoneType)
+    check_keys(dict(bounds or {}), set(), set(names), "bounds")
     if len({record.deviations is None for record in own}) > 1:
         raise InputError("some have standard deviations and some have none; give them for all, or for none", "records")
     if CLAMP in names:
         own = _with_clamp(own)
     first = _first_values(own, names)
     started = [_unknown(name, first[name], own, bounds or {}) for name in names]
-    strange = set(bounds or ()) - set(names)
-    if strange:
-        raise InputError(
-            f"{', '.join(sorted(map(str, strange)))}: not among the unknowns; remove these bounds", "bounds"
-        )
     solved = tuple(unknown.name for unknown in started)
     _check_determined(own, solved)
     best, *others = _optima(own, started)

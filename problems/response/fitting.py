@@ -37,14 +37,14 @@ from ancf_casadi.estimation.least_squares import Unknown, least_squares, restart
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.mechanics.beam import LUMPED
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import check_instance, choice, instances, positive, whole
+from ancf_casadi.support.inputs import check_instance, choice, choices, instances, positive, whole
 from ancf_casadi.vibration.modes import natural_modes
 from problems.response.joint import ALLOWED, LEVEL_ERROR, NEGLIGIBLE, OPTIONS, JointProblem, motion_problem
 from problems.response.problem import ResponseProblem
 from problems.response.record import split_records
 from problems.response.residuals import Responses
 from problems.response.result import ResponseFit
-from problems.response.unknowns import mode_of, response_unknowns
+from problems.response.unknowns import KNOWN, mode_of, response_unknowns
 from problems.response.weights import first_weights
 from problems.transient.unknowns import Evidence
 
@@ -127,6 +127,7 @@ def fit_response(
     check_instance(model, "model", Model)
     curves, motions = split_records(records)
     check_instance(damping, "damping", DampingLaw)
+    properties = choices(properties, KNOWN, "properties")
     check_instance(bounds, "bounds", Mapping, NoneType)
     choice(excitation, ("known", "common", "each"), "excitation")
     if excitation_deviation is not None:

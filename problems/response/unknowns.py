@@ -21,7 +21,7 @@ from ancf_casadi.estimation.least_squares import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import choices
+from ancf_casadi.support.inputs import check_keys, choices
 from problems.response.record import ResponseRecord
 from problems.transient.motion_record import MotionRecord
 from problems.transient.unknowns import NEAR, Bounds, of_parameter, of_sensors, within
@@ -69,7 +69,6 @@ def response_unknowns(
         contain the guess.
     """
     choices(fixed, [parameter.name for parameter in law.parameters], "fixed")
-    choices(properties, KNOWN, "properties")
     found = [of_parameter(own.name, own) for own in law.parameters if own.name not in fixed]
     if not properties:
         found += _frequencies(frequencies, records)
@@ -89,9 +88,7 @@ def response_unknowns(
         raise InputError(
             "nothing is to be estimated; give a coefficient a guess above 0, or fix fewer of them", "damping"
         )
-    strange = set(bounds) - {unknown.name for unknown in found}
-    if strange:
-        raise InputError(f"{', '.join(sorted(strange))}: not among the unknowns; remove these bounds", "bounds")
+    check_keys(dict(bounds), set(), {unknown.name for unknown in found}, "bounds")
     return [within(unknown, bounds) for unknown in found]
 
 

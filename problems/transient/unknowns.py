@@ -29,7 +29,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, choices, shown
+from ancf_casadi.support.inputs import array, check_keys, choices, shown
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.transient.motion_record import Channel, MotionRecord
 
@@ -84,9 +84,7 @@ def transient_unknowns(
         raise InputError(
             "nothing is to be estimated; give a coefficient a guess above 0, or fix fewer of them", "damping"
         )
-    strange = set(bounds) - {unknown.name for unknown in found}
-    if strange:
-        raise InputError(f"{', '.join(sorted(strange))}: not among the unknowns; remove these bounds", "bounds")
+    check_keys(dict(bounds), set(), {unknown.name for unknown in found}, "bounds")
     return [within(unknown, bounds) for unknown in found]
 
 

@@ -245,7 +245,11 @@ class TestInput:
             (["elastic_modulus"] * 2, {}, "unknowns: must name"),
             (["stiffness"], {}, "unknowns: must be one of"),
             (["tip_mass"], {}, "tip_mass: no beam has a tip mass"),
-            (["elastic_modulus"], {"bounds": {"density": (1.0, 2.0)}}, "bounds: density: not among the unknowns"),
+            (
+                ["elastic_modulus"],
+                {"bounds": {"density": (1.0, 2.0)}},
+                "bounds: unknown key 'density'; known are elastic_modulus",
+            ),
             (["elastic_modulus"], {"bounds": {"elastic_modulus": (1.0, 2.0)}}, "the first value"),
             (["elastic_modulus"], {"bounds": {"elastic_modulus": 3.0}}, "bounds: elastic_modulus: must be a pair"),
             (

@@ -388,7 +388,7 @@ def test_a_record_that_makes_no_sense_is_refused(changes, message):
         ({"fixed": ("eta3",)}, "fixed: must be one of eta1, eta2, got 'eta3'"),
         ({"load": ("force",)}, "load: must be one of force_x"),
         ({"fixed": ("eta1", "eta2")}, "damping: nothing is to be estimated"),
-        ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: beta: not among the unknowns"),
+        ({"bounds": {"beta": (0.0, 1.0)}}, "bounds: unknown key 'beta'; known are "),
         ({"bounds": {"eta1": (1.0, 2.0)}}, "eta1: the guess 0.6 is not within"),
         ({"bounds": {"eta1": 0.1}}, r"bounds: eta1: must be a pair \(lower, upper\), got 0\.1"),
         ({"bounds": {"eta1": ("a", 1.0)}}, "bounds: eta1: must be numbers"),

@@ -50,7 +50,7 @@ def test_a_record_that_makes_no_sense_is_refused(make, message):
         (MotionRecord([ONE, Measurement(TIME[:5], TIME[:5])]), {}, "channels: displacement x, tip has fewer than 10"),
         (MotionRecord([ONE, Measurement(TIME, 0 * TIME)]), {}, "channels: displacement x, tip is constant; leave it"),
         (MotionRecord([SEEN], release=0.1), {"load": ("force_x_rate",)}, "load: samples are, or may be, before the r"),
-        (MotionRecord([ONE]), {"bounds": {"release_1": (0.0, 1.0)}}, "bounds: release_1: not among the unknowns"),
+        (MotionRecord([ONE]), {"bounds": {"release_1": (0.0, 1.0)}}, "bounds: unknown key 'release_1'; known are "),
         (
             Measurement(TIME, TIME, sensor=Sensor("slope", 0.3)),
             {},

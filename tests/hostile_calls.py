@@ -17,7 +17,9 @@ import problems
 from ancf_casadi import export
 from ancf_casadi.response.systems.system import SecondOrderSystem
 
-SECONDS = 10.0  # that a call may take
+SECONDS = 10.0  # of processor time that a call may take before it is interrupted as by Ctrl-C
+GRACE = 2.0  # s of processor time that it may take to end then
+PATIENCE = 8  # times as long by the clock, since other programs may use the machine too
 
 
 class Refused(Exception):
@@ -321,13 +323,17 @@ def hostile_call(rng: random.Random, folder: Path) -> tuple[str, dict, Callable]
 
 
 def outcome(function: Callable, arguments: dict, positional: Sequence = ()) -> str:
-    """Call; return ``returned``, ``refused``, or the description of a fault."""
+    """Call; return ``returned``, ``refused``, ``stopped`` by Ctrl-C after long work, or the description of a fault."""
 
     def late(*_):
         raise TimeoutError("waits too long")
 
-    before = signal.signal(signal.SIGALRM, late)
-    signal.setitimer(signal.ITIMER_REAL, 3 * SECONDS)  # other programs may use the machine too
+    def stop(*_):
+        signal.raise_signal(signal.SIGINT)
+
+    before = {number: signal.signal(number, act) for number, act in ((signal.SIGALRM, late), (signal.SIGPROF, stop))}
+    signal.setitimer(signal.ITIMER_REAL, PATIENCE * SECONDS)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS, GRACE)
     began = time.process_time()
     try:
         with warnings.catch_warnings(record=True) as warned:
@@ -339,13 +345,19 @@ def outcome(function: Callable, arguments: dict, positional: Sequence = ()) -> s
         found = "refused" if "\n" not in text and len(text) < 1000 else f"a message of {len(text)} characters"
     except Refused:
         found = "refused"
+    except KeyboardInterrupt:
+        found = "stopped"
     except Exception as error:
         return f"{type(error).__name__}: {' '.join(str(error).split())[:150]}"
     finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        for number, act in before.items():
+            signal.signal(number, act)
     foreign = [w for w in warned if w.category is not UserWarning]
     if foreign:
         return f"warns: {foreign[0].category.__name__}: {foreign[0].message}"
     used = time.process_time() - began
-    return found if used < SECONDS else f"takes {used:.0f} s"
+    if used < SECONDS:
+        return found
+    return "stopped" if used < SECONDS + GRACE else f"takes {used:.0f} s in spite of Ctrl-C"

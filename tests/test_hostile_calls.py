@@ -1,5 +1,6 @@
 """Public functions return, or refuse hostile arguments with an error of the package."""
 
+import contextlib
 import inspect
 import random
 
@@ -9,6 +10,7 @@ import pytest
 from ancf_casadi import HarmonicBase, InputError, Measurement, damping_curve, export, natural_modes, run_all
 from ancf_casadi.response.systems.system import SecondOrderSystem
 from problems import fit_decay, isolate_mode, law_curve
+from tests import hostile_calls
 from tests.hostile_calls import NOT_CALLED, calls, hostile_call, outcome, public
 
 
@@ -43,6 +45,28 @@ def faults(folder, seed, count):
 
 def test_hostile_calls_return_or_are_refused(there):
     assert faults(there, 1, 40) == []
+
+
+def endless():
+    while True:
+        pass
+
+
+def deaf():
+    """Swallow the first two of Ctrl-C."""
+    for _ in range(2):
+        with contextlib.suppress(KeyboardInterrupt):
+            endless()
+    endless()
+
+
+@pytest.mark.parametrize(
+    ("function", "found"), [(endless, "stopped"), (deaf, "takes 0 s in spite of Ctrl-C"), (dict, "returned")]
+)
+def test_long_work_that_ctrl_c_ends_is_told_from_work_that_it_does_not_end(monkeypatch, function, found):
+    monkeypatch.setattr(hostile_calls, "SECONDS", 0.1)
+    monkeypatch.setattr(hostile_calls, "GRACE", 0.1)
+    assert outcome(function, {}) == found
 
 
 @pytest.mark.slow

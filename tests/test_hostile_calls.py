@@ -66,6 +66,7 @@ def deaf():
 def test_long_work_that_ctrl_c_ends_is_told_from_work_that_it_does_not_end(monkeypatch, function, found):
     monkeypatch.setattr(hostile_calls, "SECONDS", 0.1)
     monkeypatch.setattr(hostile_calls, "GRACE", 0.1)
+    monkeypatch.setattr(hostile_calls, "PATIENCE", 1000)
     assert outcome(function, {}) == found
 
 
@@ -120,10 +121,12 @@ def test_a_wrong_argument_is_named(call, message):
         ("fit_response", {"bounds": {1: 2, "a": (0.0, 1.0)}}, "refused"),
         ("fit_transient", {"bounds": {1: 2, "a": (0.0, 1.0)}}, "refused"),
         ("fit_properties", {"bounds": {1: 2, "a": (0.0, 1.0)}}, "refused"),
+        ("ResponseRecord", {"values": [[1.0], [1.0, 2.0]]}, "refused"),
+        ("damping_curve", {"periods": 1e308}, "refused"),
     ],
 )
 def test_a_call_that_ended_in_an_exception_of_python(there, name, changed, found):
-    """Regression: the truth of an empty array, and names of unknowns that are no texts."""
+    """Regression: the truth of an empty array, names of unknowns that are no texts, ragged lists, infinite products."""
     function, arguments = calls(there)[name]
     assert outcome(function, arguments | changed) == found
 

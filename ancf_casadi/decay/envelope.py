@@ -38,7 +38,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
-from ancf_casadi.support.inputs import check_instance, positive
+from ancf_casadi.support.inputs import check_instance, physical
 from ancf_casadi.support.prefixes import prefixed
 from ancf_casadi.support.tables import Displayed, Table, counted, spread
 
@@ -229,7 +229,7 @@ def damping_curve(
     0.84 % in 3 windows
     """
     check_instance(record, "record", Measurement)
-    if periods is not None and positive(periods, "periods") < 1.0:
+    if periods is not None and physical(periods, "periods") < 1.0:
         raise InputError(f"must be 1 or more, got {periods:g}", "periods")
     guess = first_guess(record, release_time=release_time)
     time, y = record.time[guess.release :], record.values[guess.release :]

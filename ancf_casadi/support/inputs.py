@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, ComplexArray
 
 SMALLEST, LARGEST = 1e-30, 1e30  # s or Hz
 LARGEST_WHOLE = 2**31 - 1  # larger ones overflow in libraries
@@ -309,6 +309,25 @@ def array(values: ArrayLike, where: str, *, finite: bool = True) -> Array:
     if finite and not np.isfinite(result).all():
         raise InputError("must be finite", where)
     return result
+
+
+def complex_array(values: ArrayLike, where: str) -> ComplexArray:
+    """Return a copy of finite numbers, real or complex, as an array.
+
+    Raises
+    ------
+    InputError
+        If they are anything else.
+    """
+    if not is_sequence(values):
+        raise InputError(f"must be an array of numbers, got {shown(values)}", where)
+    try:
+        found = np.array(values, dtype=complex)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError("must be numbers", where) from None
+    if not np.isfinite(found).all():
+        raise InputError("must be finite", where)
+    return found
 
 
 def check_keys(table: Any, required: set[str], optional: set[str], where: str) -> None:

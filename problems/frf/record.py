@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.response.linear_frf import UNITS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance, choice, instances, is_sequence, numbers, shown
+from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, instances, numbers
 from ancf_casadi.support.tables import Displayed, counted, spread
 
 LEAST_LINES = 8
@@ -69,7 +68,7 @@ class FrfRecord(Displayed):
             raise InputError(f"needs at least {LEAST_LINES} frequencies", "frequencies")
         if (np.diff(f) <= 0.0).any() or f[0] <= 0.0:
             raise InputError("must be positive and increase; leave out the line at 0 Hz", "frequencies")
-        values = _complex(self.values)
+        values = complex_array(self.values, "values")
         values = values.reshape((1,) * (3 - values.ndim) + values.shape) if values.ndim == 1 else values
         values = values[:, None, :] if values.ndim == 2 else values
         if values.ndim != 3 or not values.size or values.shape[2] != len(f):
@@ -211,16 +210,3 @@ def moving_mean(values: Array, half: int) -> Array:
     k = np.arange(len(values))
     low, high = np.maximum(k - half, 0), np.minimum(k + half + 1, len(values))
     return np.asarray((sums[high] - sums[low]) / (high - low))
-
-
-def _complex(values: ArrayLike) -> ComplexArray:
-    """Return a copy of complex numbers as an array."""
-    if not is_sequence(values):
-        raise InputError(f"must be an array of complex numbers, got {shown(values)}", "values")
-    try:
-        found = np.array(values, dtype=complex)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError("must be complex numbers", "values") from None
-    if not np.isfinite(found).all():
-        raise InputError("must be finite", "values")
-    return found

@@ -36,7 +36,7 @@ from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance, choice, instances, is_sequence
+from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, instances, is_sequence
 from ancf_casadi.support.tables import Displayed, counted, spread
 from problems.transient.marker_record import motion_record
 from problems.transient.motion_record import MotionRecord
@@ -137,11 +137,10 @@ class ResponseRecord(Displayed):
         frequencies = _positive(self.frequencies, "frequencies")
         if frequencies.ndim != 1 or not frequencies.size:
             raise InputError("must be a sequence of frequencies", "frequencies")
-        values, phases = self.values, self.phases
+        values, phases, measured = self.values, self.phases, complex_array(self.values, "values")
         if np.iscomplexobj(values):
             if phases is not None:
                 raise InputError("belong to real values; complex values have their own", "phases")
-            measured = np.asarray(values)
             values, phases = np.abs(measured), np.angle(measured)
         kept = {"frequencies": frequencies, "values": _positive(values, "values")}
         if phases is not None:

@@ -28,8 +28,7 @@ from typing import TypeVar
 
 import casadi as cs
 
-from ancf_casadi.decay.slow_flow import Flow, riccati_flow
-from ancf_casadi.decay.smooth import mean_decay
+from ancf_casadi.decay.slow_flow import Flow, mean_decay, riccati_flow
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 

@@ -1,75 +1,56 @@
 """Detection of the end of an excitation in a record: the free decay begins where the force ends.
 
-Relative to a carrier near its frequency, the record is y = Re(z exp(i omega t)) with a slow z, estimated by linear
-least squares in blocks of whole periods, each from its samples at their own times.  A block in which missing frames
-increase the variance of z too much is left out, so that k skips its number.  A free mode has z_k = a q^k.  Under a
-harmonic force z is a steady part and a transient,
+Relative to a carrier near its frequency, the record is y = Re(z exp(i omega t)) with a slow z, estimated in windows of
+whole periods (``track``).  A free mode has z_k = a q^k.  Under a harmonic force z is a steady part and a transient,
 
     z_k = B p^k + C q^k,    |p| = 1,
 
-so that an excitation that ends in block s - 1 leaves the misfit
+so that an excitation that ends in window s - 1 leaves the misfit
 
     S(s) = min sum_{k < s-1} |z_k - B p^k - C q^k|^2 + min sum_{k >= s} |z_k - a q^k|^2
 
-with q from the second sum.  There is an excitation if two conditions hold.  First, it explains z clearly better, by the
-criterion BIC, than each free decay: one mode with an amplitude-dependent loss, dA/dk = -c - a A - b A^2 with a, b, c >=
-0, or two or three modes that beat.  Second, the force beats with the mode or supplies energy.  The release is then the
-latest one that the misfit permits: the closed forms hold from any later instant on, whereas a release that is too early
-spoils a fit.
+with q from the second sum.  There is an excitation if two conditions hold.  First, it is evident (``evidence``) beside
+each free decay: one mode with an amplitude-dependent loss, dA/dk = -c - a A - b A^2 with a, b, c >= 0, or two or three
+modes that beat.  Second, the force beats with the mode or supplies energy.  The release is then the latest one beside
+which no other is evident: the closed forms hold from any later instant on, whereas a release that is too early spoils
+a fit.
 
 References
 ----------
 Y. Hua, T. K. Sarkar, Matrix pencil method for estimating parameters of exponentially damped/undamped sinusoids in
 noise, IEEE Transactions on Acoustics, Speech, and Signal Processing 38 (1990).
-G. Schwarz, Estimating the dimension of a model, Annals of Statistics 6 (1978).
 """
 
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 
+from ancf_casadi.decay.evidence import evident
 from ancf_casadi.decay.spectrum import peak_frequencies, typical_step
+from ancf_casadi.decay.track import LEAST_SAMPLES, Windows, windows
 from ancf_casadi.support.arrays import Array, ComplexArray
 
-# Resolution of z.
-MOST_BLOCKS = 128  # limits the time of the search
-BLOCK_SAMPLES = 8  # least number of samples in a block without dropped frames
-BLOCK_UNKNOWNS = 4
-POOREST = 2.5  # variance of z, relative to a block without dropped frames, beyond which it is left out
-FORCED, FREE = 3, 4  # least number of blocks with a force (B, C and p need three), and without
-VISIBLE = 5.0  # amplitude, in standard deviations of the noise, below which z ends
-MOST_PLACES = 20  # ends s tried in a first pass; a second pass tries those near the best
-TURN, ZOOMS = math.pi / 2, 4  # largest turn of p (rad per block), and refinements of it, each by a factor of 4
-
-# Decision.
-MOST_STEPS = 30  # of the refinement of poles
-ROUGH = 1e-3  # error, relative to the amplitude, that no model explains, such as an error of calibration
-CLEAR = 10.0  # difference of BIC that leaves no doubt
-POSSIBLE = 4.0  # difference of twice the log-likelihood within which an end is possible (95 %)
-SUPPLY = 0.3  # least energy that a force supplies, relative to the loss of a free mode; less may be a beat of two modes
-WEAK, GROWING = 0.2, 5  # size before a growth, relative to the largest, and least number of blocks of the growth
-ONE_MODE, LOSSY_MODE, FORCED_MODE = 4, 7, 10  # number of unknowns of the models
+MOST_WINDOWS = 128  # limits the time of the search
+FORCED, FREE = 3, 4  # least number of windows with a force (B, C and p need three), and without
 
 
 def end_of_excitation(time: Array, displacement: Array) -> int:
     """Return the index of the first sample after an excitation; 0 if there is none."""
-    if len(time) < BLOCK_SAMPLES:
+    if len(time) < LEAST_SAMPLES:
         return 0
-    k, z, length = _blocks(time, displacement, peak_frequencies(time, displacement - displacement.mean())[0])
-    P = len(z)
+    found = _windows(time, displacement, peak_frequencies(time, displacement - displacement.mean())[0])
+    z, P = found.z, len(found.z)
     if P < FORCED + 1 + FREE:
         return 0
-    n, rough = 2 * P, float(np.sum((ROUGH * np.abs(z)) ** 2))
+    k = (found.middle - found.middle[0]) / found.length
 
-    def criterion(misfit: float, unknowns: int) -> float:
-        return n * math.log(misfit + rough) + unknowns * math.log(n)
+    def clearly(free: float, forced: float, unknowns: int) -> bool:
+        return evident(free, forced, 2 * P, unknowns, motion=float(np.vdot(z, z).real))
 
     log_q, free = _tails(k, z)
-    plain = criterion(float(free[0]), ONE_MODE)
-    if criterion(_scatter(k, z, log_q[0]), FORCED_MODE) + CLEAR > plain:  # no smooth z is clearly better than one mode
+    if not clearly(float(free[0]), _scatter(k, z, log_q[0]), 10 - 4):  # no smooth z is clearly better than one mode
         return 0
     misfits: dict[int, float] = {}
     supplied: dict[int, bool] = {}
@@ -81,68 +62,42 @@ def end_of_excitation(time: Array, displacement: Array) -> int:
                 misfits[s] = (misfit + float(free[s])) * P / (P - 1)
         return min(misfits, key=lambda s: (misfits[s], s))
 
-    stride = max(1, (P - FORCED - FREE) // MOST_PLACES)
+    stride = math.isqrt(P)
     near = best_of(range(FORCED + 1, P - FREE + 1, stride))
     end = best_of(range(max(FORCED + 1, near - stride), min(P - FREE, near + 2 * stride) + 1))
-    best, forced = misfits[end], criterion(misfits[end], FORCED_MODE) + CLEAR
-    if not supplied[end]:
+    best = misfits[end]  # of ten unknowns: q, its amplitude, B, p, C and s
+    if not supplied[end] or not clearly(float(free[0]), best, 10 - 4) or not clearly(_lossy(k, z), best, 10 - 7):
         return 0
-    if forced > min(plain, criterion(_lossy(k, z), LOSSY_MODE)):
+    if not all(clearly(_beating(k, z, modes), best, 10 - 4 * modes) for modes in (2, 3)):
         return 0
-    if forced > min(criterion(_beating(k, z, modes), ONE_MODE * modes) for modes in (2, 3)):
-        return 0
-    last = max(s for s, left in misfits.items() if n * math.log((left + rough) / (best + rough)) < POSSIBLE)
-    return int(np.searchsorted(time, time[0] + k[last] * length - typical_step(time) / 2))
+    last = max(s for s, left in misfits.items() if not clearly(left, best, 0))
+    return int(np.searchsorted(time, time[0] + found.number[last] * found.length - typical_step(time) / 2))
 
 
 def grows_slowly(time: Array, displacement: Array, frequency: float) -> bool:
-    """Return whether the first oscillation of a given frequency (Hz) in a record grows over many blocks.
+    """Return whether the first oscillation of a given frequency (Hz) in a record grows over many windows.
 
     That of an excited mode does, that after a release or a blow does not.  Its velocity is taken, in which a slower and
     larger oscillation is small.
     """
-    size = np.abs(_blocks(time, np.gradient(displacement, time), frequency)[1])
-    if not size.size:
+    found = _windows(time, np.gradient(displacement, time), frequency)
+    size = np.abs(found.z)
+    peak = int(np.argmax(size)) if size.size else 0
+    size = size[np.append(-1, np.flatnonzero(~found.seen[:peak]))[-1] + 1 : peak + 1]
+    growth = np.arange(len(size)) + 0.5
+    if len(size) < 3:
         return False
-    begin, peak = int(np.argmax(size > WEAK * size.max())), int(np.argmax(size))
-    return 0 < begin <= peak - GROWING and bool((np.diff(size[begin - 1 : peak + 1]) > 0.0).all())
+    steady, grown = size - size.mean(), size - growth * (growth @ size) / (growth @ growth)
+    alike, slow, motion = (float(values @ values) for values in (steady, grown, size))
+    return evident(alike, slow, len(size) - 1, 0, motion)
 
 
-def _blocks(time: Array, displacement: Array, frequency: float) -> tuple[Array, ComplexArray, float]:
-    """Return numbers and z of the blocks for a carrier (Hz), until noise hides z, and the length of a block (s)."""
-    step = typical_step(time)
-    period = 1 / (frequency * step)  # steps
-    count = (time[-1] - time[0]) / step + 1
-    periods = max(1, math.ceil(BLOCK_SAMPLES / period), math.ceil(count / period / MOST_BLOCKS))
-    size = round(periods * period)
-    P = int(count / size + 1e-9)
-    places = (time - time[0]) / step
-    edges = np.searchsorted(places, size * np.arange(P + 1) - 0.5).tolist()
-    z, squares, freedom = np.full(P, np.nan, dtype=complex), 0.0, 0
-    for k, (begin, end) in enumerate(pairwise(edges)):
-        if end - begin <= BLOCK_UNKNOWNS:
-            continue
-        phase = 2 * math.pi / period * places[begin:end]
-        line = 2 * (places[begin:end] - k * size) / size - 1
-        basis = np.column_stack([np.cos(phase), -np.sin(phase), np.ones(end - begin), line])
-        root = np.linalg.pinv(basis)
-        if np.sum(root[:2] ** 2) > POOREST * 4 / size:  # 4/size without dropped frames
-            continue
-        found = root @ displacement[begin:end]
-        z[k] = complex(found[0], found[1])
-        squares += float(np.sum((displacement[begin:end] - basis @ found) ** 2))
-        freedom += end - begin - BLOCK_UNKNOWNS
-    known = np.flatnonzero(~np.isnan(z))
-    amplitude = np.abs(z[known])
-    noise = math.sqrt(2 * squares / max(1, freedom) / size)
-    lost = np.flatnonzero(amplitude < max(VISIBLE * noise, 1e-12 * amplitude.max(initial=0.0)))
-    lost = lost[lost > np.argmax(amplitude)] if known.size else lost
-    known = known[: lost[0]] if lost.size else known
-    return known.astype(float), z[known], size * step
+def _windows(time: Array, values: Array, frequency: float) -> Windows:
+    return windows(time - time[0], values, 2 * math.pi * frequency, most=MOST_WINDOWS, degree=1)
 
 
 def _tails(k: Array, z: ComplexArray) -> tuple[ComplexArray, Array]:
-    """Return ln q of the free decay from each block to the last, and its misfit, by weighted regression of ln z."""
+    """Return ln q of the free decay from each window to the last, and its misfit, by weighted regression of ln z."""
     w = np.abs(z) ** 2
     logarithm = np.log(np.abs(z)) + 1j * np.unwrap(np.angle(z))
 
@@ -159,21 +114,21 @@ def _tails(k: Array, z: ComplexArray) -> tuple[ComplexArray, Array]:
 
 
 def _scatter(k: Array, z: ComplexArray, log_q: complex) -> float:
-    """Return the misfit of a smooth curve of any shape, from the second differences of z/q^k in successive blocks."""
+    """Return the misfit of a smooth curve of any shape, from the second differences of z/q^k in successive windows."""
     w = z * np.exp(-log_q * k)
     size = np.abs(z[1:-1] / w[1:-1])
-    squares = ((np.abs(np.diff(w, 2)) * size) ** 2)[k[2:] - k[:-2] == 2]
+    squares = ((np.abs(np.diff(w, 2)) * size) ** 2)[k[2:] - k[:-2] < 2.5]
     return float(np.mean(squares)) / 6 * len(z) if squares.size else math.inf
 
 
 def _forced(k: Array, y: ComplexArray, log_q: complex) -> tuple[float, bool]:
-    """Return the first sum of S(s), over z = y of the blocks before the last of k, and whether the force sustains them.
+    """Return the first sum of S(s), over z = y of the windows before the last of k, and whether the force sustains them.
 
-    It does if it beats with the mode, or supplies part of the energy that the free mode would lose.
+    It does if it beats with the mode, or supplies more than half of the energy that the free mode would lose.
     """
-    k, s = k[:-1], int(k[-1])
+    k, s = k[:-1], float(k[-1])
     decay = np.exp(log_q * (k - s))
-    centre, width = 0.0, TURN
+    centre, width = 0.0, math.pi / 2
     own, energy = np.vdot(decay, y), float(np.vdot(decay, decay).real)
 
     def misfits(angles: Array) -> tuple[Array, ComplexArray, ComplexArray]:
@@ -184,8 +139,8 @@ def _forced(k: Array, y: ComplexArray, log_q: complex) -> tuple[float, bool]:
         C = (own - cross.conj() * B) / energy
         return np.vdot(y, y).real - (B.conj() * projection + C.conj() * own).real, B, C
 
-    for zoom in range(ZOOMS):
-        angles = centre + width * np.linspace(-1.0, 1.0, 4 * s + 9 if zoom == 0 else 9)
+    for zoom in range(4):
+        angles = centre + width * np.linspace(-1.0, 1.0, math.ceil(4 * s) + 9 if zoom == 0 else 9)
         left, B, C = misfits(angles)
         best = int(np.argmin(left))
         centre, width = float(angles[best]), float(angles[1] - angles[0])
@@ -193,7 +148,7 @@ def _forced(k: Array, y: ComplexArray, log_q: complex) -> tuple[float, bool]:
     power, loss = np.abs(model) ** 2, 1 - math.exp(2 * log_q.real)
     beats = abs(centre - log_q.imag) * s > math.pi
     supplied = float(np.sum(power[1:] - power[:-1] * (1 - loss) ** np.diff(k)))
-    sustained = log_q.real < 0.0 and (beats or supplied > SUPPLY * loss * float(np.sum(power[:-1])))
+    sustained = log_q.real < 0.0 and (beats or supplied > loss * float(np.sum(power[:-1])) / 2)
     return float(np.sum(np.abs(y - model) ** 2)), sustained
 
 
@@ -221,9 +176,9 @@ def _lossy(k: Array, z: ComplexArray) -> float:
 def _beating(k: Array, z: ComplexArray, modes: int) -> float:
     """Return the misfit of several free modes, by the matrix pencil.
 
-    If blocks were left out, those of the pencil are interpolated, and the poles are refined by nonlinear least squares.
+    If windows were left out, those of the pencil are interpolated, and the poles are refined by nonlinear least squares.
     """
-    every = np.arange(k[0], k[-1] + 1)
+    every = np.arange(round(k[-1]) + 1.0)
     filled = np.exp(np.interp(every, k, np.log(np.abs(z))) + 1j * np.interp(every, k, np.unwrap(np.angle(z))))
     hankel = np.lib.stride_tricks.sliding_window_view(filled, len(filled) // 2 + 1)
     vectors = np.linalg.svd(hankel, full_matrices=False)[2][:modes].T
@@ -236,8 +191,8 @@ def _beating(k: Array, z: ComplexArray, modes: int) -> float:
         return np.concatenate([left.real, left.imag])
 
     start = np.concatenate([np.log(np.maximum(np.abs(poles), np.finfo(float).tiny)), np.angle(poles)])
-    if len(k) == len(every):
+    if len(k) == len(every) and np.allclose(k, every):
         return float(np.sum(residuals(start) ** 2))
     from scipy.optimize import least_squares  # slow to import, and rarely needed
 
-    return 2 * float(least_squares(residuals, start, max_nfev=MOST_STEPS).cost)
+    return 2 * float(least_squares(residuals, start).cost)

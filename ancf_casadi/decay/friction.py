@@ -49,18 +49,12 @@ from typing import TypeVar
 import casadi as cs
 
 from ancf_casadi.decay.quadrature import antiderivative
-from ancf_casadi.decay.slow_flow import Flow, riccati_flow
-from ancf_casadi.decay.smooth import polynomial, stopping
+from ancf_casadi.decay.slow_flow import SERIES_BELOW, Flow, polynomial, riccati_flow, stopping
 from ancf_casadi.support.arrays import Array
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 
 LEAST_BAND = 1e-9  # least d relative to the amplitude at the release
-SERIES_BELOW = 1e-3  # |y| below which the series of tanh(y^1/2)/y^1/2 is used; its 7th term is below 1e-20
-SERIES = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925)
-COSH = tuple(1 / math.factorial(2 * k) for k in range(6))  # series of cosh(y^1/2)
-SINH = tuple(1 / math.factorial(2 * k + 1) for k in range(6))  # and of sinh(y^1/2)/y^1/2
-LARGEST_ANGLE = 1.57  # of the tangent, just below pi/2; the motion stops earlier
 
 
 def friction_envelope(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e0: Value) -> Value:
@@ -115,11 +109,13 @@ def _rates(ω: Value, η0: Value, η1: Value, η2: Value) -> tuple[Value, Value,
 
 
 def _tanh_ratio(y: Value) -> Value:
-    """Return tanh(y^1/2)/y^1/2; smooth also at y <= 0, where it is a tangent of at most the largest angle."""
+    """Return tanh(y^1/2)/y^1/2; smooth also at y <= 0, where it is a tangent."""
     near, above = cs.fabs(y) < SERIES_BELOW, y > 0
-    series = polynomial(SERIES, y)
+    series = polynomial(
+        (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 6081075, -929569 / 638512875), y
+    )
     root = cs.sqrt(cs.if_else(near, 1, cs.fabs(y)))  # keeps the other branches and all derivatives finite
-    angle = cs.fmin(root, LARGEST_ANGLE)
+    angle = cs.fmin(root, 1.57)  # just below pi/2; the motion stops earlier
     return cs.if_else(near, series, cs.if_else(above, cs.tanh(root), cs.tan(angle)) / cs.if_else(above, root, angle))
 
 
@@ -131,6 +127,6 @@ def _damped(α: Value, y: Value) -> tuple[Value, Value]:
     cosh = cs.if_else(above, (rising + falling) / 2, fading * cs.cos(root))
     sinh = cs.if_else(above, (rising - falling) / 2, fading * cs.sin(root)) / root
     return (
-        cs.if_else(near, fading * polynomial(COSH, y), cosh),
-        cs.if_else(near, fading * polynomial(SINH, y), sinh),
+        cs.if_else(near, fading * polynomial([1 / math.factorial(2 * k) for k in range(8)], y), cosh),
+        cs.if_else(near, fading * polynomial([1 / math.factorial(2 * k + 1) for k in range(8)], y), sinh),
     )

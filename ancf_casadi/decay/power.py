@@ -31,8 +31,7 @@ from typing import TypeVar
 
 import casadi as cs
 
-from ancf_casadi.decay.slow_flow import Flow
-from ancf_casadi.decay.smooth import log_ratio, mean_decay, stopping
+from ancf_casadi.decay.slow_flow import Flow, log_ratio, mean_decay, stopping
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 

@@ -26,8 +26,13 @@ With Z = int h dt and V = int t h dt, this gives g = 1 + b Z and
 
     I1 = Z l(b Z),    I2 = (e0 Z - c V)/(1 + b Z) - a Z^2 d(b Z),
 
-where l and d are the functions of ``smooth``, so that b = 0 is no special case.  I2 follows from the integral of the
-equation of motion, e0 - A = c t + a I1 + b I2.
+so that b = 0 is no special case.  I2 follows from the integral of the equation of motion, e0 - A = c t + a I1 + b I2.
+Three functions of the closed forms are 0/0 at one point, and written so that they and their derivatives are smooth
+there, by their series near x = 0:
+
+    m(x) = (1 - exp(-x))/x                   the mean of exp(-s) over s from 0 to x
+    l(x) = ln(1 + x)/x                       the mean of 1/(1 + s)
+    d(x) = (l(x) - 1/(1 + x))/x              the rest of l above its lower bound
 
 References
 ----------
@@ -36,14 +41,16 @@ A. H. Nayfeh, D. T. Mook, Nonlinear Oscillations, Wiley (1979), Sections 2.3, 3.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 import casadi as cs
 
-from ancf_casadi.decay.smooth import log_defect, log_ratio
-
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
+
+SERIES_BELOW = 0.02  # |x| below which a series replaces a closed form; ten terms are exact to 0.02^10 = 1e-17
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,3 +78,47 @@ def riccati_flow(amplitude: Value, Z: Value, cV: Value, a: Value, b: Value, e0: 
     first = Z * log_ratio(x)
     second = (e0 * Z - cV) / (1 + x) - a * Z**2 * log_defect(x)
     return Flow(amplitude, first, second)
+
+
+def mean_decay(x: Value) -> Value:
+    """Return (1 - exp(-x))/x; 1 at x = 0."""
+    near, away = _apart(x)
+    return cs.if_else(
+        near, polynomial([(-1) ** k / math.factorial(k + 1) for k in range(10)], x), -cs.expm1(-away) / away
+    )
+
+
+def log_ratio(x: Value) -> Value:
+    """Return ln(1 + x)/x for x > -1; 1 at x = 0."""
+    near, away = _apart(x)
+    return cs.if_else(near, polynomial([(-1) ** k / (k + 1) for k in range(10)], x), cs.log1p(away) / away)
+
+
+def log_defect(x: Value) -> Value:
+    """Return (ln(1 + x)/x - 1/(1 + x))/x for x > -1; 1/2 at x = 0."""
+    near, away = _apart(x)
+    return cs.if_else(
+        near,
+        polynomial([(-1) ** k * (k + 1) / (k + 2) for k in range(10)], x),
+        (cs.log1p(away) / away - 1 / (1 + away)) / away,
+    )
+
+
+def stopping(value: Value, band: Value) -> Value:
+    """Return a falling value while above a band, 0 below the negative of the band, and a smooth transition between."""
+    ratio = cs.fmin(cs.fmax(value / band, -1), 1)
+    return cs.if_else(value > band, value, band * (3 - ratio) * (ratio + 1) ** 3 / 16)
+
+
+def polynomial(coefficients: Sequence[float], x: Value) -> Value:
+    """Return the polynomial with the given coefficients, that of the lowest power first."""
+    value = 0 * x
+    for coefficient in reversed(coefficients):
+        value = coefficient + x * value
+    return value
+
+
+def _apart(x: Value) -> tuple[Value, Value]:
+    """Return a mask of x near 0, and x with 1 in those places, which keeps the closed form and derivatives finite."""
+    near = cs.fabs(x) < SERIES_BELOW
+    return near, cs.if_else(near, 1, x)

@@ -1,12 +1,13 @@
-"""Amplitude and phase of a free decay over time, as a first estimate without a law.
+"""Amplitude and phase of an oscillation over time, as a first estimate without a law.
 
 The record is divided into windows of whole periods of a carrier near its frequency.  In each window,
 
     y = Re(z exp(i omega t)) + d
 
-is fitted by linear least squares.  |z| is the amplitude in the middle of the window, and omega t + arg z the phase,
-counted on from window to window.  The track ends where noise hides the oscillation.  It follows a frequency that
-changes by up to 1/(2 w) of itself, with windows of w periods, over any number of periods.
+is fitted by linear least squares to the samples at their own times.  |z| is the amplitude in the middle of the window,
+and omega t + arg z the phase, counted on from window to window.  A window in which missing frames increase the variance
+of z too much is left out.  The track ends where noise hides the oscillation (``evidence``).  It follows a frequency
+that changes by up to 1/(2 w) of itself, with windows of w periods, over any number of periods.
 """
 
 from __future__ import annotations
@@ -15,13 +16,39 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.decay.evidence import visible
+from ancf_casadi.decay.spectrum import typical_step
+from ancf_casadi.support.arrays import Array, ComplexArray, Index
 
-LEAST_SAMPLES = 8  # in a window
-MOST_WINDOWS = 1000
-FULL = 0.6  # share of the usual number of samples, below which a window is left out
-VISIBLE = 4.0  # amplitude, in standard errors, below which noise hides the oscillation
+LEAST_SAMPLES = 8  # in a window without missing frames
+POOREST = 2.5  # variance of z, relative to a window without missing frames, beyond which it is left out
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """The oscillation in successive windows.
+
+    Parameters
+    ----------
+    number : ndarray
+        Number of each window (k,), from 0 at the first sample; those left out are missing.
+    z : ndarray
+        Complex amplitude relative to the carrier (k,), in the unit of the record.
+    seen : ndarray
+        Whether noise leaves it visible (k,); it may not be before the largest one.
+    middle : ndarray
+        Mean time of its samples (k,), s.
+    length : float
+        Length of a window, s.
+    """
+
+    number: Index
+    z: ComplexArray
+    seen: NDArray[np.bool_]
+    middle: Array
+    length: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +76,7 @@ class Track:
 
 
 def track(time: Array, measured: Array, ω: float) -> Track:
-    """Return amplitude and phase of a decay.
+    """Return amplitude and phase of a decay in up to a thousand windows.
 
     Parameters
     ----------
@@ -60,29 +87,36 @@ def track(time: Array, measured: Array, ω: float) -> Track:
     ω : float
         Frequency of the carrier, rad/s.
     """
-    period = 2 * math.pi / ω
-    rate = len(time) * period / (time[-1] - time[0])  # samples per period
-    periods = max(1, math.ceil(LEAST_SAMPLES / rate), math.ceil((time[-1] - time[0]) / period / MOST_WINDOWS))
-    edges = np.searchsorted(time, np.arange(time[0], time[-1], periods * period))
-    counts = np.diff(edges)
-    full = counts >= max(LEAST_SAMPLES / 2, FULL * np.median(counts)) if len(counts) else np.zeros(0, dtype=bool)
-    if not full.any():
-        return Track(np.zeros(0), np.zeros(0), np.zeros(0))
-    columns = np.array([np.cos(ω * time), -np.sin(ω * time), np.ones(len(time)), measured])
-    products = columns[:, None] * columns
+    found = windows(time, measured, ω, most=1000, degree=0)
+    return Track(found.middle, np.abs(found.z), ω * found.middle + np.unwrap(np.angle(found.z)))
 
-    def sums(values: Array) -> Array:
-        return np.asarray(np.add.reduceat(values[..., : edges[-1]], edges[:-1], axis=-1)[..., full])
 
-    normal = np.moveaxis(sums(products), -1, 0)
-    matrix = normal[:, :3, :3] + 1e-12 * np.eye(3) * counts[full, None, None]
-    found = np.linalg.solve(matrix, normal[:, :3, 3:])[..., 0]
-    left = np.maximum(normal[:, 3, 3] - np.sum(found * normal[:, :3, 3], axis=1), 0.0)
-    noise = math.sqrt(np.median(left / counts[full]))
-    middle = sums(time) / counts[full]
-    amplitude = np.hypot(found[:, 0], found[:, 1])
-    hidden = np.flatnonzero(amplitude < VISIBLE * noise * np.sqrt(2 / counts[full]))
-    hidden = hidden[hidden > np.argmax(amplitude)]
-    end = int(hidden[0]) if hidden.size else len(middle)
-    angle = np.unwrap(np.arctan2(found[:end, 1], found[:end, 0]))
-    return Track(middle[:end], amplitude[:end], ω * middle[:end] + angle)
+def windows(time: Array, measured: Array, ω: float, *, most: int, degree: int) -> Windows:
+    """Return the oscillation about a polynomial of a degree in successive windows, until noise hides it; see ``track``.
+
+    There are ``most`` windows at most.
+    """
+    step = typical_step(time)
+    period, count = 2 * math.pi / (ω * step), (time[-1] - time[0]) / step + 1  # both in steps
+    size = round(period * max(1, math.ceil(LEAST_SAMPLES / period), math.ceil(count / period / most)))
+    edges = np.searchsorted(time, time[0] + step * (size * np.arange(int(count / size + 1e-9) + 1) - 0.5))
+    counts, unknowns = np.diff(edges), 3 + degree
+    number = np.flatnonzero(counts > unknowns)
+    line = 2 * (((time - time[0]) / step + 0.5) / size % 1.0) - 1  # from -1 to 1 in each window
+    columns = np.array([np.cos(ω * time), -np.sin(ω * time), *(line**n for n in range(degree + 1)), measured, time])
+    columns = np.append(columns, np.zeros((len(columns), 1)), axis=1)  # so that the last window may be empty
+    normal = np.moveaxis(np.add.reduceat(columns[:, None] * columns, edges, axis=-1)[..., number], -1, 0)
+    basis, y = slice(unknowns), unknowns
+    inverse = np.linalg.inv(normal[:, basis, basis] + 1e-12 * np.eye(unknowns) * counts[number, None, None])
+    found = (inverse @ normal[:, basis, y, None])[..., 0]
+    variance = (inverse[:, 0, 0] + inverse[:, 1, 1]) / 2  # of z, over that of the noise; 2/size without missing frames
+    left = np.maximum(normal[:, y, y] - np.sum(found * normal[:, basis, y], axis=1), 0.0)
+    z, middle = found[:, 0] + 1j * found[:, 1], normal[:, 2, -1] / counts[number]
+    full = variance < POOREST * 2 / size
+    number, z, middle, left, variance = (values[full] for values in (number, z, middle, left, variance))
+    end, seen = len(number), np.zeros(0, dtype=bool)
+    if end:
+        error = np.sqrt(variance * np.median(left / (counts[number] - unknowns)))
+        seen = visible(np.abs(z), error, counts[number]) & (np.abs(z) > 1e-12 * np.abs(z).max())
+        end = next((k for k in range(int(np.argmax(np.abs(z))) + 1, end) if not seen[k]), end)
+    return Windows(number[:end], z[:end], seen[:end], middle[:end], size * step)

@@ -122,7 +122,7 @@ def _scatter(k: Array, z: ComplexArray, log_q: complex) -> float:
 
 
 def _forced(k: Array, y: ComplexArray, log_q: complex) -> tuple[float, bool]:
-    """Return the first sum of S(s), over z = y of the windows before the last of k, and whether the force sustains them.
+    """Return the first sum of S(s), over z = y before the last of the windows k, and whether the force sustains them.
 
     It does if it beats with the mode, or supplies more than half of the energy that the free mode would lose.
     """
@@ -176,7 +176,7 @@ def _lossy(k: Array, z: ComplexArray) -> float:
 def _beating(k: Array, z: ComplexArray, modes: int) -> float:
     """Return the misfit of several free modes, by the matrix pencil.
 
-    If windows were left out, those of the pencil are interpolated, and the poles are refined by nonlinear least squares.
+    If windows were left out, they are interpolated for the pencil, and nonlinear least squares refines the poles.
     """
     every = np.arange(round(k[-1]) + 1.0)
     filled = np.exp(np.interp(every, k, np.log(np.abs(z))) + 1j * np.interp(every, k, np.unwrap(np.angle(z))))

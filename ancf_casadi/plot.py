@@ -22,8 +22,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import PROPERTIES, Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text
-from ancf_casadi.support.prefixes import prefixed
+from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text, prefixed
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
 

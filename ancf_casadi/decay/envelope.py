@@ -37,9 +37,8 @@ from ancf_casadi.decay.spectrum import outstanding_peak, typical_step
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
+from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, prefixed
 from ancf_casadi.support.inputs import check_instance, physical
-from ancf_casadi.support.prefixes import prefixed
 from ancf_casadi.support.tables import Displayed, Table, counted, spread
 
 if TYPE_CHECKING:

@@ -2,7 +2,7 @@
 
 Records are black, what is computed from them is green; both keep their contrast in grey.  The colours of ``SERIES`` can
 be told apart by the colour-blind (M. Okabe, K. Ito, 2008), on light and on dark pages; in grey, the dashes and markers
-tell them apart.
+tell them apart.  ``prefixed`` chooses the unit of an axis.
 
 Matplotlib reads what stands between two $ as a formula, and fails on one that it does not know.  Names of columns and
 files, and titles, are no formulas.  ``literal_text`` shows them as they were written.
@@ -11,6 +11,7 @@ files, and titles, are no formulas.  ``literal_text`` shows them as they were wr
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, ParamSpec
 
@@ -30,7 +31,23 @@ SERIES: tuple[tuple[str, object, str], ...] = (  # colour, dash, marker
     ("#b8860b", (0, (3, 1, 1, 1, 1, 1)), "v"),
 )
 
+PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n", -12: "p", 3: "k", 6: "M"}
+
 P = ParamSpec("P")
+
+
+def prefixed(largest: float, unit: str) -> tuple[float, str]:
+    """Return the size and the name of the unit with an SI prefix in which a value is between 1 and 1000.
+
+    A quantity without a unit, such as strain, is in millionths or, if large, as it is.
+    """
+    if not (math.isfinite(largest) and largest > 0.0):
+        return 1.0, unit
+    power = 3 * math.floor(math.log10(largest) / 3)
+    if not unit:
+        return (1e-6, "1e-6") if power < 0 else (1.0, "")
+    power = min(max(power, min(PREFIXES)), max(PREFIXES))
+    return 10.0**power, PREFIXES[power] + unit.replace("^2", "²")
 
 
 def literal_text(draw: Callable[P, Figure]) -> Callable[P, Figure]:

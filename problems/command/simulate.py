@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ancf_casadi.dynamics.simulation import simulate
-from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
+from ancf_casadi.dynamics.trajectory import Trajectory
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.tables import Table
 from problems.command.output import Output, add_plot, figure_writer, file_writer, json_text, new_files
@@ -42,31 +41,15 @@ def _run(options: argparse.Namespace) -> Output:
         files.append(file_writer(out, lambda: _motion(run, study.markers).csv()))
     if plot is not None:
         files.append(figure_writer(plot, run.figure))
-    summary = {
-        "samples": len(run.time),
-        "duration_s": float(run.time[-1]),
-        "tip_at_end_m": run.tip[-1].tolist(),
-        "tip_travel_m": np.ptp(run.tip - run.base, axis=0).tolist(),
-        "steps": run.steps,
-        "seconds": run.wall_seconds,
-    }
-    if options.json:
-        return Output(json_text(summary | {"integrators": [_use(use) for use in run.integrators]}), files)
-    used = ", ".join(f"{use.method} from {use.start:.6g} s at tolerance {use.tolerance:.1e}" for use in run.integrators)
-    lines = [f"{name:<14}{_plain(value)}" for name, value in summary.items()]
-    return Output("\n".join([*lines, f"{'integrators':<14}{used}"]), files)
-
-
-def _use(use: IntegratorUse) -> dict[str, Any]:
-    return {"start_s": use.start, "method": use.method, "tolerance": use.tolerance}
+    if not options.json:
+        return Output(run.report(), files)
+    data = run.to_dict()
+    numbers = {name: data[name] for name in ("kind", "tip_travel_m", "steps", "seconds", "integrators")}
+    ends = {"samples": len(run.time), "duration_s": data["time_s"][-1], "tip_at_end_m": data["tip_m"][-1]}
+    return Output(json_text(ends | numbers), files)
 
 
 def _motion(run: Trajectory, markers: Mapping[str, float]) -> Table:
     places = {"tip": run.tip, "base": run.base} | {name: run.position(s) for name, s in markers.items()}
     columns = ("time_s", *(f"{name}_{axis}_m" for name in places for axis in "xy"))
     return Table("motion", "Motion of the beam", columns, np.column_stack([run.time, *places.values()]).tolist())
-
-
-def _plain(value: Any) -> str:
-    values = value if isinstance(value, list) else [value]
-    return "  ".join(f"{item:.6g}" if isinstance(item, float) else str(item) for item in values)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from ancf_casadi.estimation.figures import criteria_figure, residual_figure, scatter_figure
 from ancf_casadi.plot import rendered
 from ancf_casadi.records.figures import series_figure, spectra_figure
-from ancf_casadi.support.figures import literal_text
+from ancf_casadi.support.figures import literal_text, prefixed
 
 ROOT = Path(__file__).parents[2]
 FORMULA = r"$\undefined$, $5"
@@ -82,3 +82,19 @@ def test_a_figure_that_passes_twice_is_the_same():
         axis = function().axes[0].xaxis
         labels.append([axis.get_major_formatter()(value, k) for k, value in enumerate((0.0, 1.0))])
     assert labels[0] == labels[1] == [r"a \$b\$", "c"]
+
+
+@pytest.mark.parametrize(
+    ("largest", "unit", "expected"),
+    [
+        (0.02, "m", (1e-3, "mm")),
+        (3e-5, "m", (1e-6, "µm")),
+        (12.0, "m/s^2", (1.0, "m/s²")),
+        (4e-4, "", (1e-6, "1e-6")),
+        (0.0, "m", (1.0, "m")),
+        (1.0, "N", (1.0, "N")),
+    ],
+)
+def test_a_value_is_between_1_and_1000_in_the_unit_with_its_prefix(largest, unit, expected):
+    size, name = prefixed(largest, unit)
+    assert (pytest.approx(size), name) == expected

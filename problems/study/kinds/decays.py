@@ -20,8 +20,8 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import prefixed
 from ancf_casadi.support.inputs import check_keys, choice, flag, located, number, physical, positive, shown, whole
-from ancf_casadi.support.prefixes import prefixed
 from problems.decay.fitting import fit_decay
 from problems.decay.laws import LAWS
 from problems.decay.result import DecayFit

@@ -383,7 +383,7 @@ class TestExport:
             texts = []
             for command in commands:
                 assert main(command) == 0
-                texts.append(capsys.readouterr().out.split("seconds")[0])
+                texts.append(capsys.readouterr().out.split(" steps in ")[0])
             assert len(set(texts)) == 1
         assert main(["match", "match.toml", "--json"]) == 0
         assert json.loads(capsys.readouterr().out)["matched_hz"] == pytest.approx([1.85, 10.19], rel=1e-6)

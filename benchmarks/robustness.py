@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -27,7 +28,7 @@ import numpy as np
 from ancf_casadi import InputError
 from problems.cli import main
 from problems.command.init import STUDY
-from tests.hostile_calls import SECONDS, hostile_call, outcome
+from tests.hostile_calls import SECONDS, every_call, hostile_call, outcome
 from tests.problems.command.test_mutations import COMMANDS, OPTIONS
 from tests.problems.command.test_mutations import mutated as mutated_study
 from tests.records.reading.test_mutations import library_files, text_files
@@ -101,11 +102,10 @@ def try_inputs(seed: int, count: int) -> Counter:
     return counts
 
 
-def try_calls(seed: int, count: int) -> Counter:
+def try_calls(calls: Iterable[tuple[str, dict, Callable]]) -> Counter:
     """Count the outcomes of hostile calls."""
-    rng, counts = random.Random(seed), Counter()
-    for number in range(count):
-        name, arguments, function = hostile_call(rng, Path.cwd())
+    counts = Counter()
+    for number, (name, arguments, function) in enumerate(calls):
         result = outcome(function, arguments)
         counts["call", result if result in KNOWN else "fault"] += 1
         if result not in QUICK:
@@ -119,6 +119,7 @@ def run() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--inputs", type=int, default=20_000)
     parser.add_argument("--calls", type=int, default=5_000)
+    parser.add_argument("--every", action="store_true", help="also each argument with each hostile value")
     parser.add_argument("--folder", type=Path, help="folder for the files, which are then kept")
     options = parser.parse_args()
     began = time.process_time()
@@ -126,7 +127,11 @@ def run() -> None:
         folder = options.folder or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
         with contextlib.chdir(folder):
-            counts = try_inputs(options.seed, options.inputs) + try_calls(options.seed, options.calls)
+            rng = random.Random(options.seed)
+            drawn = (hostile_call(rng, Path.cwd()) for _ in range(options.calls))
+            counts = try_inputs(options.seed, options.inputs) + try_calls(drawn)
+            if options.every:
+                counts += try_calls(every_call(Path.cwd()))
     for (kind, result), times in sorted(counts.items()):
         print(f"{kind:12} {result:10} {times:7d}")
     print(f"{time.process_time() - began:.0f} s of processor time; work is stopped after {SECONDS:g} s")

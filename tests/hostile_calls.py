@@ -4,9 +4,10 @@ import random
 import signal
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from decimal import Decimal
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 import casadi as cs
@@ -320,6 +321,13 @@ def hostile_call(rng: random.Random, folder: Path) -> tuple[str, dict, Callable]
         for key in rng.sample(sorted(arguments), min(len(arguments), rng.choice((1, 1, 2))))
     }
     return f"{name} {replaced}", arguments | {key: HOSTILE[value] for key, value in replaced.items()}, function
+
+
+def every_call(folder: Path) -> Iterator[tuple[str, dict, Callable]]:
+    """Yield the calls in which one argument has one hostile value, described as by ``hostile_call``."""
+    for name, (function, arguments) in sorted(calls(folder).items()):
+        for key, value in product(arguments, HOSTILE):
+            yield f"{name} { ({key: value}) }", arguments | {key: HOSTILE[value]}, function
 
 
 def outcome(function: Callable, arguments: dict, positional: Sequence = ()) -> str:

@@ -11,9 +11,9 @@ are the load at the tip, force and moment, with the generalized force Q_tip (``t
 The damping force has a local part, as sparse as the mesh, and a low-rank part R B diag(d) B^T R^T e_t, which turns with
 the clamp (``damping.turning``).  Each integrator keeps its matrices sparse in its own way.
 
-Gravity, the properties of the elements, the parameters of the law and B are inputs.  Only the forces of one element and
-their derivatives (``element_forces``) are compiled: mapped over the elements, they serve all beams, all meshes and all
-values of the parameters of a law.
+Gravity, the properties of the elements, the parameters of the law, B, the tip mass and the stiffness of the clamp are
+inputs.  Only the forces of one element and their derivatives (``element_forces``) are compiled: mapped over the
+elements, they serve all beams, all meshes and all values of the parameters of a law.
 """
 
 from __future__ import annotations
@@ -75,27 +75,42 @@ class Equations:
 
     @cached_property
     def parameters(self) -> Array:
-        """All inputs of the forces besides the motion: gravity, properties, parameters of the law, B."""
+        """All inputs of the forces besides the motion: gravity, properties, parameters of the law, B, lumped ones."""
         law = [parameter.value for parameter in self.law.parameters]
         parts = [self.model.beam.gravity, self.model.properties.T.ravel(), law, self.projection.T.ravel()]
-        return np.concatenate([np.asarray(part, dtype=float) for part in parts])
+        return np.concatenate([np.asarray(part, dtype=float) for part in (*parts, [*self.model.lumped.values()])])
 
     @cached_property
     def layout(self) -> Layout:
         """Layout of ``parameters``."""
-        law, projection = len(self.law.parameters), self.projection.size
-        return Layout.of(gravity=2, properties=self.model.properties.size, law=law, projection=projection)
+        return Layout.of(
+            gravity=2,
+            properties=self.model.properties.size,
+            law=len(self.law.parameters),
+            projection=self.projection.size,
+            lumped=len(self.model.lumped),
+        )
+
+    def given(self, **parts: cs.MX) -> cs.MX:
+        """Return ``parameters`` with some parts, by their names in ``layout``, in place of the values of the model."""
+        own = zip(self.layout.sizes, self.layout.split(self.parameters), strict=True)
+        return cs.vertcat(*({name: cs.MX(cs.DM(values)) for (name, _), values in own} | parts).values())
+
+    def balance_for(self, p: cs.MX) -> Balance:
+        """Return the terms of the equation of motion for p: gravity, properties and parameters of the law."""
+        return self.balance(cs.vertcat(p, cs.DM(self.parameters[p.numel() :])))
 
     def balance(self, parameters: cs.MX) -> Balance:
         """Return the terms of the equation of motion for (symbolic) parameters in the order of ``parameters``."""
         model = self.model
-        gravity, properties, coefficients, projection = cs.vertsplit(parameters, self.layout.offsets)
+        gravity, properties, coefficients, projection, lumped = cs.vertsplit(parameters, self.layout.offsets)
         return Balance(
             equations=self,
             gravity=gravity,
             properties=cs.reshape(properties, *model.properties.shape),
             coefficients=coefficients,
             projection=cs.reshape(projection, *self.projection.shape),
+            lumped=dict(zip(model.lumped, cs.vertsplit(lumped), strict=True)),
         )
 
     @cached_property
@@ -128,7 +143,7 @@ class Equations:
         for group, functions in zip(self.model.groups, self.element_functions, strict=True):
             function: cs.Function = getattr(functions, name)
             count = states * group.count
-            p = cs.repmat(group.properties(balance.properties), 1, states)
+            p = cs.repmat(group.properties(balance.properties, balance.lumped), 1, states)
             results.append(mapped(function, *map(group.gather, vectors), p, cs.repmat(c, 1, count)))
         return [list(outputs) for outputs in zip(*results, strict=True)]
 
@@ -151,12 +166,18 @@ class Equations:
 class Balance:
     """The terms of the equation of motion, as functions of the motion of all nodes.
 
+    The terms that are assembled here, ``local``, ``tangents``, ``resistance`` and ``mass``, depend on all parameters.
+    Those of the Functions of the model, ``local_damping``, ``damping``, ``inertia`` and ``conservative``, have the
+    lumped properties of the model, like all that is exported.
+
     Parameters
     ----------
     equations : Equations
         Beam and damping law.
     gravity, properties, coefficients, projection : MX
         Acceleration of gravity (2,), properties P (4, n), parameters of the law, and B (4 n + 4, m) along the axis.
+    lumped : dict
+        The lumped properties that the model has, by name (``Model.lumped``).
     """
 
     equations: Equations
@@ -164,6 +185,7 @@ class Balance:
     properties: cs.MX
     coefficients: cs.MX
     projection: cs.MX
+    lumped: dict[str, cs.MX]
 
     @property
     def modal_coefficients(self) -> cs.MX:
@@ -190,6 +212,15 @@ class Balance:
     def damping(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the damping force."""
         return self.local_damping(e, e_t) + self.of_low_rank(e, e_t)
+
+    def mass(self) -> cs.MX:
+        """Return M, sparse."""
+        model = self.equations.model
+        blocks: list[cs.MX] = [
+            group.element.mass.map(group.count)(group.properties(self.properties, self.lumped))
+            for group in model.groups
+        ]
+        return model.matrix(cs.vertcat(*map(cs.vec, blocks)))
 
     def inertia(self, e_tt: cs.MX) -> cs.MX:
         """Return M e_tt."""

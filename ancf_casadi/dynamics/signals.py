@@ -163,7 +163,7 @@ def parameter_signals(equations: Equations) -> tuple[Signal, ...]:
             for name in PROPERTIES
         ]
     described += [(own.name, own.unit, own.description) for own in equations.law.parameters]
-    given = equations.parameters[: equations.parameters.size - equations.projection.size]
+    given = equations.parameters[: equations.layout["projection"].start]
     return tuple(Signal(*about, float(value)) for about, value in zip(described, given, strict=True))
 
 

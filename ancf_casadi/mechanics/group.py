@@ -5,6 +5,7 @@ Both assemblies use the groups: the symbolic one (``model``) and the numerical o
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,9 +47,13 @@ class Group:
         """Number k of elements."""
         return len(self.coordinates)
 
-    def properties(self, P: Any) -> Any:
-        """Return the properties of each element as columns, from the properties P (4, n) of the beam."""
-        given = cs.DM([*self.constants, *self.lumped.values()])
+    def properties(self, P: Any, lumped: Mapping[str, Any] | None = None) -> Any:
+        """Return the properties of each element as columns.
+
+        They come from the properties P (4, n) of the beam and, if given, other values of the lumped ones by name.
+        """
+        own = self.lumped if lumped is None else {name: lumped[name] for name in self.lumped}
+        given = cs.vertcat(*self.constants, *own.values())
         return cs.vertcat(P[:, : self.columns], cs.repmat(given, 1, self.columns)) if self.columns else given
 
     def gather(self, e: cs.MX) -> cs.MX:

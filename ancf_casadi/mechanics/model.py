@@ -26,7 +26,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import PROPERTIES, Beam
+from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, Beam
 from ancf_casadi.mechanics.clamp import elastic_clamp
 from ancf_casadi.mechanics.element import Element, element
 from ancf_casadi.mechanics.group import Group
@@ -108,6 +108,12 @@ class Model(Displayed):
     def properties(self) -> Array:
         """The properties P of the beam, (4, n)."""
         return np.array([getattr(self.beam, name) for name in PROPERTIES])
+
+    @property
+    def lumped(self) -> dict[str, float]:
+        """The properties of ``beam.LUMPED`` that the model has, in this order: those of its tip mass and its clamp."""
+        own = {name: value for group in self.groups for name, value in group.lumped.items()}
+        return {name: own[name] for name in LUMPED if name in own}
 
     @cached_property
     def straight(self) -> Array:

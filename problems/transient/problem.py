@@ -255,8 +255,9 @@ class TransientProblem:
         parts = cs.vertsplit(samples, self.model.size)
         e, e_t, e_tt = [*parts, *[cs.MX(0, samples.size2())] * (3 - len(parts))]
         theta = [given.get(own.name, cs.MX(own.value)) for own in self.damping.parameters]
-        projection = cs.DM(self.equations.projection.T.ravel())
-        parameters = cs.vertcat(cs.DM(self.model.beam.gravity), cs.vec(self._properties(given)), *theta, projection)
+        parameters = self.equations.given(
+            properties=cs.vec(self._properties(given)), law=cs.vertcat(cs.MX(0, 1), *theta)
+        )
         return SampledMotion(self.equations, e, e_t, e_tt, load, parameters)
 
     def _reading(self, k: int, channel: Channel, sampled: SampledMotion, given: Mapping[str, cs.MX]) -> cs.MX:

@@ -33,7 +33,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def readings(model):
-    """A Function (theta, b, P, load, shift) -> readings of all sensors at ``TIMES``, and the values."""
+    """A Function (theta, b, P, lumped, load, shift) -> readings of all sensors at ``TIMES``, and the values."""
     law = ModalDamping(natural_modes(model, count=2), (0.05, 0.03)) + QuadraticDamping(eta2=2.0)
     equations = Equations(model, law)
     problem = Problem(
@@ -46,34 +46,36 @@ def readings(model):
         orders=3,
         clocks=np.array([0, 0, 0, 1, 1]),
         span=(0.0, 0.22),
+        lumped=True,
     )
     motion = Runs(problem).function()
-    symbols = [cs.MX.sym(name, *motion.size_in(k)) for k, name in enumerate("abcde")]
+    symbols = [cs.MX.sym(name, *motion.size_in(k)) for k, name in enumerate("abcdef")]
     parts = cs.vertsplit(motion(*symbols), model.size)
-    projection = cs.DM(equations.projection.T.ravel())
-    parameters = cs.vertcat(cs.DM(model.beam.gravity), cs.vec(symbols[2]), symbols[0], projection)
+    parameters = equations.given(properties=cs.vec(symbols[2]), law=symbols[0], lumped=symbols[3])
     sampled = SampledMotion(equations, *parts, cs.MX.zeros(3, TIMES.size), parameters)
     outputs = cs.vertcat(*(sampled.read(sensor) for sensor in SENSORS))
     values = [np.array([own.value for own in law.parameters]), np.array([0.02]), model.properties]
-    values += [np.array([0.001, 0.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.004, 0.009])]
+    values += [np.array([*model.lumped.values()]), np.array([0.001, 0.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.004, 0.009])]
     return cs.Function("readings", symbols, [outputs]), values
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("place", range(5))
+@pytest.mark.parametrize("place", range(6))
 def test_derivatives_of_all_readings_are_those_of_differences(readings, place):
-    """Along one direction in the law, the base, the properties, the load and the shifts each."""
+    """Along one direction in the law, the base, the properties, the lumped ones, the load and the shifts each."""
     function, values = readings
     rng = np.random.default_rng(place)
-    sizes = [1.0, 0.02, 1.0, 1e-3, 1.0]
+    sizes = [1.0, 0.02, 1.0, 1.0, 1e-3, 1.0]
     seed = sizes[place] * rng.uniform(0.3, 1.0, size=values[place].shape)
-    if place in (0, 2):
+    if place in (0, 2, 3):
         seed *= values[place]
     symbols = function.mx_in()
     output = function(*symbols)
     along = cs.Function("d", symbols, [cs.jtimes(output, symbols[place], cs.DM(seed))])(*values).full()
     ends = []
-    step = {0: 1e-3, 4: 1e-5}.get(place, 1e-4)  # the error of the integration decides: readings by the law change least
+    step = {0: 1e-3, 3: 1e-3, 5: 1e-5}.get(
+        place, 1e-4
+    )  # the error of the integration decides: readings by the law change least
     for sign in (1.0, -1.0):
         moved = list(values)
         moved[place] = values[place] + sign * step * seed

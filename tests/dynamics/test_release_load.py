@@ -59,6 +59,20 @@ def test_derivatives_by_load_and_properties_agree_with_central_differences(model
         np.testing.assert_allclose(found, expected, atol=1e-6 * abs(expected).max())
 
 
+def test_derivatives_by_lumped_properties_agree_with_central_differences(model):
+    """The load and its rate bend a strip with a heavy tip on a soft clamp."""
+    values = {"tip_mass": 1e-3, "clamp_stiffness": 1e-3}
+    heavy = Model(model.beam.with_(**values))
+    start = held(heavy)
+    for k, (name, value) in enumerate(values.items()):
+        ends = [held(Model(heavy.beam.with_(**{name: value * (1 + sign * 1e-4)}))) for sign in (1, -1)]
+        expected = np.concatenate(
+            [(getattr(ends[0], part) - getattr(ends[1], part))[4:] / 2e-4 for part in ("coordinates", "velocities")]
+        )
+        assert abs(expected).max() > 1e-3
+        np.testing.assert_allclose(start.by_lumped[:, k] * value, expected, atol=1e-6 * abs(expected).max())
+
+
 @pytest.mark.slow
 def test_the_motion_from_an_unknown_load_is_that_of_the_state_and_so_are_its_derivatives(model):
     """Compare with ``simulate`` from the state, and with differences of tightly integrated motions."""

@@ -9,6 +9,7 @@ import pytest
 
 from ancf_casadi import (
     Beam,
+    FixedBase,
     HarmonicBase,
     InputError,
     ModalDamping,
@@ -24,6 +25,7 @@ from ancf_casadi.dynamics.derivatives import runs as module
 from ancf_casadi.dynamics.derivatives.run import Run
 from ancf_casadi.dynamics.derivatives.sensitivity import Problem
 from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.exceptions import SimulationError
 
 BASE = HarmonicBase(0.02, 3.0, stop=0.15)
@@ -251,3 +253,117 @@ def test_no_step_is_longer_than_the_largest(model):
     assert abs(limited.samples - free.samples).max() < 1e-6 * model.beam.length
     with pytest.raises(InputError, match="largest_step: must be positive"):
         motion(model, **SETTINGS, largest_step=0.0)
+
+
+LUMPED = {"tip_mass": 1e-3, "clamp_stiffness": 1e-4}  # a quarter of the strip; it turns 11 times as far as its clamp
+
+
+def lumped_problem(model, start="equilibrium", base=BASE, damping="local", lumped=LUMPED, **settings):
+    """The motion of the strip with lumped properties, by which it is differentiable, and the values."""
+    heavy = Model(model.beam.with_(**lumped))
+    law = RayleighDamping(alpha=0.6, beta=2e-3) + QuadraticDamping(eta2=2.0)
+    if damping == "modal":
+        law = ModalDamping(natural_modes(heavy, count=2), (0.03, 0.02))
+    if start == "held":
+        start = static_equilibrium(heavy, tip_force=(0.002, 0.0))
+    options = {"times": np.arange(13) / 100, "tolerance": 1e-9, "lumped": True} | settings
+    problem = Problem(equations=Equations(heavy, law), base=base, start=start, **options)
+    theta, b = ([own.value for own in owner.parameters] for owner in (law, base))
+    return problem, np.array([*theta, *b, *heavy.properties.T.ravel(), *lumped.values(), *[0.0] * problem.held * 6])
+
+
+def lumped_directions(problem, at):
+    """Directions of the values, each as large as a lumped property."""
+    place = problem.layout["lumped"]
+    return np.eye(at.size)[:, place] * at[place]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damping", ["local", "modal"])
+@pytest.mark.parametrize(
+    ("start", "base"), [("equilibrium", BASE), ("held", FixedBase()), ("impact", BASE), ("straight", FixedBase())]
+)
+def test_derivatives_by_tip_mass_and_clamp_stiffness_are_those_of_differences(model, start, base, damping):
+    """Coordinates and velocities; a swing of the base, a free decay from a load, a blow, and the fall of a strip.
+
+    The last one lies: hanging straight, it would not move.  Differences of accelerations are too noisy here under the
+    modal law, which leaves modes of the mesh undamped.
+    """
+    if start == "straight":
+        model = Model(model.beam.with_(axis=(1.0, 0.0)))
+    problem, at = lumped_problem(model, start, base, damping, orders=2)
+    run, directions = problem.solve(at), lumped_directions(problem, at)
+    assert np.ptp(run.samples[:, 0, -4:-2], axis=0).max() > 2e-3
+    found = problem.forward(run, directions)
+    for k, direction in enumerate(directions.T):
+        ends = [problem.solve(at + sign * 1e-3 * direction).samples for sign in (1, -1)]
+        expected = (ends[0] - ends[1]) / 2e-3
+        size = abs(expected).max(axis=(0, 2), keepdims=True)
+        assert size.min() > 1e-3  # m and m/s, for a change as large as the value
+        assert (abs(found[..., k] - expected) / size).max() < 1e-4
+
+
+@pytest.mark.parametrize("damping", ["local", "modal"])
+def test_reverse_derivatives_by_lumped_properties_are_the_transposed_of_the_forward_ones(model, damping):
+    problem, at = lumped_problem(model, "held", damping=damping, held=True, tolerance=1e-6, times=np.arange(5) / 50)
+    at[-6:] = 0.002, 0.0, 1e-5, 0.01, 0.0, 1e-4
+    run, random = problem.solve(at), np.random.default_rng(3)
+    directions, weights = np.diag(at), random.normal(size=(*run.samples.shape, 2))
+    forward, reverse = problem.forward(run, directions), problem.reverse(run, weights)
+    expected = np.einsum("kond,konw->dw", forward, weights)
+    assert abs(expected[problem.layout["lumped"]]).min() > 1e-3
+    np.testing.assert_allclose(directions @ reverse, expected, atol=1e-9 * abs(expected).max())
+
+
+@pytest.mark.parametrize("name", LUMPED)
+def test_a_beam_with_one_lumped_property_has_one_more_input_with_exact_derivatives(model, name):
+    """The tip after a swing; also without the tip mass, a limit that a fit may try."""
+    heavy = Model(model.beam.with_(**{name: LUMPED[name]}))
+    function = motion(heavy, base=BASE, lumped=True, **SETTINGS | {"duration": 0.1, "tolerance": 1e-9})
+    assert function.name_in() == ["damping", "base", "properties", "lumped"]
+    x = cs.MX.sym("x")
+    tip = function(np.zeros(0), BASE.amplitude, heavy.properties, x)[-4, :]
+    exact = cs.Function("exact", [x], [tip, cs.jacobian(tip, x)])
+    step = 1e-3 * LUMPED[name]
+    for at in [LUMPED[name], step][: 1 + (name == "tip_mass")]:
+        above, (_, slopes), below = ([part.full().ravel() for part in exact(at + d)] for d in (step, 0.0, -step))
+        expected = (above[0] - below[0]) / (2 * step)
+        assert LUMPED[name] * abs(expected).max() > 5e-6  # m, for a change as large as the value
+        np.testing.assert_allclose(slopes, expected, atol=2e-3 * abs(expected).max())
+
+
+def test_other_values_of_the_lumped_properties_give_the_motion_of_another_beam(model):
+    problem, at = lumped_problem(model, "equilibrium", tolerance=1e-8)
+    at[problem.layout["lumped"]] = 5e-4, 5e-5
+    other = Model(model.beam.with_(tip_mass=5e-4, clamp_stiffness=5e-5))
+    settings = {"duration": 0.12, "sample_rate": 100.0, "tolerance": 1e-8}
+    expected = simulate(
+        other, damping=problem.equations.law, base=BASE, start="equilibrium", method="radau", **settings
+    )
+    assert abs(problem.solve(at).samples[:, 0] - expected.coordinates).max() < 1e-6 * model.beam.length
+
+
+def test_the_first_accelerations_after_a_release_are_those_of_the_changed_tip_mass(model):
+    """The mass of the first accelerations is that of the values; so are their derivatives."""
+    problem, at = lumped_problem(model, "held", FixedBase(), orders=3, times=np.array([0.0, 1e-3]))
+    direction = lumped_directions(problem, at)[:, :1]
+    at += 0.5 * direction[:, 0]
+    runs = [problem.solve(at + sign * 1e-4 * direction[:, 0]) for sign in (1, 0, -1)]
+    first = [run.samples[0, 2] for run in runs]
+    free = problem.equations.model.free
+    equations = replace(problem.equations, model=Model(problem.equations.model.beam.with_(tip_mass=1.5e-3)))
+    forces = Collocation(equations).balance(*runs[1].samples[0], np.zeros(3), equations.parameters)[0].full().ravel()
+    assert abs(forces[free]).max() < 1e-9  # N, of a load of 2 mN
+    expected = (first[0] - first[2]) / 2e-4
+    assert abs(expected).max() > 0.1
+    found = problem.forward(runs[1], direction)[0, 2, :, 0]
+    np.testing.assert_allclose(found, expected, atol=1e-5 * abs(expected).max())
+
+
+def test_lumped_properties_that_the_beam_lacks_or_cannot_have_are_refused(model):
+    with pytest.raises(InputError, match="lumped: the beam has neither"):
+        motion(model, lumped=True, **SETTINGS)
+    problem, at = lumped_problem(model)
+    at[problem.layout["lumped"]] = 1e-3, np.inf
+    with pytest.raises(InputError, match="clamp_stiffness: must be a finite number"):
+        problem.solve(at)

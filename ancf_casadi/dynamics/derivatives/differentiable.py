@@ -1,9 +1,9 @@
 """The motion of a beam as a CasADi Function of its parameters.
 
 ``motion`` returns the motion that ``simulate(method="radau")`` computes, as a Function of the parameters theta of the
-law, the parameters b of the base motion, the properties P of the elements and, on request, the load s from which the
-beam is released.  The Function can stand in any CasADi expression.  Its derivatives are exact (``sensitivity``),
-forward for few parameters and reverse for few results.
+law, the parameters b of the base motion, the properties P of the elements and, on request, the lumped properties and
+the load s from which the beam is released.  The Function can stand in any CasADi expression.  Its derivatives are exact
+(``sensitivity``), forward for few parameters and reverse for few results.
 """
 
 from __future__ import annotations
@@ -39,6 +39,7 @@ def motion(
     largest_step: float = math.inf,
     start_load: bool = False,
     most_steps: int = MOST_KEPT_STEPS,
+    lumped: bool = False,
 ) -> cs.Function:
     """Return the motion as a differentiable CasADi Function.
 
@@ -53,17 +54,21 @@ def motion(
         As in ``simulate``, with the same defaults; the load is no input of the Function.  The start ``equilibrium`` or
         ``impact``, or an ``Equilibrium``, changes with the properties; a ``State`` does not.
     start_load : bool
-        Whether the Function has a fourth input, ``start``, which replaces the load of the argument ``start``: the tip
+        Whether the Function has a further input, ``start``, which replaces the load of the argument ``start``: the tip
         load that holds the beam until its release, and the rate of this load (``release_load.START``; N, N, N m, and
         the same per second).
     most_steps : int
         Largest number of steps.  The default is below that of ``simulate``, because all steps are kept in memory, 4 kB
         each at 20 elements.
+    lumped : bool
+        Whether the Function has a further input, ``lumped``, before ``start``: the mass at the tip (kg), if that of the
+        beam is above 0, and the torsional stiffness of the clamp (N m/rad), if that of the beam is finite.
 
     Raises
     ------
     InputError
-        If a number is not positive, or ``start_load`` is set and ``start`` is not an equilibrium.
+        If a number is not positive, ``start_load`` is set and ``start`` is not an equilibrium, or ``lumped`` is set and
+        the beam has neither a tip mass nor an elastic clamp.
 
     Examples
     --------
@@ -98,5 +103,6 @@ def motion(
         largest_step=positive_or_infinite(largest_step, "largest_step"),
         held=start_load,
         most_steps=round(positive(most_steps, "most_steps")),
+        lumped=flag(lumped, "lumped"),
     )
     return Runs(problem).function()

@@ -1,8 +1,8 @@
 """The first state of a motion, and its Jacobian with respect to the parameters.
 
-A start at rest depends on the properties P of the elements, and on the load s that holds the beam, through the static
-equilibrium (``release_load``).  Unless it is an impact, the beam moves with its clamp as one rigid body (``start``), so
-that its velocities depend on the parameters b of the base motion as well.
+A start at rest depends on the properties P of the elements, the lumped properties, and the load s that holds the beam,
+through the static equilibrium (``release_load``).  Unless it is an impact, the beam moves with its clamp as one rigid
+body (``start``), so that its velocities depend on the parameters b of the base motion as well.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 
 @dataclass(frozen=True, eq=False)
 class DifferentiableStart:
-    """The start of a motion as a function of b, P and s.
+    """The start of a motion as a function of b, P, the lumped properties and s.
 
     Parameters
     ----------
@@ -35,7 +35,8 @@ class DifferentiableStart:
     start : str, Equilibrium or State
         The start.
     layout : Layout
-        Layout of the values: ``damping`` (theta), ``base`` (b), ``properties`` (P) and ``start`` (s, or nothing).
+        Layout of the values: ``damping`` (theta), ``base`` (b), ``properties`` (P), ``lumped`` (their values in the
+        order of ``Model.lumped``, or nothing) and ``start`` (s, or nothing).
     """
 
     model: Model
@@ -48,7 +49,7 @@ class DifferentiableStart:
         Parameters
         ----------
         model : Model
-            The beam with the properties P.
+            The beam with the properties P and the lumped properties.
         excitation : Excitation
             Base motion and tip load.
         load : array (6,) or (0,)
@@ -71,6 +72,8 @@ class DifferentiableStart:
             held = held_start(model, self._jacobians, load if load.size else self._own_load(excitation))
             coordinates, velocities = held.coordinates, held.velocities
             jacobian[:, self.layout["properties"]] = held.by_properties
+            lumped = self.layout["lumped"]
+            jacobian[:, lumped] = held.by_lumped[:, : lumped.stop - lumped.start]
             if load.size:
                 jacobian[:, self.layout["start"]] = held.by_load
         if self.start == "impact":
@@ -91,7 +94,7 @@ class DifferentiableStart:
         return load
 
     @cached_property
-    def _jacobians(self) -> cs.Function:
+    def _jacobians(self) -> tuple[cs.Function, cs.Function]:
         return start_jacobians(self.model)
 
     @cached_property

@@ -1,15 +1,18 @@
 """Release of a beam from a load at its tip: the first state and its derivatives.
 
-A load p = (Fx, Fy, m) at the tip holds the beam in q(p, P), where the forces R(q, p, P) on the free coordinates vanish.
-If the load changes slowly, at the rate p', the beam moves through these shapes with the velocity v,
+A load p = (Fx, Fy, m) at the tip holds the beam in q(p, x), where the forces R(q, p, x) on the free coordinates vanish;
+x are the properties P of the elements and the lumped properties that the model has.  If the load changes slowly, at the
+rate p', the beam moves through these shapes with the velocity v,
 
-    R(q, p, P) = 0,    h = K v - L p' = 0,    K = dR/dq,    L = -dR/dp,
+    R(q, p, x) = 0,    h = R_q v + R_p p' = 0,    K = R_q,
 
 and is released with this shape and velocity, which bend the beam without stretching it, unlike a linear mode shape.
 For a hanging beam, Fx and Fx' set the amplitude and phase of the first mode; force and moment set those of the first
 two.  By the implicit function theorem,
 
-    dq = -K^-1 (R_p dp + R_P dP),    dv = -K^-1 (h_q dq + h_p dp + h_P dP - L dp').
+    dq = -K^-1 (R_p dp + R_x dx),    dv = -K^-1 (h_q dq + h_p dp + h_x dx + R_p dp'),
+
+in which h_q, h_p and h_x are the derivatives of K, R_p and R_x along the change (v, p') of q and p.
 """
 
 from __future__ import annotations
@@ -21,6 +24,8 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
+from ancf_casadi.damping import RayleighDamping
+from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import equilibrium_under
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
@@ -37,25 +42,27 @@ class HeldStart:
     ----------
     coordinates, velocities : array (4 n + 4,)
         Nodal coordinates and velocities.
-    by_properties, by_load : array (2 N, 4 n), (2 N, 6)
-        Derivatives of the free coordinates and velocities with respect to P, element by element, and (p, p').
+    by_properties, by_lumped, by_load : array (2 N, 4 n), (2 N, k), (2 N, 6)
+        Derivatives of the free coordinates and velocities with respect to P, element by element, the lumped properties,
+        and (p, p').
     """
 
     coordinates: Array
     velocities: Array
     by_properties: Array
+    by_lumped: Array
     by_load: Array
 
 
-def held_start(model: Model, jacobians: cs.Function, load: Array) -> HeldStart:
+def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: Array) -> HeldStart:
     """Return the state in which a beam is released from a load with a rate of change.
 
     Parameters
     ----------
     model : Model
         The beam.
-    jacobians : Function
-        ``start_jacobians`` of the beam, or of one that differs in its properties alone.
+    jacobians : pair of Function
+        ``start_jacobians`` of the beam, or of one that differs in its properties P and its lumped properties alone.
     load : array (6,)
         The load and its rate of change, in the order of ``START``.
 
@@ -68,28 +75,29 @@ def held_start(model: Model, jacobians: cs.Function, load: Array) -> HeldStart:
     """
     p, rate = np.split(load, [len(LOAD)])
     coordinates = equilibrium_under(model, p).coordinates
-    given = model.properties, np.array(model.beam.gravity), p, rate
-    stiffness, by_p, by_P, *_ = jacobians(coordinates, np.zeros(model.size), *given)
+    lumped = [getattr(model.beam, name) for name in jacobians[0].name_in()[3:]]
+    given = coordinates, p, model.properties, *lumped
+    found = stiffness, by_p, by_x = jacobians[0](*given)
     factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
-    q_p, q_P = -factors.solve(by_p.full()), -factors.solve(by_P.full())
+    q_p, q_x = -factors.solve(by_p.full()), -factors.solve(by_x.full())
     velocities = np.concatenate([np.zeros(NODE), q_p @ rate])
-    h_q, h_p, h_P = (part.full() for part in jacobians(coordinates, velocities, *given)[3:])
-    v_p, v_P = -factors.solve(h_q @ q_p + h_p), -factors.solve(h_q @ q_P + h_P)
+    change = velocities, rate, *(np.zeros_like(x) for x in given[2:])
+    h_q, h_p, h_x = (part.full() for part in jacobians[1](*given, *found, *change))
+    v_p, v_x = -factors.solve(h_q @ q_p + h_p), -factors.solve(h_q @ q_x + h_x)
     by_load = np.block([[q_p, np.zeros_like(q_p)], [v_p, q_p]])
-    return HeldStart(coordinates, velocities, np.vstack([q_P, v_P]), by_load)
+    by_properties, by_lumped = np.hsplit(np.vstack([q_x, v_x]), [model.properties.size])
+    return HeldStart(coordinates, velocities, by_properties, by_lumped, by_load)
 
 
-def start_jacobians(model: Model) -> cs.Function:
-    """(e, e_t, P, g, p, p') -> K, R_p, R_P, h_q, h_p, h_P of the free coordinates."""
-    e, e_t = cs.MX.sym("e", model.size), cs.MX.sym("e_t", model.size)
-    properties, gravity = cs.MX.sym("P", *model.properties.shape), cs.MX.sym("g", 2)
-    load, rate = cs.MX.sym("load", len(LOAD)), cs.MX.sym("rate", len(LOAD))
-    turn = cs.gradient(cs.atan2(e[-1], e[-2]), e)
-    held = cs.DM(model.interpolation(model.beam.length).T) @ load[:2] + load[2] * turn
-    forces = model.elastic_force(e, properties) - model.gravity_force(properties, gravity) - held
-    change = model.tangent_force(e, e_t, properties) - load[2] * cs.jtimes(turn, e, e_t) - cs.jtimes(held, load, rate)
-    free = model.free
-    outputs = [cs.jacobian(part[free], x) for part in (forces, change) for x in (e, load, properties)]
-    for k in (0, 3):
-        outputs[k] = outputs[k][:, free]
-    return cs.Function("start_jacobians", [e, e_t, properties, gravity, load, rate], outputs)
+def start_jacobians(model: Model) -> tuple[cs.Function, cs.Function]:
+    """(e, p, P, each lumped property by its name) -> K, R_p, R_x of the free coordinates; its forward derivative."""
+    e, load, still = cs.MX.sym("e", model.size), cs.MX.sym("load", len(LOAD)), cs.MX.zeros(model.size)
+    properties, lumped = cs.MX.sym("P", *model.properties.shape), [cs.MX.sym(name) for name in model.lumped]
+    equations = Equations(model, RayleighDamping())
+    parameters = equations.given(properties=cs.vec(properties), lumped=cs.vertcat(cs.MX(0, 1), *lumped))
+    forces = equations.balance(parameters).local(e, still, still, load)[0][model.free]
+    by_x = cs.horzcat(*(cs.jacobian(forces, x) for x in (properties, *lumped)))
+    outputs = [cs.jacobian(forces, e)[:, model.free], cs.jacobian(forces, load), by_x]
+    names = ["e", "load", "P", *model.lumped], ["K", "R_p", "R_x"]
+    jacobians = cs.Function("start_jacobians", [e, load, properties, *lumped], outputs, *names)
+    return jacobians, jacobians.forward(1)

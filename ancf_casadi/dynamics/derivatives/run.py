@@ -111,7 +111,7 @@ class Run:
     rest : array
         Indices of the samples before the motion, at rest.
     start_jacobian : array (2 N, ...)
-        Derivatives of the first q and v with respect to theta, b, P and s.
+        Derivatives of the first q and v with respect to theta, b, P, m and s.
     passages : list of Passage
         Its smooth pieces.
     samples : array (k, orders, 4 n + 4)

@@ -23,6 +23,7 @@ from ancf_casadi.support.interrupts import interrupted
 from ancf_casadi.support.progress import step
 
 FEW_STEPS = 2000  # a motion of at most so many steps is never given up, however few the first run took
+OPTIONAL = ("lumped", "start", "shifts")  # inputs of a motion that has such values
 SAME_INPUTS = 1e-14  # relative difference that a solver may cause by rounding; such inputs are the same
 
 
@@ -44,7 +45,7 @@ class Runs:
         self._last_forward: tuple[Run, Array, Array] | None = None
 
     def function(self) -> cs.Function:
-        """Return the motion as a Function (damping, base, properties, [start], [shifts]) -> samples (orders N, k)."""
+        """Return the motion as a Function (damping, base, properties, *OPTIONAL) -> samples (orders N, k)."""
         return kept(_Motion(self), "motion")
 
     @property
@@ -52,7 +53,7 @@ class Runs:
         """Shapes of the inputs and of the output."""
         sizes, model = dict(self.problem.layout.sizes), self.problem.equations.model
         shapes = [(sizes["damping"], 1), (sizes["base"], 1), model.properties.shape]
-        shapes += [(sizes[name], 1) for name in ("start", "shifts") if sizes[name]]
+        shapes += [(sizes[name], 1) for name in OPTIONAL if sizes[name]]
         shapes.append((self.problem.orders * model.size, self.problem.times.size))
         return [cs.Sparsity.dense(*shape) for shape in shapes]
 
@@ -138,7 +139,7 @@ class _Motion(_Callback):
     def get_name_in(self, i: int) -> str:
         """Return the name of an input."""
         sizes = dict(self.runs.problem.layout.sizes)
-        return ["damping", "base", "properties", *(name for name in ("start", "shifts") if sizes[name])][i]
+        return ["damping", "base", "properties", *(name for name in OPTIONAL if sizes[name])][i]
 
     def get_name_out(self, i: int) -> str:
         """Return the name of an output."""

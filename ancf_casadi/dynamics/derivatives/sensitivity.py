@@ -1,9 +1,10 @@
 """A motion that depends on parameters, and its exact derivatives, forward and in reverse.
 
-The parameters are theta of the law, b of the base motion, the properties P of the elements, for a beam released from an
-unknown load, this load and its rate, s, and the shifts d of the clocks by which the motion was sampled.  The
-derivatives are those of the Radau steps that were taken, with fixed lengths: exact for the computed motion, and as
-accurate as this motion.  They are chained through the linearised steps (``tangent``),
+The parameters are theta of the law, b of the base motion, the properties P of the elements, the lumped properties m
+(mass at the tip, stiffness of the clamp), for a beam released from an unknown load, this load and its rate, s, and the
+shifts d of the clocks by which the motion was sampled.  The derivatives are those of the Radau steps that were taken,
+with fixed lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the
+linearised steps (``tangent``),
 
     G dZ + R_u du = 0,    G = dR/dZ,    u = (q, v, excitations, parameters),
 
@@ -21,6 +22,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -46,6 +48,7 @@ from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import compiled
+from ancf_casadi.support.inputs import number
 from ancf_casadi.support.layout import Layout
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
@@ -54,7 +57,7 @@ MOST_KEPT_STEPS = 100_000  # these take a minute or two, and 0.4 GB at 20 elemen
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A motion that depends on theta, b, P, s and d.
+    """A motion that depends on theta, b, P, m, s and d.
 
     Parameters
     ----------
@@ -82,11 +85,14 @@ class Problem:
         Index of the shift that is added to each sample; none if not given.
     span : (float, float), optional
         First and last instant of the motion, s; those of the samples if not given.
+    lumped : bool
+        Whether m, the lumped properties in the order of ``Model.lumped``, are parameters.
 
     Raises
     ------
     InputError
-        If the start is an equilibrium under loads other than those at the tip.
+        If the start is an equilibrium under loads other than those at the tip, or ``lumped`` is set and there are no
+        lumped properties.
     """
 
     equations: Equations
@@ -101,6 +107,7 @@ class Problem:
     orders: int = 1
     clocks: Index = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     span: tuple[float, float] | None = None
+    lumped: bool = False
 
     def __post_init__(self) -> None:
         """Validate."""
@@ -109,20 +116,23 @@ class Problem:
                 "only a load at the tip has derivatives here; give it as tip_force and tip_moment, or give a State",
                 "start",
             )
+        if self.lumped and not self.equations.model.lumped:
+            raise InputError("the beam has neither a mass at the tip nor an elastic clamp", "lumped")
 
     @cached_property
     def layout(self) -> Layout:
-        """Layout of the values: theta, b, P, one element after the other, s and d."""
+        """Layout of the values: theta, b, P, one element after the other, m, s and d."""
         return Layout.of(
             damping=len(self.equations.law.parameters),
             base=len(self.base.parameters),
             properties=self.equations.model.properties.size,
+            lumped=len(self.equations.model.lumped) * self.lumped,
             start=len(START) * self.held,
             shifts=int(self.clocks.max(initial=-1)) + 1,
         )
 
     def solve(self, values: Array, most_steps: int | None = None) -> Run:
-        """Compute the motion for the values of theta, b, P, s and d.
+        """Compute the motion for the values of theta, b, P, m, s and d.
 
         Raises
         ------
@@ -130,10 +140,10 @@ class Problem:
             If there is no equilibrium to start from, the integrator fails or needs more than ``most_steps``, a shifted
             sample is after the last instant, or ``noted_interrupts`` has noted a Ctrl-C.
         """
-        theta, b, properties, start_load, shifts = self.layout.split(values)
-        model, parameters = self._model(properties), self.equations.parameters.copy()
-        parameters[self.equations.layout["law"]] = theta
-        parameters[self.equations.layout["properties"]] = properties
+        _, b, properties, lumped, start_load, shifts = self.layout.split(values)
+        model, parameters = self._model(properties, lumped), self.equations.parameters.copy()
+        for name, part in self._parts(values).items():
+            parameters[self.equations.layout[name]] = part
         first, last = self.span or (float(self.times[0]), float(self.times[-1]))
         times = self.times + shifts[self.clocks] if shifts.size else self.times
         if times.max() > last + CLOSE * (last - first):
@@ -163,16 +173,17 @@ class Problem:
 
     def forward(self, run: Run, directions: Array) -> Array:
         """Return the derivatives of the samples, (k, orders, 4 n + 4, d), along directions of the values, (..., d)."""
-        theta, b, properties, _, shifts = self.layout.split(directions)
-        parameters = self.equations.layout.join(directions.shape[1], properties=properties, law=theta)
+        b, shifts = (directions[self.layout[name]] for name in ("base", "shifts"))
+        parameters = self.equations.layout.join(directions.shape[1], **self._parts(directions))
         found = forward(self._linearisation, run, run.start_jacobian @ directions, b, parameters)
         return found + shifted(run, shifts) if shifts.size else found
 
     def reverse(self, run: Run, weights: Array) -> Array:
         """Return the derivatives (..., d), by the values, of d sums of the samples, weights (k, orders, 4 n + 4, d)."""
         start, b, parameters = reverse(self._linearisation, run, weights)
-        _, properties, theta, _ = self.equations.layout.split(parameters)
-        direct = self.layout.join(weights.shape[3], damping=theta, base=b, properties=properties)
+        direct = self.layout.join(weights.shape[3], base=b)
+        for name, part in self._parts(direct).items():
+            part[:] = parameters[self.equations.layout[name]]
         if run.clocks.size:
             direct[self.layout["shifts"]] = shift_weights(run, weights, direct[self.layout["shifts"]].shape[0])
         return np.asarray(direct + run.start_jacobian.T @ start)
@@ -189,11 +200,18 @@ class Problem:
     def _start(self) -> DifferentiableStart:
         return DifferentiableStart(self.equations.model, self.start, self.layout)
 
-    def _model(self, properties: Array) -> Model:
+    def _parts(self, values: Array) -> dict[str, Array]:
+        """Return views of the parts of values, or of directions, that are parameters of the equation of motion."""
+        shared = {"law": "damping", "properties": "properties"} | ({"lumped": "lumped"} if self.lumped else {})
+        return {name: values[self.layout[own]] for name, own in shared.items()}
+
+    def _model(self, properties: Array, lumped: Array) -> Model:
         """Return the beam with other properties."""
         model = self.equations.model
         rows = properties.reshape(model.properties.shape, order="F")
-        changed = {name: row.tolist() for name, row in zip(PROPERTIES, rows, strict=True)}
+        changed: dict[str, Any] = {name: row.tolist() for name, row in zip(PROPERTIES, rows, strict=True)}
+        if self.lumped:
+            changed |= {name: number(value, name) for name, value in zip(model.lumped, lumped.tolist(), strict=True)}
         return Model(model.beam.with_(**changed), model.measures)
 
     def _excitation(self, piece: ExcitationPiece, b: Array) -> Excitation:

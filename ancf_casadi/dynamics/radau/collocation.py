@@ -168,9 +168,12 @@ class Collocation:
 
     def mass(self, parameters: Array) -> scipy.sparse.csc_array:
         """Return the mass matrix of the free coordinates."""
-        model = self.equations.model
-        properties = parameters[self.equations.layout["properties"]].reshape(model.properties.shape, order="F")
-        return scipy.sparse.csc_array(model.mass(properties).sparse()[model.free, model.free])
+        return scipy.sparse.csc_array(self._mass(parameters).sparse())
+
+    @cached_property
+    def _mass(self) -> cs.Function:
+        parameters, free = self._symbols.parameters, self.equations.model.free
+        return cs.Function("mass", [parameters], [self.equations.balance(parameters).mass()[free, free]])
 
     @cached_property
     def _real(self) -> Elimination:

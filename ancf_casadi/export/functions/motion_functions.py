@@ -33,7 +33,7 @@ from ancf_casadi.dynamics.signals import (
     state_signals,
     values,
 )
-from ancf_casadi.export.functions.statics import balance_for, equilibrium_function, frequencies_function
+from ancf_casadi.export.functions.statics import equilibrium_function, frequencies_function
 from ancf_casadi.export.functions.step import step_function
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.inputs import check_instance, numbers, whole
@@ -248,7 +248,7 @@ def _symbolic_motion(equations: Equations, parameters: int) -> _SymbolicMotion:
     piece = Piece(math.inf, lambda t, parameters: position + velocity * t + acceleration * t**2 / 2)
     (node,) = cs.graph_substitute([clamped_node(equations.model, piece, t, cs.MX(0, 1))], [t], [cs.MX(0.0)])
     clamped = [part[: free.start] for part in cs.vertsplit(node, NODE)]
-    return _SymbolicMotion(symbols, balance_for(equations, symbols["p"]), clamped)
+    return _SymbolicMotion(symbols, equations.balance_for(symbols["p"]), clamped)
 
 
 def _jacobian(expression: cs.MX, symbol: cs.MX) -> cs.MX:

@@ -31,7 +31,7 @@ import math
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.equations import Balance, Equations
+from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.export.functions.newton import certain, newton, scaled
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.equilibrium import Equilibrium
@@ -41,11 +41,6 @@ LOAD_STEPS = 8  # m, from the parameters of the model to p
 INVERSE_ITERATIONS = 10
 CERTAIN = 1e-9  # largest change in a further Newton step (relative to length and slope), and largest residual of a mode
 JUST_ABOVE = 1e-6  # relative distance of sigma from the highest mode
-
-
-def balance_for(equations: Equations, p: cs.MX) -> Balance:
-    """Return the terms of the equation of motion for the parameters p, which exclude the constant projection B."""
-    return equations.balance(cs.vertcat(p, cs.DM(equations.projection.T.ravel())))
 
 
 def equilibrium_function(rest: Equilibrium, equations: Equations, start: Array) -> cs.Function:
@@ -64,7 +59,7 @@ def equilibrium_function(rest: Equilibrium, equations: Equations, start: Array) 
     shift = model.beam.length * scale / scale.max()  # of the coordinates per unit of z
     origin, known = cs.DM(rest.coordinates[model.free]), cs.DM(rest.coordinates[: model.free.start])
     z, p = cs.MX.sym("z", scale.size), cs.MX.sym("p", start.size)
-    balance, e = balance_for(equations, p), cs.vertcat(known, origin + shift * z)
+    balance, e = equations.balance_for(p), cs.vertcat(known, origin + shift * z)
     rows, columns = cs.DM(scale**2 / shift), cs.DM(shift)
     residual = rows * balance.conservative(e)[model.free]
     stiffness = scaled(model.tangent_stiffness(e, balance.properties)[model.free, model.free], rows, columns)
@@ -92,7 +87,7 @@ def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Fun
     """
     model, scale, free = modes.model, cs.DM(_scale(modes.equilibrium)), modes.model.free
     p = cs.MX.sym("p", equilibrium.size1_in(0))
-    properties = balance_for(equations, p).properties
+    properties = equations.balance_for(p).properties
     e = cs.vertcat(cs.DM(modes.equilibrium.coordinates[: free.start]), equilibrium(p))
     K = scaled(model.tangent_stiffness(e, properties)[free, free], scale, scale)
     M = scaled(model.mass(properties)[free, free], scale, scale)

@@ -283,7 +283,7 @@ class FullMotion:
     @cached_property
     def balance(self) -> Balance:
         """The terms of the equation of motion."""
-        return self.equations.balance(cs.vertcat(self.p, cs.DM(self.equations.projection.T.ravel())))
+        return self.equations.balance_for(self.p)
 
     @cached_property
     def clamped(self) -> tuple[cs.MX, cs.MX, cs.MX]:

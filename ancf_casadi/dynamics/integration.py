@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ancf_casadi.dynamics.idas import integrate_by_idas
-from ancf_casadi.dynamics.radau.collocation import Collocation
+from ancf_casadi.dynamics.radau.collocation import Collocation, first_equal
 from ancf_casadi.dynamics.radau.stepper import integrate_by_radau
 from ancf_casadi.dynamics.segments import InitialValueProblem, Segment, SegmentSolution, divide
 from ancf_casadi.dynamics.start import MotionSetup, TimedPiece
@@ -74,6 +74,8 @@ def integrate(
         If the integrator fails.
     """
     state, form = setup.start, Collocation(setup.equations)
+    if use.method == "radau":
+        form = first_equal(form)
     for piece, following in zip(setup.pieces, [*setup.pieces[1:], None], strict=True):
         problem = InitialValueProblem(
             equations=setup.equations,

@@ -7,11 +7,13 @@ import pytest
 
 from ancf_casadi import (
     Beam,
+    FrictionDamping,
     HarmonicBase,
     ModalDamping,
     Model,
     RayleighDamping,
     State,
+    StrainMeasures,
     natural_modes,
     simulate,
     static_equilibrium,
@@ -19,7 +21,7 @@ from ancf_casadi import (
 from ancf_casadi.dynamics.equations import Equations, excitation_pieces
 from ancf_casadi.dynamics.radau import step_control
 from ancf_casadi.dynamics.radau import stepper as radau
-from ancf_casadi.dynamics.radau.collocation import Collocation
+from ancf_casadi.dynamics.radau.collocation import Collocation, first_equal
 from ancf_casadi.dynamics.radau.newton import Newton
 from ancf_casadi.dynamics.segments import InitialValueProblem, Segment
 from ancf_casadi.dynamics.start import initial_state
@@ -117,3 +119,42 @@ def test_small_vibrations_keep_their_frequency():
         velocity = modes.modal_coordinate(run.velocities + modes.equilibrium.coordinates, 1)
         phases.append(np.unwrap(np.angle(displacement - 1j * velocity / modes.angular_frequencies[1])))
     assert abs(phases[0] - phases[1]).max() < 1e-6 * 2 * np.pi * 10
+
+
+# --------------------------------------------------------------------------------------------------- shared Functions
+
+
+def test_functions_serve_all_numbers_of_a_law_and_a_beam_but_no_other_law_mesh_or_axis():
+    beam = Beam.uniform(**BEAM, elements=2)
+    modes = natural_modes(Model(beam), count=2)
+    laws = {
+        "modal": ModalDamping(modes, (0.01, 0.02)),
+        "frequencies": ModalDamping(modes, (0.01, 0.02), frequencies=(1.0, 2.0)),  # constants in the force
+        "mode": ModalDamping(modes, (0.01,)),
+        "strain rate": RayleighDamping(0.2, 1e-3),
+        "tangent": RayleighDamping(0.2, 1e-3, stiffness="tangent"),
+        "friction": FrictionDamping(0.1, smoothing_speed=1e-3),
+        "speed": FrictionDamping(0.1, smoothing_speed=2e-3),
+    }
+    beams = [beam, *(beam.with_(**{name: value}) for name, value in (("length", 0.6), ("axis", (1.0, 0.0))))]
+    beams += [beam.with_(clamp_stiffness=0.5), beam.with_(clamp_stiffness=0.6), Beam.uniform(**BEAM, elements=3)]
+    models = [*map(Model, beams), Model(beam, StrainMeasures(axial="green"))]
+    forms = [Collocation(Equations(models[0], law)) for law in laws.values()]
+    forms += [Collocation(Equations(model, RayleighDamping(alpha=0.2))) for model in models]
+    assert len(set(forms)) == len(forms)
+    softer = Model(beam.with_(elastic_modulus=200e9, thickness=0.4e-3, gravity=(0.0, 0.0)))
+    assert Collocation(Equations(softer, ModalDamping(modes, (0.03, 0.04)))) == forms[0]
+    assert Collocation(Equations(softer, RayleighDamping(alpha=0.3))) == forms[len(laws)]
+
+
+def test_a_run_with_the_functions_of_another_run_has_the_same_digits():
+    model = Model(Beam.uniform(**BEAM, elements=3))
+    settings = {"damping": RayleighDamping(0.3, 1e-3), "base": SWING, "duration": 0.2, "sample_rate": 50.0}
+    first_equal.cache_clear()
+    alone = simulate(model, **settings)
+    first_equal.cache_clear()
+    simulate(Model(model.beam.with_(elastic_modulus=100e9)), **{**settings, "damping": RayleighDamping(0.1, 2e-3)})
+    shared = simulate(model, **settings)
+    assert first_equal.cache_info().hits == 1
+    for name in ("coordinates", "velocities", "clamp_force", "dissipated_energy"):
+        np.testing.assert_array_equal(getattr(shared, name), getattr(alone, name))

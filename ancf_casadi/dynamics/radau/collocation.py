@@ -31,7 +31,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as cs
 import numpy as np
@@ -63,6 +63,14 @@ class Collocation:
     """
 
     equations: Equations
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether the Functions are the same: they all follow from the forces, whose parameters are inputs."""
+        return isinstance(other, Collocation) and self._forces == other._forces
+
+    def __hash__(self) -> int:
+        """Return the hash of the forces."""
+        return hash(self._forces)
 
     @cached_property
     def stages(self) -> cs.Function:
@@ -176,6 +184,11 @@ class Collocation:
         return cs.Function("mass", [parameters], [self.equations.balance(parameters).mass()[free, free]])
 
     @cached_property
+    def _forces(self) -> str:
+        """The forces as text, with the constants of the mesh and of the law."""
+        return str(self.balance.serialize())
+
+    @cached_property
     def _real(self) -> Elimination:
         return self._elimination(1)
 
@@ -234,6 +247,12 @@ class Collocation:
             low_rank = balance.of_low_rank(e, e_t)
             local, lost = local + low_rank, lost + cs.sum1(e_t * low_rank)
         return local, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * local[:NODE, :]), supplied)
+
+
+@lru_cache(8)
+def first_equal(form: Collocation) -> Collocation:
+    """Return the same Functions of an earlier run, if there are any, which spares the time to derive them again."""
+    return form
 
 
 @dataclass(frozen=True)

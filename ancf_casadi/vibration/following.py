@@ -20,7 +20,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
+import scipy  # its packages are imported on first use
 
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.support.arrays import Array, Index
@@ -78,7 +78,7 @@ def _step(here: ModalState, properties: Array, smallest: bool) -> ModalState | N
     if state is None:
         return None
     correlations = _correlations(here, state)
-    modes, targets = linear_sum_assignment(-(correlations**2))
+    modes, targets = scipy.optimize.linear_sum_assignment(-(correlations**2))
     order = modes[np.argsort(targets)]
     if not smallest and (correlations[order, np.arange(len(order))] ** 2).min() <= UNIQUE:
         return None

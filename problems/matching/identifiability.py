@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import linprog
+import scipy  # its packages are imported on first use
 
 from ancf_casadi.support.arrays import Array, Mask
 from problems.matching.design_space import DesignSpace
@@ -140,7 +140,7 @@ class Identifiability:
     def _extreme(self, row: Array, lower: Array, upper: Array) -> float:
         """Return the minimum of t^T dm, with t a row, over the null space within the bounds; nan if none is found."""
         space, size = self.space, self.space.size
-        found = linprog(
+        found = scipy.optimize.linprog(
             row,
             A_eq=self.determined,
             b_eq=np.zeros(self.rank),

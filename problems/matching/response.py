@@ -20,8 +20,8 @@ from typing import Any, Literal
 
 import casadi as cs
 import numpy as np
+import scipy  # its packages are imported on first use
 import scipy.sparse
-from scipy.optimize import linear_sum_assignment
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
@@ -102,7 +102,7 @@ class Matching:
         if not self.measured.shapes:
             return np.arange(self.measured.count)
         mac = self.measured.mac(self.observer @ self.standard_modes.shapes)
-        targets, modes = linear_sum_assignment(-mac)
+        targets, modes = scipy.optimize.linear_sum_assignment(-mac)
         for target, mode in zip(targets.tolist(), modes.tolist(), strict=True):
             if mac[target, mode] < LEAST_MAC:
                 raise InputError(

@@ -23,7 +23,7 @@ Terms = tuple[dict[str, Any], ...]  # tables [[damping]], the terms of one law
 
 @dataclass(frozen=True)
 class Effort:
-    """Accuracy and length of the simulations of a study.
+    """Accuracy and length of the simulations of a study, and formats of its figures.
 
     Parameters
     ----------
@@ -33,15 +33,18 @@ class Effort:
         Time of excitation relative to the given one.
     window : float
         Length of the fitted decays relative to the default.
+    formats : tuple of str
+        Formats of the figures.
     """
 
     steps_per_period: int
     driving: float
     window: float
+    formats: tuple[str, ...]
 
 
-FULL = Effort(steps_per_period=24, driving=1.0, window=1.0)
-QUICK = Effort(steps_per_period=12, driving=0.05, window=0.3)
+FULL = Effort(steps_per_period=24, driving=1.0, window=1.0, formats=("svg", "png"))
+QUICK = Effort(steps_per_period=12, driving=0.05, window=0.3, formats=("svg",))
 
 
 @dataclass(frozen=True)

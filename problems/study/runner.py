@@ -1,6 +1,7 @@
 """Running a study: level by level, in any executor, with finished tasks kept.
 
-A level holds the parts whose needs are met.  First all tasks of its parts run, the longest first, then their findings.
+A level holds the parts whose needs are met: those that other parts wait for, or all if there are none, so that the last
+level is long and keeps all processes busy.  First all tasks of its parts run, the longest first, then their findings.
 Each result is written as soon as it is there, so that a study that is stopped at any time continues from there.
 """
 
@@ -16,10 +17,11 @@ from typing import Any
 
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.parallel import processes, run_all
+from problems.study.drawing import only
 from problems.study.part import Effort, Finding, Outcome, Part, Study, Task
 from problems.study.store import Store, key_of, run_task
 
-DRAWING = 1.0  # s, to draw the figures of a part
+DRAWING = 0.2  # s, to draw a figure
 STEPS = "steps"  # folder with the kept results
 
 
@@ -73,6 +75,8 @@ def run_parts(
         runner = _Runner(Store(folder / STEPS), start, progress)
         while waiting:
             ready = [part for part in waiting if all(name in findings for name in part.needs)]
+            awaited = {name for part in waiting for name in part.needs}
+            ready = [part for part in ready if part.heading.name in awaited] or ready
             ahead = {part.heading.name for part in ready}
             waiting = [part for part in waiting if part.heading.name not in ahead]
             found = {part.heading.name: {name: findings[name].outcome for name in part.needs} for part in ready}
@@ -104,9 +108,10 @@ class _Runner:
         drawings = []
         for part in parts:
             name = part.heading.name
+            inputs = (part.kind, part, [next(own) for _ in tasks[name]], found[name], effort)
             drawings.append(
-                Task(_finding, (part.kind, part, [next(own) for _ in tasks[name]], found[name], effort), DRAWING)
-            )
+                Task(_finding, inputs, DRAWING * (1 + len(tasks[name])))
+            )  # most have a figure for each task
         findings, drawing_times = self._run(drawings, "drawing")
         spent = iter(times)
         for part, (seconds, kept) in zip(parts, drawing_times, strict=True):
@@ -137,6 +142,6 @@ class _Runner:
 
 
 def _finding(kind: str, part: Part, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
-    with located(part.heading.name):
+    with located(part.heading.name), only(effort.formats if part.heading.draw else ()):
         finding = part.finding(results, found, effort)
     return finding if part.heading.draw else replace(finding, figures=())

@@ -172,7 +172,8 @@ def _write(folder: Path, study: Study, shown: tuple[Shown, ...], numbers: Mappin
             contents[folder / "tables" / f"{file_name(label)}.csv"] = table.table().csv()
         for label, figure in part.figures:
             contents[folder / "figures" / f"{file_name(label)}.svg"] = figure.svg
-            contents[folder / "figures" / f"{file_name(label)}.png"] = figure.png
+            if figure.png:
+                contents[folder / "figures" / f"{file_name(label)}.png"] = figure.png
     contents[folder / SCHEMA] = to_json(schema(study))
     contents[folder / NUMBERS] = to_json(numbers)
     contents[folder / PAGE] = document

@@ -36,8 +36,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import scipy  # its packages are imported on first use
 from scipy.linalg import solve_triangular
-from scipy.optimize import nnls
 from scipy.special import chdtrc
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping
@@ -271,7 +271,7 @@ def fit_combined_law(measured: Sequence[ModeCoefficients], modes: Modes) -> Comb
         rows[own] = solve_triangular(root, design, lower=True)
         values[own] = solve_triangular(root, [one.eta1, one.eta2], lower=True)
     size = np.linalg.norm(rows, axis=0)
-    found, distance = nnls(rows / size, values)
+    found, distance = scipy.optimize.nnls(rows / size, values)
     free = found > 0.0
     surplus, Q = 2 * count - int(np.count_nonzero(free)), float(distance) ** 2
     probability = float(chdtrc(surplus, Q))

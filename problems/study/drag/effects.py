@@ -27,7 +27,7 @@ from dataclasses import dataclass
 
 import casadi as cs
 import numpy as np
-from scipy.optimize import brentq, root_scalar
+import scipy  # its packages are imported on first use
 
 from ancf_casadi.damping import QuadraticDamping
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, quadratic_envelope
@@ -134,7 +134,12 @@ class RatiosOverTime:
 
 
 def simulate_decay(
-    beam: Beam, law: QuadraticDamping, frequency: float, amplitude: float = 0.076, duration: float = 15.0
+    beam: Beam,
+    law: QuadraticDamping,
+    frequency: float,
+    amplitude: float = 0.076,
+    duration: float = 15.0,
+    steps_per_period: int = STEPS,
 ) -> Decay:
     """Simulate the free decay of a beam in its first mode, and compute it by Eq. (27).
 
@@ -150,6 +155,8 @@ def simulate_decay(
         Displacement of the tip across the beam at the start, m.
     duration : float
         Time that the envelopes cover, s; the motion lasts one period longer.
+    steps_per_period : int
+        Least number of integrator steps per period.
 
     Raises
     ------
@@ -168,7 +175,7 @@ def simulate_decay(
         duration=duration + 1 / frequency,  # so that the last peak lies beyond the end
         sample_rate=SAMPLES * frequency,
         tolerance=TOLERANCE,
-        largest_step=1 / (STEPS * frequency),
+        largest_step=1 / (steps_per_period * frequency),
     )
     tip, ω = run.tip @ _across(modes), 2 * math.pi * frequency
     first, second = (abs(float(modes.modal_coordinate(start.coordinates, mode))) for mode in range(2))
@@ -225,7 +232,9 @@ def displaced(modes: Modes, amplitude: float) -> Equilibrium:
     def missing(factor: float) -> float:
         return float(bent(factor).tip @ _across(modes)) - amplitude
 
-    found = root_scalar(missing, method="secant", x0=amplitude, x1=1.02 * amplitude, xtol=1e-7 * amplitude)
+    found = scipy.optimize.root_scalar(
+        missing, method="secant", x0=amplitude, x1=1.02 * amplitude, xtol=1e-7 * amplitude
+    )
     if not found.converged:
         raise EquilibriumError(f"no load was found that displaces the tip by {amplitude:g} m; start with less")
     return bent(float(found.root))
@@ -263,7 +272,9 @@ def crossing(first: Envelope, second: Envelope) -> float:
 
     grid = np.linspace(first.time[0], min(first.time[-1], second.time[-1]), 1000)[1:]
     changes = np.flatnonzero(np.diff(np.sign([difference(time) for time in grid.tolist()])))
-    return float(brentq(difference, grid[changes[0]], grid[changes[0] + 1])) if len(changes) else math.nan
+    return (
+        float(scipy.optimize.brentq(difference, grid[changes[0]], grid[changes[0] + 1])) if len(changes) else math.nan
+    )
 
 
 def _across(modes: Modes) -> Array:

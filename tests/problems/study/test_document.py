@@ -142,7 +142,7 @@ class TestPage:
                 assert f"{label}." in text
                 name = file_name(label)
                 assert (folder / "figures" / f"{name}.svg").read_text(encoding="utf-8") == figure.svg
-                assert (folder / "figures" / f"{name}.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
+                assert not (folder / "figures" / f"{name}.png").exists()  # in a quick look, whose page shows the SVG
         files = {path.stem for kind in ("tables", "figures") for path in (folder / kind).iterdir()}
         labels = [label for part in small_paper.parts for label, _ in (*part.tables, *part.figures)]
         assert files == {file_name(label) for label in labels}

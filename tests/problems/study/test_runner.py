@@ -108,6 +108,11 @@ class TestLevels:
         assert [step.name for step in bench.steps] == ["c", "d", "a", "b"]
         assert [step.tasks for step in bench.steps] == [1, 1, 2, 1]
 
+    def test_a_part_that_none_needs_waits_for_the_last_level(self, bench):
+        """It would keep the others waiting; together with them, all processes stay busy."""
+        bench.run(bench.part("a", 9.0), bench.part("b", 1.0), bench.part("c", 2.0, after=("b",)))
+        assert bench.calls == [1.0, 9.0, 4.0]
+
     def test_equal_tasks_run_once(self, bench):
         assert bench.run(bench.part("a", 1.0, 2.0, 1.0), bench.part("b", 2.0)) == {"a": 8.0, "b": 4.0}
         assert bench.calls == [2.0, 1.0]
@@ -203,7 +208,7 @@ def test_any_executor_gives_the_same_files(study_file, tmp_path):
     contents = []
     with ThreadPoolExecutor(2) as threads:
         for name, options in {"one": {}, "threads": {"executor": threads}, "processes": {"jobs": 2}}.items():
-            run_study(path, tmp_path / name, quick=True, **options)
+            run_study(path, tmp_path / name, **options)
             files = {
                 str(file.relative_to(tmp_path / name)): file.read_bytes()
                 for file in (tmp_path / name).rglob("*.*")

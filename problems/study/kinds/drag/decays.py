@@ -13,7 +13,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.support.inputs import is_sequence, located, physical, shown
 from problems.schema.beam import law_of
-from problems.study.drag.effects import RESOLVED, Decay, Envelope, simulate_decay
+from problems.study.drag.effects import RESOLVED, STEPS, Decay, Envelope, simulate_decay
 from problems.study.part import Effort, Task
 from problems.study.source import LawChoice, Source
 
@@ -48,18 +48,21 @@ class Release:
         Displacement of the tip at the start, m.
     duration : float
         Length, s.
+    steps_per_period : int
+        Least number of integrator steps per period.
     """
 
     amplitude: float
     duration: float
+    steps_per_period: int = STEPS
 
     def shortened(self, effort: Effort) -> Release:
-        """Return the release of a quick study, whose decays are shorter."""
-        return Release(self.amplitude, effort.window * self.duration)
+        """Return the release of a quick study, whose decays are shorter and have longer steps."""
+        return Release(self.amplitude, effort.window * self.duration, effort.steps_per_period)
 
     def task(self, beam: Beam, law: QuadraticDamping, frequency: float) -> Task:
         """Return the simulation of a decay as a task."""
-        inputs = (beam, law, frequency, self.amplitude, self.duration)
+        inputs = (beam, law, frequency, self.amplitude, self.duration, self.steps_per_period)
         return Task(simulate_decay, inputs, SECONDS + SECONDS_PER_PERIOD * frequency * self.duration)
 
 

@@ -129,6 +129,7 @@ def test_a_quick_look_drives_for_less_time(study_file):
         assert experiment.stop == pytest.approx(5.0 * effort.driving)
     assert QUICK.driving < 0.2 < FULL.driving == 1.0
     assert QUICK.steps_per_period < FULL.steps_per_period
+    assert set(QUICK.formats) < set(FULL.formats)
 
 
 @pytest.mark.parametrize("name", ["experiment", "runs"])

@@ -1,0 +1,23 @@
+"""Figures of a document in the formats that are wanted."""
+
+import pytest
+
+from problems.study.drawing import drawn, new_figure, only
+
+
+@pytest.mark.parametrize("formats", [("svg", "png"), ("svg",), ()])
+def test_a_figure_is_drawn_in_the_wanted_formats_alone(formats):
+    """Nothing at all is drawn if none is wanted; afterwards, all are again."""
+    calls = []
+
+    def draw():
+        calls.append(1)
+        return new_figure(1.0)[0]
+
+    with only(formats):
+        drawing = drawn("name", "caption", draw)
+    assert (drawing.name, drawing.caption, len(calls)) == ("name", "caption", bool(formats))
+    assert drawing.svg.startswith("<?xml") == ("svg" in formats)
+    assert drawing.png.startswith(b"\x89PNG") == ("png" in formats)
+    if not formats:
+        assert all((drawn("name", "caption", draw).svg, drawn("name", "caption", draw).png))

@@ -185,6 +185,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "motion": (a.motion, damped | {
             "model": model, "duration": 0.01, "load": load, "sample_rate": 1000.0, "start": "equilibrium",
             "tolerance": 1e-5, "largest_step": np.inf, "start_load": False, "most_steps": 1000,
+            "lumped": False,
         }),
         "motion_function": (a.motion_function, {
             "motion": a.periodic_motion(reduced, base=steady), "point": 0.3, "direction": (1.0, 0.0), "relative": True,

@@ -137,7 +137,7 @@ def test_functions_serve_all_numbers_of_a_law_and_a_beam_but_no_other_law_mesh_o
         "speed": FrictionDamping(0.1, smoothing_speed=2e-3),
     }
     beams = [beam, *(beam.with_(**{name: value}) for name, value in (("length", 0.6), ("axis", (1.0, 0.0))))]
-    beams += [beam.with_(clamp_stiffness=0.5), beam.with_(clamp_stiffness=0.6), Beam.uniform(**BEAM, elements=3)]
+    beams += [beam.with_(clamp_stiffness=0.5), beam.with_(tip_mass=1e-3), Beam.uniform(**BEAM, elements=3)]
     models = [*map(Model, beams), Model(beam, StrainMeasures(axial="green"))]
     forms = [Collocation(Equations(models[0], law)) for law in laws.values()]
     forms += [Collocation(Equations(model, RayleighDamping(alpha=0.2))) for model in models]
@@ -145,15 +145,18 @@ def test_functions_serve_all_numbers_of_a_law_and_a_beam_but_no_other_law_mesh_o
     softer = Model(beam.with_(elastic_modulus=200e9, thickness=0.4e-3, gravity=(0.0, 0.0)))
     assert Collocation(Equations(softer, ModalDamping(modes, (0.03, 0.04)))) == forms[0]
     assert Collocation(Equations(softer, RayleighDamping(alpha=0.3))) == forms[len(laws)]
+    for other in (beam.with_(clamp_stiffness=0.6), beam.with_(tip_mass=2e-3)):
+        assert Collocation(Equations(Model(other), RayleighDamping(alpha=0.3))) in forms[len(laws) + 3 :]
 
 
 def test_a_run_with_the_functions_of_another_run_has_the_same_digits():
-    model = Model(Beam.uniform(**BEAM, elements=3))
+    model = Model(Beam.uniform(**BEAM, elements=3, tip_mass=1e-3, clamp_stiffness=0.5))
     settings = {"damping": RayleighDamping(0.3, 1e-3), "base": SWING, "duration": 0.2, "sample_rate": 50.0}
     first_equal.cache_clear()
     alone = simulate(model, **settings)
     first_equal.cache_clear()
-    simulate(Model(model.beam.with_(elastic_modulus=100e9)), **{**settings, "damping": RayleighDamping(0.1, 2e-3)})
+    other = model.beam.with_(elastic_modulus=100e9, tip_mass=2e-3, clamp_stiffness=0.3)
+    simulate(Model(other), **{**settings, "damping": RayleighDamping(0.1, 2e-3)})
     shared = simulate(model, **settings)
     assert first_equal.cache_info().hits == 1
     for name in ("coordinates", "velocities", "clamp_force", "dissipated_energy"):

@@ -266,5 +266,5 @@ def test_a_curve_is_reported_drawn_and_written(second_mode):
     data = second_mode.to_dict()
     assert data["jumps"]["up"] == list(second_mode.jumps.up)
     assert len(data["values"]) == len(data["amplitudes"]) == len(data["stable"])
-    figure = second_mode.figure(0.25)
+    figure = second_mode.figure(point=0.25)
     assert [text.get_text() for text in figure.axes[0].get_legend().get_texts()] == ["unstable", "fold"]

@@ -168,7 +168,14 @@ def motion_figure(runs: Mapping[str, Motion]) -> Figure:
 
     The motion is the change of the horizontal and of the vertical position since the start.  Of several runs, only the
     shapes at the start and at the end are drawn.
+
+    Raises
+    ------
+    InputError
+        If a run failed before its first sample.
     """
+    if not all(len(run.time) for run in runs.values()):
+        raise InputError("the motion has no samples", "figure")
     figure = Figure(figsize=(9, 4.4), layout="constrained")
     over_time, in_plane = figure.subfigures(1, 2, squeeze=False, width_ratios=(8, 5)).ravel()
     panels = over_time.subplots(2, 1, sharex=True)

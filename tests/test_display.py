@@ -2,6 +2,7 @@
 
 import json
 import pickle
+from dataclasses import replace
 
 import casadi as cs
 import numpy as np
@@ -186,12 +187,23 @@ def test_a_full_and_a_reduced_motion_are_of_one_kind(samples):
     assert [text.get_text() for text in legend.get_texts()] == ["1", "2"]
 
 
+def test_a_motion_that_failed_at_once_is_shown_and_not_drawn(samples):
+    run = samples["Trajectory"]
+    failed = replace(run, time=run.time[:0], coordinates=run.coordinates[:0])
+    assert repr(failed) == "Trajectory(0 s, 0 samples, 4 elements, tip travel 0 mm, radau)"
+    assert "0 samples" in failed.report() and failed.to_dict()["tip_m"] == []
+    with pytest.raises(InputError, match=r"^figure: the motion has no samples$"):
+        failed.figure()
+
+
 def test_results_of_different_kinds_are_not_drawn_together(samples):
     run, curve, system = samples["Trajectory"], samples["ResponseCurve"], samples["SecondOrderSystem"]
     with pytest.raises(InputError, match=r"^figure: a Trajectory cannot be drawn with a Modes$"):
         run.figure(samples["Modes"])
     with pytest.raises(InputError, match=r"^labels: must be 2 different names$"):
         run.figure(run, labels=("same", "same"))
+    with pytest.raises(InputError, match=r"^labels: must be a sequence of str"):
+        run.figure(run, labels="ab")
     free = ancf_casadi.amplitude_response(system, (0.02, 0.05), force=samples["HarmonicForce"])
     with pytest.raises(InputError, match=r"^figure: the curves must be over the same quantity, here frequency$"):
         curve.figure(free)

@@ -140,10 +140,8 @@ class Motion(Reported):
 
     def table(self) -> Table:
         """Return the position of the tip at the start and at the end, and its travel relative to the clamp."""
-        rows = [
-            (name, *values.tolist())
-            for name, values in (("start", self.tip[0]), ("end", self.tip[-1]), ("travel", self._travel))
-        ]
+        ends = [("start", self.tip[0]), ("end", self.tip[-1])] if len(self.time) else []
+        rows = [(name, *values.tolist()) for name, values in (*ends, ("travel", self._travel))]
         title = f"Motion of the tip, {self._length}; the travel is relative to the clamp"
         notes = (*self._methods, f"{counted(self.steps, 'step')} in {self.wall_seconds:.3g} s")
         return Table("motion", title, ("tip", "x_m", "y_m"), rows, notes)
@@ -162,11 +160,13 @@ class Motion(Reported):
     @property
     def _travel(self) -> Array:
         """Range of the tip relative to the clamp in each direction, (2,), m."""
-        return np.asarray(np.ptp(self.tip - self.coordinates[:, :2], axis=0))
+        swing = self.tip - self.coordinates[:, :2]
+        return np.asarray(np.ptp(swing, axis=0)) if len(swing) else np.zeros(2)  # a run may fail at once
 
     @property
     def _length(self) -> str:
-        return f"{self.time[-1] - self.time[0]:.4g} s, {counted(len(self.time), 'sample')}"
+        length = float(np.ptp(self.time)) if len(self.time) else 0.0
+        return f"{length:.4g} s, {counted(len(self.time), 'sample')}"
 
     def _summary(self) -> str:
         how = ", ".join(text.split(" from ")[0] for text in self._methods)

@@ -195,9 +195,8 @@ class Reported(Displayed, ABC):
         if strange:
             raise InputError(f"a {type(self).__name__} cannot be drawn with a {type(strange[0]).__name__}", "figure")
         own = [self, *others]
-        if not labels:
-            labels = [str(k) for k in range(1, len(own) + 1)] if others else [""]
-        names = instances(labels, "labels", str)
+        numbers = [str(k) for k in range(1, len(own) + 1)] if others else [""]
+        names = instances(labels, "labels", str, least=0) or numbers
         if len(set(names)) != len(own):
             raise InputError(f"must be {len(own)} different names", "labels")
         module, name = drawing.rsplit(".", 1)

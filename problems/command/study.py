@@ -12,20 +12,20 @@ from problems.command.output import Output, json_text, positive_count
 
 def add_study(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    from problems.study.keys import STUDY_KEYS
+    from problems.study.reading import study_help
 
     parser.set_defaults(run=_study)
-    parser.epilog = STUDY_KEYS
+    parser.epilog = study_help()
     parser.add_argument("file", metavar="STUDY.toml", help="the study; init writes a file to start from")
     _add_options(parser)
 
 
 def add_reproduce(parser: argparse.ArgumentParser) -> None:
     """Add the options."""
-    from problems.study.keys import PAPER_KEYS
+    from problems.study.reading import paper_help
 
     parser.set_defaults(run=_reproduce)
-    parser.epilog = PAPER_KEYS
+    parser.epilog = paper_help()
     _add_options(parser)
 
 

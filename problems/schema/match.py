@@ -2,29 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Annotated, Any
+
+from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.strain import StrainMeasures
-from ancf_casadi.support.inputs import check_keys, located, numbers, shown
+from ancf_casadi.support.inputs import located, numbers, shown
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.unknowns import Global, PerElement, PropertyUnknown, Smooth
 from problems.schema.beam import BEAM_HELP, read_beam
 from problems.schema.file import StudyFile
+from problems.schema.table import read, told
 
-KEYS = """\
-  [match]       targets (Hz), frequency_std (Hz), bounds, starts, seed,
-                objective ("least-squares" or "worst-error");
-                for measured shapes: points (m), shapes, shape_std;
-                unknowns = {width = "element", density = "global",
-                thickness = {smooth = 3, bounds = 0.05}}
-"""
+
+@dataclass(frozen=True, kw_only=True)
+class MatchTable:
+    """Keys of the table [match], which ``match_frequencies`` and ``MeasuredModes`` check; None for those not given."""
+
+    targets: Annotated[Any, Meta(description="Hz")] = None
+    frequency_std: Annotated[Any, Meta(description="Hz")] = None
+    points: Annotated[Any, Meta(description="m, of measured shapes")] = None
+    shapes: Any = None
+    shape_std: Any = None
+    bounds: Any = None
+    objective: Annotated[Any, Meta(description='"least-squares" or "worst-error"')] = None
+    starts: Any = None
+    seed: Any = None
+    unknowns: Annotated[
+        Any,
+        Meta(description='{width = "element", density = "global", thickness = {smooth = 3, bounds = 0.05}}'),
+    ] = None
+
+    @property
+    def request(self) -> dict[str, Any]:
+        """The keys that are given."""
+        given = {field.name: getattr(self, field.name) for field in fields(MatchTable)}
+        return {key: value for key, value in given.items() if value is not None}
+
+
+KEYS = told("[match]", "{}", MatchTable)
 MATCH_HELP = BEAM_HELP + KEYS
 MOST_ELEMENTS = 1000  # a match with more takes minutes, and Ctrl-C does not end it at once
 MODES = ("frequency_std", "points", "shapes", "shape_std")  # keys that belong to MeasuredModes
-MATCH_KEYS = {"targets", "bounds", "objective", "starts", "seed", "unknowns", *MODES}
 
 
 def read_match(given: str | StudyFile) -> tuple[Beam, dict[str, Any]]:
@@ -46,13 +68,12 @@ def read_match(given: str | StudyFile) -> tuple[Beam, dict[str, Any]]:
             f"a match takes {MOST_ELEMENTS} at most, got {model.beam.elements}; 20 to 100 are enough",
             f"{file.where('beam')}: elements",
         )
-    table = file.needed("match")
-    check_keys(table, {"targets"}, MATCH_KEYS - {"targets"}, where)
+    table = read(file.needed("match"), MatchTable, where)
     with located(where):
         return model.beam, request_of(table)
 
 
-def request_of(table: Mapping[str, Any]) -> dict[str, Any]:
+def request_of(table: MatchTable) -> dict[str, Any]:
     """Return the arguments of ``match_frequencies`` after the beam from the keys of a table [match].
 
     Raises
@@ -60,9 +81,9 @@ def request_of(table: Mapping[str, Any]) -> dict[str, Any]:
     InputError
         If the targets are missing, or a value cannot be used.
     """
-    if "targets" not in table:
-        raise InputError("the key is missing", "targets")
-    request = dict(table)
+    request = table.request
+    if "targets" not in request:
+        raise InputError("the key 'targets' is missing")
     measured = {key: request.pop(key) for key in MODES if key in request}
     targets = list(numbers(request["targets"], "targets"))
     request["targets"] = MeasuredModes(frequencies=tuple(targets), **measured) if measured else targets

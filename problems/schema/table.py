@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import inspect
 import textwrap
-from collections.abc import Callable, Iterator, Set
+from collections.abc import Callable, Mapping, Set
+from types import MappingProxyType
 from typing import Annotated, Any, TypeVar
 
 from msgspec import Meta
@@ -27,6 +28,8 @@ from ancf_casadi.support.inputs import (
 Made = TypeVar("Made")
 
 Positive = Annotated[float, Meta(gt=0.0)]
+Hooks = Mapping[type, Callable[[Any, str], Any]]  # class of a field -> function of the value and its place
+HIDDEN = Meta(extra={"hidden": True})  # of a field that no table gives
 
 
 def made(table: Any, maker: Callable[..., Made], where: str, keys: Set[str] | None = None, **given: Any) -> Made:
@@ -58,7 +61,7 @@ def made(table: Any, maker: Callable[..., Made], where: str, keys: Set[str] | No
         return maker(**table, **given)
 
 
-def read(value: Any, kind: type[Made], where: str) -> Made:
+def read(value: Any, kind: type[Made], where: str, hooks: Hooks = MappingProxyType({})) -> Made:
     """Return a value of a TOML file as a declared type.
 
     Parameters
@@ -69,27 +72,35 @@ def read(value: Any, kind: type[Made], where: str) -> Made:
         A class whose fields are the keys of a table, with ranges and descriptions by ``msgspec.Meta``; or another type.
     where : str
         Place of the value, for messages.
+    hooks : mapping, optional
+        Functions of value and place that make the instances of some classes, such as the law of a name.
 
     Raises
     ------
     InputError
         If keys are missing or unknown, or a value does not have the type or is out of range.
     """
-    found: Made = _read(value, types.type_info(kind), where)
+    found: Made = _read(value, types.type_info(kind), where, hooks)
     return found
 
 
-def _read(value: Any, kind: types.Type, where: str) -> Any:
+def _read(value: Any, kind: types.Type, where: str, hooks: Hooks) -> Any:
     match kind:
         case types.Metadata():
-            return _read(value, kind.type, where)
+            return _read(value, kind.type, where, hooks)
+        case types.StructType() | types.DataclassType() if kind.cls in hooks:
+            return hooks[kind.cls](value, where)
         case types.StructType() | types.DataclassType():
-            fields = {field.encode_name: field for field in kind.fields}
+            fields = {field.encode_name: field for field in _fields(kind)}
             required = {key for key, field in fields.items() if field.required}
             check_keys(value, required, fields.keys() - required, where)
-            return kind.cls(
-                **{fields[key].name: _read(own, fields[key].type, f"{where}: {key}") for key, own in value.items()}
-            )
+            given = {key: _read(own, fields[key].type, f"{where}: {key}", hooks) for key, own in value.items()}
+            with located(where):
+                return kind.cls(**{fields[key].name: own for key, own in given.items()})
+        case types.DictType():
+            if not isinstance(value, dict):
+                raise InputError(f"must be a table, got {shown(value)}", where)
+            return {key: _read(own, kind.value_type, f"{where}: {key}", hooks) for key, own in value.items()}
         case types.FloatType():
             return _real(value, kind, where)
         case types.IntType():
@@ -102,15 +113,20 @@ def _read(value: Any, kind: types.Type, where: str) -> Any:
             if not isinstance(value, str):
                 raise InputError(f"must be a text, got {shown(value)}", where)
         case types.TupleType() if len(kind.item_types) == 2:
-            return tuple(
-                _read(own, item, where) for own, item in zip(vector(value, where), kind.item_types, strict=True)
-            )
+            pair = zip(vector(value, where), kind.item_types, strict=True)
+            return tuple(_read(own, item, where, hooks) for own, item in pair)
         case types.VarTupleType():
-            return _list(value, kind, where)
+            return _list(value, kind, where, hooks)
         case types.UnionType():
-            listed = [own for own in kind.types if isinstance(own, types.VarTupleType) == is_sequence(value)]
-            return _read(value, (listed or list(kind.types))[0], where)
+            known = [own for own in kind.types if not isinstance(own, types.NoneType)]
+            known.sort(key=lambda own: isinstance(own, types.VarTupleType) != is_sequence(value))  # lists for lists
+            return _read(value, known[0], where, hooks)
     return value
+
+
+def _fields(kind: types.StructType | types.DataclassType) -> list[types.Field]:
+    """Return the fields that are keys of a table."""
+    return [field for field in kind.fields if getattr(field.type, "extra", None) != HIDDEN.extra]
 
 
 def _real(value: Any, kind: types.FloatType, where: str) -> float:
@@ -126,35 +142,45 @@ def _real(value: Any, kind: types.FloatType, where: str) -> float:
     return result
 
 
-def _list(value: Any, kind: types.VarTupleType, where: str) -> tuple[Any, ...]:
-    tables = isinstance(kind.item_type, types.StructType | types.DataclassType)
-    what = "tables" if tables else "texts" if isinstance(kind.item_type, types.StrType) else "numbers"
+def _list(value: Any, kind: types.VarTupleType, where: str, hooks: Hooks) -> tuple[Any, ...]:
+    item = kind.item_type
+    tables = isinstance(item, types.StructType | types.DataclassType) and item.cls not in hooks
+    what = "tables" if tables else "numbers" if isinstance(item, types.FloatType | types.Metadata) else "texts"
     least, most = kind.min_length or 0, kind.max_length
     if not is_sequence(value) or len(value) < least or (most is not None and len(value) > most):
-        size = f"{least} to {most} {what}" if most else f"one or more {what}" if least else what
+        size = f"{least} to {most} {what}" if most else f"{least} or more {what}" if least else what
         raise InputError(f"must be a list of {size}, got {shown(value)}", where)
-    return tuple(
-        _read(own, kind.item_type, f"{where}: {k}" if tables else where) for k, own in enumerate(value, start=1)
-    )
+    return tuple(_read(own, item, f"{where}: {k}" if tables else where, hooks) for k, own in enumerate(value, start=1))
 
 
-def told(head: str, text: str, *declared: type, indent: int = 16) -> str:
-    """Return the help on a table: its head, and beside it a text in which each {} stands for the keys of a class."""
-    full = f"  {head} ".ljust(indent) + text.format(*(", ".join(_keys(kind)) for kind in declared))
+def told(head: str, text: str, *declared: type, indent: int = 16, base: type | None = None) -> str:
+    """Return the help on a table: its head, and beside it a text in which each {} stands for the keys of a class.
+
+    Keys that a base class declares are left out.
+    """
+    full = f"  {head} ".ljust(indent) + text.format(*(", ".join(keys_of(kind, base)) for kind in declared))
     return (
         textwrap.fill(full, 80, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False) + "\n"
     )
 
 
-def _keys(kind: type) -> Iterator[str]:
+def keys_of(kind: type, base: type | None = None) -> list[str]:
+    """Return the keys that a class declares beyond its base, each with its description."""
+    known = keys_of(base) if base else []
     info = types.type_info(kind)
     assert isinstance(info, types.StructType | types.DataclassType)
-    for field in info.fields:
-        own = field.type
-        note = (own.extra_json_schema or {}).get("description", "") if isinstance(own, types.Metadata) else ""
-        plain = own.type if isinstance(own, types.Metadata) else own
-        if isinstance(plain, types.LiteralType):
-            note = note or " or ".join(f'"{value}"' for value in plain.values)
-        elif isinstance(plain, types.BoolType):
-            note = f"true or false{note and f': {note}'}"
-        yield f"{field.encode_name} ({note})" if note else field.encode_name
+    return [key for field in _fields(info) if (key := _told(field)) not in known]
+
+
+def _told(field: types.Field) -> str:
+    """Return a key with its description, or the names that it may have."""
+    own = field.type
+    note = (own.extra_json_schema or {}).get("description", "") if isinstance(own, types.Metadata) else ""
+    plain = own.type if isinstance(own, types.Metadata) else own
+    if isinstance(plain, types.LiteralType):
+        note = note or " or ".join(f'"{value}"' for value in plain.values)
+    elif isinstance(plain, types.BoolType):
+        note = f"true or false{note and f': {note}'}"
+    if note[:1] in ("[", "{"):
+        return f"{field.encode_name} = {note}"
+    return f"{field.encode_name} ({note})" if note else field.encode_name

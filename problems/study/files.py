@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from abc import ABC
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterator, Set
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Self
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import opened
 from problems.schema.file import StudyFile
+from problems.schema.table import HIDDEN
 from problems.study.part import Part
 from problems.study.source import Source
 
@@ -36,7 +37,7 @@ class TablesOfFile:
     digests: tuple[tuple[str, str], ...]
 
     @staticmethod
-    def of(source: Source, names: set[str]) -> TablesOfFile:
+    def of(source: Source, names: Set[str]) -> TablesOfFile:
         """Return the tables with the given names, as far as they are there."""
         tables = {name: table for name, table in source.file.tables.items() if name in names}
         files = sorted(set(_named(tables)))
@@ -47,17 +48,27 @@ class TablesOfFile:
         return StudyFile(self.path, self.tables)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class FilePart(Part, ABC):
-    """Base class of the parts that read tables of the file as another command does.
+    """Base class of the parts that read tables of the file as another command does."""
 
-    Parameters
-    ----------
-    given : TablesOfFile
-        The tables.
-    """
+    wanted: ClassVar[Set[str]]  # names of the tables
 
-    given: TablesOfFile
+    given: Annotated[TablesOfFile, HIDDEN] = TablesOfFile("", {}, ())
+
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with the tables that it reads."""
+        self.check(source.file, where)
+        return replace(self, given=TablesOfFile.of(source, self.wanted))
+
+    def check(self, file: StudyFile, where: str) -> None:
+        """Check the tables of a file.
+
+        Raises
+        ------
+        InputError
+            If a table is missing, a key or value cannot be used, or a file cannot be read.
+        """
 
 
 def _named(tables: Any) -> Iterator[str]:

@@ -11,12 +11,19 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
+from msgspec import Meta
+
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from problems.study.data_table import DataTable
+from problems.schema.table import HIDDEN
+from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing
+
+if TYPE_CHECKING:
+    from problems.study.source import Source
 
 Terms = tuple[dict[str, Any], ...]  # tables [[damping]], the terms of one law
 
@@ -48,44 +55,6 @@ QUICK = Effort(steps_per_period=12, driving=0.05, window=0.3, formats=("svg",))
 
 
 @dataclass(frozen=True)
-class Heading:
-    """Place of a part in the document.
-
-    Parameters
-    ----------
-    name : str
-        Key of the part in ``results.json``.
-    title : str
-        Title of its section.
-    text : str
-        Paragraphs that introduce it, separated by empty lines.
-    tables, figures : tuple of str
-        Labels of its tables and figures, such as ``Table 2``; those without a label are numbered.
-    notes : tuple of str
-        Remarks below its tables, such as known reasons for differences.
-    source : str
-        Origin of the printed numbers, such as ``paper``.
-    section : str
-        Title of a section of the document that begins here; none if empty.
-    draw : bool
-        Whether the document shows its figures.
-    quick : bool
-        Whether it belongs to a quick look.
-    """
-
-    name: str
-    title: str
-    text: str = ""
-    tables: tuple[str, ...] = ()
-    figures: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    source: str = "printed"
-    section: str = ""
-    draw: bool = True
-    quick: bool = True
-
-
-@dataclass(frozen=True)
 class Task:
     """A computation on plain data whose result is kept.
 
@@ -105,13 +74,19 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """Results of a part that later parts may need.
+class Finding:
+    """Results of a part: those that later parts may need, and the tables and figures that show them.
 
     Parameters
     ----------
     data : dict or list
         The numbers for ``results.json``: SI units, ratios as fractions.
+    tables : tuple of DataTable
+        Tables in the order of the document.
+    figures : tuple of Drawing
+        Figures in the order of the document.
+    warnings : tuple of str
+        Limitations of the results.
     beam : Beam, optional
         The beam that the part has found.
     terms : tuple of dict
@@ -119,59 +94,83 @@ class Outcome:
     """
 
     data: Any
+    tables: tuple[DataTable, ...] = ()
+    figures: tuple[Drawing, ...] = ()
+    warnings: tuple[str, ...] = ()
     beam: Beam | None = None
     terms: Terms = ()
 
 
-@dataclass(frozen=True)
-class Finding:
-    """Results of a part, with the tables and figures that show them.
-
-    Parameters
-    ----------
-    outcome : Outcome
-        The numbers.
-    tables : tuple of DataTable
-        Tables in the order of the document.
-    figures : tuple of Drawing
-        Figures in the order of the document.
-    warnings : tuple of str
-        Limitations of the results.
-    """
-
-    outcome: Outcome
-    tables: tuple[DataTable, ...] = ()
-    figures: tuple[Drawing, ...] = ()
-    warnings: tuple[str, ...] = ()
+Found = Mapping[str, Finding]  # findings, without tables and figures, by the name of their part
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Part(ABC):
     """Base class of the kinds of parts; each kind is final.
 
-    Parameters
-    ----------
-    heading : Heading
-        Its place in the document.
+    The fields are the keys of a table [[parts]] of a TOML file, but those that are ``HIDDEN``.
     """
 
     kind: ClassVar[str]  # as in the table of a TOML file
-    numbers: ClassVar[Any]  # type of the data of its outcome, for the schema of results.json
+    about: ClassVar[str]  # what it shows, for the help; {} stands for its keys
+    heading: ClassVar[str]  # title of a part that gives none
+    numbers: ClassVar[Any]  # type of the data of its finding, for the schema of results.json
+    naming: ClassVar[tuple[str, ...]] = ()  # keys that name parts; an empty ``beam`` stands for that of the file
 
-    heading: Heading
+    name: Annotated[str, Meta(description="its key in results.json")] = ""
+    title: str = ""
+    text: Annotated[str, Meta(description="paragraphs")] = ""
+    section: Annotated[str, Meta(description="title of a section that begins here")] = ""
+    notes: Annotated[tuple[str, ...], Meta(description="below its tables")] = ()
+    tables: Annotated[tuple[str, ...], Meta(description="their labels")] = ()
+    figures: Annotated[tuple[str, ...], Meta(description="their labels")] = ()
+    draw: Annotated[bool, Meta(description="with figures")] = True
+    quick: Annotated[bool, Meta(description="in a quick look too")] = True
+    printed_by: Annotated[str, HIDDEN] = "printed"  # origin of the printed numbers
+
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with what it takes from its file, whose place messages call ``where``.
+
+        Raises
+        ------
+        InputError
+            If a value does not fit the file.
+        """
+        return self
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Names of the parts whose outcomes it needs."""
-        return ()
+        """Names of the parts whose findings it needs; an empty name stands for the beam of the file."""
+        named = [name for key in self.naming if (name := getattr(self, key)) or key == "beam"]
+        laws = [name for law in getattr(self, "laws", ()) for name in law.needs]
+        return tuple(dict.fromkeys((*named, *laws)))
 
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
-        """Return the tasks of the part, given the outcomes of the parts that it needs."""
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+        """Return the tasks of the part, given the findings of the parts that it needs."""
         return ()
 
     @abstractmethod
-    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the finding, given the results of the tasks in their order."""
+
+    def beam_in(self, found: Found) -> Beam:
+        """Return the beam of the file, or of the part that the key ``beam`` names.
+
+        Raises
+        ------
+        InputError
+            If the part has found none.
+        """
+        name: str = getattr(self, "beam", "")
+        beam = found[name].beam
+        if beam is None:
+            raise InputError(f"the part {name!r} finds no beam; name a part of the kind match", "beam")
+        return beam
+
+    def data_table(self, title: str, columns: Sequence[Column], *notes: str, suffix: str = "") -> DataTable:
+        """Return a table under the name of the part; the first one, without a suffix, has the notes of the part."""
+        own = () if suffix else self.notes
+        return DataTable(f"{self.name}{suffix}", title, tuple(columns), (*notes, *own), self.printed_by)
 
 
 @dataclass(frozen=True)
@@ -190,17 +189,20 @@ class Study:
         Reference of the work that the study follows; none if empty.
     seed : int
         Seed of all random numbers.
+    beam : Beam, optional
+        The beam of the file, if there is one.
     """
 
     title: str
-    parts: tuple[Part, ...] = field(default=())
+    parts: tuple[Part, ...] = ()
     text: str = ""
     source: str = ""
     seed: int = 0
+    beam: Beam | None = None
 
     def shortened(self) -> Study:
         """Return the study without the parts that a quick look leaves out, and without those that need them."""
-        kept: dict[str, Part] = {part.heading.name: part for part in self.parts if part.heading.quick}
-        while missing := [name for name, part in kept.items() if not set(part.needs) <= kept.keys()]:
+        kept: dict[str, Part] = {part.name: part for part in self.parts if part.quick}
+        while missing := [name for name, part in kept.items() if not set(part.needs) <= {"", *kept}]:
             kept = {name: part for name, part in kept.items() if name not in missing}
         return replace(self, parts=tuple(kept.values()))

@@ -7,24 +7,63 @@ simulation, the steady vibration, and the fit to measured motion.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta, Struct
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import check_keys, flag, located, shown, whole
+from ancf_casadi.support.inputs import shown
+from problems.schema import beam, match
 from problems.schema.file import StudyFile
+from problems.schema.table import read, told
 from problems.study.document.labels import file_name
-from problems.study.kinds.registry import KINDS
-from problems.study.part import Heading, Part, Study
-from problems.study.source import Source, read_laws, text_of, texts_of
+from problems.study.kinds.decays import DecayRecord
+from problems.study.kinds.registry import KINDS, OF_PAPER, USUAL
+from problems.study.part import Part, Study
+from problems.study.source import LawChoice, Source, read_laws
 
-USUAL = {  # parts that a table suggests
+SUGGESTED = {  # parts that a table suggests
     "beam": ("beam", "modes"), "decays": ("decays",), "match": ("match",), "simulation": ("simulation",),
     "response": ("response",), "records": ("motion",),
 }  # fmt: skip
-STUDY = {"title", "text", "source", "printed_by", "seed"}
-HEADING = {"name", "title", "text", "tables", "figures", "notes", "section", "draw", "quick"}
 RESERVED = {"study", "timing", "versions", "data"}  # other keys of results.json
+
+
+class StudyTable(Struct, frozen=True):
+    """Keys of the table [study]."""
+
+    title: str = ""
+    text: str = ""
+    source: Annotated[str, Meta(description="a reference")] = ""
+    printed_by: Annotated[str, Meta(description="origin of printed numbers")] = "printed"
+    seed: Annotated[int, Meta(ge=0)] = 0
+
+
+def study_help() -> str:
+    """Return the tables of a study file and their keys, for ``--help``."""
+    return "".join((
+        beam.HEAD,
+        told("[study]", "{}", StudyTable),
+        beam.KEYS,
+        match.KEYS,
+        told("[[decays]]", "measured free decays: {}", DecayRecord),
+        told("[[laws]]", "damping laws: {}", LawChoice),
+        beam.DAMPING_KEYS,
+        told("[[parts]]", "the document in order; without it, the parts that the other tables suggest.  Each part has "
+             "a kind, and may have {}", Part),
+        *map(_kind_help, USUAL),
+    ))  # fmt: skip
+
+
+def paper_help() -> str:
+    """Return the kinds of parts that only the study of the paper has, for ``--help``."""
+    return "".join(("kinds of [[parts]] that only the study of the paper has:\n", *map(_kind_help, OF_PAPER)))
+
+
+def _kind_help(kind: type[Part]) -> str:
+    return told(f'kind = "{kind.kind}"', kind.about, kind, indent=24, base=Part)
 
 
 def read_study(path: str | Path) -> Study:
@@ -36,43 +75,46 @@ def read_study(path: str | Path) -> Study:
         If the file cannot be read, or a table, key or value cannot be used.
     """
     file = StudyFile.of(str(path), required=set())
-    about, where = file.tables.get("study", {}), file.where("study")
-    check_keys(about, set(), STUDY, where)
-    with located(where):
-        title, text, origin, printed_by = (
-            text_of(about, key, default)
-            for key, default in (("title", Path(path).stem), ("text", ""), ("source", ""), ("printed_by", "printed"))
-        )
-        seed = whole(about.get("seed", 0), "seed", 0)
-    tables = file.several("parts") or [{"kind": kind} for name in USUAL if name in file.tables for kind in USUAL[name]]
+    about = read(file.tables.get("study", {}), StudyTable, file.where("study"))
+    suggested = [{"kind": kind} for name in SUGGESTED if name in file.tables for kind in SUGGESTED[name]]
+    tables = file.several("parts") or suggested
     if not tables:
         raise InputError("has nothing to study; add [beam], [[decays]] or [[parts]]", str(path))
-    source = Source(file, read_laws(file), seed)
+    source, where = Source(file, read_laws(file), about.seed), file.where("parts")
     parts: dict[str, Part] = {}
     for table in tables:
-        part = _part(source, table, printed_by, parts)
-        parts[part.heading.name] = part
-    _check_needs(parts, file.where("parts"))
-    _check_labels(parts, file.where("parts"))
-    return Study(title, tuple(parts.values()), text, origin, seed)
+        part = _part(source, table, parts, where)
+        parts[part.name] = replace(part, printed_by=about.printed_by)
+    _check_needs(parts, where)
+    _check_labels(parts, where)
+    known = source.model.beam if any("" in part.needs for part in parts.values()) else None
+    return Study(about.title or Path(path).stem, tuple(parts.values()), about.text, about.source, about.seed, known)
 
 
-def _part(source: Source, table: Any, printed_by: str, before: Mapping[str, Part]) -> Part:
-    place = source.file.where("parts")
+def _part(source: Source, table: Any, before: Mapping[str, Part], where: str) -> Part:
     kind = table.get("kind") if isinstance(table, dict) else None
     if not isinstance(kind, str) or kind not in KINDS:
-        raise InputError(f"kind must be one of {', '.join(KINDS)}, got {shown(kind)}", place)
-    heading = _heading(table, kind, printed_by, before, place)
-    where = f"{place}: {heading.name}"
-    given = {key: value for key, value in table.items() if key not in {"kind", *HEADING}}
-    return KINDS[kind].read(source, given, heading, where)
+        raise InputError(f"kind must be one of {', '.join(KINDS)}, got {shown(kind)}", where)
+    name = table.get("name", _free_name(kind, before))
+    if not isinstance(name, str) or not name.isidentifier() or name in RESERVED:
+        taken = ", ".join(sorted(RESERVED))
+        raise InputError(
+            f"must be made of letters, digits and _, and not one of {taken}, got {shown(name)}", f"{where}: name"
+        )
+    if name in before:
+        raise InputError(f"{name!r} is taken by an earlier part; choose another one", f"{where}: name")
+    given = {"title": KINDS[kind].heading, **table, "name": name}
+    del given["kind"]
+    place = f"{where}: {name}"
+    part = read(given, KINDS[kind], place, {LawChoice: source.law_choice})
+    return part.checked(source, place)
 
 
 def _check_needs(parts: Mapping[str, Part], where: str) -> None:
     """Check that the parts that others need exist, and that no part needs itself through others."""
     for name, part in parts.items():
         for needed in part.needs:
-            if needed not in parts:
+            if needed and needed not in parts:
                 raise InputError(f"needs the part {needed!r}, which does not exist", f"{where}: {name}")
     left = dict(parts)
     while ready := [name for name, part in left.items() if not any(needed in left for needed in part.needs)]:
@@ -85,35 +127,11 @@ def _check_labels(parts: Mapping[str, Part], where: str) -> None:
     """Check that the labels of tables and figures differ, also as names of files."""
     taken: set[str] = set()
     for name, part in parts.items():
-        for label in (*part.heading.tables, *part.heading.figures):
+        for label in (*part.tables, *part.figures):
             if not file_name(label) or file_name(label) in taken:
                 raise InputError(f"a label must have letters or digits, and differ, got {shown(label)}",
                                  f"{where}: {name}")  # fmt: skip
             taken.add(file_name(label))
-
-
-def _heading(table: dict[str, Any], kind: str, printed_by: str, before: Mapping[str, Part], where: str) -> Heading:
-    with located(where):
-        name = text_of(table, "name", _free_name(kind, before))
-        if not name.isidentifier() or name in RESERVED:
-            taken = ", ".join(sorted(RESERVED))
-            raise InputError(
-                f"must be made of letters, digits and _, and not one of {taken}, got {shown(name)}", "name"
-            )
-        if name in before:
-            raise InputError(f"{name!r} is taken by an earlier part; choose another one", "name")
-        return Heading(
-            name=name,
-            title=text_of(table, "title", KINDS[kind].title),
-            text=text_of(table, "text", ""),
-            tables=texts_of(table, "tables"),
-            figures=texts_of(table, "figures"),
-            notes=texts_of(table, "notes"),
-            source=printed_by,
-            section=text_of(table, "section", ""),
-            draw=flag(table.get("draw", True), "draw"),
-            quick=flag(table.get("quick", True), "quick"),
-        )
 
 
 def _free_name(kind: str, before: Mapping[str, Part]) -> str:

@@ -61,9 +61,9 @@ def results(
     """
     parts = [
         {
-            "name": part.heading.name,
+            "name": part.name,
             "kind": part.kind,
-            "title": part.heading.title,
+            "title": part.title,
             "tables": [label for label, _ in one.tables],
             "figures": [label for label, _ in one.figures],
             "warnings": list(one.finding.warnings),
@@ -77,7 +77,7 @@ def results(
         "quick": quick,
         "parts": parts,
     }
-    numbers = {one.heading.name: one.finding.outcome.data for one in shown}
+    numbers = {one.part.name: one.finding.data for one in shown}
     return {
         "study": about,
         "versions": dict(versions),
@@ -94,7 +94,7 @@ def schema(study: Study) -> dict[str, Any]:
     properties = {
         "study": about,
         "versions": {"type": "object", "additionalProperties": {"type": "string"}},
-        **{part.heading.name: layout for part, layout in zip(study.parts, parts, strict=True)},
+        **{part.name: layout for part, layout in zip(study.parts, parts, strict=True)},
         "timing": {"type": "object", "additionalProperties": {"type": "number", "minimum": 0}},
     }
     return {

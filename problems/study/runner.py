@@ -8,7 +8,7 @@ Each result is written as soon as it is there, so that a study that is stopped a
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -18,7 +18,7 @@ from typing import Any
 from ancf_casadi.support.inputs import located
 from ancf_casadi.support.parallel import processes, run_all
 from problems.study.drawing import only
-from problems.study.part import Effort, Finding, Outcome, Part, Study, Task
+from problems.study.part import Effort, Finding, Found, Part, Study, Task
 from problems.study.store import Store, key_of, run_task
 
 DRAWING = 0.2  # s, to draw a figure
@@ -68,7 +68,7 @@ def run_parts(
     AncfError
         If a part fails.
     """
-    findings: dict[str, Finding] = {}
+    findings = {"": Finding(None, beam=study.beam)}  # of the file
     waiting = list(study.parts)
     with contextlib.ExitStack() as stack:
         start = partial(stack.enter_context, processes(jobs)) if executor is None and jobs > 1 else lambda: executor
@@ -76,13 +76,13 @@ def run_parts(
         while waiting:
             ready = [part for part in waiting if all(name in findings for name in part.needs)]
             awaited = {name for part in waiting for name in part.needs}
-            ready = [part for part in ready if part.heading.name in awaited] or ready
-            ahead = {part.heading.name for part in ready}
-            waiting = [part for part in waiting if part.heading.name not in ahead]
-            found = {part.heading.name: {name: findings[name].outcome for name in part.needs} for part in ready}
-            findings |= runner.level(ready, found, effort)
+            ready = [part for part in ready if part.name in awaited] or ready
+            ahead = {part.name for part in ready}
+            waiting = [part for part in waiting if part.name not in ahead]
+            findings |= runner.level(ready, findings, effort)
     runner.store.discard_all_but(set(runner.keys))
-    return findings, tuple(runner.steps[part.heading.name] for part in study.parts)
+    del findings[""]
+    return findings, tuple(runner.steps[part.name] for part in study.parts)
 
 
 class _Runner:
@@ -99,27 +99,27 @@ class _Runner:
         """The executor of all tasks, started with the first one, because each process takes a second to start."""
         return self._start()
 
-    def level(
-        self, parts: Sequence[Part], found: Mapping[str, Mapping[str, Outcome]], effort: Effort
-    ) -> dict[str, Finding]:
-        tasks = {part.heading.name: part.tasks(found[part.heading.name], effort) for part in parts}
-        results, times = self._run([task for part in parts for task in tasks[part.heading.name]], "computing")
+    def level(self, parts: Sequence[Part], findings: Found, effort: Effort) -> dict[str, Finding]:
+        found = {
+            part.name: {name: replace(findings[name], tables=(), figures=(), warnings=()) for name in part.needs}
+            for part in parts
+        }
+        tasks = {part.name: part.tasks(found[part.name], effort) for part in parts}
+        results, times = self._run([task for part in parts for task in tasks[part.name]], "computing")
         own = iter(results)
         drawings = []
         for part in parts:
-            name = part.heading.name
-            inputs = (part.kind, part, [next(own) for _ in tasks[name]], found[name], effort)
-            drawings.append(
-                Task(_finding, inputs, DRAWING * (1 + len(tasks[name])))
-            )  # most have a figure for each task
-        findings, drawing_times = self._run(drawings, "drawing")
+            of_part = tasks[part.name]
+            inputs = (part.kind, part, [next(own) for _ in of_part], found[part.name], effort)
+            drawings.append(Task(_finding, inputs, DRAWING * (1 + len(of_part))))  # most have a figure for each task
+        drawn, drawing_times = self._run(drawings, "drawing")
         spent = iter(times)
         for part, (seconds, kept) in zip(parts, drawing_times, strict=True):
-            name = part.heading.name
+            name = part.name
             of_tasks = [next(spent) for _ in tasks[name]]
             total = seconds + sum(time for time, _ in of_tasks)
             self.steps[name] = Step(name, total, len(of_tasks), sum(was for _, was in of_tasks) + kept)
-        return {part.heading.name: finding for part, finding in zip(parts, findings, strict=True)}
+        return {part.name: finding for part, finding in zip(parts, drawn, strict=True)}
 
     def _run(self, tasks: Sequence[Task], title: str) -> tuple[list[Any], list[tuple[float, bool]]]:
         """Return the results of tasks, and for each its time and whether it was kept from an earlier run."""
@@ -141,7 +141,7 @@ class _Runner:
         return results, [(all_kept[key].seconds, key in kept) for key in keys]
 
 
-def _finding(kind: str, part: Part, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
-    with located(part.heading.name), only(effort.formats if part.heading.draw else ()):
+def _finding(kind: str, part: Part, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+    with located(part.name), only(effort.formats if part.draw else ()):
         finding = part.finding(results, found, effort)
-    return finding if part.heading.draw else replace(finding, figures=())
+    return finding if part.draw else replace(finding, figures=())

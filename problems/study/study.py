@@ -27,7 +27,7 @@ from ancf_casadi.support.inputs import check_instance, flag, whole
 from ancf_casadi.support.tables import Displayed, counted, to_json
 from ancf_casadi.version import __version__
 from problems.study.document.labels import Shown, file_name, labelled
-from problems.study.document.page import Circumstances, page
+from problems.study.document.page import page
 from problems.study.part import FULL, QUICK, Study
 from problems.study.reading import read_study
 from problems.study.results import results, schema
@@ -73,7 +73,7 @@ class StudyReport(Displayed):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the results, with the name of the part."""
-        return tuple(f"{part.heading.name}: {warning}" for part in self.parts for warning in part.finding.warnings)
+        return tuple(f"{part.part.name}: {warning}" for part in self.parts for warning in part.finding.warnings)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the results for JSON."""
@@ -156,10 +156,10 @@ def run_study(
         progress=flag(progress, "progress"),
     )
     shown = labelled(study, findings)
-    left_out = tuple(part.heading.title for part in whole_study.parts if part.heading.name not in findings)
+    left_out = tuple(part.title for part in whole_study.parts if part.name not in findings)
     versions = {"ancf-casadi": __version__, **{name: version(name) for name in ("casadi", "numpy", "scipy")}}
     numbers = results(study, shown, steps, versions, quick=quick)
-    document = page(study, shown, steps, Circumstances(command, versions, quick, left_out))
+    document = page(study, shown, steps, command=command, versions=versions, quick=quick, left_out=left_out)
     _write(folder, study, shown, numbers, document)
     return StudyReport(folder / PAGE, numbers, shown, steps)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from problems.study.data_table import DataTable
 from problems.study.drawing import Drawing
-from problems.study.part import Finding, Heading, Study
+from problems.study.part import Finding, Part, Study
 
 
 @dataclass(frozen=True)
@@ -18,8 +18,8 @@ class Shown:
 
     Parameters
     ----------
-    heading : Heading
-        Its place in the document.
+    part : Part
+        The part.
     finding : Finding
         Its results.
     tables : tuple of (str, DataTable)
@@ -30,7 +30,7 @@ class Shown:
         Reason why its labelled tables and figures are not computed; empty if they are.
     """
 
-    heading: Heading
+    part: Part
     finding: Finding
     tables: tuple[tuple[str, DataTable], ...]
     figures: tuple[tuple[str, Drawing], ...]
@@ -42,8 +42,8 @@ def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]
 
     In a study that gives labels, the others continue with the letters of additional ones: ``Table A1``, ``Figure A1``.
     """
-    own = any(part.heading.tables or part.heading.figures for part in study.parts)
-    taken = {file_name(label) for part in study.parts for label in (*part.heading.tables, *part.heading.figures)}
+    own = any(part.tables or part.figures for part in study.parts)
+    taken = {file_name(label) for part in study.parts for label in (*part.tables, *part.figures)}
     numbered = {kind: _free(f"{kind} {'A' if own else ''}", taken) for kind in ("Table", "Figure")}
 
     def label(kind: str, given: tuple[str, ...], k: int) -> str:
@@ -51,15 +51,15 @@ def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]
 
     shown = []
     for part in study.parts:
-        heading, finding = part.heading, findings[part.heading.name]
-        data = finding.outcome.data
+        finding = findings[part.name]
+        data = finding.data
         reason = data.get("reason", "") if isinstance(data, dict) and "omitted" in data else ""
         shown.append(
             Shown(
-                heading,
+                part,
                 finding,
-                tuple((label("Table", heading.tables, k), table) for k, table in enumerate(finding.tables)),
-                tuple((label("Figure", heading.figures, k), figure) for k, figure in enumerate(finding.figures)),
+                tuple((label("Table", part.tables, k), table) for k, table in enumerate(finding.tables)),
+                tuple((label("Figure", part.figures, k), figure) for k, figure in enumerate(finding.figures)),
                 reason,
             )
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
@@ -20,29 +19,7 @@ NO_BREAK = "\u00a0"  # a space where no line ends
 NUMBER = re.compile(r"^[(]?[-+–]?\d")
 
 
-@dataclass(frozen=True)
-class Circumstances:
-    """Circumstances of a run, for the end of the document.
-
-    Parameters
-    ----------
-    command : str
-        The command.
-    versions : dict of str to str
-        Versions of the programs.
-    quick : bool
-        Whether the simulations were shortened.
-    left_out : tuple of str
-        Titles of the parts that a quick look leaves out.
-    """
-
-    command: str
-    versions: dict[str, str]
-    quick: bool
-    left_out: tuple[str, ...] = ()
-
-
-def page(study: Study, shown: Sequence[Shown], steps: Sequence[Step], about: Circumstances) -> str:
+def page(study: Study, shown: Sequence[Shown], steps: Sequence[Step], **about: Any) -> str:
     """Return the document as HTML.
 
     Parameters
@@ -53,8 +30,9 @@ def page(study: Study, shown: Sequence[Shown], steps: Sequence[Step], about: Cir
         Its parts with labels.
     steps : sequence of Step
         Time of each part.
-    about : Circumstances
-        Circumstances of the run.
+    **about
+        The circumstances: ``command``, ``versions`` of the programs, ``quick`` for shortened simulations, and
+        ``left_out``, the titles of the parts that a quick look leaves out.
     """
     from jinja2 import Environment, StrictUndefined  # slow to import
 

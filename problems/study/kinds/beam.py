@@ -1,25 +1,22 @@
-"""A part with the properties of the beam, Table 1 of the paper."""
+"""Parts with the properties of the beam, Table 1 of the paper, and with its natural frequencies and mode shapes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, TypedDict, final
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, Self, TypedDict, final
 
 import numpy as np
+from msgspec import Meta
 
-from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.support.inputs import check_keys, located
-from problems.study.data_table import Column, DataTable, printed_values
-from problems.study.kind import Kind
-from problems.study.part import Effort, Finding, Heading, Outcome, Part
-from problems.study.source import Source, printed_numbers
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.inputs import whole
+from ancf_casadi.vibration.modes import natural_modes
+from problems.study.data_table import Column, printed_values
+from problems.study.drawing import drawn
+from problems.study.part import Effort, Finding, Found, Part
+from problems.study.source import Printed, Source, printed_numbers
 
-KEYS = """\
-  kind = "beam"         the properties of [beam]; printed = {value = [length (mm),
-                        width (mm), thickness (mm), density (kg/m^3), elastic
-                        modulus (GPa)]}
-"""
 ROWS = (("length", "mm", 1e3), ("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0),
         ("elastic_modulus", "GPa", 1e-9))  # fmt: skip
 
@@ -38,27 +35,28 @@ class BeamNumbers(TypedDict):
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class BeamProperties(Part):
-    """The properties of a beam.
+    """The properties of a beam."""
 
-    Parameters
-    ----------
-    beam : Beam
-        The beam.
-    printed : dict
-        Printed numbers by column.
-    """
-
-    kind = "beam"
+    kind, about, heading = "beam", "the properties of [beam]; {}", "The beam"
     numbers = BeamNumbers
+    naming, beam = ("beam",), ""
 
-    beam: Beam
-    printed: dict[str, tuple[float | None, ...]]
+    printed: Annotated[
+        Printed,
+        Meta(
+            description="{value = [length (mm), width (mm), thickness (mm), density (kg/m^3), elastic modulus (GPa)]}"
+        ),
+    ] = field(default_factory=dict)
 
-    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with its printed numbers."""
+        return replace(self, printed=printed_numbers(self.printed, {"value": len(ROWS)}, where))
+
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the table of properties."""
-        beam = self.beam
+        beam = self.beam_in(found)
         means = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in ROWS]
         printed = printed_values(self.printed, "value")
         columns = (
@@ -74,8 +72,7 @@ class BeamProperties(Part):
             notes.append(f"Mass at the tip: {1e3 * beam.tip_mass:.4g} g.")
         if np.isfinite(beam.clamp_stiffness):
             notes.append(f"Stiffness of the clamp: {beam.clamp_stiffness:.4g} N m/rad.")
-        name = self.heading.name
-        table = DataTable(name, "Properties of the beam", columns, (*notes, *self.heading.notes), self.heading.source)
+        table = self.data_table("Properties of the beam", columns, *notes)
         data = {
             **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ROWS[1:]},
             "length": beam.length,
@@ -83,20 +80,42 @@ class BeamProperties(Part):
             "axis": list(beam.axis),
             "gravity": list(beam.gravity),
         }
-        return Finding(Outcome(data, beam=beam), (table,))
+        return Finding(data, (table,), beam=beam)
 
 
-def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> BeamProperties:
-    """Return the part that a table describes.
+class ModesNumbers(TypedDict):
+    """Natural frequencies."""
 
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used.
-    """
-    check_keys(given, set(), {"printed"}, where)
-    with located(where):
-        return BeamProperties(heading, source.model.beam, printed_numbers(given, {"value": len(ROWS)}))
+    frequency_hz: list[float]
 
 
-KIND = Kind(BeamProperties.kind, "The beam", KEYS, read)
+@final
+@dataclass(frozen=True, kw_only=True)
+class ModesOfBeam(Part):
+    """The lowest modes of a beam."""
+
+    kind, about, heading = "modes", "natural frequencies and shapes: {}", "Natural modes"
+    numbers = ModesNumbers
+    naming = ("beam",)
+
+    count: Annotated[int, Meta(ge=1)] = 5
+    beam: Annotated[str, Meta(description='"PART"')] = ""
+    printed: Annotated[Printed, Meta(description="{frequency (Hz)}")] = field(default_factory=dict)
+
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with its printed numbers."""
+        whole(self.count, f"{where}: count", 1, source.most_modes)
+        return replace(self, printed=printed_numbers(self.printed, {"frequency": self.count}, where))
+
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+        """Return the table of frequencies, and the shapes."""
+        beam = self.beam_in(found)
+        modes = natural_modes(Model(beam), count=self.count)
+        frequencies = modes.frequencies.tolist()
+        columns = (
+            Column("mode", tuple(range(1, self.count + 1))),
+            Column("frequency", tuple(frequencies), "Hz", printed=printed_values(self.printed, "frequency")),
+        )
+        table = self.data_table("Natural frequencies", columns)
+        figure = drawn(self.name, "Mode shapes about the equilibrium.", modes.figure)
+        return Finding({"frequency_hz": frequencies}, (table,), (figure,), beam=beam)

@@ -7,12 +7,14 @@ figure and table made from synthetic decays says so.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypedDict, final
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypedDict, final
 
 import casadi as cs
 import numpy as np
+from msgspec import Meta, Struct
+from msgspec.structs import asdict
 
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
 from ancf_casadi.estimation.result import known
@@ -21,38 +23,63 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import prefixed
-from ancf_casadi.support.inputs import check_keys, choice, flag, located, number, physical, positive, shown, whole
+from ancf_casadi.support.inputs import located
 from problems.decay.fitting import fit_decay
-from problems.decay.laws import LAWS
+from problems.decay.laws import Law
 from problems.decay.result import DecayFit
-from problems.schema.motion import READING, read_measured
+from problems.schema.motion import read_measured
+from problems.schema.table import HIDDEN, Positive, read
 from problems.study.data_table import Column, DataTable, printed_values
 from problems.study.drag.combined_law import ModeCoefficients
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
-from problems.study.kind import Kind
-from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
-from problems.study.source import Source, printed_numbers
+from problems.study.part import Effort, Finding, Found, Part, Task
+from problems.study.source import Printed, Source, printed_numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KEYS = """\
-  kind = "decays"       free decays: law ("auto", "linear", "quadratic", ...;
-                        default: the best for each measured record), offset (true or false), records = [{file,
-                        column, unit, time, time_unit, rate, from, to,
-                        release_time}, ...] (default: the tables [[decays]]), or
-                        records = [{synthetic = {frequency (Hz), amplitude (m),
-                        damping_ratio; or eta1 (1/s), eta2 (1/m)}}, ...] with rate
-                        (1/s), duration (s), noise (m) and seed;
-                        printed = {frequency (Hz), damping_ratio (%), eta1, eta2}
-"""
-RECORD = {"file", "column", "unit", "from", "to", "release_time", *READING}
 PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
-FRAME_RATE, DURATION, NOISE = 500.0, 5.0, 0.2e-3  # 1/s, s, m: of synthetic decays
+NOISE = 0.2e-3  # m, of synthetic decays
 ZOOMED, SHORT_ZOOM = 12, 3  # periods drawn in detail, and of a record with many samples per period
 MOST_SAMPLES = 10_000_000  # of a synthetic decay
 MOST_ZOOMED = 300  # samples drawn in detail
 WINDOWS = 300  # of the drawn residuals
+
+
+class DecayRecord(Struct, frozen=True, rename={"begin": "from", "end": "to"}):
+    """A measured free decay."""
+
+    file: str
+    column: Annotated[Any, Meta(description="name or number")] = None
+    unit: Any = None
+    time: Annotated[Any, Meta(description="column of the times")] = None
+    time_unit: Any = None
+    rate: Annotated[Any, Meta(description="1/s")] = None
+    begin: Annotated[float | None, Meta(description="s")] = None
+    end: Annotated[float | None, Meta(description="s")] = None
+    release_time: Annotated[float, Meta(description="s")] = math.nan
+
+
+class SyntheticDecay(Struct, frozen=True):
+    """Parameters of a free decay by Eq. (9), with a damping ratio, or by Eq. (27), with eta1 and eta2."""
+
+    frequency: Positive
+    amplitude: Positive
+    damping_ratio: Annotated[float, Meta(ge=0.0, lt=1.0)] | None = None
+    eta1: Positive | None = None
+    eta2: Positive | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse parameters of both laws, or of none."""
+        given = (self.damping_ratio is not None, self.eta1 is not None, self.eta2 is not None)
+        if given not in ((True, False, False), (False, True, True)):
+            raise InputError("give either damping_ratio, or both of eta1 (1/s) and eta2 (1/m)")
+
+
+class SyntheticRecord(Struct, frozen=True):
+    """A synthetic free decay."""
+
+    synthetic: SyntheticDecay
 
 
 @dataclass(frozen=True)
@@ -179,41 +206,80 @@ class DecayNumbers(TypedDict):
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Decays(Part):
-    """Free decays, one per mode, and their fits.
+    """Free decays, one per mode, and their fits."""
 
-    Parameters
-    ----------
-    decays : tuple of Decay
-        The decays in the order of the modes.
-    law : str
-        Damping law of the fits.
-    offset : bool
-        Whether the equilibrium may differ from 0.
-    printed : dict
-        Printed numbers by column.
-    """
-
-    kind = "decays"
+    kind, about, heading = "decays", "free decays: {}", "Free decays"
     numbers = list[DecayNumbers]
 
-    decays: tuple[Decay, ...]
-    law: str
-    offset: bool
-    printed: dict[str, tuple[float | None, ...]]
+    law: Literal[Law, "auto"] = "linear"
+    offset: bool = True
+    records: Annotated[
+        tuple[Any, ...] | None,
+        Meta(
+            description="default: the tables [[decays]]; or {synthetic = {frequency (Hz), amplitude (m), "
+            "damping_ratio; or eta1 (1/s), eta2 (1/m)}}"
+        ),
+    ] = None
+    rate: Annotated[Positive, Meta(description="1/s, of synthetic decays")] = 500.0
+    duration: Annotated[Positive, Meta(description="s")] = 5.0
+    noise: Annotated[float, Meta(ge=0.0, description="m")] = NOISE
+    seed: Annotated[int, Meta(ge=0)] | None = None
+    printed: Annotated[Printed, Meta(description="{frequency (Hz), damping_ratio (%), eta1, eta2}")] = field(
+        default_factory=dict
+    )
+    decays: Annotated[tuple[Decay, ...], HIDDEN] = ()
 
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with its records."""
+        tables = source.file.several("decays") if self.records is None else self.records
+        if not tables:
+            raise InputError("is missing; name the records, or add tables [[decays]]", f"{where}: records")
+        decays = []
+        for k, table in enumerate(tables, start=1):
+            place = f"{where}: records: {k}"
+            if isinstance(table, dict) and "synthetic" in table:
+                record = read(table, SyntheticRecord, place)
+                with located(place):
+                    decays.append(self._synthetic(record.synthetic, source.seed, k))
+            else:
+                decays.append(_measured(source, read(table, DecayRecord, place), place))
+        printed = printed_numbers(self.printed, dict.fromkeys(PRINTED, len(decays)), where)
+        return replace(self, records=None, decays=tuple(decays), printed=printed)
+
+    def _synthetic(self, given: SyntheticDecay, seed: int, mode: int) -> Decay:
+        """Return a decay by Eq. (9) or (27) with white noise, released at rest at time 0."""
+        seed = seed if self.seed is None else self.seed
+        if self.rate * self.duration > MOST_SAMPLES:
+            raise InputError(
+                f"gives {self.rate * self.duration:.3g} samples, {MOST_SAMPLES:g} at most; lower the rate", "duration"
+            )
+        time = np.arange(0.0, self.duration, 1 / self.rate)
+        ω, amplitude = cs.DM(2 * math.pi * given.frequency), cs.DM(given.amplitude)
+        if given.eta1 is not None and given.eta2 is not None:
+            exact = quadratic_decay(cs.DM(time), ω, cs.DM(given.eta1), cs.DM(given.eta2), amplitude, cs.DM(0.0))
+        elif given.damping_ratio is not None:
+            exact = linear_decay(cs.DM(time), ω, cs.DM(given.damping_ratio), amplitude, cs.DM(0.0))
+        noise = self.noise * np.random.default_rng((seed, mode)).standard_normal(len(time))
+        law = "Eq. (27)" if given.damping_ratio is None else "Eq. (9)"
+        about = (
+            f"Synthetic decays by {law}, because no raw record was published: {self.rate:g} samples/s, "
+            f"{self.duration:g} s, white noise of {1e3 * self.noise:g} mm, seed {seed}."
+        )
+        return Decay(time, exact.full().ravel() + noise, Sensor(), f"mode {mode}, synthetic", about, 0.0)
+
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the fits."""
         return tuple(Task(fit_plain, (decay, self.law, self.offset), 0.2) for decay in self.decays)
 
-    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the table of modal parameters, and a figure per record."""
         fits: Sequence[FittedDecay] = results
         figures = tuple(
             self._drawing(mode, decay, fit)
             for mode, (decay, fit) in enumerate(zip(self.decays, fits, strict=True), start=1)
-            if self.heading.draw
+            if self.draw
         )
         warnings = tuple(
             f"{decay.label}: {warning}"
@@ -222,7 +288,7 @@ class Decays(Part):
         )
         data = [self._data(mode, decay, fit) for mode, (decay, fit) in
                 enumerate(zip(self.decays, fits, strict=True), start=1)]  # fmt: skip
-        return Finding(Outcome(data), (self._table(fits),), figures, warnings)
+        return Finding(data, (self._table(fits),), figures, warnings)
 
     def _table(self, fits: Sequence[FittedDecay]) -> DataTable:
         def column(head: str, name: str, unit: str, scale: float = 1.0) -> Column:
@@ -247,8 +313,7 @@ class Decays(Part):
         title = "Modal parameters from free decays"
         if sources:
             title += "; synthetic data"
-        notes = (*sources, *self.heading.notes)
-        return DataTable(self.heading.name, title, tuple(columns), notes, self.heading.source)
+        return self.data_table(title, columns, *sources)
 
     def _data(self, mode: int, decay: Decay, fit: FittedDecay) -> dict[str, Any]:
         values, errors = fit.quantities, fit.errors
@@ -273,7 +338,7 @@ class Decays(Part):
         }
 
     def _drawing(self, mode: int, decay: Decay, fit: FittedDecay) -> Drawing:
-        name = f"{self.heading.name}_{mode}"
+        name = f"{self.name}_{mode}"
         values = fit.quantities
         title = f"f = {values['frequency']:.5g} Hz,  ζ = {100 * values['damping_ratio']:.3g} %"
         if fit.law in ("quadratic", "one-mode"):
@@ -312,81 +377,9 @@ def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
     return figure
 
 
-def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> Decays:
-    """Return the part that a table describes.
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used, or a file cannot be read.
-    """
-    options = {"law", "offset", "records", "rate", "duration", "noise", "seed", "printed"}
-    check_keys(given, set(), options, where)
-    tables = given["records"] if "records" in given else source.file.several("decays")
-    if not isinstance(tables, list) or not tables:
-        raise InputError("is missing; name the records, or add tables [[decays]]", f"{where}: records")
-    decays = []
-    for k, table in enumerate(tables, start=1):
-        place = f"{where}: records: {k}"
-        if isinstance(table, dict) and "synthetic" in table:
-            check_keys(table, {"synthetic"}, set(), place)
-            with located(place):
-                decays.append(_synthetic(table["synthetic"], given, source.seed, k))
-        else:
-            decays.append(_measured(source, table, place))
-    with located(where):
-        return Decays(
-            heading,
-            tuple(decays),
-            choice(given.get("law", "linear"), ("auto", *LAWS), "law"),
-            flag(given.get("offset", True), "offset"),
-            printed_numbers(given, dict.fromkeys(PRINTED, len(decays))),
-        )
-
-
-def _measured(source: Source, table: Any, where: str) -> Decay:
+def _measured(source: Source, given: DecayRecord, where: str) -> Decay:
     """Return the decay in a file."""
-    check_keys(table, {"file"}, RECORD - {"file"}, where)
-    recording = read_measured(source.file, table, where)
+    recording = read_measured(source.file, asdict(given), where)
     with located(where):
-        record = Measurement.from_recording(recording, table.get("column"), unit=table.get("unit"))
-        record = record.cut(table.get("from"), table.get("to"))
-        release = number(table["release_time"], "release_time") if "release_time" in table else math.nan
-    return Decay(record.time, record.values, record.sensor, record.name, "", release)
-
-
-def _synthetic(table: Any, given: Mapping[str, Any], study_seed: int, mode: int) -> Decay:
-    """Return a decay by Eq. (9) or (27) with white noise, released at rest at time 0."""
-    if not isinstance(table, dict):
-        raise InputError(f"must be a table, got {shown(table)}", "synthetic")
-    by_rate = "eta1" in table
-    check_keys(table, {"frequency", "amplitude", *(("eta1", "eta2") if by_rate else ("damping_ratio",))}, set(),
-               "synthetic")  # fmt: skip
-    rate, duration = (
-        physical(given.get("rate", FRAME_RATE), "rate"), physical(given.get("duration", DURATION), "duration")
-    )  # fmt: skip
-    noise, seed = number(given.get("noise", NOISE), "noise"), whole(given.get("seed", study_seed), "seed", 0)
-    ω, amplitude = 2 * math.pi * physical(table["frequency"], "frequency"), physical(table["amplitude"], "amplitude")
-    if noise < 0.0:
-        raise InputError(f"must not be negative, got {noise:g}", "noise")
-    if rate * duration > MOST_SAMPLES:
-        raise InputError(f"gives {rate * duration:.3g} samples, {MOST_SAMPLES:g} at most; lower the rate", "duration")
-    time = np.arange(0.0, duration, 1 / rate)
-    if by_rate:
-        η = (positive(table["eta1"], "eta1"), positive(table["eta2"], "eta2"))
-        exact = quadratic_decay(cs.DM(time), cs.DM(ω), cs.DM(η[0]), cs.DM(η[1]), cs.DM(amplitude), cs.DM(0.0))
-    else:
-        ζ = number(table["damping_ratio"], "damping_ratio")
-        if not 0.0 <= ζ < 1.0:
-            raise InputError(f"must be at least 0 and below 1, got {ζ:g}", "damping_ratio")
-        exact = linear_decay(cs.DM(time), cs.DM(ω), cs.DM(ζ), cs.DM(amplitude), cs.DM(0.0))
-    values = exact.full().ravel() + noise * np.random.default_rng((seed, mode)).standard_normal(len(time))
-    law = "Eq. (27)" if by_rate else "Eq. (9)"
-    about = (
-        f"Synthetic decays by {law}, because no raw record was published: {rate:g} samples/s, {duration:g} s, white "
-        f"noise of {1e3 * noise:g} mm, seed {seed}."
-    )
-    return Decay(time, values, Sensor(), f"mode {mode}, synthetic", about, 0.0)
-
-
-KIND = Kind(Decays.kind, "Free decays", KEYS, read)
+        record = Measurement.from_recording(recording, given.column, unit=given.unit).cut(given.begin, given.end)
+    return Decay(record.time, record.values, record.sensor, record.name, "", given.release_time)

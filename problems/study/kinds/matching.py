@@ -2,35 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypedDict, final
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict, final
 
 import numpy as np
+from msgspec import Meta
 
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_keys, located, physical
+from ancf_casadi.support.inputs import located
 from ancf_casadi.vibration.modes import natural_modes
 from problems.matching.frequency_matching import match_frequencies
-from problems.schema.match import MATCH_KEYS, request_of
+from problems.schema.match import MatchTable, request_of
+from problems.schema.table import Positive, read
 from problems.study.data_table import Column, DataTable, printed_values
 from problems.study.drawing import Drawing, drawn, new_figure, series
-from problems.study.kind import Kind
-from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
-from problems.study.source import Source, printed_numbers
+from problems.study.part import Effort, Finding, Found, Part, Task
+from problems.study.source import Printed, Source, printed_numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KEYS = """\
-  kind = "match"        nearest beam with measured frequencies: the keys of [match]
-                        (default: that table); weightless = density (kg/m^3) of a
-                        beam without gravity to show beside; printed = {standard
-                        (Hz), optimum (Hz), value = [width, thickness (mm),
-                        density (kg/m^3), elastic modulus (GPa)]}
-"""
 ROWS = (("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0), ("elastic_modulus", "GPa", 1e-9))
 
 
@@ -65,7 +59,7 @@ def match_plain(beam: Beam, request: dict[str, Any]) -> Matched:
     InputError, FitError
         As ``match_frequencies``.
     """
-    match = match_frequencies(beam, **request_of(request))
+    match = match_frequencies(beam, **request_of(MatchTable(**request)))
     ranges: dict[str, Array] = {}
     if not match.out_of_reach:
         pairs: dict[str, list[Array]] = {}
@@ -99,51 +93,54 @@ class MatchNumbers(TypedDict):
 
 
 @final
-@dataclass(frozen=True)
-class Match(Part):
-    """A beam matched to measured frequencies.
+@dataclass(frozen=True, kw_only=True)
+class Match(Part, MatchTable):
+    """A beam matched to measured frequencies."""
 
-    Parameters
-    ----------
-    beam : Beam
-        The beam before matching.
-    request : dict
-        The table [match].
-    weightless : float
-        Density, kg/m^3, of the uniform beam without gravity whose frequencies are shown beside; 0 for none.
-    printed : dict
-        Printed numbers by column.
-    """
-
-    kind = "match"
+    kind, heading = "match", "Beam matched to measured frequencies"
+    about = "nearest beam with measured frequencies; without targets, the table [match]: {}"
     numbers = MatchNumbers
+    naming, beam = ("beam",), ""
 
-    beam: Beam
-    request: dict[str, Any]
-    weightless: float
-    printed: dict[str, tuple[float | None, ...]]
+    weightless: Annotated[Positive, Meta(description="density, kg/m^3, of a beam without gravity to show beside")] = 0.0
+    printed: Annotated[
+        Printed,
+        Meta(
+            description="{standard (Hz), optimum (Hz), value = [width, thickness (mm), density (kg/m^3), "
+            "elastic modulus (GPa)]}"
+        ),
+    ] = field(default_factory=dict)
 
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with the keys of [match], if it has none of its own."""
+        own: MatchTable = self
+        if not self.request:
+            own = read(source.file.needed("match"), MatchTable, source.file.where("match"))
+        with located(where):
+            modes = len(request_of(own)["targets"])
+        columns = {"standard": modes, "optimum": modes, "value": len(ROWS)}
+        return replace(self, **own.request, printed=printed_numbers(self.printed, columns, where))
+
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the match."""
-        return (Task(match_plain, (self.beam, self.request), 2.0),)
+        return (Task(match_plain, (self.beam_in(found), self.request), 2.0),)
 
-    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the properties, the frequencies, and both as figures."""
         matched: Matched = results[0]
-        name = self.heading.name
+        name, beam = self.name, self.beam_in(found)
         figures = (
             drawn(f"{name}_properties", "Properties of the matched beam along its length, relative to the given beam.  "
                   "Shaded: changes of single elements that fit equally well.",
-                  lambda: self._profiles(matched)),
+                  lambda: self._profiles(matched, beam)),
             self._errors(matched),
         )  # fmt: skip
-        outcome = Outcome(matched.data, beam=matched.beam)
-        tables = (self._properties(matched), self._frequencies(matched))
-        return Finding(outcome, tables, figures, tuple(matched.data["warnings"]))
+        tables = (self._properties(matched, beam), self._frequencies(matched, beam))
+        return Finding(matched.data, tables, figures, tuple(matched.data["warnings"]), matched.beam)
 
-    def _properties(self, matched: Matched) -> DataTable:
+    def _properties(self, matched: Matched, beam: Beam) -> DataTable:
         arrays = {name: scale * np.array(getattr(matched.beam, name)) for name, _, scale in ROWS}
-        standard = [scale * float(np.mean(getattr(self.beam, name))) for name, _, scale in ROWS]
+        standard = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in ROWS]
         columns = (
             Column("property", tuple(name.replace("_", " ") for name, *_ in ROWS)),
             Column("unit", tuple(unit for _, unit, _ in ROWS)),
@@ -158,13 +155,11 @@ class Match(Part):
             f"{matched.data['iterations']} iterations of IPOPT; properties at a bound: {bounds}.",
             "Mean, smallest and largest value along the beam.",
             *matched.statements,
-            *self.heading.notes,
+            *self.notes,
         )
-        return DataTable(
-            f"{self.heading.name}_properties", "Properties of the matched beam", columns, notes, self.heading.source
-        )
+        return self.data_table("Properties of the matched beam", columns, *notes, suffix="_properties")
 
-    def _frequencies(self, matched: Matched) -> DataTable:
+    def _frequencies(self, matched: Matched, beam: Beam) -> DataTable:
         data = matched.data
         columns = [
             Column("mode", tuple(data["modes"])),
@@ -173,7 +168,7 @@ class Match(Part):
         ]
         printed = printed_values(self.printed, "standard")
         if self.weightless:
-            other = self.beam.with_(gravity=(0.0, 0.0), density=self.weightless)
+            other = beam.with_(gravity=(0.0, 0.0), density=self.weightless)
             frequencies = natural_modes(Model(other), count=max(data["modes"])).frequencies
             shown = tuple(float(frequencies[mode - 1]) for mode in data["modes"])
             columns.append(Column(f"{self.weightless:g} kg/m³, no gravity", shown, "Hz", printed=printed))
@@ -181,19 +176,19 @@ class Match(Part):
             columns[-1] = Column("before", tuple(data["standard_hz"]), "Hz", printed=printed)
         optimum = printed_values(self.printed, "optimum")
         columns.append(Column("matched", tuple(data["matched_hz"]), "Hz", printed=optimum))
-        notes = (f"Largest relative error after matching: {data['max_relative_error']:.1e}.",)
+        note = f"Largest relative error after matching: {data['max_relative_error']:.1e}."
         title = "Natural frequencies before and after matching"
-        return DataTable(f"{self.heading.name}_frequencies", title, tuple(columns), notes, self.heading.source)
+        return self.data_table(title, columns, note, suffix="_frequencies")
 
-    def _profiles(self, matched: Matched) -> Figure:
+    def _profiles(self, matched: Matched, beam: Beam) -> Figure:
         names = [name for name, *_ in ROWS if matched.ranges.get(name) is not None] or [name for name, *_ in ROWS]
         along = [name for name in names if np.ptp(getattr(matched.beam, name)) > 0.0] or names[:1]
         figure, panels = new_figure(0.8 + 1.5 * len(along), len(along), sharex=True)
-        edges = 1e3 * np.linspace(0.0, self.beam.length, self.beam.elements + 1)
+        edges = 1e3 * np.linspace(0.0, beam.length, beam.elements + 1)
         for k, (axes, name) in enumerate(zip(panels, along, strict=True)):
-            change = 100 * (np.array(getattr(matched.beam, name)) / np.array(getattr(self.beam, name)) - 1)
+            change = 100 * (np.array(getattr(matched.beam, name)) / np.array(getattr(beam, name)) - 1)
             if name in matched.ranges:
-                low, high = 100 * np.broadcast_to(matched.ranges[name], (self.beam.elements, 2)).T
+                low, high = 100 * np.broadcast_to(matched.ranges[name], (beam.elements, 2)).T
                 axes.fill_between(edges, np.append(low, low[-1]), np.append(high, high[-1]), step="post",
                                   color=series(0)["color"], alpha=0.2, lw=0, label="fits equally well")  # fmt: skip
             axes.stairs(change, edges, baseline=None, color=series(0)["color"], lw=1.5, label="matched")
@@ -212,7 +207,7 @@ class Match(Part):
         columns = {"before": data["standard_hz"], "matched": data["matched_hz"]}
         for key, name in (("standard", "standard"), ("optimum", "optimum")):
             if key in self.printed:
-                columns[f"{self.heading.source}, {name}"] = list(self.printed[key])
+                columns[f"{self.printed_by}, {name}"] = list(self.printed[key])
 
         def draw() -> Figure:
             figure, (axes,) = new_figure(3.2)
@@ -224,33 +219,4 @@ class Match(Part):
             return figure
 
         caption = "Relative errors of the natural frequencies, without their signs, on a logarithmic scale."
-        return drawn(f"{self.heading.name}_frequencies", caption, draw)
-
-
-def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> Match:
-    """Return the part that a table describes.
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used.
-    """
-    check_keys(given, set(), {*MATCH_KEYS, "weightless", "printed"}, where)
-    request = {key: value for key, value in given.items() if key in MATCH_KEYS}
-    if not request:
-        request = source.file.needed("match")
-        check_keys(request, {"targets"}, MATCH_KEYS - {"targets"}, source.file.where("match"))
-    with located(where):
-        request_of(request)  # check
-        modes = len(request["targets"])
-        weightless = physical(given["weightless"], "weightless") if "weightless" in given else 0.0
-        return Match(
-            heading,
-            source.model.beam,
-            request,
-            weightless,
-            printed_numbers(given, {"standard": modes, "optimum": modes, "value": len(ROWS)}),
-        )
-
-
-KIND = Kind(Match.kind, "Beam matched to measured frequencies", KEYS, read)
+        return drawn(f"{self.name}_frequencies", caption, draw)

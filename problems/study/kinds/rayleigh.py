@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypedDict, final
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict, final
 
 import numpy as np
+from msgspec import Meta, Struct
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import check_keys, is_sequence, located, numbers, physical, shown
+from ancf_casadi.support.inputs import located
 from problems.decay.proportional import RayleighFit, fit_rayleigh, rayleigh_ratio
-from problems.study.data_table import Column, DataTable, printed_values
+from problems.schema.table import Positive
+from problems.study.data_table import Column, printed_values
 from problems.study.drawing import drawn, line, new_figure, plain_log_ticks
-from problems.study.kind import Kind
-from problems.study.part import Effort, Finding, Heading, Outcome, Part
-from problems.study.source import Source, printed_numbers, text_of
+from problems.study.part import Effort, Finding, Found, Part
+from problems.study.source import Printed, Source, printed_numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KEYS = """\
-  kind = "rayleigh"     alpha and beta, Eq. (17): frequencies (Hz), ratios, and
-                        ratio_std of the modes to fit; identified_by = "PART": decays
-                        whose standard errors to use; others = {frequencies,
-                        ratios}: modes to draw beside the law; examples = [[alpha,
-                        beta], ...]: laws to draw; printed = {value = [alpha, beta]}
-"""
+
+class OtherModes(Struct, frozen=True):
+    """Frequencies (Hz) and damping ratios of modes."""
+
+    frequencies: tuple[Positive, ...] = ()
+    ratios: tuple[Positive, ...] = ()
 
 
 class RayleighNumbers(TypedDict):
@@ -41,57 +41,48 @@ class RayleighNumbers(TypedDict):
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Rayleigh(Part):
-    """Rayleigh damping from the damping ratios of modes.
+    """Rayleigh damping from the damping ratios of modes."""
 
-    Parameters
-    ----------
-    frequencies, ratios : tuple of float
-        Frequencies, Hz, and damping ratios of the fitted modes.
-    ratio_std : tuple of float
-        Standard deviations of the ratios; empty if unknown.
-    identified_by : str
-        Name of the part with decays, mode by mode, whose standard errors are used instead; none if empty.
-    others : tuple of (float, float)
-        Frequency and ratio of other measured modes.
-    examples : tuple of (float, float)
-        Coefficients alpha, 1/s, and beta, s, of laws to draw.
-    printed : dict
-        Printed numbers by column.
-    """
-
-    kind = "rayleigh"
+    kind, about, heading = "rayleigh", "alpha and beta, Eq. (17): {}", "Rayleigh (proportional) damping"
     numbers = RayleighNumbers
+    naming = ("identified_by",)
 
-    frequencies: tuple[float, ...]
+    frequencies: Annotated[tuple[float, ...], Meta(description="Hz, of the modes to fit")]
     ratios: tuple[float, ...]
-    ratio_std: tuple[float, ...]
-    identified_by: str
-    others: tuple[tuple[float, float], ...]
-    examples: tuple[tuple[float, float], ...]
-    printed: dict[str, tuple[float | None, ...]]
+    ratio_std: tuple[float, ...] = ()
+    identified_by: Annotated[str, Meta(description='"PART": decays whose standard errors to use')] = ""
+    others: Annotated[OtherModes, Meta(description="{frequencies, ratios}: modes to draw beside the law")] = field(
+        default_factory=OtherModes
+    )
+    examples: Annotated[tuple[tuple[float, float], ...], Meta(description="[[alpha, beta], ...]: laws to draw")] = ()
+    printed: Annotated[Printed, Meta(description="{value = [alpha, beta]}")] = field(default_factory=dict)
 
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """The part with the standard errors."""
-        return (self.identified_by,) if self.identified_by else ()
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with its printed numbers, once its modes have a law."""
+        with located(where):
+            fit_rayleigh(self.frequencies, self.ratios, ratio_std=self.ratio_std or None)
+            if len(self.others.ratios) != len(self.others.frequencies):
+                raise InputError(
+                    f"has {len(self.others.ratios)} values for {len(self.others.frequencies)} frequencies",
+                    "others: ratios",
+                )
+        return replace(self, printed=printed_numbers(self.printed, {"value": 2}, where))
 
-    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the coefficients, and the damping ratio against frequency."""
         deviations = self.ratio_std
         if self.identified_by:
             deviations = self._identified(found[self.identified_by].data)
         fit = fit_rayleigh(self.frequencies, self.ratios, ratio_std=deviations or None)
         errors = (fit.standard_errors["alpha"], fit.standard_errors["beta"])
-        name, heading = self.heading.name, self.heading
         columns = (
             Column("coefficient", ("alpha", "beta")),
             Column("unit", ("1/s", "s")),
             Column("value", (fit.alpha, fit.beta), errors=errors, printed=printed_values(self.printed, "value")),
         )
-        modes = zip((*self.frequencies, *(f for f, _ in self.others)), (*self.ratios, *(z for _, z in self.others)),
-                    strict=True)  # fmt: skip
+        modes = zip((*self.frequencies, *self.others.frequencies), (*self.ratios, *self.others.ratios), strict=True)
         rows = [(f, 100 * z, float(100 * rayleigh_ratio(np.array(f), fit.alpha, fit.beta))) for f, z in modes]
         law = (
             Column("frequency", tuple(f for f, *_ in rows), "Hz"),
@@ -99,8 +90,8 @@ class Rayleigh(Part):
             Column("Eq. (16)", tuple(z for *_, z in rows), "%"),
         )
         tables = (
-            DataTable(name, "Coefficients of Rayleigh damping", columns, heading.notes, heading.source),
-            DataTable(f"{name}_ratios", "Damping ratios under this law", law),
+            self.data_table("Coefficients of Rayleigh damping", columns),
+            self.data_table("Damping ratios under this law", law, suffix="_ratios"),
         )
         caption = (
             "Damping ratio under Rayleigh damping against frequency, with the parts of α and β, and the measured modes."
@@ -115,8 +106,8 @@ class Rayleigh(Part):
             "warnings": list(fit.warnings),
         }
         terms = ({"law": "rayleigh", "alpha": fit.alpha, "beta": fit.beta},)
-        figure = drawn(name, caption, lambda: self._figure(fit))
-        return Finding(Outcome(data, terms=terms), tables, (figure,), fit.warnings)
+        figure = drawn(self.name, caption, lambda: self._figure(fit))
+        return Finding(data, tables, (figure,), fit.warnings, terms=terms)
 
     def _identified(self, data: Any) -> tuple[float, ...]:
         """Return the standard errors that a part with decays has found; none if one is unknown."""
@@ -126,20 +117,20 @@ class Rayleigh(Part):
             raise InputError(
                 f"the part {self.identified_by!r} does not identify these {len(self.ratios)} modes; name a part of the "
                 "kind decays",
-                f"{self.heading.name}: identified_by",
+                f"{self.name}: identified_by",
             )
         return () if None in errors else tuple(errors)
 
     def _figure(self, fit: RayleighFit) -> Figure:
         figure, panels = new_figure(5.4 if self.examples else 3.2, 2 if self.examples else 1)
-        known = [*self.frequencies, *(f for f, _ in self.others)]
+        known = [*self.frequencies, *self.others.frequencies]
         f = np.geomspace(0.5 * min(known), 2 * max(known), 200)
         panels[0].plot(f, 100 * rayleigh_ratio(f, fit.alpha, 0.0), **line(1), label="α M")
         panels[0].plot(f, 100 * rayleigh_ratio(f, 0.0, fit.beta), **line(2), label="β K")
         panels[0].plot(f, 100 * rayleigh_ratio(f, fit.alpha, fit.beta), **line(0), label="α M + β K, Eq. (16)")
         panels[0].plot(self.frequencies, 100 * np.array(self.ratios), "ko", label="fitted modes")
-        if self.others:
-            panels[0].plot(*zip(*((f, 100 * z) for f, z in self.others), strict=True), "kx", label="other modes")
+        if self.others.ratios:
+            panels[0].plot(self.others.frequencies, 100 * np.array(self.others.ratios), "kx", label="other modes")
         panels[0].set_title(f"α = {fit.alpha:.4g} 1/s,  β = {fit.beta:.4g} s")
         if self.examples:
             for k, (alpha, beta) in enumerate(self.examples):
@@ -151,60 +142,7 @@ class Rayleigh(Part):
             axes.set(xscale="log", yscale="log", xlabel="frequency, Hz", ylabel="damping ratio, %")
             plain_log_ticks(axes, "x")
             axes.legend()
-        shown = 100 * np.array([*self.ratios, *(z for _, z in self.others)])
+        shown = 100 * np.array([*self.ratios, *self.others.ratios])
         panels[0].set_ylim(0.2 * shown.min(), 5 * shown.max())
         plain_log_ticks(panels[0], "y")
         return figure
-
-
-def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> Rayleigh:
-    """Return the part that a table describes.
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used.
-    """
-    check_keys(given, {"frequencies", "ratios"}, {"ratio_std", "identified_by", "others", "examples", "printed"}, where)
-    with located(where):
-        frequencies, ratios = numbers(given["frequencies"], "frequencies"), numbers(given["ratios"], "ratios")
-        deviations = numbers(given["ratio_std"], "ratio_std") if "ratio_std" in given else ()
-        fit_rayleigh(frequencies, ratios, ratio_std=deviations or None)  # check
-        return Rayleigh(
-            heading,
-            tuple(frequencies),
-            tuple(ratios),
-            tuple(deviations),
-            text_of(given, "identified_by", ""),
-            _others(given),
-            _examples(given),
-            printed_numbers(given, {"value": 2}),
-        )
-
-
-def _others(given: Mapping[str, Any]) -> tuple[tuple[float, float], ...]:
-    """Return frequency and ratio of the other modes."""
-    others = given.get("others", {"frequencies": [], "ratios": []})
-    check_keys(others, {"frequencies", "ratios"}, set(), "others")
-    frequencies, ratios = (numbers(others[key], f"others: {key}") for key in ("frequencies", "ratios"))
-    if len(frequencies) != len(ratios):
-        raise InputError(f"has {len(ratios)} values for {len(frequencies)} frequencies", "others: ratios")
-    return tuple(
-        (physical(f, "others: frequencies"), physical(z, "others: ratios"))
-        for f, z in zip(frequencies, ratios, strict=True)
-    )
-
-
-def _examples(given: Mapping[str, Any]) -> tuple[tuple[float, float], ...]:
-    """Return alpha and beta of the laws to draw."""
-    examples = given.get("examples", [])
-    if not is_sequence(examples):
-        raise InputError(f"must be a list of pairs alpha, beta, got {shown(examples)}", "examples")
-    pairs = [numbers(pair, "examples") for pair in examples]
-    for pair in pairs:
-        if len(pair) != 2:
-            raise InputError(f"must be pairs alpha, beta, got {shown(pair)}", "examples")
-    return tuple((alpha, beta) for alpha, beta in pairs)
-
-
-KIND = Kind(Rayleigh.kind, "Rayleigh (proportional) damping", KEYS, read)

@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-from problems.study.kind import Kind
-from problems.study.kinds import (
-    beam,
-    comparison,
-    decays,
-    drawings,
-    matching,
-    modes,
-    motion,
-    omitted,
-    rayleigh,
-    simulation,
-)
-from problems.study.kinds.drag import change, combined, effects
-from problems.study.kinds.experiments import amplitudes, integrators, shapes, transients
-from problems.study.kinds.steady import resonances, response
+from problems.study.kinds.beam import BeamProperties, ModesOfBeam
+from problems.study.kinds.decays import Decays
+from problems.study.kinds.drag.change import RatioChange
+from problems.study.kinds.drag.combined import CombinedLaw
+from problems.study.kinds.drag.effects import EtaEffects
+from problems.study.kinds.drawings import DrawingPart, Omitted
+from problems.study.kinds.experiments.transients import Transients
+from problems.study.kinds.experiments.views import Amplitudes, Integrators, Shapes
+from problems.study.kinds.matching import Match
+from problems.study.kinds.motion import Comparison, MotionFit
+from problems.study.kinds.rayleigh import Rayleigh
+from problems.study.kinds.simulation import SimulationPart
+from problems.study.kinds.steady.resonances import Resonances
+from problems.study.kinds.steady.response import Response
+from problems.study.part import Part
 
-USUAL = tuple(
-    module.KIND
-    for module in (
-        beam, modes, decays, rayleigh, matching, simulation, response, motion, comparison, transients,
-    )
+USUAL: tuple[type[Part], ...] = (
+    BeamProperties, ModesOfBeam, Decays, Rayleigh, Match, SimulationPart, Response, MotionFit, Comparison, Transients,
 )  # fmt: skip
-OF_PAPER = tuple(
-    module.KIND
-    for module in (
-        amplitudes, shapes, integrators, resonances, effects, change, combined, drawings, omitted,
-    )
+OF_PAPER: tuple[type[Part], ...] = (
+    Amplitudes, Shapes, Integrators, Resonances, EtaEffects, RatioChange, CombinedLaw, DrawingPart, Omitted,
 )  # fmt: skip
-KINDS: dict[str, Kind] = {kind.name: kind for kind in (*USUAL, *OF_PAPER)}
+KINDS = {kind.kind: kind for kind in (*USUAL, *OF_PAPER)}

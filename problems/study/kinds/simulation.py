@@ -2,26 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypedDict, final
 
 import numpy as np
 
 from ancf_casadi.dynamics.simulation import simulate
-from ancf_casadi.support.inputs import check_keys
+from problems.schema.file import StudyFile
 from problems.schema.simulation import read_simulation
-from problems.study.data_table import Column, DataTable
+from problems.study.data_table import Column
 from problems.study.drawing import Drawing, drawn
 from problems.study.files import FilePart, TablesOfFile
-from problems.study.kind import Kind
-from problems.study.part import Effort, Finding, Heading, Outcome, Task
-from problems.study.source import Source
+from problems.study.part import Effort, Finding, Found, Task
 
-KEYS = """\
-  kind = "simulation"   one motion: the tables [[damping]], [base], [load],
-                        [release], [simulation]
-"""
 SECONDS = 10.0  # expected computing time
 
 
@@ -73,18 +67,24 @@ def simulate_plain(given: TablesOfFile, name: str) -> SimulatedMotion:
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class SimulationPart(FilePart):
     """One simulated motion."""
 
-    kind = "simulation"
+    kind, heading = "simulation", "Simulated motion"
+    about = "one motion: the tables [[damping]], [base], [load], [release], [simulation]"
     numbers = SimulationNumbers
+    wanted = frozenset({"beam", "damping", "base", "load", "release", "simulation", "markers"})
 
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+    def check(self, file: StudyFile, where: str) -> None:
+        """Check the simulation."""
+        read_simulation(file)
+
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the simulation."""
-        return (Task(simulate_plain, (self.given, self.heading.name), SECONDS),)
+        return (Task(simulate_plain, (self.given, self.name), SECONDS),)
 
-    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return range and energies, and the figure of the motion."""
         motion: SimulatedMotion = results[0]
         x, y = motion.data["tip_position_range_m"]
@@ -96,22 +96,4 @@ class SimulationPart(FilePart):
         )
         heads = ("quantity", "unit", "value")
         columns = tuple(Column(head, cells) for head, cells in zip(heads, zip(*rows, strict=True), strict=True))
-        table = DataTable(self.heading.name, "Simulated motion", columns, self.heading.notes)
-        return Finding(Outcome(motion.data), (table,), (motion.figure,))
-
-
-def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> SimulationPart:
-    """Return the part that a table describes.
-
-    Raises
-    ------
-    InputError
-        If a table is missing, a key or value cannot be used, or a file cannot be read.
-    """
-    check_keys(given, set(), set(), where)
-    wanted = {"beam", "damping", "base", "load", "release", "simulation", "markers"}
-    read_simulation(source.file)  # check
-    return SimulationPart(heading, TablesOfFile.of(source, wanted))
-
-
-KIND = Kind(SimulationPart.kind, "Simulated motion", KEYS, read)
+        return Finding(motion.data, (self.data_table("Simulated motion", columns),), (motion.figure,))

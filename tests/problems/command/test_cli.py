@@ -42,7 +42,7 @@ from problems.command import modes as modes_command
 from problems.command import simulate as simulate_command
 from problems.command.fits import fit_decay as fit_decay_command
 from problems.schema import records
-from problems.schema.match import MATCH_KEYS
+from problems.schema.match import MatchTable
 from problems.schema.motion import AXES, READING
 from problems.schema.response import ResponseTable
 from problems.schema.simulation import SETTINGS, read_simulation
@@ -333,7 +333,7 @@ def test_help_names_every_key_that_a_file_may_have(capsys):
     motion = beam | laws | bases | {"tip_force", "tip_moment"}
     expected = {
         "modes": beam,
-        "match": {*beam, *MATCH_KEYS},
+        "match": {*beam, *(field.name for field in fields(MatchTable))},
         "export": beam | laws,
         "simulate": {*motion, "duration", *SETTINGS, "markers"},
         "response": {*beam, *laws, *ResponseTable.__struct_fields__, "markers"},

@@ -46,7 +46,7 @@ def test_values_take_their_types_and_the_rest_the_defaults():
         ({"rate": 0.0}, "x: rate: must be positive, got 0"),
         ({"rate": float("nan")}, "x: rate: must be a finite number, got nan"),
         ({"rate": 1e300}, "x: rate: 1e+300 is not within 1e-30 to 1e+30; check the unit"),
-        ({"rate": 1.0, "marks": []}, "x: marks: must be a list of one or more tables, got []"),
+        ({"rate": 1.0, "marks": []}, "x: marks: must be a list of 1 or more tables, got []"),
         ({"rate": 1.0, "marks": [{"place": 0.5}, {"at": 1}]}, "x: marks: 2: the key 'place' is missing"),
         ({"rate": 1.0, "marks": [{"place": -0.5}]}, "x: marks: 1: place: must not be negative"),
         ({"rate": 1.0, "marks": [{"place": 1}]}, "x: marks: 1: place: must be below 1, got 1"),

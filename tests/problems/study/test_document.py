@@ -13,7 +13,7 @@ import pytest
 from problems.study.document.inline_svg import inline_svg
 from problems.study.document.labels import file_name, labelled
 from problems.study.drawing import STYLE, WIDTH
-from problems.study.part import Finding, Heading, Outcome, Study
+from problems.study.part import Finding, Study
 from problems.study.study import StudyReport, run_study
 from tests.problems.study.conftest import BEAM, DECAYS, RAYLEIGH
 from tests.problems.study.test_runner import Doubles
@@ -246,7 +246,7 @@ class TestTextsOfUsers:
 
 class TestLabels:
     def part(self, name: str, **labels: tuple[str, ...]) -> Doubles:
-        return Doubles(Heading(name, name, **labels), (), (), "")
+        return Doubles(name=name, title=name, terms=(), after=(), log="", **labels)
 
     @pytest.mark.parametrize(
         ("label", "name"),
@@ -261,7 +261,7 @@ class TestLabels:
     def test_others_are_numbered(self, small_paper):
         """Two tables in parts without labels; in a study with labels, theirs start with A and avoid those given."""
         table, figure = small_paper.parts[1].tables[0][1], small_paper.parts[0].figures[0][1]
-        finding = Finding(Outcome({}), (table, table), (figure,))
+        finding = Finding({}, (table, table), (figure,))
         plain = Study("plain", (self.part("a"), self.part("b")))
         shown = labelled(plain, {"a": finding, "b": finding})
         assert [label for part in shown for label, _ in part.tables] == ["Table 1", "Table 2", "Table 3", "Table 4"]

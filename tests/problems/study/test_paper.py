@@ -16,7 +16,7 @@ import pytest
 
 from problems.cli import main
 from problems.study import paper
-from problems.study.kinds.omitted import Omitted
+from problems.study.kinds.drawings import Omitted
 from problems.study.paper import PAPER
 from problems.study.part import Study
 from problems.study.reading import read_study
@@ -47,16 +47,12 @@ class TestContents:
     def test_has_every_table_and_figure_in_order(self, study, kind, last):
         """A quick look too."""
         for one in (study, study.shortened()):
-            labels = [
-                label
-                for part in one.parts
-                for label in (part.heading.tables if kind == "Table" else part.heading.figures)
-            ]
+            labels = [label for part in one.parts for label in (part.tables if kind == "Table" else part.figures)]
             assert labels == [f"{kind} {number}" for number in range(1, last + 1)]
 
     def test_says_why_the_photographs_are_not_computed(self, study):
         (omitted,) = (part for part in study.parts if isinstance(part, Omitted))
-        assert omitted.heading.figures == ("Figure 2", "Figure 3", "Figure 4")
+        assert omitted.figures == ("Figure 2", "Figure 3", "Figure 4")
         assert "Photographs" in omitted.reason
 
     def test_cites_the_paper(self, study):
@@ -65,7 +61,7 @@ class TestContents:
 
     def test_experiments_are_those_of_the_paper(self, study):
         """Section 5.2: frequency and stop time of each mode; each law simulated in each mode."""
-        (part,) = (part for part in study.parts if part.heading.name == "damping_comparison")
+        (part,) = (part for part in study.parts if part.name == "damping_comparison")
         runs = [(run.frequency, run.stop) for run in part.runs]
         assert runs == [(1.85, 15.0), (10.19, 20.0), (26.84, 12.0), (53.20, 10.0), (88.60, 6.0)]
         assert all([law.name for law in run.laws] == ["generic", "proportional", "quadratic"] for run in part.runs)
@@ -83,7 +79,7 @@ class TestResults:
                 assert keys <= row.keys(), name
         for name in ("modal_identification", "quadratic"):
             assert [row["mode"] for row in small_paper.results[name]] == [1, 2, 3, 4, 5]
-        assert list(small_paper.results["timing"]) == [part.heading.name for part in small_paper.parts]
+        assert list(small_paper.results["timing"]) == [part.part.name for part in small_paper.parts]
 
     def test_validates_against_its_schema(self, small_paper):
         folder = small_paper.page.parent
@@ -164,7 +160,7 @@ class TestResults:
     def test_synthetic_data_say_so(self, small_paper):
         """Erratum 20: no raw record is published; table, note and each figure say that the decays are synthetic."""
         for part in small_paper.parts:
-            if part.heading.name in ("modal_identification", "quadratic"):
+            if part.part.name in ("modal_identification", "quadratic"):
                 for _, table in part.tables:
                     assert "synthetic" in table.title
                     assert any("no raw record was published" in note for note in table.notes)

@@ -1,7 +1,7 @@
 """Levels of parts, tasks that run once, and results that are kept whatever ends a study."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Any, final
 import pytest
 
 from ancf_casadi.exceptions import FitError, InputError
-from problems.study.part import QUICK, Effort, Finding, Heading, Outcome, Part, Study, Task
+from problems.study.part import QUICK, Effort, Finding, Found, Part, Study, Task
 from problems.study.runner import STEPS, run_parts
 from problems.study.study import run_study
 from tests.problems.study.conftest import BEAM, DECAYS, RAYLEIGH, without_times
@@ -26,7 +26,7 @@ def doubled(term: float, log: str) -> float:
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Doubles(Part):
     """Twice the sum of numbers, each after the results of other parts were added."""
 
@@ -41,16 +41,16 @@ class Doubles(Part):
     def needs(self) -> tuple[str, ...]:
         return self.after
 
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         before = sum(found[name].data["sum"] for name in self.after)
         return tuple(Task(doubled, (term + before, self.log), cost=term) for term in self.terms)
 
-    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
-        return Finding(Outcome({"sum": sum(results)}))
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+        return Finding({"sum": sum(results)})
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Largest(Part):
     """Another kind with the same fields and the same tasks."""
 
@@ -61,11 +61,11 @@ class Largest(Part):
     after: tuple[str, ...]
     log: str
 
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         return tuple(Task(doubled, (term, self.log)) for term in self.terms)
 
-    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
-        return Finding(Outcome({"sum": max(results)}))
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
+        return Finding({"sum": max(results)})
 
 
 class Bench:
@@ -75,14 +75,14 @@ class Bench:
         self.folder, self.log = folder, folder / "calls"
 
     def part(self, name: str, *terms: float, after: tuple[str, ...] = ()) -> Doubles:
-        return Doubles(Heading(name, name), terms, after, str(self.log))
+        return Doubles(name=name, title=name, terms=terms, after=after, log=str(self.log))
 
     def run(self, *parts: Part, jobs: int = 1, executor: Any = None) -> dict[str, float]:
         """Return the sum of each part."""
         self.log.unlink(missing_ok=True)
         study = Study("test", parts)
         findings, self.steps = run_parts(study, self.folder, effort=QUICK, jobs=jobs, executor=executor, progress=False)
-        return {name: finding.outcome.data["sum"] for name, finding in findings.items()}
+        return {name: finding.data["sum"] for name, finding in findings.items()}
 
     @property
     def calls(self) -> list[float]:
@@ -144,7 +144,7 @@ class TestKept:
         parts[0] = bench.part("a", 1.0, 2.5)
         assert bench.run(*parts) == {"a": 7.0, "b": 10.0, "c": 20.0}
         assert bench.calls == [2.5, 10.0]
-        parts[1] = replace(parts[1], heading=Heading("b", "another title"))
+        parts[1] = replace(parts[1], title="another title")
         bench.run(*parts)
         assert bench.calls == []
 
@@ -157,7 +157,8 @@ class TestKept:
     def test_another_kind_of_part_with_the_same_fields_is_another_part(self, bench):
         one = bench.part("a", 1.0, 2.0)
         assert bench.run(one) == {"a": 6.0}
-        assert bench.run(Largest(one.heading, one.terms, one.after, one.log)) == {"a": 4.0}
+        other = Largest(name=one.name, title=one.title, terms=one.terms, after=one.after, log=one.log)
+        assert bench.run(other) == {"a": 4.0}
         assert bench.calls == []  # the tasks are the same
 
     @pytest.mark.parametrize("damage", [b"", b"\x80", b"not ours"])

@@ -76,7 +76,7 @@ class TestKey:
             "from problems.study.reading import read_study; from problems.study.store import key_of\n"
             "for part in read_study(PAPER).parts:\n"
             "    tasks = () if part.needs else part.tasks({}, FULL)\n"
-            "    print(part.heading.name, *map(key_of, (*tasks, Task(print, (part,)))))\n"
+            "    print(part.name, *map(key_of, (*tasks, Task(print, (part,)))))\n"
         )
         one, two = (
             subprocess.run([sys.executable, "-c", code], env={**os.environ, "PYTHONHASHSEED": seed}, check=True,

@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypedDict, final
 
 import numpy as np
 
-from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.support.inputs import check_keys, located, physical
 from problems.study.data_table import Column, DataTable
 from problems.study.drag.effects import Decay, RatiosOverTime, crossing, ratios_over_time
 from problems.study.drawing import drawn, line, new_figure, plain_log_ticks, series
-from problems.study.kind import Kind
-from problems.study.kinds.drag.decays import Release, Variant, decay_numbers, read_release, read_variants
-from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
-from problems.study.source import Source
+from problems.study.kinds.drag.decays import DecayPart, decay_numbers
+from problems.study.part import Effort, Finding, Found, Task
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KEYS = """\
-  kind = "ratio_change" change of the damping ratio along decays in mode 1, on a
-                        weightless beam and by Eq. (27): laws = [names of quadratic
-                        [[laws]]], frequency (Hz), amplitude (m), duration (s)
-"""
-FREQUENCY, MARKED = 1.85, 12  # Hz; markers of a drawn curve
+MARKED = 12  # markers of a drawn curve
 
 
 class ChangeNumbers(TypedDict):
@@ -38,43 +29,27 @@ class ChangeNumbers(TypedDict):
 
 
 @final
-@dataclass(frozen=True)
-class RatioChange(Part):
-    """The change of the damping ratio along decays.
+@dataclass(frozen=True, kw_only=True)
+class RatioChange(DecayPart):
+    """The change of the damping ratio along decays."""
 
-    Parameters
-    ----------
-    beam : Beam
-        The beam.
-    variants : tuple of Variant
-        The laws.
-    frequency : float
-        First frequency, Hz.
-    release : Release
-        Start and length of the decays.
-    """
-
-    kind = "ratio_change"
+    kind, heading = "ratio_change", "Change of the damping ratio along a decay"
+    about = "change of the damping ratio along decays in mode 1, on a weightless beam and by Eq. (27): {}"
     numbers = ChangeNumbers
 
-    beam: Beam
-    variants: tuple[Variant, ...]
-    frequency: float
-    release: Release
-
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the decays."""
-        release = self.release.shortened(effort)
-        return tuple(release.task(self.beam, variant.law, self.frequency) for variant in self.variants)
+        beam = self.beam_in(found)
+        return tuple(self.task(beam, variant.law, self.frequency, effort) for variant in self.variants)
 
-    def finding(self, results: Sequence[Decay], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Decay], found: Found, effort: Effort) -> Finding:
         """Return the damping ratios over time as a table and a figure."""
         ratios = [ratios_over_time(decay) for decay in results]
         crossings = [
             (crossing(results[0].envelope, one.envelope), crossing(results[0].formula, one.formula))
             for one in results[1:]
         ]
-        duration = self.release.shortened(effort).duration
+        duration = effort.window * self.duration
         data = {
             "decays": [
                 decay_numbers(variant, decay, (duration / 3, duration))
@@ -93,12 +68,12 @@ class RatioChange(Part):
             ],
         }
         caption = (
-            f"Decays from {1e3 * self.release.amplitude:g} mm at {self.frequency:g} Hz.  Top: amplitude on the beam "
+            f"Decays from {1e3 * self.amplitude:g} mm at {self.frequency:g} Hz.  Top: amplitude on the beam "
             "(markers) and by Eq. (27) (lines).  Bottom: damping ratio in windows of the motion of the beam (markers) "
             "and by Eq. (27) (lines)."
         )
-        figure = drawn(self.heading.name, caption, lambda: self._figure(results, ratios))
-        return Finding(Outcome(data), (self._laws(crossings), self._ratios(ratios)), (figure,))
+        figure = drawn(self.name, caption, lambda: self._figure(results, ratios))
+        return Finding(data, (self._laws(crossings), self._ratios(ratios)), (figure,))
 
     def _laws(self, crossings: Sequence[tuple[float, float]]) -> DataTable:
         columns = (
@@ -109,12 +84,8 @@ class RatioChange(Part):
             Column("crosses the first, beam", (None, *(beam for beam, _ in crossings)), "s"),
             Column("by Eq. (27)", (None, *(formula for _, formula in crossings)), "s"),
         )
-        notes = (
-            f"Start with the tip at {1e3 * self.release.amplitude:g} mm.  A dash: the envelopes do not cross.",
-            *self.heading.notes,
-        )
-        title = "Laws whose damping ratio changes along a decay"
-        return DataTable(self.heading.name, title, columns, notes, self.heading.source)
+        note = f"Start with the tip at {1e3 * self.amplitude:g} mm.  A dash: the envelopes do not cross."
+        return self.data_table("Laws whose damping ratio changes along a decay", columns, note)
 
     def _ratios(self, ratios: Sequence[RatiosOverTime]) -> DataTable:
         first, last = (float(ratios[0].time[k]) for k in (0, -1))
@@ -124,8 +95,7 @@ class RatioChange(Part):
                 Column(f"after {time:.2g} s, beam", tuple(100 * float(one.ratio[k]) for one in ratios), "%"),
                 Column("by Eq. (27)", tuple(100 * float(one.formula[k]) for one in ratios), "%"),
             ]
-        notes = ("In windows of two periods.",)
-        return DataTable(f"{self.heading.name}_ratios", "Damping ratio along the decay", tuple(columns), notes)
+        return self.data_table("Damping ratio along the decay", columns, "In windows of two periods.", suffix="_ratios")
 
     def _figure(self, decays: Sequence[Decay], ratios: Sequence[RatiosOverTime]) -> Figure:
         figure, (amplitude, ratio) = new_figure(5.4, 2, sharex=True)
@@ -146,21 +116,3 @@ class RatioChange(Part):
         amplitude.legend()
         figure.align_ylabels()
         return figure
-
-
-def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> RatioChange:
-    """Return the part that a table describes.
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used.
-    """
-    check_keys(given, {"laws"}, {"frequency", "amplitude", "duration"}, where)
-    variants = read_variants(source, given, where)
-    with located(where):
-        frequency = physical(given.get("frequency", FREQUENCY), "frequency")
-        return RatioChange(heading, source.model.beam, variants, frequency, read_release(given, where))
-
-
-KIND = Kind(RatioChange.kind, "Change of the damping ratio along a decay", KEYS, read)

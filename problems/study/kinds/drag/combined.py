@@ -7,36 +7,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypedDict, final
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict, final
 
 import numpy as np
+from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.inputs import check_keys, is_sequence, located, numbers, physical, shown
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.schema.beam import law_of
+from problems.schema.table import Positive
 from problems.study.data_table import Column, DataTable
 from problems.study.drag.air import Air, DragCoefficient, implied_drag_coefficient, viscous_damping_ratios
 from problems.study.drag.combined_law import CombinedLawFit, ModeCoefficients, fit_combined_law
 from problems.study.drag.ratio_curves import RatioCurves, ratio_curves
 from problems.study.drawing import drawn, line, new_figure
-from problems.study.kind import Kind
-from problems.study.part import Effort, Finding, Heading, Outcome, Part
-from problems.study.source import BeamChoice, LawChoice, Source, printed_numbers, text_of
+from problems.study.part import Effort, Finding, Found, Part
+from problems.study.source import LawChoice, Printed, Source, printed_numbers
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KEYS = """\
-  kind = "combined_law" modal plus quadratic damping for all modes, and the drag of
-                        the air: decays = "PART" (decays with law = "quadratic"),
-                        beam ("PART"), laws to draw beside it, amplitudes (m, at the
-                        tip, up to which each mode is drawn),
-                        air = {density, density_error (kg/m^3), viscosity (Pa s)},
-                        printed = {eta2 (1/m)}
-"""
 NAME = "modal + quadratic"
 POINTS = 3  # of a drawn law, which is straight in the amplitude
 
@@ -49,49 +42,40 @@ class CombinedNumbers(TypedDict):
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class CombinedLaw(Part):
-    """One law for all modes, and the drag of the air.
+    """One law for all modes, and the drag of the air."""
 
-    Parameters
-    ----------
-    choice : BeamChoice
-        The beam.
-    decays : str
-        Name of the part with eta1 and eta2 of each mode.
-    laws : tuple of LawChoice
-        Laws to draw beside it.
-    amplitudes : tuple of float
-        Largest drawn amplitude of each mode, m; that of its decay if empty.
-    air : Air
-        The air.
-    printed : dict
-        Printed eta2 of each mode, 1/m, by name.
-    """
-
-    kind = "combined_law"
+    kind, heading = "combined_law", "One law for all modes"
+    about = "modal plus quadratic damping for all modes, and the drag of the air: {}"
     numbers = CombinedNumbers
+    naming = ("beam", "decays")
 
-    choice: BeamChoice
-    decays: str
-    laws: tuple[LawChoice, ...]
-    amplitudes: tuple[float, ...]
-    air: Air
-    printed: dict[str, tuple[float | None, ...]]
+    decays: Annotated[str, Meta(description='"PART": decays with law = "quadratic"')]
+    laws: Annotated[tuple[LawChoice, ...], Meta(description="to draw beside it")] = ()
+    beam: Annotated[str, Meta(description='"PART"')] = ""
+    amplitudes: Annotated[tuple[Positive, ...], Meta(description="m, at the tip, up to which each mode is drawn")] = ()
+    air: Annotated[Air, Meta(description="{density, density_error (kg/m^3), viscosity (Pa s)}")] = field(
+        default_factory=Air
+    )
+    printed: Annotated[Printed, Meta(description="{eta2 (1/m)}")] = field(default_factory=dict)
+
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with its printed numbers."""
+        return replace(self, printed=printed_numbers(self.printed, {"eta2": None}, where))
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The parts that find the coefficients, the beam and the other laws."""
-        laws = [name for law in self.laws for name in law.needs]
-        return tuple(dict.fromkeys((self.decays, *self.choice.needs, *laws)))
+        """Names of the parts whose findings it needs, and always the beam of the file, for the printed numbers."""
+        return tuple(dict.fromkeys((*super().needs, "")))
 
-    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the law, the drag coefficients, and the damping ratio against amplitude."""
         rows = found[self.decays].data
         measured = _coefficients(rows, self.decays)
         if len(self.printed.get("eta2", measured)) != len(measured):
-            raise InputError(f"must have one value per mode, {len(measured)}", f"{self.heading.name}: printed: eta2")
-        modes = natural_modes(Model(self.choice.beam(found)), count=len(measured))
+            raise InputError(f"must have one value per mode, {len(measured)}", f"{self.name}: printed: eta2")
+        modes = natural_modes(Model(self.beam_in(found)), count=len(measured))
         fit = fit_combined_law(measured, modes)
         drag = [self._drag_coefficient(fit, one.eta2, math.sqrt(one.covariance[1, 1])) for one in measured]
         viscous = viscous_damping_ratios(modes, self.air)
@@ -114,10 +98,8 @@ class CombinedLaw(Part):
             {"law": "modal", "ratios": list(fit.ratios), "frequencies": frequencies},
             {"law": "quadratic", "eta2": fit.eta2},
         )
-        return Finding(
-            Outcome(data, terms=terms), (self._law(fit, total), self._drag(fit, drag, viscous.tolist())),
-            self._drawings(fit, modes, found, rows), fit.warnings,
-        )  # fmt: skip
+        tables = (self._law(fit, total), self._drag(fit, drag, viscous.tolist(), found[""].beam))
+        return Finding(data, tables, self._drawings(fit, modes, found, rows), fit.warnings, terms=terms)
 
     def _drag_coefficient(self, fit: CombinedLawFit, eta2: float, error: float = 0.0) -> DragCoefficient:
         return implied_drag_coefficient(eta2, fit.modes.model.beam, self.air, eta2_error=error)
@@ -133,10 +115,12 @@ class CombinedLaw(Part):
                    errors=(*(100 * error for error in errors[:-1]), errors[-1], total.standard_error)),
         )  # fmt: skip
         verdict = table.notes[0]
-        notes = (f"{verdict[0].upper()}{verdict[1:]}.", *self.heading.notes)
-        return DataTable(self.heading.name, "Modal plus quadratic damping for all modes", columns, notes)
+        note = f"{verdict[0].upper()}{verdict[1:]}."
+        return self.data_table("Modal plus quadratic damping for all modes", columns, note)
 
-    def _drag(self, fit: CombinedLawFit, drag: Sequence[DragCoefficient], viscous: Sequence[float]) -> DataTable:
+    def _drag(
+        self, fit: CombinedLawFit, drag: Sequence[DragCoefficient], viscous: Sequence[float], given: Beam | None
+    ) -> DataTable:
         modes, constants = range(1, len(drag) + 1), fit.drag_constants
         linear = [100 * one.eta1 / (4 * math.pi * one.frequency) for one in fit.measured]
         linear_errors = [100 * math.sqrt(one.covariance[0, 0]) / (4 * math.pi * one.frequency) for one in fit.measured]
@@ -150,20 +134,20 @@ class CombinedLaw(Part):
             Column("linear part of ζ", tuple(linear), "%", tuple(linear_errors)),
             Column("of it viscous air", tuple(100 * ratio for ratio in viscous), "%"),
         ]  # fmt: skip
-        if "eta2" in self.printed:
-            unit = implied_drag_coefficient(1.0, self.choice.given, self.air).value
+        if given and "eta2" in self.printed:
+            unit = implied_drag_coefficient(1.0, given, self.air).value
             own = (None if one is None else unit * one for one in self.printed["eta2"])
-            columns.append(Column(f"Cd of η2 in the {self.heading.source}", tuple(own), "1"))
+            columns.append(Column(f"Cd of η2 in the {self.printed_by}", tuple(own), "1"))
         notes = (
             "Cd = 2 ρ h η2 (1183/876)/ρ_air, with the constant of the shape (21), and with that of each mode.",
             f"Air: {self.air.density:g} kg/m³, {self.air.viscosity:.3g} Pa s.  Viscous damping: oscillating flow "
             "around a thin strip at amplitudes below its width (Sader 1998).",
             *(["Printed η2: with the beam of the study before any change."] if self.printed else []),
         )
-        return DataTable(f"{self.heading.name}_drag", "Drag coefficient and viscous damping", tuple(columns), notes)
+        return self.data_table("Drag coefficient and viscous damping", columns, *notes, suffix="_drag")
 
     def _drawings(
-        self, fit: CombinedLawFit, modes: Modes, found: Mapping[str, Outcome], rows: Sequence[Mapping[str, Any]]
+        self, fit: CombinedLawFit, modes: Modes, found: Found, rows: Sequence[Mapping[str, Any]]
     ) -> tuple[Any, ...]:
         synthetic = any(row["synthetic"] for row in rows)
         source = "  The decays are synthetic." if synthetic else ""
@@ -171,7 +155,7 @@ class CombinedLaw(Part):
         all_laws = {title: law for title, law in laws.items() if law is not None} | {NAME: fit.law}
         limits = self.amplitudes or tuple(row["amplitude_m"] for row in rows)
         curves = [ratio_curves(all_laws, modes, np.linspace(0.0, limit, POINTS)) for limit in limits]
-        name = self.heading.name
+        name = self.name
         return (
             drawn(
                 f"{name}_eta2", f"η2 of the beam by each mode alone, and one value for all.{source}",
@@ -225,34 +209,3 @@ def _ratios(curves: Sequence[RatioCurves]) -> Figure:
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     figure.align_ylabels()
     return figure
-
-
-def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> CombinedLaw:
-    """Return the part that a table describes.
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used.
-    """
-    check_keys(given, {"decays"}, {"beam", "laws", "amplitudes", "air", "printed"}, where)
-    names = given.get("laws", [])
-    if not is_sequence(names):
-        raise InputError(f"must be a list of names, got {shown(names)}", f"{where}: laws")
-    laws = tuple(source.law_choice(name, f"{where}: laws") for name in names)
-    air = given.get("air", {})
-    check_keys(air, set(), {"density", "density_error", "viscosity"}, f"{where}: air")
-    with located(where):
-        amplitudes = tuple(physical(one, "amplitudes") for one in numbers(given.get("amplitudes", ()), "amplitudes"))
-        return CombinedLaw(
-            heading,
-            source.beam_choice(given, where),
-            text_of(given, "decays", ""),
-            laws,
-            amplitudes,
-            Air(**air),
-            printed_numbers(given, {"eta2": None}),
-        )
-
-
-KIND = Kind(CombinedLaw.kind, "One law for all modes", KEYS, read)

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from abc import ABC
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Self
 
 import numpy as np
+from msgspec import Meta
 
 from ancf_casadi.damping import QuadraticDamping
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.support.inputs import is_sequence, located, physical, shown
 from problems.schema.beam import law_of
-from problems.study.drag.effects import RESOLVED, STEPS, Decay, Envelope, simulate_decay
-from problems.study.part import Effort, Task
+from problems.schema.table import HIDDEN, Positive
+from problems.study.drag.effects import RESOLVED, Decay, Envelope, simulate_decay
+from problems.study.part import Effort, Part, Task
 from problems.study.source import LawChoice, Source
 
-DURATION, AMPLITUDE = 15.0, 0.076  # s, m at the tip
 SECONDS, SECONDS_PER_PERIOD = 0.3, 0.006  # computing time of a decay, and of each of its periods
 
 
@@ -38,69 +39,33 @@ class Variant:
     law: QuadraticDamping
 
 
-@dataclass(frozen=True)
-class Release:
-    """Start and length of decays.
+@dataclass(frozen=True, kw_only=True)
+class DecayPart(Part, ABC):
+    """Base class of the parts with decays in mode 1 of the beam of the file."""
 
-    Parameters
-    ----------
-    amplitude : float
-        Displacement of the tip at the start, m.
-    duration : float
-        Length, s.
-    steps_per_period : int
-        Least number of integrator steps per period.
-    """
+    naming, beam = ("beam",), ""
 
-    amplitude: float
-    duration: float
-    steps_per_period: int = STEPS
+    laws: Annotated[tuple[LawChoice, ...], Meta(min_length=1, description="names of quadratic [[laws]]")]
+    frequency: Annotated[Positive, Meta(description="Hz, of mode 1; the elastic modulus is scaled")] = 1.85
+    amplitude: Annotated[Positive, Meta(description="m, at the tip")] = 0.076
+    duration: Annotated[Positive, Meta(description="s")] = 15.0
+    variants: Annotated[tuple[Variant, ...], HIDDEN] = ()
 
-    def shortened(self, effort: Effort) -> Release:
-        """Return the release of a quick study, whose decays are shorter and have longer steps."""
-        return Release(self.amplitude, effort.window * self.duration, effort.steps_per_period)
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with its laws, each of them a quadratic one."""
+        variants = []
+        for choice in self.laws:
+            law = law_of(choice.terms, source.model, f"{where}: laws") if not choice.needs else None
+            if not isinstance(law, QuadraticDamping):
+                raise InputError(f'{choice.name!r} must have one term, with law = "quadratic"', f"{where}: laws")
+            variants.append(Variant(choice.name, choice.title, law))
+        return replace(self, variants=tuple(variants))
 
-    def task(self, beam: Beam, law: QuadraticDamping, frequency: float) -> Task:
+    def task(self, beam: Beam, law: QuadraticDamping, frequency: float, effort: Effort) -> Task:
         """Return the simulation of a decay as a task."""
-        inputs = (beam, law, frequency, self.amplitude, self.duration, self.steps_per_period)
-        return Task(simulate_decay, inputs, SECONDS + SECONDS_PER_PERIOD * frequency * self.duration)
-
-
-def read_variants(source: Source, given: Mapping[str, Any], where: str) -> tuple[Variant, ...]:
-    """Return the laws that the key ``laws`` names.
-
-    Raises
-    ------
-    InputError
-        If it is no list of names, or a law is not the quadratic one.
-    """
-    names = given["laws"]
-    if not is_sequence(names) or not names:
-        raise InputError(f"name one or more of [[laws]], got {shown(names)}", f"{where}: laws")
-    found = []
-    for name in names:
-        place = f"{where}: laws"
-        choice: LawChoice = source.law_choice(name, place)
-        law = law_of(choice.terms, source.model, place) if not choice.needs else None
-        if not isinstance(law, QuadraticDamping):
-            raise InputError(f'{name!r} must have one term, with law = "quadratic"', place)
-        found.append(Variant(choice.name, choice.title, law))
-    return tuple(found)
-
-
-def read_release(given: Mapping[str, Any], where: str) -> Release:
-    """Return start and length of the decays.
-
-    Raises
-    ------
-    InputError
-        If a number is not positive.
-    """
-    with located(where):
-        return Release(
-            physical(given.get("amplitude", AMPLITUDE), "amplitude"),
-            physical(given.get("duration", DURATION), "duration"),
-        )
+        duration = effort.window * self.duration
+        inputs = (beam, law, frequency, self.amplitude, duration, effort.steps_per_period)
+        return Task(simulate_decay, inputs, SECONDS + SECONDS_PER_PERIOD * frequency * duration)
 
 
 def decay_numbers(variant: Variant, decay: Decay, times: Sequence[float]) -> dict[str, Any]:

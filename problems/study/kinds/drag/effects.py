@@ -5,43 +5,26 @@ The laws decay at several first frequencies, on the beam and by Eq. (27).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypedDict, final
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict, final
 
 import numpy as np
+from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.support.inputs import check_keys, is_sequence, located, numbers, physical, shown
+from problems.schema.table import Positive
 from problems.study.data_table import Column, DataTable
 from problems.study.drag.characteristics import HORIZON, Characteristics, characteristics
 from problems.study.drag.effects import RESOLVED, Decay
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure, plain_log_ticks, series
-from problems.study.kind import Kind
-from problems.study.kinds.drag.decays import (
-    Release,
-    Variant,
-    amplitude_left,
-    decay_numbers,
-    read_release,
-    read_variants,
-)
-from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task
-from problems.study.source import Source, texts_of
+from problems.study.kinds.drag.decays import DecayPart, Variant, amplitude_left, decay_numbers
+from problems.study.part import Effort, Finding, Found, Task
+from problems.study.source import Source
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KEYS = """\
-  kind = "eta_effects"  decays in mode 1 under two quadratic laws, on a weightless
-                        beam and by Eq. (27): laws = [two names of [[laws]]],
-                        frequencies (Hz, of mode 1; the elastic modulus is scaled),
-                        frequency (Hz, of the detailed figures), amplitude (m, at
-                        the tip), duration (s), words = [[gross motion, frequency,
-                        residual motion] of each law, as printed]
-"""
-FREQUENCIES, FREQUENCY = (1.0, 5.0, 20.0), 1.85  # Hz
 MARKED = 8  # markers of a drawn envelope
 
 
@@ -53,51 +36,43 @@ class EffectNumbers(TypedDict):
 
 
 @final
-@dataclass(frozen=True)
-class EtaEffects(Part):
-    """The effect of the coefficients of two laws on a decay.
+@dataclass(frozen=True, kw_only=True)
+class EtaEffects(DecayPart):
+    """The effect of the coefficients of two laws on a decay."""
 
-    Parameters
-    ----------
-    beam : Beam
-        The beam.
-    variants : tuple of Variant
-        The two laws.
-    frequencies : tuple of float
-        First frequencies, Hz.
-    frequency : float
-        First frequency of the detailed figures, Hz.
-    release : Release
-        Start and length of the decays.
-    words : tuple of tuple of str
-        Printed words for each law; empty if none are printed.
-    """
-
-    kind = "eta_effects"
+    kind, heading = "eta_effects", "Effect of eta1 and eta2 on a decay"
+    about = "decays in mode 1 under two quadratic laws, on a weightless beam and by Eq. (27): {}"
     numbers = EffectNumbers
 
-    beam: Beam
-    variants: tuple[Variant, ...]
-    frequencies: tuple[float, ...]
-    frequency: float
-    release: Release
-    words: tuple[tuple[str, ...], ...]
+    frequencies: Annotated[tuple[Positive, ...], Meta(min_length=2, description="Hz")] = (1.0, 5.0, 20.0)
+    words: Annotated[
+        tuple[tuple[str, ...], ...],
+        Meta(description="[[gross motion, frequency, residual motion] of each law, as printed]"),
+    ] = ()
 
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with its two laws."""
+        if len(self.laws) != 2:
+            raise InputError(f"needs two laws, got {len(self.laws)}", f"{where}: laws")
+        if len(self.words) not in (0, 2):
+            raise InputError(f"must be two lists of texts, got {len(self.words)}", f"{where}: words")
+        return super().checked(source, where)
+
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the decays, law by law: at the frequency of the detailed figure, then at the others."""
-        release = self.release.shortened(effort)
+        beam = self.beam_in(found)
         return tuple(
-            release.task(self.beam, variant.law, frequency)
+            self.task(beam, variant.law, frequency, effort)
             for variant in self.variants
             for frequency in (self.frequency, *self.frequencies)
         )
 
-    def finding(self, results: Sequence[Decay], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Decay], found: Found, effort: Effort) -> Finding:
         """Return the decays as tables and figures, with the words that follow from them."""
         count = 1 + len(self.frequencies)
         by_law = [results[k * count : (k + 1) * count] for k in range(len(self.variants))]
         first, second = ([decay.envelope for decay in decays[1:]] for decays in by_law)
-        duration = self.release.shortened(effort).duration
+        duration = effort.window * self.duration
         horizon = min(HORIZON, duration)
         words = characteristics(first, second, horizon)
         times = tuple(dict.fromkeys((horizon, duration)))
@@ -122,7 +97,7 @@ class EtaEffects(Part):
         for variant, decays in zip(self.variants, by_law, strict=True):
             figures += self._drawings(variant, decays, duration)
         tables = (self._times(by_law), self._words(words, horizon), self._left(by_law, times))
-        return Finding(Outcome(data), tables, tuple(figures))
+        return Finding(data, tables, tuple(figures))
 
     def _times(self, by_law: Sequence[Sequence[Decay]]) -> DataTable:
         rows = self._rows(by_law)
@@ -137,11 +112,10 @@ class EtaEffects(Part):
         largest = max(decay.other_modes for _, decay in rows)
         notes = (
             f"Weightless beam with its elastic modulus scaled to the frequency, released with the tip at "
-            f"{1e3 * self.release.amplitude:g} mm; mode 2 starts with {100 * largest:.1g} % of mode 1.",
+            f"{1e3 * self.amplitude:g} mm; mode 2 starts with {100 * largest:.1g} % of mode 1.",
             "A dash: more than 10 % is left at the end.",
-            *self.heading.notes,
         )
-        return DataTable(self.heading.name, "Decays under each law", columns, notes, self.heading.source)
+        return self.data_table("Decays under each law", columns, *notes)
 
     def _left(self, by_law: Sequence[Sequence[Decay]], times: Sequence[float]) -> DataTable:
         rows = self._rows(by_law)
@@ -153,8 +127,8 @@ class EtaEffects(Part):
             beam = tuple(amplitude_left(decay.envelope, time) for _, decay in rows)
             formula = tuple(amplitude_left(decay.formula, time) for _, decay in rows)
             columns += [Column(f"after {time:g} s, beam", beam, "mm"), Column("by Eq. (27)", formula, "mm")]
-        notes = (f"The simulation does not resolve less than {1e3 * RESOLVED:g} mm.",)
-        return DataTable(f"{self.heading.name}_left", "Amplitude that is left", tuple(columns), notes)
+        note = f"The simulation does not resolve less than {1e3 * RESOLVED:g} mm."
+        return self.data_table("Amplitude that is left", columns, note, suffix="_left")
 
     def _rows(self, by_law: Sequence[Sequence[Decay]]) -> list[tuple[Variant, Decay]]:
         """Return the decays with their laws, in the order of law and frequency, each frequency once."""
@@ -176,7 +150,7 @@ class EtaEffects(Part):
                 (one.gross_motion, one.frequency, one.residual_motion) == printed
                 for one, printed in zip(words, self.words, strict=True)
             )
-            columns.append(Column(f"as in the {self.heading.source}", tuple("yes" if one else "no" for one in same)))
+            columns.append(Column(f"as in the {self.printed_by}", tuple("yes" if one else "no" for one in same)))
         rates = [", ".join(f"{rate:.3g}" for rate in one.rates) for one in words]
         listed = ", ".join(f"{f:g}" for f in self.frequencies)
         notes = (
@@ -185,10 +159,10 @@ class EtaEffects(Part):
             "Rapid: the larger rate at every frequency.  Independent: rates within 10 %.  Controllable: less than 2 % "
             f"of the amplitude left after {horizon:g} s at every frequency.",
         )  # fmt: skip
-        return DataTable(f"{self.heading.name}_words", "Characteristics of the laws", tuple(columns), notes)
+        return self.data_table("Characteristics of the laws", columns, *notes, suffix="_words")
 
     def _drawings(self, variant: Variant, decays: Sequence[Decay], end: float) -> list[Drawing]:
-        name = f"{self.heading.name}_{variant.name}"
+        name = f"{self.name}_{variant.name}"
         law = f"η1 = {variant.law.eta1:.3g} 1/s, η2 = {variant.law.eta2:.3g} 1/m"
         first = (
             f"{variant.title} ({law}) at {decays[0].frequency:g} Hz.  Top: motion of the tip of the beam.  Bottom: the "
@@ -249,38 +223,3 @@ def _frequencies(variant: Variant, decays: Sequence[Decay], end: float) -> Figur
     envelopes.legend(loc="lower left")
     figure.align_ylabels()
     return figure
-
-
-def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> EtaEffects:
-    """Return the part that a table describes.
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used.
-    """
-    check_keys(given, {"laws"}, {"frequencies", "frequency", "amplitude", "duration", "words"}, where)
-    variants = read_variants(source, given, where)
-    if len(variants) != 2:
-        raise InputError(f"needs two laws, got {len(variants)}", f"{where}: laws")
-    with located(where):
-        frequencies = tuple(
-            physical(one, "frequencies") for one in numbers(given.get("frequencies", FREQUENCIES), "frequencies")
-        )
-        if len(frequencies) < 2:
-            raise InputError(f"needs two or more, got {len(frequencies)}", "frequencies")
-        words = given.get("words", [])
-        if not is_sequence(words) or (words and len(words) != 2):
-            raise InputError(f"must be two lists of texts, got {shown(words)}", "words")
-        return EtaEffects(
-            heading,
-            source.model.beam,
-            variants,
-            frequencies,
-            physical(given.get("frequency", FREQUENCY), "frequency"),
-            read_release(given, where),
-            tuple(texts_of({"words": row}, "words") for row in words),
-        )
-
-
-KIND = Kind(EtaEffects.kind, "Effect of eta1 and eta2 on a decay", KEYS, read)

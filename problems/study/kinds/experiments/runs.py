@@ -4,61 +4,41 @@ from __future__ import annotations
 
 import math
 from abc import ABC
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Self
+
+from msgspec import Meta
 
 from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import check_keys, is_sequence, located, number, physical, shown, whole
+from ancf_casadi.mechanics.beam import Beam
+from ancf_casadi.support.inputs import located, whole
+from problems.schema.table import Positive, keys_of
 from problems.study.kinds.experiments.experiment import Experiment, ExperimentResult, run_experiment
-from problems.study.part import Effort, Outcome, Part, Task
-from problems.study.source import BeamChoice, LawChoice, Source
+from problems.study.part import Effort, Found, Part, Task
+from problems.study.source import LawChoice, Source
 
-RUN = {"mode", "amplitude", "stop"}
-OPTIONAL = {"frequency", "window", "laws", "measured_ratio", "ramp"}
 SECONDS_PER_PERIOD = 0.01  # computing time
 
 
 @dataclass(frozen=True)
 class Run:
-    """An excitation, and the laws under which it is simulated.
+    """An excitation, and the laws under which it is simulated; 0 or nan for what is not given."""
 
-    Parameters
-    ----------
-    mode : int
-        Number of the driven mode, from 1.
-    amplitude : float
-        Requested tip amplitude at the stop, m.
-    stop : float
-        End of the excitation, s.
-    frequency : float
-        Frequency of the excitation, Hz; that of the mode if 0.
-    window : float
-        Length of the fitted decay, s; the default if 0.
-    laws : tuple of LawChoice
-        The laws.
-    measured_ratio : float
-        Measured damping ratio to draw; nan for none.
-    ramp : float
-        Cycles in which the amplitude of the excitation grows.
-    """
+    mode: Annotated[int, Meta(ge=1)]
+    amplitude: Annotated[Positive, Meta(description="m, at the tip when it stops")]
+    stop: Annotated[Positive, Meta(description="s")]
+    frequency: Annotated[Positive, Meta(description="Hz, if not that of the mode")] = 0.0
+    ramp: Annotated[Positive, Meta(description="cycles in which the amplitude grows")] = 0.0
+    window: Annotated[Positive, Meta(description="s, of the fitted decay")] = 0.0
+    laws: tuple[LawChoice, ...] = ()
+    measured_ratio: float = math.nan
 
-    mode: int
-    amplitude: float
-    stop: float
-    frequency: float
-    window: float
-    laws: tuple[LawChoice, ...]
-    measured_ratio: float
-    ramp: float
-
-    def experiment(
-        self, law: LawChoice, choice: BeamChoice, found: Mapping[str, Outcome], effort: Effort, method: str = "radau"
-    ) -> Experiment:
+    def experiment(self, law: LawChoice, beam: Beam, found: Found, effort: Effort, method: str = "radau") -> Experiment:
         """Return the experiment under a law."""
         return Experiment(
-            beam=choice.beam(found),
+            beam=beam,
             terms=law.of(found),
             mode=self.mode,
             frequency=self.frequency,
@@ -71,9 +51,21 @@ class Run:
             ramp=effort.driving * self.ramp,
         )
 
-    def under_first_law(self) -> Run:
-        """Return the run under the first of its laws alone."""
-        return replace(self, laws=self.laws[:1])
+    def checked(self, laws: tuple[LawChoice, ...], source: Source, where: str) -> Run:
+        """Return the run with its laws: its own ones, or those of the part.
+
+        Raises
+        ------
+        InputError
+            If it has no laws, there is no such mode, or the ramp ends after the stop.
+        """
+        whole(self.mode, f"{where}: mode", 1, source.most_modes)
+        if not (self.laws or laws):
+            raise InputError("name at least one of [[laws]]", f"{where}: laws")
+        with located(where):
+            if self.ramp and self.frequency:
+                HarmonicBase(1.0, self.frequency, self.stop, ramp=self.ramp)
+        return replace(self, laws=self.laws or laws)
 
 
 def task_of(experiment: Experiment) -> Task:
@@ -82,71 +74,29 @@ def task_of(experiment: Experiment) -> Task:
     return Task(run_experiment, (experiment,), SECONDS_PER_PERIOD * periods)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ExperimentPart(Part, ABC):
-    """Base class of the parts with simulated experiments.
+    """Base class of the parts with simulated experiments."""
 
-    Parameters
-    ----------
-    choice : BeamChoice
-        The beam.
-    runs : tuple of Run
-        The excitations.
-    """
+    naming = ("beam",)
 
-    choice: BeamChoice
-    runs: tuple[Run, ...]
+    runs: Annotated[tuple[Run, ...], Meta(min_length=1, description=f"[{{{', '.join(keys_of(Run))}}}, ...]")]
+    laws: Annotated[tuple[LawChoice, ...], Meta(description="names of [[laws]]")] = ()
+    beam: Annotated[str, Meta(description='"PART"')] = ""
 
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """The parts that find the beam and the laws."""
-        laws = [name for run in self.runs for law in run.laws for name in law.needs]
-        return tuple(dict.fromkeys((*self.choice.needs, *laws)))
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with the laws of each run."""
+        runs = [run.checked(self.laws, source, f"{where}: runs: {k}") for k, run in enumerate(self.runs, start=1)]
+        laws = {law.name: law for run in runs for law in run.laws}
+        return replace(self, runs=tuple(runs), laws=tuple(laws.values()))
 
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the simulations, run by run and law by law."""
-        return tuple(task_of(run.experiment(law, self.choice, found, effort)) for run in self.runs for law in run.laws)
+        beam = self.beam_in(found)
+        return tuple(task_of(run.experiment(law, beam, found, effort)) for run in self.runs for law in run.laws)
 
 
 def results_of(runs: Sequence[Run], results: Sequence[ExperimentResult]) -> list[list[ExperimentResult]]:
     """Return the results of the tasks of a part run by run."""
     own = iter(results)
     return [[next(own) for _ in run.laws] for run in runs]
-
-
-def read_runs(source: Source, given: dict[str, Any], where: str) -> tuple[Run, ...]:
-    """Return the runs that the keys ``runs`` and ``laws`` of a table describe.
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used.
-    """
-    if not is_sequence(given["runs"]) or not given["runs"]:
-        raise InputError(f"must be a list of tables, got {shown(given['runs'])}", f"{where}: runs")
-    runs = []
-    for k, table in enumerate(given["runs"], start=1):
-        place = f"{where}: runs: {k}"
-        check_keys(table, RUN, OPTIONAL, place)
-        names = table.get("laws", given.get("laws", []))
-        if not is_sequence(names) or not names:
-            raise InputError("name at least one of [[laws]]", f"{place}: laws")
-        laws = tuple(source.law_choice(name, f"{place}: laws") for name in names)
-        with located(place):
-            if {"ramp", "frequency"} <= table.keys():
-                HarmonicBase(1.0, table["frequency"], table["stop"], ramp=table["ramp"])  # check
-            runs.append(
-                Run(
-                    mode=whole(table["mode"], "mode", 1, source.most_modes),
-                    amplitude=physical(table["amplitude"], "amplitude"),
-                    stop=physical(table["stop"], "stop"),
-                    frequency=physical(table["frequency"], "frequency") if "frequency" in table else 0.0,
-                    window=physical(table["window"], "window") if "window" in table else 0.0,
-                    laws=laws,
-                    measured_ratio=number(table["measured_ratio"], "measured_ratio")
-                    if "measured_ratio" in table
-                    else math.nan,
-                    ramp=physical(table["ramp"], "ramp") if "ramp" in table else 0.0,
-                )
-            )
-    return tuple(runs)

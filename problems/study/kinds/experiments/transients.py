@@ -6,34 +6,26 @@ Each run drives a mode of the beam, stops, and lets it decay under several laws 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypedDict, final
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict, final
 
 import numpy as np
+from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import check_keys, located
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
-from problems.study.kind import Kind
 from problems.study.kinds.experiments.experiment import ExperimentResult
-from problems.study.kinds.experiments.runs import ExperimentPart, Run, read_runs, results_of
-from problems.study.part import Effort, Finding, Heading, Outcome
-from problems.study.source import LawChoice, Source, printed_numbers
+from problems.study.kinds.experiments.runs import ExperimentPart, Run, results_of
+from problems.study.part import Effort, Finding, Found
+from problems.study.source import LawChoice, Printed, Source, printed_numbers
 from problems.study.turning_points import turning_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-KEYS = """\
-  kind = "transients"   simulated experiments: beam ("PART"), laws (names of
-                        [[laws]]), runs = [{mode, amplitude (m, at the tip), stop
-                        (s), frequency (Hz), ramp (cycles in which the amplitude
-                        grows), window (s), laws, measured_ratio}, ...],
-                        printed = {LAW = [damping ratio of each run, %]}
-"""
 TAKEN = {"experiment", "runs"}  # other keys of its numbers
 MISSED = 0.05  # relative difference from the requested amplitude that the table explains
 
@@ -67,26 +59,30 @@ class TransientNumbers(TypedDict):
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Transients(ExperimentPart):
-    """Simulated experiments on a beam.
+    """Simulated experiments on a beam."""
 
-    Parameters
-    ----------
-    printed : dict
-        Printed damping ratios (%) of the runs by law.
-    """
-
-    kind = "transients"
+    kind, about, heading = "transients", "simulated experiments: {}", "Excitation, stop and decay"
     numbers = TransientNumbers
 
-    printed: dict[str, tuple[float | None, ...]]
+    printed: Annotated[Printed, Meta(description="{LAW = [damping ratio of each run, %]}")] = field(
+        default_factory=dict
+    )
 
-    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with its laws and printed numbers."""
+        part = super().checked(source, where)
+        names = [law.name for law in part.laws]
+        if taken := TAKEN & set(names):
+            raise InputError(f"the name {', '.join(sorted(taken))} is taken in results.json; rename the law", where)
+        return replace(part, printed=printed_numbers(self.printed, dict.fromkeys(names, len(self.runs)), where))
+
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the damping ratios, the amplitudes, and a figure per run."""
         by_run = results_of(self.runs, results)
         tables = (self._ratios(by_run), self._amplitudes(by_run))
-        return Finding(Outcome(self._data(by_run)), tables, self._figures(by_run) if self.heading.draw else ())
+        return Finding(self._data(by_run), tables, self._figures(by_run) if self.draw else ())
 
     def _figures(self, by_run: Sequence[Sequence[ExperimentResult]]) -> tuple[Drawing, ...]:
         of_runs = [
@@ -94,17 +90,13 @@ class Transients(ExperimentPart):
         ]
         return (*of_runs, self._overview(by_run)) if len(self.runs) > 2 else tuple(of_runs)
 
-    def _laws(self) -> list[LawChoice]:
-        """Return all laws once, in their order."""
-        return list({law.name: law for run in self.runs for law in run.laws}.values())
-
     def _data(self, by_run: Sequence[Sequence[ExperimentResult]]) -> dict[str, Any]:
         found: dict[str, Any] = {}
         if any(math.isfinite(run.measured_ratio) for run in self.runs):
             found["experiment"] = [
                 run.measured_ratio if math.isfinite(run.measured_ratio) else None for run in self.runs
             ]
-        for law in self._laws():
+        for law in self.laws:
             ratios: list[float | None] = [None] * len(self.runs)
             for k, (run, of_laws) in enumerate(zip(self.runs, by_run, strict=True)):
                 if law in run.laws:
@@ -161,7 +153,7 @@ class Transients(ExperimentPart):
             Column("at amplitude", tuple(1e3 * result.amplitude for *_, result in rows), "mm"),
         ]  # fmt: skip
         title = "Damping ratios of the decays after the stop"
-        return DataTable(self.heading.name, title, tuple(columns), self.heading.notes, self.heading.source)
+        return self.data_table(title, columns)
 
     def _amplitudes(self, by_run: Sequence[Sequence[ExperimentResult]]) -> DataTable:
         rows = self._rows(by_run)
@@ -179,9 +171,9 @@ class Transients(ExperimentPart):
             "Where the amplitude at the stop is smaller than requested, the frequency of the mode falls with the "
             "amplitude by more than the width of the resonance, so that a drive at constant frequency reaches no more."
         )
-        notes = ("The base amplitude is that of linear theory for the requested amplitude of the tip.",)
-        name = f"{self.heading.name}_amplitudes"
-        return DataTable(name, "Amplitudes of the excitation and of the tip", columns, notes + (reason,) * short)
+        notes = ("The base amplitude is that of linear theory for the requested amplitude of the tip.", reason)
+        title = "Amplitudes of the excitation and of the tip"
+        return self.data_table(title, columns, *notes[: 1 + short], suffix="_amplitudes")
 
     def _drawing(self, k: int, run: Run, results: Sequence[ExperimentResult]) -> Drawing:
         caption = (
@@ -190,7 +182,7 @@ class Transients(ExperimentPart):
         )
         if math.isfinite(run.measured_ratio):
             caption += "  The measured decay is synthetic: Eq. (9) with the measured damping ratio."
-        return drawn(f"{self.heading.name}_{k + 1}", caption, lambda: _run_figure(run, results))
+        return drawn(f"{self.name}_{k + 1}", caption, lambda: _run_figure(run, results))
 
     def _overview(self, by_run: Sequence[Sequence[ExperimentResult]]) -> Drawing:
         def draw() -> Figure:
@@ -200,7 +192,7 @@ class Transients(ExperimentPart):
             measured = np.array([run.measured_ratio for _, (run, _) in ordered])
             if np.isfinite(measured).any():
                 axes.plot(places, 100 * measured, "ks", ms=9, mfc="none", label="measured")
-            for k, law in enumerate(self._laws()):
+            for k, law in enumerate(self.laws):
                 ratios = np.array([
                     results[run.laws.index(law)].damping_ratio if law in run.laws else np.nan
                     for _, (run, results) in ordered
@@ -211,7 +203,7 @@ class Transients(ExperimentPart):
                     axes.plot(places, np.array(printed, dtype=float), ls="", marker="x", ms=7,
                               color=series(k)["color"])  # fmt: skip
             if self.printed:
-                axes.plot([], [], "kx", ms=7, label=self.heading.source)
+                axes.plot([], [], "kx", ms=7, label=self.printed_by)
             axes.set(yscale="log", ylabel="damping ratio, %", xlabel="mode")
             axes.set_xticks(places, [str(run.mode) for _, (run, _) in ordered])
             axes.set_title("damping ratio of each mode under each law")
@@ -219,7 +211,7 @@ class Transients(ExperimentPart):
             axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
             return figure
 
-        return drawn(f"{self.heading.name}_ratios", "Damping ratio of each mode under each law.", draw)
+        return drawn(f"{self.name}_ratios", "Damping ratio of each mode under each law.", draw)
 
 
 def _run_figure(run: Run, results: Sequence[ExperimentResult]) -> Figure:
@@ -256,25 +248,3 @@ def _draw_measured(axes: Axes, run: Run, result: ExperimentResult) -> None:
     rate = 2 * math.pi * (run.frequency or result.natural_frequency) * run.measured_ratio
     label = f"measured ζ = {100 * run.measured_ratio:.3g} %, synthetic"
     axes.plot(time - result.stop, 1e3 * peaks[0] * np.exp(-rate * (time - time[0])), "k:", lw=1.5, label=label)
-
-
-def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> Transients:
-    """Return the part that a table describes.
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used.
-    """
-    check_keys(given, {"runs"}, {"beam", "laws", "printed"}, where)
-    runs = read_runs(source, given, where)
-    names = [law.name for run in runs for law in run.laws]
-    taken = TAKEN & set(names)
-    if taken:
-        raise InputError(f"the name {', '.join(sorted(taken))} is taken in results.json; rename the law", where)
-    with located(where):
-        printed = printed_numbers(given, dict.fromkeys(names, len(runs)))
-    return Transients(heading, source.beam_choice(given, where), runs, printed)
-
-
-KIND = Kind(Transients.kind, "Excitation, stop and decay", KEYS, read)

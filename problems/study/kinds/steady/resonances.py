@@ -12,9 +12,10 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypedDict, final
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict, final
 
 import numpy as np
+from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
@@ -22,25 +23,19 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.stepping import ReducedTrajectory
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_keys, is_sequence, located, whole
+from ancf_casadi.support.inputs import whole
 from problems.schema.beam import law_of
 from problems.schema.response import MODES, TOLERANCE, ResponseTask
-from problems.study.data_table import Column, DataTable
+from problems.study.data_table import Column
 from problems.study.drawing import Drawing, drawn, new_figure, series
-from problems.study.kind import Kind
 from problems.study.kinds.steady.curves import CurveData, CurveNumbers, curve_data, summary_columns
 from problems.study.kinds.steady.figure import draw_curve
-from problems.study.part import Effort, Finding, Heading, Outcome, Part, Task, Terms
-from problems.study.source import BeamChoice, LawChoice, Source, text_of
+from problems.study.part import Effort, Finding, Found, Part, Task, Terms
+from problems.study.source import LawChoice, Source
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-KEYS = """\
-  kind = "resonances"   steady vibration at the base amplitudes of simulated
-                        experiments: transients ("PART"), beam ("PART"), laws
-                        (names of [[laws]]), modes (of the reduced model)
-"""
 SECONDS = 4.0  # expected computing time of a curve
 SAMPLES = 64  # of a period
 POINTS = 24  # least number on a curve
@@ -136,39 +131,28 @@ def _amplitude(motion: PeriodicMotion, mode: int) -> float:
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Resonances(Part):
-    """Response curves of simulated experiments.
+    """Response curves of simulated experiments."""
 
-    Parameters
-    ----------
-    choice : BeamChoice
-        The beam.
-    transients : str
-        Name of the part with the experiments.
-    laws : tuple of LawChoice
-        The laws of the experiments.
-    modes : int
-        Number of modes of the reduced model.
-    """
-
-    kind = "resonances"
+    kind, heading = "resonances", "Steady vibration of the experiments"
+    about = "steady vibration at the base amplitudes of simulated experiments: {}"
     numbers = list[ResonanceNumbers]
+    naming = ("beam", "transients")
 
-    choice: BeamChoice
-    transients: str
-    laws: tuple[LawChoice, ...]
-    modes: int
+    transients: Annotated[str, Meta(description='"PART"')]
+    laws: Annotated[tuple[LawChoice, ...], Meta(min_length=1, description="names of [[laws]]")]
+    beam: Annotated[str, Meta(description='"PART"')] = ""
+    modes: Annotated[int, Meta(ge=1, description="of the reduced model")] = MODES
 
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """The parts that find the beam, the laws and the experiments."""
-        laws = [name for law in self.laws for name in law.needs]
-        return tuple(dict.fromkeys((*self.choice.needs, self.transients, *laws)))
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part, whose beam must have the modes."""
+        whole(self.modes, f"{where}: modes", 1, source.most_modes)
+        return self
 
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the curve of each experiment under each law."""
-        beam, terms = self.choice.beam(found), {law.name: law.of(found) for law in self.laws}
+        beam, terms = self.beam_in(found), {law.name: law.of(found) for law in self.laws}
         return tuple(
             Task(
                 resonance,
@@ -178,9 +162,9 @@ class Resonances(Part):
             for run in self._runs(found)
         )
 
-    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the curves of each mode in a panel, with the amplitudes that the experiments have reached."""
-        runs, heading = self._runs(found), self.heading
+        runs = self._runs(found)
         resonances: Sequence[Resonance] = results
         titles = {law.name: law.title for law in self.laws}
         columns = (
@@ -190,8 +174,7 @@ class Resonances(Part):
             Column("reached before the stop", tuple(1e3 * run["reached_amplitude_m"] for run in runs), "mm"),
             *summary_columns([one.curve for one in resonances]),
         )
-        table = DataTable(heading.name, "Steady vibration at the base amplitudes of the experiments", columns,
-                          heading.notes)  # fmt: skip
+        table = self.data_table("Steady vibration at the base amplitudes of the experiments", columns)
         data = [
             {
                 "mode": run["mode"],
@@ -204,9 +187,9 @@ class Resonances(Part):
             }
             for run, one in zip(runs, resonances, strict=True)
         ]
-        return Finding(Outcome(data), (table,), self._figures(runs, resonances) if heading.draw else ())
+        return Finding(data, (table,), self._figures(runs, resonances) if self.draw else ())
 
-    def _runs(self, found: Mapping[str, Outcome]) -> list[Mapping[str, Any]]:
+    def _runs(self, found: Found) -> list[Mapping[str, Any]]:
         """Return the numbers of the experiments under the laws of this part."""
         data, names = found[self.transients].data, {law.name for law in self.laws}
         if not isinstance(data, dict) or "runs" not in data:
@@ -223,7 +206,7 @@ class Resonances(Part):
                 f"Mode {mode}: steady vibration under the base motion of the experiment; dashed: unstable.  "
                 "Larger markers: amplitude that the experiment has reached before its stop."
             )
-            figures.append(drawn(f"{self.heading.name}_{mode}", caption, partial(self._figure, own)))
+            figures.append(drawn(f"{self.name}_{mode}", caption, partial(self._figure, own)))
         return tuple(figures)
 
     def _figure(self, own: Sequence[tuple[Mapping[str, Any], Resonance]]) -> Figure:
@@ -260,25 +243,3 @@ def range_of(run: Mapping[str, Any]) -> tuple[float, float]:
     change = (run["frequency_hz"] / natural - 1) * (amplitude / run["amplitude_m"]) ** 2
     lowest = 1 - min(WIDTH * ratio - MARGIN * min(change, 0.0), FARTHEST)
     return natural * (1 + WIDTH * ratio + MARGIN * max(change, 0.0)), natural * lowest
-
-
-def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> Resonances:
-    """Return the part that a table describes.
-
-    Raises
-    ------
-    InputError
-        If a key or value cannot be used.
-    """
-    check_keys(given, {"transients", "laws"}, {"beam", "modes"}, where)
-    names = given["laws"]
-    if not is_sequence(names) or not names:
-        raise InputError("name at least one of [[laws]]", f"{where}: laws")
-    laws = tuple(source.law_choice(name, f"{where}: laws") for name in names)
-    with located(where):
-        transients = text_of(given, "transients", "")
-        modes = whole(given.get("modes", MODES), "modes", 1, source.most_modes)
-    return Resonances(heading, source.beam_choice(given, where), transients, laws, modes)
-
-
-KIND = Kind(Resonances.kind, "Steady vibration of the experiments", KEYS, read)

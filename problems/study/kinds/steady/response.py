@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, final
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Self, final
 
-from ancf_casadi.support.inputs import check_keys
 from problems.schema.response import read_response
-from problems.study.data_table import Column, DataTable
+from problems.schema.table import HIDDEN
+from problems.study.data_table import Column
 from problems.study.drawing import drawn
 from problems.study.files import FilePart, TablesOfFile
-from problems.study.kind import Kind
 from problems.study.kinds.steady.curves import (
     CurveData,
     LevelNumbers,
@@ -21,15 +20,10 @@ from problems.study.kinds.steady.curves import (
     summary_columns,
 )
 from problems.study.kinds.steady.figure import response_figure
-from problems.study.part import Effort, Finding, Heading, Outcome, Task
+from problems.study.part import Effort, Finding, Found, Task
 from problems.study.source import Source
 
-KEYS = """\
-  kind = "response"     steady vibration over frequency, with folds and jumps: the
-                        tables [[damping]], [response], [markers]
-"""
 SECONDS = 5.0  # expected computing time of a curve
-TABLES = {"beam", "damping", "response", "markers"}
 
 
 def level_curve(given: TablesOfFile, level: float) -> CurveData:
@@ -45,47 +39,37 @@ def level_curve(given: TablesOfFile, level: float) -> CurveData:
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Response(FilePart):
     """Response curves at one or several levels."""
 
-    kind = "response"
+    kind, heading = "response", "Steady vibration"
+    about = "steady vibration over frequency, with folds and jumps: the tables [[damping]], [response], [markers]"
     numbers = list[LevelNumbers]
+    wanted = frozenset({"beam", "damping", "response", "markers"})
 
-    levels: tuple[float, ...]
-    unit: str
+    levels: Annotated[tuple[float, ...], HIDDEN] = ()
+    unit: Annotated[str, HIDDEN] = ""
 
-    def tasks(self, found: Mapping[str, Outcome], effort: Effort) -> tuple[Task, ...]:
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with its levels and the tables that it reads."""
+        task = read_response(source.file)
+        return replace(super().checked(source, where), levels=task.levels, unit=task.unit)
+
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the curve of each level."""
         return tuple(Task(level_curve, (self.given, level), SECONDS) for level in self.levels)
 
-    def finding(self, results: Sequence[Any], found: Mapping[str, Outcome], effort: Effort) -> Finding:
+    def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the curves with their peaks and jumps."""
         curves: Sequence[CurveData] = results
         titles = level_titles(self.levels, self.unit)
         columns = (Column("excitation", titles), *summary_columns(curves))
-        heading = self.heading
-        table = DataTable(heading.name, "Peaks and jumps of the response", columns, heading.notes)
+        table = self.data_table("Peaks and jumps of the response", columns)
         caption = (
             "Steady vibration of the tip relative to the clamp: half the peak-to-peak value, and phase against the "
             "excitation.  Dashed: unstable."
         )
-        figure = drawn(heading.name, caption, lambda: response_figure(titles, curves))
+        figure = drawn(self.name, caption, lambda: response_figure(titles, curves))
         data = level_numbers(self.levels, self.unit, curves)
-        return Finding(Outcome(data), (table,), (figure,))
-
-
-def read(source: Source, given: dict[str, Any], heading: Heading, where: str) -> Response:
-    """Return the part that a table describes.
-
-    Raises
-    ------
-    InputError
-        If a table is missing, or a key or value cannot be used.
-    """
-    check_keys(given, set(), set(), where)
-    task = read_response(source.file)
-    return Response(heading, TablesOfFile.of(source, TABLES), task.levels, task.unit)
-
-
-KIND = Kind(Response.kind, "Steady vibration", KEYS, read)
+        return Finding(data, (table,), (figure,))

@@ -31,7 +31,7 @@ records = [
 
 @pytest.fixture(scope="module")
 def parts() -> dict:
-    return {part.heading.name: part for part in read_study(PAPER).parts}
+    return {part.name: part for part in read_study(PAPER).parts}
 
 
 def exact(name: str) -> list[np.ndarray]:
@@ -62,7 +62,7 @@ class TestSynthetic:
                 assert abs(np.corrcoef(noise[:-1], other)[0, 1]) < 4 / math.sqrt(noise.size)
 
     def test_is_the_same_each_time_and_differs_with_the_seed(self, parts, study_file):
-        again = {part.heading.name: part for part in read_study(PAPER).parts}
+        again = {part.name: part for part in read_study(PAPER).parts}
         for name in ("modal_identification", "quadratic"):
             for ours, theirs in zip(parts[name].decays, again[name].decays, strict=True):
                 assert ours.values.tobytes() == theirs.values.tobytes()
@@ -84,7 +84,7 @@ class TestFits:
         """Frequency, eta1 and eta2 within four standard errors; the equivalent ratio at the amplitude of release."""
         (part,) = read_study(study_file(QUADRATIC.replace("seed = 3", f"seed = {seed}"))).parts
         results = [task.function(*task.inputs) for task in part.tasks({}, FULL)]
-        rows = part.finding(results, {}, FULL).outcome.data
+        rows = part.finding(results, {}, FULL).data
         for row, (f, eta1, eta2) in zip(rows, [(3.0, 0.3, 5.0), (7.0, 0.2, 8.0)], strict=True):
             assert abs(row["frequency_hz"] - f) < 4 * row["frequency_stderr_hz"]
             assert abs(row["eta1"] - eta1) < 4 * row["eta1_stderr"]

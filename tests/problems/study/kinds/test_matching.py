@@ -5,7 +5,7 @@ import pytest
 
 from ancf_casadi import Model, natural_modes
 from problems.study import paper
-from problems.study.part import FULL
+from problems.study.part import FULL, Finding
 from problems.study.reading import read_study
 from problems.study.study import run_study
 from tests.problems.study.conftest import BEAM
@@ -42,9 +42,10 @@ def test_later_parts_take_the_matched_beam(report):
 
 
 def test_the_beam_of_the_outcome_has_the_frequencies(study_file):
-    part, _ = read_study(study_file(BEAM, MATCH, LATER)).parts
-    results = [task.function(*task.inputs) for task in part.tasks({}, FULL)]
-    beam = part.finding(results, {}, FULL).outcome.beam
+    study = read_study(study_file(BEAM, MATCH, LATER))
+    part, found = study.parts[0], {"": Finding(None, beam=study.beam)}
+    results = [task.function(*task.inputs) for task in part.tasks(found, FULL)]
+    beam = part.finding(results, found, FULL).beam
     assert natural_modes(Model(beam), count=2).frequencies == pytest.approx([1.85, 10.19], rel=1e-6)
     data = results[0].data
     assert beam.density[0] == data["density"] == data["density_per_element"][0]

@@ -8,20 +8,20 @@ import pytest
 from ancf_casadi import InputError
 from problems.study import paper
 from problems.study.paper import PAPER
-from problems.study.part import FULL, Outcome
+from problems.study.part import FULL, Finding
 from problems.study.reading import read_study
 from problems.study.study import run_study
 from tests.problems.study.conftest import DECAYS, RAYLEIGH
 
 
-def finding(study_file, *pieces: str, **found: Outcome):
+def finding(study_file, *pieces: str, **found: Finding):
     parts = {part.kind: part for part in read_study(study_file(*pieces)).parts}
     return parts["rayleigh"].finding((), found, FULL)
 
 
 def test_eq_17_with_table_2(study_file):
     """Erratum 4: alpha = 0.228181 1/s, beta = 3.18013e-5 s; a tenth of the printed beta."""
-    outcome = finding(study_file, RAYLEIGH).outcome
+    outcome = finding(study_file, RAYLEIGH)
     assert outcome.data["alpha"] == pytest.approx(0.228181, abs=5e-7)
     assert outcome.data["beta"] == pytest.approx(3.18013e-5, abs=5e-11)
     assert outcome.data["alpha_stderr"] is None
@@ -31,7 +31,7 @@ def test_eq_17_with_table_2(study_file):
 
 def test_errors_are_those_of_two_equations(study_file):
     """Linear propagation through 2 zeta_i omega_i = alpha + beta omega_i^2, by hand."""
-    outcome = finding(study_file, RAYLEIGH, "ratio_std = [1e-4, 2e-4]\n").outcome
+    outcome = finding(study_file, RAYLEIGH, "ratio_std = [1e-4, 2e-4]\n")
     angular = 2 * math.pi * np.array(paper.FREQUENCIES[:2])
     matrix = np.linalg.inv(np.column_stack([1 / (2 * angular), angular / 2]))
     expected = np.sqrt(np.diag(matrix @ np.diag([1e-8, 4e-8]) @ matrix.T))
@@ -43,18 +43,18 @@ def test_errors_come_from_the_identified_decays(study_file):
         {"damping_ratio": 0.01, "damping_ratio_stderr": 1e-4},
         {"damping_ratio": 0.0028, "damping_ratio_stderr": 2e-4},
     ]
-    by_hand = finding(study_file, RAYLEIGH, "ratio_std = [1e-4, 2e-4]\n").outcome.data
+    by_hand = finding(study_file, RAYLEIGH, "ratio_std = [1e-4, 2e-4]\n").data
     text = f'{RAYLEIGH}identified_by = "decays"\n'
-    assert finding(study_file, DECAYS, text, decays=Outcome([*rows, rows[0]])).outcome.data == by_hand
+    assert finding(study_file, DECAYS, text, decays=Finding([*rows, rows[0]])).data == by_hand
     unknown = [{**rows[0], "damping_ratio_stderr": None}, rows[1]]
-    assert finding(study_file, DECAYS, text, decays=Outcome(unknown)).outcome.data["alpha_stderr"] is None
+    assert finding(study_file, DECAYS, text, decays=Finding(unknown)).data["alpha_stderr"] is None
 
 
 @pytest.mark.parametrize("data", [{"alpha": 1.0}, [], [{"damping_ratio": 0.01}], [{"frequency_hz": 1.0}] * 2])
 def test_another_part_than_decays_is_refused(study_file, data):
     text = f'{RAYLEIGH}identified_by = "decays"\n'
     with pytest.raises(InputError, match="rayleigh: identified_by: the part 'decays' does not identify these 2 modes"):
-        finding(study_file, DECAYS, text, decays=Outcome(data))
+        finding(study_file, DECAYS, text, decays=Finding(data))
 
 
 def test_the_table_shows_the_ratio_of_every_mode(study_file):
@@ -68,9 +68,9 @@ def test_the_table_shows_the_ratio_of_every_mode(study_file):
 
 def test_misprint_and_reason_stand_beside_the_value():
     """Erratum 4 in Table 3 of the paper."""
-    parts = {part.heading.name: part for part in read_study(PAPER).parts}
+    parts = {part.name: part for part in read_study(PAPER).parts}
     rows = [{"damping_ratio": 0.01, "damping_ratio_stderr": 1e-4}] * 2
-    table, _ = parts["proportional"].finding((), {"modal_identification": Outcome(rows)}, FULL).tables
+    table, _ = parts["proportional"].finding((), {"modal_identification": Finding(rows)}, FULL).tables
     alpha, beta = table.cells()
     assert alpha[-2:] == ["0.228", "+0.079 %"]
     assert beta[-2:] == ["0.000318", "-90 %"]

@@ -75,7 +75,7 @@ def report(tmp_path_factory):
 
 
 def shown(report, name):
-    (part,) = (part for part in report.parts if part.heading.name == name)
+    (part,) = (part for part in report.parts if part.part.name == name)
     return part
 
 

@@ -6,7 +6,7 @@ import pytest
 from ancf_casadi import InputError
 from problems.schema.response import read_response
 from problems.study.kinds.steady.resonances import range_of
-from problems.study.part import FULL, Outcome
+from problems.study.part import FULL, Finding
 from problems.study.reading import read_study
 from problems.study.study import StudyReport, run_study
 from tests.problems.study.conftest import BEAM
@@ -123,10 +123,10 @@ def test_a_part_without_experiments_and_a_law_without_damping_are_refused(study_
     steady = EXPERIMENTS[EXPERIMENTS.index('[[parts]]\nkind = "resonances"') :]
     part = read_study(study_file(BEAM, LAWS, beam, steady)).parts[1]
     with pytest.raises(InputError, match="the part 'driven' has no experiments; name one of the kind transients"):
-        part.tasks({"driven": Outcome({})}, FULL)
+        part.tasks({"driven": Finding({})}, FULL)
     run = {"law": "modal", "mode": 1, "natural_frequency_hz": 2.0, "expected_damping_ratio": 0.0}
     with pytest.raises(InputError, match="the law 'modal' does not damp mode 1; a steady vibration needs damping"):
-        part.tasks({"driven": Outcome({"runs": [{**run, "base_amplitude_m": 1e-3}]})}, FULL)
+        part.tasks({"driven": Finding({"runs": [{**run, "base_amplitude_m": 1e-3}]})}, FULL)
 
 
 def test_the_range_reaches_the_peak_of_a_mode_that_softens_and_ends_at_three_per_cent():

@@ -1,5 +1,5 @@
-"""The kinds of parts of a study, one file each.
+"""The kinds of parts of a study.
 
-Each file holds the frozen dataclass of a part, its tasks, the tables and figures of its finding, ``read``, which makes
-the part from its table in a TOML file, and ``KIND``, which names all this.  ``registry`` lists the kinds.
+A kind is a frozen dataclass: its fields are the keys of its table in a TOML file, with type, range and description, and
+its methods state its tasks and make the tables and figures of its finding.  ``registry`` lists the kinds.
 """

@@ -145,7 +145,8 @@ def _real(value: Any, kind: types.FloatType, where: str) -> float:
 def _list(value: Any, kind: types.VarTupleType, where: str, hooks: Hooks) -> tuple[Any, ...]:
     item = kind.item_type
     tables = isinstance(item, types.StructType | types.DataclassType) and item.cls not in hooks
-    what = "tables" if tables else "numbers" if isinstance(item, types.FloatType | types.Metadata) else "texts"
+    texts = "texts" if isinstance(item, types.StrType) else "names"
+    what = "tables" if tables else "numbers" if isinstance(item, types.FloatType | types.Metadata) else texts
     least, most = kind.min_length or 0, kind.max_length
     if not is_sequence(value) or len(value) < least or (most is not None and len(value) > most):
         size = f"{least} to {most} {what}" if most else f"{least} or more {what}" if least else what

@@ -72,10 +72,12 @@ class TestKey:
     def test_is_the_same_in_every_process(self):
         """Tasks and parts of the paper, read under two orders of hashing."""
         code = (
-            "from problems.study.paper import PAPER; from problems.study.part import FULL, Task\n"
+            "from problems.study.paper import PAPER; from problems.study.part import FULL, Finding, Task\n"
             "from problems.study.reading import read_study; from problems.study.store import key_of\n"
-            "for part in read_study(PAPER).parts:\n"
-            "    tasks = () if part.needs else part.tasks({}, FULL)\n"
+            "study = read_study(PAPER)\n"
+            "found = {'': Finding(None, beam=study.beam)}\n"
+            "for part in study.parts:\n"
+            "    tasks = () if any(part.needs) else part.tasks(found, FULL)\n"
             "    print(part.name, *map(key_of, (*tasks, Task(print, (part,)))))\n"
         )
         one, two = (

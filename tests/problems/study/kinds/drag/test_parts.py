@@ -130,11 +130,17 @@ def test_the_drag_of_each_mode_has_errors_and_the_printed_eta2_its_coefficient(r
     [
         (EFFECTS.replace('"drag"]', '"modal"]'), "parts: eta_effects: laws: 'modal' must have one term, with law"),
         (EFFECTS.replace('["linear", "drag"]', '["linear"]'), "parts: eta_effects: laws: needs two laws, got 1"),
-        (EFFECTS.replace("[2.0, 4.0]", "[2.0]"), "parts: eta_effects: frequencies: needs two or more, got 1"),
+        (
+            EFFECTS.replace("[2.0, 4.0]", "[2.0]"),
+            "eta_effects: frequencies: must be a list of 2 or more",
+        ),
         (CHANGE.replace("3.0", "-3.0", 1), "parts: ratio_change: frequency: must be positive, got -3"),
-        (CHANGE.replace('["linear", "drag"]', "[]"), "parts: ratio_change: laws: name one or more of"),
+        (
+            CHANGE.replace('["linear", "drag"]', "[]"),
+            "ratio_change: laws: must be a list of 1 or more names",
+        ),
         (COMBINED, "needs the part 'decays', which does not exist"),
-        (DECAYS + COMBINED.replace("density = 1.2", "density = 0"), "parts: combined_law: density: must be positive"),
+        (DECAYS + COMBINED.replace("density = 1.2", "density = 0"), "combined_law: air: density: must be positive"),
         ('[[parts]]\nkind = "drawing"\nsubject = "photo"', "parts: drawing: subject: must be one of element, uniform"),
     ],
 )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import InputError
-from problems.study.part import FULL, QUICK
+from problems.study.part import FULL, QUICK, Finding
 from problems.study.reading import read_study
 from problems.study.study import StudyReport, run_study
 from tests.problems.study.conftest import BEAM
@@ -123,9 +123,9 @@ def test_equal_experiments_run_once(report):
 
 
 def test_a_quick_look_drives_for_less_time(study_file):
-    part = read_study(study_file(BEAM, LAWS, PARTS)).parts[0]
+    study = read_study(study_file(BEAM, LAWS, PARTS))
     for effort in (FULL, QUICK):
-        experiment = part.tasks({}, effort)[0].inputs[0]
+        experiment = study.parts[0].tasks({"": Finding(None, beam=study.beam)}, effort)[0].inputs[0]
         assert experiment.stop == pytest.approx(5.0 * effort.driving)
     assert QUICK.driving < 0.2 < FULL.driving == 1.0
     assert QUICK.steps_per_period < FULL.steps_per_period

@@ -106,7 +106,10 @@ def test_each_mode_has_a_figure_with_all_laws(report):
     ("text", "message"),
     [
         (EXPERIMENTS.replace('transients = "driven"\n', ""), "steady: the key 'transients' is missing"),
-        (EXPERIMENTS.replace('"driven"\nlaws = ["modal", "drag"]\nmodes', '"driven"\nlaws = []\nmodes'), "laws: name"),
+        (
+            EXPERIMENTS.replace('"driven"\nlaws = ["modal", "drag"]\nmodes', '"driven"\nlaws = []\nmodes'),
+            "steady: laws: must be a list of 1 or more names",
+        ),
         (EXPERIMENTS.replace("modes = 3", "modes = 0"), "steady: modes: must be"),
         (EXPERIMENTS.replace('transients = "driven"', 'transients = "other"'), "needs the part 'other'"),
         ('[[parts]]\nkind = "response"\n', "[response]: the table is missing"),
@@ -121,12 +124,13 @@ def test_what_makes_no_sense_is_refused_before_any_computation(study_file, text,
 def test_a_part_without_experiments_and_a_law_without_damping_are_refused(study_file):
     beam = '[[parts]]\nkind = "beam"\nname = "driven"\n'
     steady = EXPERIMENTS[EXPERIMENTS.index('[[parts]]\nkind = "resonances"') :]
-    part = read_study(study_file(BEAM, LAWS, beam, steady)).parts[1]
+    study = read_study(study_file(BEAM, LAWS, beam, steady))
+    part, file = study.parts[1], Finding(None, beam=study.beam)
     with pytest.raises(InputError, match="the part 'driven' has no experiments; name one of the kind transients"):
-        part.tasks({"driven": Finding({})}, FULL)
+        part.tasks({"": file, "driven": Finding({})}, FULL)
     run = {"law": "modal", "mode": 1, "natural_frequency_hz": 2.0, "expected_damping_ratio": 0.0}
     with pytest.raises(InputError, match="the law 'modal' does not damp mode 1; a steady vibration needs damping"):
-        part.tasks({"driven": Finding({"runs": [{**run, "base_amplitude_m": 1e-3}]})}, FULL)
+        part.tasks({"": file, "driven": Finding({"runs": [{**run, "base_amplitude_m": 1e-3}]})}, FULL)
 
 
 def test_the_range_reaches_the_peak_of_a_mode_that_softens_and_ends_at_three_per_cent():

@@ -31,9 +31,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ancf_casadi.decay.evidence import visible
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.decay.local_decay import LocalDecay, local_decay, waves
-from ancf_casadi.decay.spectrum import outstanding_peak, typical_step
+from ancf_casadi.decay.spectrum import LEAST_SAMPLES, outstanding_peak, typical_step
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
@@ -46,10 +47,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PERIODS = 2.0  # of a window, unless these have too few samples
-WINDOW_SAMPLES = 10  # in a window without dropped frames
-MINIMUM_SAMPLES = 8  # in a window; one with fewer is left out
-HOLE = 0.5  # of a window, beyond which it is left out
-VISIBLE = 5.0  # amplitude, in standard errors, below which noise hides the oscillation
 HIDDEN = "shows no oscillation above the noise in its first window; use more periods per window"
 PIECE = 4  # windows of a piece for the noise
 DEGREE = 4  # of the polynomial in M
@@ -207,7 +204,7 @@ def damping_curve(
         Record at any times, which may begin at rest.
     periods : float, optional
         Length of a window in periods, 1 or more; longer windows give smaller errors and fewer points.  Two if not
-        given, or as many as have ten samples.
+        given, or as many as have eight samples.
     release_time : float, optional
         Start of the free decay, s; detected in the record if not given.
 
@@ -234,11 +231,11 @@ def damping_curve(
     time, y = record.time[guess.release :], record.values[guess.release :]
     period, step = 2 * math.pi / guess.ω, typical_step(time)
     if periods is None:
-        periods = max(PERIODS, math.ceil(WINDOW_SAMPLES * step / period))
+        periods = max(PERIODS, math.ceil(LEAST_SAMPLES * step / period))
     width = periods * period
-    if round(width / step) < MINIMUM_SAMPLES:
+    if round(width / step) < LEAST_SAMPLES:
         raise InputError(
-            f"makes windows of {width / step:.0f} samples, fewer than {MINIMUM_SAMPLES}; use more periods per window",
+            f"makes windows of {width / step:.0f} samples, fewer than {LEAST_SAMPLES}; use more periods per window",
             "periods",
         )
     others: list[float] = []
@@ -253,7 +250,8 @@ def damping_curve(
         if other is None:
             break
         others.append(2 * math.pi * other)
-    windows = [one for one in windows if one[1].amplitude > VISIBLE * noise * one[1].amplitude_error]
+    samples = width / step
+    windows = [one for one in windows if visible(one[1].amplitude, noise * one[1].amplitude_error, samples)]
     if not windows:
         raise InputError(HIDDEN, "record")
     λ, ω, λ_errors, ω_errors, measured = np.array(
@@ -280,16 +278,16 @@ def _windows(time: Array, y: Array, width: float, λ: float, ω: float, others: 
     step = typical_step(time)
     edges = np.searchsorted(time, np.arange(time[0], time[-1] + step, width) - step / 2).tolist()
     for begin, end in pairwise(edges):
-        if end - begin < max(MINIMUM_SAMPLES, unknowns + 1):
+        if end - begin < max(LEAST_SAMPLES, unknowns + 1):
             continue
-        if np.diff(time[begin:end]).max() > max(HOLE * width, 2 * step):
+        if np.diff(time[begin:end]).max() > max(width / 2, 2 * step):
             continue
         middle = float(time[begin] + time[end - 1]) / 2
         found = local_decay(time[begin:end] - middle, y[begin:end], λ, ω, others)
         if found is None:
             return
         squares, freedom = squares + found.misfit, freedom + end - begin - unknowns
-        if found.amplitude < VISIBLE * found.amplitude_error * math.sqrt(squares / freedom):
+        if not visible(found.amplitude, found.amplitude_error * math.sqrt(squares / freedom), end - begin):
             return
         λ, ω = found.λ, found.ω
         yield middle, found

@@ -22,8 +22,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-
-from ancf_casadi.support.arrays import Array
+from numpy.typing import ArrayLike, NDArray
 
 CLEAR = 10.0  # least D; "very strong" in Kass and Raftery
 MODEL_ERROR = 1e-3  # relative to the motion, that no model explains, such as an error of calibration
@@ -53,9 +52,9 @@ def evident(smaller: float, larger: float, samples: float, unknowns: int, motion
     return gain > least_gain(samples, unknowns)
 
 
-def visible(amplitude: Array, error: Array, samples: Array) -> Array:
-    """Return whether noise leaves oscillations (k,) visible, from their amplitudes and the standard errors of these.
+def visible(amplitude: ArrayLike, error: ArrayLike, samples: ArrayLike) -> NDArray[np.bool_]:
+    """Return whether noise leaves oscillations visible, from their amplitudes and the standard errors of these.
 
-    ``samples`` has the number of samples of each.
+    ``samples`` is the number of samples of each.
     """
-    return np.asarray(amplitude**2 > (2 * np.log(samples) + CLEAR) * error**2)
+    return np.square(amplitude) > (2 * np.log(samples) + CLEAR) * np.square(error)

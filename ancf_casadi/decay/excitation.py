@@ -28,8 +28,8 @@ import math
 import numpy as np
 
 from ancf_casadi.decay.evidence import evident
-from ancf_casadi.decay.spectrum import peak_frequencies, typical_step
-from ancf_casadi.decay.track import LEAST_SAMPLES, Windows, windows
+from ancf_casadi.decay.spectrum import LEAST_SAMPLES, peak_frequencies, typical_step
+from ancf_casadi.decay.track import Windows, windows
 from ancf_casadi.support.arrays import Array, ComplexArray
 
 MOST_WINDOWS = 128  # limits the time of the search

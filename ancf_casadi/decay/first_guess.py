@@ -19,9 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ancf_casadi.decay.evidence import evident
 from ancf_casadi.decay.excitation import grows_slowly
 from ancf_casadi.decay.local_decay import local_decay
-from ancf_casadi.decay.release import MINIMUM_SAMPLES, Release, find_release
+from ancf_casadi.decay.release import MINIMUM_PERIODS, MINIMUM_SAMPLES, Release, find_release
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency, typical_step
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
@@ -29,17 +30,11 @@ from ancf_casadi.records.processing import without_line
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import number
 
-MINIMUM_PERIODS = 1.5  # counted from the peak of the spectrum, which may be too low by half a period
-NOISE_ODDS = 1e-4  # probability of mistaking pure noise for an oscillation
-UNKNOWNS = 6  # of an oscillation about a line
 MOST_GAPS = 20.0  # length of a record, in lengths of its samples without the gaps
-AMBIGUOUS = 10.0  # difference of twice the log-likelihood below which two frequencies are possible
 FEW_SAMPLES = 3.0  # per period, below which a note warns of aliasing
-SAME_TIME = 1e-6  # steps within which two times are the same
-ROUNDING = 1e-6  # residual relative to the record below which there is no noise
-OTHER_MODE = 0.1  # relative difference of frequencies from which a mode is not the driven one
+COLOURED = 0.5  # share of the samples that count as independent beside an oscillation; few sensors have white noise
+CLOSE = 0.1  # relative distance of two frequencies, below which they may be of one mode
 DRIFTED = 0.02  # drift over the record, relative to the amplitude, that is worth a note
-DRIFTS = 0.5  # share of the residual variance that a drift explains, beyond which there is a note
 
 
 @dataclass(frozen=True)
@@ -125,7 +120,7 @@ def first_guess(
     if release_time is None:
         found = find_release(time, displacement)
     else:
-        found = Release(int(np.searchsorted(time, number(release_time, "release_time") - SAME_TIME * step)), "given")
+        found = Release(int(np.searchsorted(time, number(release_time, "release_time") - 1e-6 * step)), "given")
     begin = found.index
     t, y = time[begin:] - time[min(begin, len(time) - 1)], displacement[begin:]
     if len(t) < MINIMUM_SAMPLES:
@@ -210,7 +205,8 @@ def _check_oscillation(y: Array, baseline: Array, best: _Candidate) -> None:
     """Raise an InputError if the oscillation is not significant."""
     constant = np.linalg.lstsq(baseline @ baseline.T, baseline @ y)[0] @ baseline
     explained = float(np.sum((y - constant) ** 2)) - best.misfit
-    if explained * (len(y) - UNKNOWNS) < 4 * math.log(len(y) / NOISE_ODDS) * best.misfit:
+    samples = COLOURED * (len(y) - 4 - len(baseline))
+    if not evident(explained + best.misfit, best.misfit, samples, 4, explained):
         raise InputError("is noise or drift, nothing oscillates", "record")
 
 
@@ -218,7 +214,7 @@ def _drive_note(record: Measurement, best: _Candidate) -> list[str]:
     """Return a note if the mode that an excitation lets grow in the record is not the one that decays."""
     time, values, frequency = record.time, record.values, best.ω_d / (2 * math.pi)
     driven = step_frequency(time, without_line(time, values))
-    if abs(driven / frequency - 1) < OTHER_MODE or not grows_slowly(time, values, driven):
+    if abs(driven / frequency - 1) < CLOSE or not grows_slowly(time, values, driven):
         return []
     return [
         f"the excitation had {driven:.3g} Hz, and the decay has {frequency:.3g} Hz: another mode than the driven one "
@@ -229,11 +225,10 @@ def _drive_note(record: Measurement, best: _Candidate) -> list[str]:
 def _notes(t: Array, y: Array, best: _Candidate, others: list[_Candidate]) -> list[str]:
     """Return notes of an ambiguous frequency and of aliasing."""
     notes, frequency = [], best.ω_d / (2 * math.pi)
-    least = best.misfit + ROUNDING**2 * float(y @ y)
     rivals = [
         f"{other.ω_d / (2 * math.pi):.4g}"
         for other in others
-        if len(t) * math.log((other.misfit + least - best.misfit) / least) < AMBIGUOUS
+        if not evident(other.misfit, best.misfit, len(t), 0, float(y @ y))
         and abs(other.ω_d - best.ω_d) * t[-1] > math.pi
     ]
     if rivals:
@@ -253,6 +248,6 @@ def _notes(t: Array, y: Array, best: _Candidate, others: list[_Candidate]) -> li
 def _drift_note(length: float, level: _Candidate, drifting: _Candidate, unit: str) -> list[str]:
     """Return a note if a drift, which is not fitted, explains much of the residuals."""
     moved = abs(drifting.linear[3]) * length
-    if drifting.misfit > (1 - DRIFTS) * level.misfit or moved < DRIFTED * math.hypot(*level.linear[:2]):
+    if drifting.misfit > level.misfit / 2 or moved < DRIFTED * math.hypot(*level.linear[:2]):
         return []
     return [f"the equilibrium drifts by about {moved:.2g} {unit} over the record; fit the drift too (option drift)"]

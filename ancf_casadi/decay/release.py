@@ -7,32 +7,27 @@ than half its length may hide a swing and is not taken for rest.
 
 Excitation.  See ``excitation``.
 
-Gaps.  A piece of less than two periods between the release and a gap is left out, because it does not show whether
-the beam rests or moves.  If the decay begins at the end of a gap, a note says so.
+Gaps.  A piece of less than one and a half periods between the release and a gap is left out, because it does not show
+whether the beam rests or moves.  If the decay begins at the end of a gap, a note says so.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from ancf_casadi.decay.excitation import end_of_excitation
-from ancf_casadi.decay.spectrum import PAUSE, step_frequency, typical_step
+from ancf_casadi.decay.spectrum import GAP, LEAST_SAMPLES, step_frequency, typical_step
 from ancf_casadi.records.processing import without_line
 from ancf_casadi.support.arrays import Array, Index
 
 MINIMUM_SAMPLES = 10
-WINDOW_SAMPLES = 8  # least number in a window; fewer may look quiet by chance
-WINDOW_PERIODS = 1.2  # whose samples are enough too, if a period has few
-FEWEST_SAMPLES = 4
+MINIMUM_PERIODS = 1.5  # fewer do not show whether the beam rests or moves
 QUIET = 0.25  # largest swing of a window at rest, relative to all; with a free oscillation it is at least 0.5
-LEVEL = 0.02  # departure that does not count as motion, relative to the largest swing
 GROWN = 0.8  # relative swing that a released beam reaches within a period; that of a driven beam grows slowly
-HOLE = 0.5  # of a window, which may hide a swing
-EARLY_GAP = 0.5  # periods beyond which a gap is one
-EARLY_PERIODS = 2.0  # before a gap, fewer of which do not tell rest from motion
-MOST_SKIPPED = 6.0  # periods, with the gaps
+LEVEL = 0.02  # departure that does not count as motion, relative to the largest swing
 
 
 @dataclass(frozen=True)
@@ -74,7 +69,7 @@ def find_release(time: Array, measured: Array) -> Release:
     begin = _after_gaps(time, max(rest, forced), period)
     gap = float(time[begin] - time[begin - 1]) if begin else 0.0
     reason = "the end of an excitation" if forced > rest else "the end of rest" if rest else "the first sample"
-    if gap <= PAUSE * typical_step(time):
+    if gap <= GAP * typical_step(time):
         return Release(begin, reason)
     note = (
         f"a gap of {gap:.3g} s hides the release or follows it closely; the decay is taken from the end of the gap on, "
@@ -85,10 +80,10 @@ def find_release(time: Array, measured: Array) -> Release:
 
 def _after_gaps(time: Array, begin: int, period: float) -> int:
     """Return the first sample after gaps that leave too little of the record before them to tell rest from motion."""
-    longest = max(EARLY_GAP * period, PAUSE * typical_step(time))
-    early = slice(begin, int(np.searchsorted(time, time[begin] + MOST_SKIPPED * period)))
+    longest = max(period / 2, GAP * typical_step(time))
+    early = slice(begin, int(np.searchsorted(time, time[begin] + 4 * MINIMUM_PERIODS * period)))
     for gap in (begin + np.flatnonzero(np.diff(time[early]) > longest)).tolist():
-        if time[gap] - time[begin] < EARLY_PERIODS * period:
+        if time[gap] - time[begin] < MINIMUM_PERIODS * period:
             begin = gap + 1
     return begin
 
@@ -96,7 +91,7 @@ def _after_gaps(time: Array, begin: int, period: float) -> int:
 def _end_of_rest(time: Array, displacement: Array, period: float) -> tuple[int, bool]:
     """Return the index of the first sample after rest, 0 if there is none, and whether the swing then grows slowly."""
     step = typical_step(time)
-    least = min(WINDOW_SAMPLES, max(FEWEST_SAMPLES, round(WINDOW_PERIODS * period / step)))
+    least = min(LEAST_SAMPLES, max(LEAST_SAMPLES // 2, math.ceil(period / step)))
     width = max(period / 2, (least - 1) * step)
     last = np.maximum(np.searchsorted(time, time + width - step / 2), np.arange(len(time)) + least - 1)
     last = last[last < len(time)]
@@ -104,7 +99,7 @@ def _end_of_rest(time: Array, displacement: Array, period: float) -> tuple[int, 
         return 0, False
     flat = without_line(time, displacement)
     swing = _highest(flat, last) + _highest(-flat, last)
-    whole = _highest(np.append(np.diff(time), 0.0), last - 1) <= max(HOLE * width, 2.5 * step)
+    whole = _highest(np.append(np.diff(time), 0.0), last - 1) <= max(width / 2, 2.5 * step)
     quiet = np.flatnonzero((whole & (swing <= QUIET * swing.max()))[: int(np.argmax(swing))])
     if quiet.size == 0:
         return 0, False

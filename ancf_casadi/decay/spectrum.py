@@ -22,24 +22,21 @@ from itertools import pairwise
 
 import numpy as np
 
+from ancf_casadi.decay.evidence import least_gain
+from ancf_casadi.records.processing import UNEVEN
 from ancf_casadi.support.arrays import Array
 
-PADDING = 4  # length of the transform, in lengths of the record
-FINER = 4  # points of the grid per step, for uneven times
-UNEVEN = 0.05  # departure from even times, in steps, beyond which they are uneven
-PAUSE = 5.0  # median steps beyond which a step is a gap
+PADDING = 4  # length of the transform in lengths of the record, and points of the grid for uneven times per step
+GAP = 5.0  # median steps beyond which a step is a gap
 RIVAL = 0.5  # power of a candidate, relative to the highest peak
-MOST_CANDIDATES = 8
 SLOW = 6.0  # periods in a record, fewer of which may be the slow part of a step
-LEAST_BINS = 8  # of a spectrum with padding, in a half octave
-PIECE = 8  # samples of a piece
-NOISE_PEAK = 25.0  # power relative to that of the noise, which exceeds it in 1 of 3e7 bins or fewer
+LEAST_SAMPLES = 8  # that show an oscillation and the noise beside it
 
 
 def typical_step(time: Array) -> float:
     """Return the mean step (s) of increasing times, without the gaps."""
     steps = np.diff(time)
-    return float(steps[steps <= PAUSE * np.median(steps)].mean())
+    return float(steps[steps <= GAP * np.median(steps)].mean())
 
 
 def is_even(time: Array) -> bool:
@@ -61,7 +58,7 @@ def peak_frequencies(time: Array, swing: Array) -> list[float]:
     Returns
     -------
     list of float
-        One frequency for even times, and up to eight for uneven times.
+        One frequency for even times.
     """
     frequency, power = _spectrum(time, swing)
     if is_even(time):
@@ -69,19 +66,19 @@ def peak_frequencies(time: Array, swing: Array) -> list[float]:
     peaks = 1 + np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] >= power[2:]))
     if not peaks.size:
         return [float(frequency[1 + np.argmax(power[1:])])]
-    peaks = peaks[np.argsort(-power[peaks], kind="stable")][:MOST_CANDIDATES]
+    peaks = peaks[np.argsort(-power[peaks], kind="stable")]
     return [float(one) for one in frequency[peaks[power[peaks] >= RIVAL * power[peaks[0]]]]]
 
 
 def outstanding_peak(time: Array, values: Array, lowest: float) -> float | None:
     """Return the frequency (Hz) above the lowest whose power stands out most of that around it; None if none does."""
     frequency, power = _spectrum(time, values)
-    best, found = NOISE_PEAK, None
+    best, found = least_gain(len(values), 3) / 2, None  # relative to the mean power of noise, its median over ln 2
     edges = np.searchsorted(frequency, lowest * 2 ** np.arange(0.0, math.log2(max(frequency[-1] / lowest, 1.0)), 0.5))
     for begin, end in pairwise([*edges.tolist(), len(frequency)]):
-        if end - begin > LEAST_BINS:
+        if end - begin > 2 * PADDING:
             highest = begin + int(np.argmax(power[begin:end]))
-            around = float(np.median(power[max(begin - LEAST_BINS, 0) : end + LEAST_BINS]))
+            around = float(np.median(power[max(begin - 2 * PADDING, 0) : end + 2 * PADDING])) / math.log(2)
             if power[highest] > best * around:
                 best, found = power[highest] / around, float(frequency[highest])
     return found
@@ -91,18 +88,18 @@ def step_frequency(time: Array, values: Array) -> float:
     """Return the frequency (Hz) of the strongest oscillation in a record that may have steps.
 
     The spectrum of a step falls as 1/f, that of its derivative is flat.  Noise also has a flat spectrum, and is
-    subtracted before the power is multiplied by f^2.  Its power is the median of the spectrum.  A short decay fills the
-    whole spectrum, so that only the slow part of a step is left above a multiple of the median.  The noise is then
-    estimated from the lower quartile of the variance about a line in pieces of the record.  Uneven times are
-    interpolated, so that a level is no oscillation.
+    subtracted before the power is multiplied by f^2.  Its power follows from the median of the spectrum.
+    A short decay fills the whole spectrum, so that only the slow part of a step is left above a multiple of the median.
+    The noise is then estimated from the lower quartile of the variance about a line in pieces of the record.  Uneven
+    times are interpolated, so that a level is no oscillation.
     """
     if not is_even(time):
         even = np.linspace(time[0], time[-1], 1 + round((time[-1] - time[0]) / float(np.median(np.diff(time)))))
         time, values = even, np.interp(even, time, values)
     frequency, power = _even_spectrum((time[-1] - time[0]) / (len(time) - 1), values - values.mean())
-    median = float(np.median(power))
-    for noise in (median, min(median, len(values) * _quiet_variance(values))):
-        above = frequency**2 * np.maximum(power - NOISE_PEAK * noise, 0.0)
+    mean, peak = float(np.median(power)) / math.log(2), least_gain(len(values), 3) / 2
+    for noise in (mean, min(mean, len(values) * _quiet_variance(values))):
+        above = frequency**2 * np.maximum(power - peak * noise, 0.0)
         highest = float(frequency[1 + np.argmax(above[1:] if above.any() else power[1:])])
         if highest * (time[-1] - time[0]) > SLOW:
             break
@@ -111,12 +108,12 @@ def step_frequency(time: Array, values: Array) -> float:
 
 def _quiet_variance(values: Array) -> float:
     """Return the lower quartile of the variance about a line, in pieces of the record."""
-    pieces = values[: len(values) // PIECE * PIECE].reshape(-1, PIECE)
+    pieces = values[: len(values) // LEAST_SAMPLES * LEAST_SAMPLES].reshape(-1, LEAST_SAMPLES)
     if not len(pieces):
         return math.inf
-    line = np.vander(np.linspace(-1.0, 1.0, PIECE), 2)
+    line = np.vander(np.linspace(-1.0, 1.0, LEAST_SAMPLES), 2)
     rest = pieces - pieces @ np.linalg.pinv(line).T @ line.T
-    return float(np.quantile(np.sum(rest**2, axis=1), 0.25)) / (PIECE - 2)
+    return float(np.quantile(np.sum(rest**2, axis=1), 0.25)) / (LEAST_SAMPLES - 2)
 
 
 def _spectrum(time: Array, values: Array) -> tuple[Array, Array]:
@@ -124,10 +121,10 @@ def _spectrum(time: Array, values: Array) -> tuple[Array, Array]:
     if is_even(time):
         return _even_spectrum((time[-1] - time[0]) / (len(time) - 1), values)
     step = float(np.median(np.diff(time)))
-    places = np.round((time - time[0]) / (step / FINER)).astype(int)
+    places = np.round((time - time[0]) / (step / PADDING)).astype(int)
     grid = np.zeros(places[-1] + 1)
     np.add.at(grid, places, values)
-    frequency, power = _even_spectrum(step / FINER, grid)
+    frequency, power = _even_spectrum(step / PADDING, grid)
     end = max(3, int(np.searchsorted(frequency, 1 / (2 * step), side="right")))
     return frequency[:end], power[:end]
 

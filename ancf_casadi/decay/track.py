@@ -19,10 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ancf_casadi.decay.evidence import visible
-from ancf_casadi.decay.spectrum import typical_step
+from ancf_casadi.decay.spectrum import LEAST_SAMPLES, typical_step
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 
-LEAST_SAMPLES = 8  # in a window without missing frames
 POOREST = 2.5  # variance of z, relative to a window without missing frames, beyond which it is left out
 
 
@@ -112,11 +111,11 @@ def windows(time: Array, measured: Array, ω: float, *, most: int, degree: int) 
     variance = (inverse[:, 0, 0] + inverse[:, 1, 1]) / 2  # of z, over that of the noise; 2/size without missing frames
     left = np.maximum(normal[:, y, y] - np.sum(found * normal[:, basis, y], axis=1), 0.0)
     z, middle = found[:, 0] + 1j * found[:, 1], normal[:, 2, -1] / counts[number]
-    full = variance < POOREST * 2 / size
+    full = (variance < POOREST * 2 / size) & (np.abs(z) > 1e-12 * np.abs(z).max(initial=0.0))
     number, z, middle, left, variance = (values[full] for values in (number, z, middle, left, variance))
     end, seen = len(number), np.zeros(0, dtype=bool)
     if end:
         error = np.sqrt(variance * np.median(left / (counts[number] - unknowns)))
-        seen = visible(np.abs(z), error, counts[number]) & (np.abs(z) > 1e-12 * np.abs(z).max())
+        seen = visible(np.abs(z), error, counts[number])
         end = next((k for k in range(int(np.argmax(np.abs(z))) + 1, end) if not seen[k]), end)
     return Windows(number[:end], z[:end], seen[:end], middle[:end], size * step)

@@ -9,7 +9,7 @@ once, the residuals give the third mode, and so on.  If modes were subtracted on
 ones would leave a rest at its own frequency.
 
 A mode whose frequency depends on its amplitude leaves an oscillation close to its frequency, which is no other mode.
-Two close modes therefore count as one unless they explain the record better, by the criterion BIC, than one mode with
+Two close modes therefore count as one unless they are evident (``ancf_casadi.decay.evidence``) beside one mode with
 quadratic damping and a frequency that is linear in amplitude.  What fades within a period is no mode either.
 
 References
@@ -17,7 +17,6 @@ References
 "Comparison of external damping models in a large deformation problem", Eq. (9), (10).
 Y. C. Pati, R. Rezaiifar, P. S. Krishnaprasad, Orthogonal matching pursuit, 27th Asilomar Conference on Signals, Systems
 and Computers (1993).
-G. Schwarz, Estimating the dimension of a model, Annals of Statistics 6 (1978).
 """
 
 from __future__ import annotations
@@ -29,7 +28,9 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.decay.first_guess import first_guess
+from ancf_casadi.decay.evidence import evident
+from ancf_casadi.decay.first_guess import CLOSE, first_guess
+from ancf_casadi.decay.release import MINIMUM_PERIODS
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.exceptions import FitError, InputError
@@ -41,12 +42,7 @@ from problems.decay.laws import DecayModel
 from problems.decay.result import DecayFit, decay_result
 from problems.decay.solution import RATIO_BOUNDS, fit_from
 
-SAMPLES = 5  # per mode at least: four unknowns and one degree of freedom
 MOST_MODES = 6  # fitted at once if no count is given
-CLOSE = 0.1  # relative distance of two frequencies, below which the modes may be one
-FADING = 0.3  # damping ratio beyond which the rest of a record is no other mode
-LEAST_PERIODS = 2.0  # of a further mode in the record
-CLEAR = 10.0  # difference of BIC that leaves no doubt
 ADVICE = "fit fewer modes, or check the time of the release"
 
 
@@ -101,7 +97,7 @@ def fit_modes(
     9.55 Hz, 0.50 %
     """
     record = as_record(time, displacement)
-    most = max(1, len(record.time) // SAMPLES)
+    most = max(1, len(record.time) // 5)  # four unknowns and one degree of freedom per mode
     limit = min(MOST_MODES, most) if count is None else whole(count, "count", 1, most)
     release = None if release_time is None else number(release_time, "release_time")
     modes, merged, ended = _found(record, limit, flag(offset, "offset"), release)
@@ -131,7 +127,9 @@ def _found(
             mode = _strongest(Measurement(t, rest, sensor=record.sensor), False, float(t[0]))
         except InputError as error:
             return modes, notes, f"{missing}: the rest {str(error).removeprefix('record: ')}"
-        if mode.damping_ratio > FADING or mode.frequency * (t[-1] - t[0]) < LEAST_PERIODS:
+        rate = 2 * math.pi * mode.frequency * mode.damping_ratio
+        lasts = min(t[-1] - t[0], math.log(20) / rate if rate > 0.0 else math.inf)  # until a twentieth is left
+        if mode.frequency * lasts < MINIMUM_PERIODS:
             return (
                 modes,
                 notes,
@@ -178,13 +176,9 @@ def _single(first: DecayFit, second: DecayFit, t: Array, y: Array) -> DecayFit |
         two = _together([first, second], t, y)[0]
     except (InputError, FitError):
         return None
-    return one if _criterion(one.fit) < _criterion(two) + CLEAR else None
-
-
-def _criterion(fit: Fit) -> float:
-    """Return BIC of a fit, up to a constant."""
-    m = len(fit.residuals)
-    return m * math.log(max(fit.residual_rms, np.finfo(float).tiny) ** 2) + len(fit.names) * math.log(m)
+    left, beside = (float(fit.residuals @ fit.residuals) for fit in (one.fit, two))
+    further = len(two.names) - len(one.fit.names)
+    return None if evident(left, beside, len(t), further, float(y @ y)) else one
 
 
 def _together(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[Fit, list[tuple[int, ...]]]:

@@ -5,9 +5,9 @@ With the track A_k, theta_k (``ancf_casadi.decay.track``), the integrals of the 
     ln A = ln e0 - c int 1/A dt - a t - b int A dt,    theta = phi + omega t + omega k int A^n dt,
 
 and linear regressions with the weights A_k^2 give all of them; a term of the damping that would be negative is left
-out.  The exponent of the power law is the best of a list, with ln A = ln e0 - D int A^(p-1) dt.  A peak of the spectrum
-gives one frequency only: if the frequency depends on the amplitude, it is off by many cycles at one end of a long
-record, and a fit from there ends in another minimum.
+out, and so is a change of the frequency that is not evident.  The exponent of the power law is the best of a list, with
+ln A = ln e0 - D int A^(p-1) dt.  A peak of the spectrum gives one frequency only: if the frequency depends on the
+amplitude, it is off by many cycles at one end of a long record, and a fit from there ends in another minimum.
 """
 
 from __future__ import annotations
@@ -17,15 +17,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ancf_casadi.decay.evidence import evident
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.track import Track, track
 from ancf_casadi.support.arrays import Array
 from problems.decay.laws import EXPONENTS, LAWS, DecayModel
 
-SPARE = 3  # windows beyond the number of unknowns
 EXPONENT_STEP = 0.25
 LEAST_SHARE = 0.02  # of the damping, with which a term starts that the regression finds negative
-MOST_CHANGE = 0.3  # of the frequency with amplitude; a larger one is taken for noise
 
 
 def starting_values(model: DecayModel, time: Array, measured: Array, guess: DecayGuess) -> dict[str, float]:
@@ -43,7 +42,7 @@ def starting_values(model: DecayModel, time: Array, measured: Array, guess: Deca
     derivatives = model.sensor.derivatives  # each multiplies the amplitude by about omega and turns the phase
     about = (measured - guess.offset - guess.drift * time) / guess.ω**derivatives
     found = track(time, about, guess.ω * math.sqrt(1 - guess.ζ**2))
-    if len(found.time) < SPARE + 3:
+    if len(found.time) < 6:  # twice the unknowns of a regression
         return {}
     ω, slope, φ = _phase(found, model)
     φ -= derivatives * math.pi / 2
@@ -62,11 +61,12 @@ def _phase(found: Track, model: DecayModel) -> tuple[float, float, float]:
     """Return omega (rad/s), k1 or k2, and the phase at the release."""
     A, n = found.amplitude, model.power
     line = [np.ones(len(A)), found.time]
+    (φ, ω), left = _regression(line, found.phase, A)
     if n:
-        φ, ω, bent = _regression([*line, found.since_start(A**n)], found.phase, A).tolist()
-        if abs(bent) * A.max() ** n < MOST_CHANGE * abs(ω):
-            return ω, bent / ω, φ
-    φ, ω = _regression(line, found.phase, A).tolist()
+        bent, less = _regression([*line, found.since_start(A**n)], found.phase, A)
+        if evident(left, less, len(A), 1, float(A @ A)):
+            φ, ω, change = bent
+            return ω, change / ω, φ
     return ω, 0.0, φ
 
 
@@ -90,7 +90,7 @@ def _terms(found: Track, losses: Mapping[str, Array]) -> tuple[float, dict[str, 
     A, chosen = found.amplitude, dict(losses)
     level, values = float(np.log(A[0])), dict.fromkeys(losses, 0.0)
     while chosen:
-        level, *terms = _regression([np.ones(len(A)), *(-loss for loss in chosen.values())], np.log(A), A).tolist()
+        (level, *terms), _ = _regression([np.ones(len(A)), *(-loss for loss in chosen.values())], np.log(A), A)
         values |= dict(zip(chosen, terms, strict=True))
         parts = {name: values[name] * loss[-1] for name, loss in chosen.items()}
         lowest = min(parts, key=lambda name: parts[name])
@@ -107,15 +107,15 @@ def _power(found: Track, reference: float, ω: float) -> tuple[float, dict[str, 
     A, best = found.amplitude, (math.inf, 0.0, 0.0, 1.0)
     for p in np.arange(EXPONENTS[0], EXPONENTS[1] + EXPONENT_STEP, EXPONENT_STEP).tolist():
         basis = [np.ones(len(A)), -found.since_start((A / reference) ** (p - 1))]
-        level, rate = _regression(basis, np.log(A), A).tolist()
-        left = float(np.sum((A * (np.log(A) - level * basis[0] - rate * basis[1])) ** 2))
+        (level, rate), left = _regression(basis, np.log(A), A)
         best = min(best, (left, level, rate, p))
     _, level, rate, p = best
     return math.exp(level), {"zeta": rate / ω, "exponent": p}
 
 
-def _regression(columns: list[Array], y: Array, weight: Array) -> Array:
-    """Return the coefficients of columns that fit y best, with residuals multiplied by a weight."""
+def _regression(columns: list[Array], y: Array, weight: Array) -> tuple[list[float], float]:
+    """Return the coefficients of columns that fit y best, and the sum of squares of weight times what is left."""
     basis = np.column_stack(columns) * weight[:, None]
     length = np.linalg.norm(basis, axis=0)
-    return np.asarray(np.linalg.lstsq(basis / length, y * weight)[0] / length)
+    found = np.linalg.lstsq(basis / length, y * weight)[0] / length
+    return found.tolist(), float(np.sum((y * weight - basis @ found) ** 2))

@@ -203,6 +203,29 @@ def test_noise_is_hardly_ever_taken_for_an_oscillation():
             first_guess(Measurement(TIME[:samples], rng.standard_normal(samples)))
 
 
+def test_noise_that_a_sensor_averages_over_three_samples_is_hardly_ever_taken_for_an_oscillation():
+    """The noise is coloured; where half the samples count as independent, 1 of 200 such records passes."""
+    rng, taken = np.random.default_rng(9), 0
+    for _ in range(60):
+        values = np.convolve(rng.standard_normal(int(rng.integers(12, 600)) + 2), np.ones(3), "valid")
+        try:
+            taken += first_guess(Measurement(TIME[: len(values)], values)).ω > 0.0
+        except InputError:
+            pass
+    assert taken <= 2
+
+
+def test_an_oscillation_no_larger_than_the_noise_is_found():
+    rng, found, time = np.random.default_rng(10), 0, np.arange(0.0, 10.0, 0.01)
+    for _ in range(20):
+        y = np.exp(-0.2 * time) * np.cos(8 * math.pi * time) + rng.standard_normal(len(time))
+        try:
+            found += abs(first_guess(Measurement(time, y), release_time=0.0).ω - 8 * math.pi) < 0.2
+        except InputError:
+            pass
+    assert found >= 17
+
+
 def test_a_release_too_late_leaves_too_few_samples():
     record = Measurement(TIME, swing(1.85, 0.01, 0.05))
     for late in (4.99, 5.0, 100.0):

@@ -136,6 +136,32 @@ def test_a_plain_decay_with_missing_frames_is_hardly_ever_taken_for_an_excitatio
     assert taken <= (kind == "two modes")
 
 
+def test_an_excitation_that_grows_out_of_the_noise_is_not_taken_for_rest_and_release():
+    """From rest, slowly, in noise of a tenth; before, the first swing above the noise was the release in some."""
+    rng, found = np.random.default_rng(14), 0
+    for k in range(16):
+        ratio, phase = (1.0, 0.99)[k % 2], rng.uniform(0, 6)
+        t, x, _ = excited(0.002, ratio, rng.uniform(8, 40), 40.0, from_rest=True, phase=phase, rate=30.0)
+        found += find_release(t, x + 0.1 * rng.standard_normal(len(t))).reason == ENDS
+    assert found >= 14
+
+
+@pytest.mark.parametrize("kind", ["static", "struck"])
+@pytest.mark.parametrize("missing", ["none", "a gap"])
+def test_a_release_after_rest_is_no_excitation(kind, missing):
+    """With little noise, a gap leaves parts of windows, whose amplitudes no model explains beyond a thousandth."""
+    rng = np.random.default_rng(12)
+    for k in range(60):
+        t = np.arange(0.0, 40.0 / FREQUENCY, 1 / (FREQUENCY * rng.choice([4.0, 8.0, 15.0, 40.0])))
+        since = np.maximum(t - rng.uniform(0.05, 0.2) * t[-1], 0.0)
+        r0, v0 = (1.0, 0.0) if kind == "static" else (0.0, ω)
+        x = np.asarray(linear_decay(cs.DM(since), ω, 0.01, r0, v0)).ravel()
+        x += (0.0, 1e-4, 0.01, 0.05)[k % 4] * rng.standard_normal(len(t))
+        begin = rng.uniform(0.3, 0.7) * t[-1]
+        keep = (t < begin) | (t > begin + 4 / FREQUENCY) | (missing == "none")
+        assert find_release(t[keep], x[keep]).reason != ENDS
+
+
 def test_the_end_of_an_excitation_is_found_with_dropped_frames():
     rng = np.random.default_rng(7)
     for k in range(8):

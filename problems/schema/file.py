@@ -1,20 +1,22 @@
-"""A TOML file with its tables."""
+"""A TOML file with its tables, and the files that they name."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Set
+import hashlib
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.files import read_toml
+from ancf_casadi.support.files import opened, read_toml
 from ancf_casadi.support.inputs import check_keys, shown
 
 TABLES = set(
     "beam match damping base load release simulation response markers records predictions fit study parts laws decays"
     .split()
 )  # fmt: skip
+NAMING = ("file", "document")  # keys whose value is the name of a file
 
 
 @dataclass(frozen=True)
@@ -27,10 +29,13 @@ class StudyFile:
         Name of the file.
     tables : mapping
         Content of the file.
+    digests : tuple of (str, str)
+        Name and hash of each file that the tables name, of a file with ``only`` some of its tables.
     """
 
     path: str
     tables: Mapping[str, Any]
+    digests: tuple[tuple[str, str], ...] = ()
 
     @classmethod
     def of(cls, given: str | StudyFile, required: Set[str] = frozenset({"beam"})) -> StudyFile:
@@ -95,6 +100,35 @@ class StudyFile:
         if not isinstance(name, str):
             raise InputError(f"must be the name of a file, got {shown(name)}", where)
         return Path(self.path).parent / name
+
+    def only(self, names: Set[str]) -> StudyFile:
+        """Return the file with the tables of the given names alone, as far as they are there, and with their hashes.
+
+        A result that is computed from it is not kept when one of the files that it names changes.
+        """
+        tables = {name: table for name, table in self.tables.items() if name in names}
+        return StudyFile(self.path, tables, tuple((name, self._digest(name)) for name in sorted(set(_named(tables)))))
+
+    def _digest(self, name: str) -> str:
+        """Return the hash of a file, or an empty one if it cannot be read, which the reader of the table reports."""
+        try:
+            with opened(self.beside(name, self.path)) as content:
+                return hashlib.file_digest(content, "sha256").hexdigest()
+        except InputError:
+            return ""
+
+
+def _named(tables: Any) -> Iterator[str]:
+    """Yield the names of files in tables."""
+    if isinstance(tables, dict):
+        for key, value in tables.items():
+            if key in NAMING and isinstance(value, str):
+                yield value
+            else:
+                yield from _named(value)
+    elif isinstance(tables, list):
+        for value in tables:
+            yield from _named(value)
 
 
 def is_document(path: str) -> bool:

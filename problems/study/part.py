@@ -10,7 +10,7 @@ A later part may need an earlier one: its beam, or the terms of its damping law.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
@@ -18,6 +18,7 @@ from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
+from problems.schema.file import StudyFile
 from problems.schema.table import HIDDEN
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing
@@ -101,6 +102,7 @@ class Finding:
     terms: Terms = ()
 
 
+NO_FILE = StudyFile("", {})
 Found = Mapping[str, Finding]  # findings, without tables and figures, by the name of their part
 
 
@@ -171,6 +173,46 @@ class Part(ABC):
         """Return a table under the name of the part; the first one, without a suffix, has the notes of the part."""
         own = () if suffix else self.notes
         return DataTable(f"{self.name}{suffix}", title, tuple(columns), (*notes, *own), self.printed_by)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilePart(Part, ABC):
+    """Base class of the parts that read tables of the file and compute their finding, as another command does."""
+
+    wanted: ClassVar[Set[str]]  # names of the tables
+    seconds: ClassVar[float]  # expected computing time
+
+    given: Annotated[StudyFile, HIDDEN] = NO_FILE
+
+    @staticmethod
+    @abstractmethod
+    def compute(file: StudyFile, name: str) -> Finding:
+        """Return the finding from the tables of the file and the name of the part."""
+
+    def checked(self, source: Source, where: str) -> Self:
+        """Return the part with the tables that it reads."""
+        self.check(source.file, where)
+        return replace(self, given=source.file.only(self.wanted))
+
+    @abstractmethod
+    def check(self, file: StudyFile, where: str) -> None:
+        """Check the tables of a file.
+
+        Raises
+        ------
+        InputError
+            If a table is missing, a key or value cannot be used, or a file cannot be read.
+        """
+
+    def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
+        """Return the computation."""
+        return (Task(self.compute, (self.given, self.name), self.seconds),)
+
+    def finding(self, results: Sequence[Finding], found: Found, effort: Effort) -> Finding:
+        """Return what the computation has found, with the notes of the part below its first table."""
+        (own,) = results
+        first, *others = own.tables
+        return replace(own, tables=(replace(first, notes=(*first.notes, *self.notes)), *others))
 
 
 @dataclass(frozen=True)

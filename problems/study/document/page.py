@@ -10,12 +10,12 @@ from typing import Any
 from markupsafe import Markup
 
 from problems.study.data_table import DataTable
-from problems.study.document.inline_svg import inline_svg
 from problems.study.document.labels import Shown, file_name
 from problems.study.part import Study
 from problems.study.runner import Step
 
 NO_BREAK = "\u00a0"  # a space where no line ends
+INK = re.compile(r"((?:fill|stroke|stop-color)(?:: *|=\"))(?:#000000|#222222|black)\b")  # of axes, text and records
 NUMBER = re.compile(r"^[(]?[-+–]?\d")
 
 
@@ -66,3 +66,31 @@ def _numeric(table: DataTable) -> list[bool]:
     """Return for each shown column whether it holds numbers, which are aligned to the right."""
     return [all(not cell or cell == "–" or NUMBER.match(cell) for cell in column)
             for column in zip(*table.cells(), strict=True)]  # fmt: skip
+
+
+def inline_svg(svg: str, name: str, caption: str) -> str:
+    """Return an SVG file as an element of an HTML page.
+
+    Parameters
+    ----------
+    svg : str
+        Content of the file.
+    name : str
+        Prefix of its names, which must differ from those of other figures on the page.
+    caption : str
+        Description for readers who do not see the figure.
+    """
+    element = svg[svg.index("<svg") :]
+    element = re.sub(r"<metadata>.*?</metadata>", "", element, flags=re.S)
+    element = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', element)
+    element = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", element)
+    element = re.sub(r'xlink:href="#([^"]+)"', rf'xlink:href="#{name}-\1"', element)
+    element = INK.sub(r"\1currentColor", element)
+    width, height = re.search(r'width="([\d.]+)pt" height="([\d.]+)pt"', element).groups()  # type: ignore[union-attr]
+    element = re.sub(r'width="[\d.]+pt" height="[\d.]+pt"', "", element, count=1)
+    opening = f'<svg role="img" aria-label="{_attribute(caption)}" style="aspect-ratio: {width} / {height}"'
+    return element.replace("<svg", opening, 1)
+
+
+def _attribute(text: str) -> str:
+    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")

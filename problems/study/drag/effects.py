@@ -42,7 +42,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import physical, positive
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
-from problems.study.turning_points import turning_points
+from problems.study.drawing import turning_points
 
 SAMPLES = 40  # per period
 TOLERANCE, STEPS = 1e-5, 24  # tolerance of the integrator, and its least number of steps per period

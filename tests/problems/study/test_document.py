@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from problems.study.document.inline_svg import inline_svg
 from problems.study.document.labels import file_name, labelled
+from problems.study.document.page import inline_svg
 from problems.study.drawing import STYLE, WIDTH
 from problems.study.part import Finding, Study
 from problems.study.study import StudyReport, run_study

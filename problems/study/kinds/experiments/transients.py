@@ -15,12 +15,11 @@ from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
 from problems.study.data_table import Column, DataTable
-from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
+from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series, turning_points
 from problems.study.kinds.experiments.experiment import ExperimentResult
 from problems.study.kinds.experiments.runs import ExperimentPart, Run, results_of
 from problems.study.part import Effort, Finding, Found
 from problems.study.source import LawChoice, Printed, Source, printed_numbers
-from problems.study.turning_points import turning_points
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -29,7 +29,7 @@ from problems.schema.response import MODES, TOLERANCE, ResponseTask
 from problems.study.data_table import Column
 from problems.study.drawing import Drawing, drawn, new_figure, series
 from problems.study.kinds.steady.curves import CurveData, CurveNumbers, curve_data, summary_columns
-from problems.study.kinds.steady.figure import draw_curve
+from problems.study.kinds.steady.response import draw_curve
 from problems.study.part import Effort, Finding, Found, Part, Task, Terms
 from problems.study.source import LawChoice, Source
 

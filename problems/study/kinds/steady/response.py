@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Self, final
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any, Self, final
 
+import numpy as np
+
+from ancf_casadi.support.arrays import Array
+from problems.schema.file import StudyFile
 from problems.schema.response import read_response
 from problems.schema.table import HIDDEN
 from problems.study.data_table import Column
-from problems.study.drawing import drawn
-from problems.study.files import FilePart, TablesOfFile
+from problems.study.drawing import drawn, new_figure, series
 from problems.study.kinds.steady.curves import (
+    TIP,
     CurveData,
     LevelNumbers,
     curve_data,
@@ -19,14 +24,20 @@ from problems.study.kinds.steady.curves import (
     level_titles,
     summary_columns,
 )
-from problems.study.kinds.steady.figure import response_figure
-from problems.study.part import Effort, Finding, Found, Task
+from problems.study.part import NO_FILE, Effort, Finding, Found, Part, Task
 from problems.study.source import Source
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 SECONDS = 5.0  # expected computing time of a curve
+TABLES = {"beam", "damping", "response", "markers"}
+UNSTABLE = (0, (3, 2))  # dash
+MARKED = 8  # of a curve, which tell the curves apart in grey
 
 
-def level_curve(given: TablesOfFile, level: float) -> CurveData:
+def level_curve(given: StudyFile, level: float) -> CurveData:
     """Return the response curve of a study file at one of its levels.
 
     Raises
@@ -34,27 +45,27 @@ def level_curve(given: TablesOfFile, level: float) -> CurveData:
     InputError, EquilibriumError, NumericsError
         As ``frequency_response``.
     """
-    task = read_response(given.file())
+    task = read_response(given)
     return curve_data(task, task.curve(level))
 
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Response(FilePart):
+class Response(Part):
     """Response curves at one or several levels."""
 
     kind, heading = "response", "Steady vibration"
     about = "steady vibration over frequency, with folds and jumps: the tables [[damping]], [response], [markers]"
     numbers = list[LevelNumbers]
-    wanted = frozenset({"beam", "damping", "response", "markers"})
 
+    given: Annotated[StudyFile, HIDDEN] = NO_FILE
     levels: Annotated[tuple[float, ...], HIDDEN] = ()
     unit: Annotated[str, HIDDEN] = ""
 
     def checked(self, source: Source, where: str) -> Self:
         """Return the part with its levels and the tables that it reads."""
         task = read_response(source.file)
-        return replace(super().checked(source, where), levels=task.levels, unit=task.unit)
+        return replace(self, given=source.file.only(TABLES), levels=task.levels, unit=task.unit)
 
     def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the curve of each level."""
@@ -73,3 +84,54 @@ class Response(FilePart):
         figure = drawn(self.name, caption, lambda: response_figure(titles, curves))
         data = level_numbers(self.levels, self.unit, curves)
         return Finding(data, (table,), (figure,))
+
+
+def response_figure(titles: Sequence[str], curves: Sequence[CurveData]) -> Figure:
+    """Draw amplitude and phase of the tip against frequency.
+
+    Parameters
+    ----------
+    titles : sequence of str
+        Name of each curve in the legend.
+    curves : sequence of CurveData
+        The curves.
+    """
+    figure, (above, below) = new_figure(5.4, 2, sharex=True, height_ratios=(1.7, 1))
+    for k, (title, curve) in enumerate(zip(titles, curves, strict=True)):
+        draw_curve(above, curve, 1e3 * curve.tip, k, title)
+        draw_curve(below, curve, np.degrees(curve.phase[TIP]), k)
+    above.set(ylabel="amplitude of the tip, mm", ylim=(0.0, None))
+    below.set(xlabel="frequency, Hz", ylabel="phase, degrees")
+    above.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
+    figure.align_ylabels()
+    return figure
+
+
+def draw_curve(axes: Axes, curve: CurveData, values: Array, number: int, label: str | None = None) -> None:
+    """Draw values along a curve: stable parts solid, unstable parts dashed.
+
+    Parameters
+    ----------
+    axes : Axes
+        The panel.
+    curve : CurveData
+        The curve.
+    values : ndarray
+        Value at each of its points.
+    number : int
+        Number of the curve, from 0, for its colour and marker.
+    label : str, optional
+        Name in the legend.
+    """
+    style: dict[str, Any] = {**series(number), "ms": 4, "lw": 1.4, "linestyle": "-"}
+    span = max(1, len(values) // MARKED)
+    for first, last, stable in _parts(curve.stable):
+        dash = {} if stable else {"linestyle": UNSTABLE, "marker": ""}
+        axes.plot(curve.frequency[first:last], values[first:last], markevery=(span // 2, span),
+                  label=label if first == 0 else None, **style | dash)  # fmt: skip
+
+
+def _parts(stable: Any) -> list[tuple[int, int, bool]]:
+    """Return begin, end and stability of the parts of a curve; neighbouring parts share a point."""
+    ends = [0, *(np.flatnonzero(np.diff(stable)) + 1).tolist(), len(stable)]
+    return [(begin, min(end + 1, len(stable)), bool(stable[begin])) for begin, end in pairwise(ends)]

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from problems.study.figures.deflection import deflection_figure, deflections
-from problems.study.figures.element import ENDS, SLOPES, centre_line, element_figure
+from problems.study.kinds.drawings import ENDS, SLOPES, centre_line, deflection_figure, deflections, element_figure
 
 
 def test_the_drawn_centre_line_has_the_drawn_ends_and_slopes():

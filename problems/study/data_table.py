@@ -7,7 +7,7 @@ hold all digits.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ancf_casadi.support.tables import Cell, Table
@@ -133,11 +133,6 @@ def difference(value: Cell, printed: float | None) -> str:
     if abs(relative) < SAME:
         return "0"
     return f"{100 * relative:+.2g} %" if abs(relative) < 0.995 else f"{100 * relative:+.0f} %"
-
-
-def printed_values(given: Mapping[str, Sequence[float | None]], name: str) -> tuple[float | None, ...] | None:
-    """Return the numbers that a source prints for a column, or None."""
-    return tuple(given[name]) if name in given else None
 
 
 def _plain(text: str) -> str:

@@ -26,15 +26,12 @@ class Shown:
         Its tables with their labels.
     figures : tuple of (str, Drawing)
         Its figures with their labels.
-    reason : str
-        Reason why its labelled tables and figures are not computed; empty if they are.
     """
 
     part: Part
     finding: Finding
     tables: tuple[tuple[str, DataTable], ...]
     figures: tuple[tuple[str, Drawing], ...]
-    reason: str = ""
 
 
 def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]:
@@ -52,15 +49,12 @@ def labelled(study: Study, findings: Mapping[str, Finding]) -> tuple[Shown, ...]
     shown = []
     for part in study.parts:
         finding = findings[part.name]
-        data = finding.data
-        reason = data.get("reason", "") if isinstance(data, dict) and "omitted" in data else ""
         shown.append(
             Shown(
                 part,
                 finding,
                 tuple((label("Table", part.tables, k), table) for k, table in enumerate(finding.tables)),
                 tuple((label("Figure", part.figures, k), figure) for k, figure in enumerate(finding.figures)),
-                reason,
             )
         )
     return tuple(shown)

@@ -296,3 +296,10 @@ def fit_combined_law(measured: Sequence[ModeCoefficients], modes: Modes) -> Comb
 def drag_constants(modes: Modes) -> Array:
     """Return the constant c_n of each mode, (m,): its quadratic coefficient relative to that of the beam."""
     return QuadraticDamping(eta2=1.0).damping_ratios(modes, np.ones(modes.count)) * 3 * math.pi / 4
+
+
+def ratio_curves(law: DampingLaw | None, modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
+    """Return the equivalent damping ratio of each mode at each tip amplitude (m) under a law, (amplitudes, modes)."""
+    if law is None:
+        return np.zeros((len(amplitudes), modes.count))
+    return np.array([law.damping_ratios(modes, np.full(modes.count, amplitude)) for amplitude in amplitudes])

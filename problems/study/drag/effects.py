@@ -15,6 +15,11 @@ Eq. (27) with f and e0.  The motion by the formula starts at rest, unlike Eq. (2
 
     e(t) = a(t) cos(omega t + phi)/cos phi,    tan phi = -(eta1/2 + 4 omega eta2 e0/(3 pi))/omega.
 
+The characteristics in words of Table 6 follow from the mean decay rates over the first seconds, ln(A(0)/A(t))/t at
+t = ``HORIZON``.  Of two laws, the gross motion decays rapidly under the one whose rate is larger at every frequency.  A
+law is independent of the frequency if its rates differ by less than ``ALIKE``, and controls the residual motion if less
+than ``GONE`` of the amplitude is left at t, at every frequency.
+
 References
 ----------
 "Comparison of external damping models in a large deformation problem", Section 4.2.
@@ -23,6 +28,7 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as cs
@@ -47,6 +53,9 @@ from problems.study.drawing import turning_points
 SAMPLES = 40  # per period
 TOLERANCE, STEPS = 1e-5, 24  # tolerance of the integrator, and its least number of steps per period
 LARGEST_START = 0.6  # tip displacement relative to the length, beyond which the load hardly moves the tip across
+HORIZON = 5.0  # s, after which the paper finds the vibration under eta1 to have disappeared
+ALIKE = 0.1  # relative difference of decay rates
+GONE = 0.02  # of the amplitude at the start
 RESOLVED = 1e-5  # m, least amplitude that the simulation resolves on a beam of half a metre
 
 
@@ -283,3 +292,66 @@ def _across(modes: Modes) -> Array:
     across = np.array([-y, x])
     tip = modes.model.interpolation(modes.model.beam.length) @ modes.shapes[:, 0]
     return across * np.sign(across @ tip)
+
+
+@dataclass(frozen=True)
+class Characteristics:
+    """A row of Table 6.
+
+    Parameters
+    ----------
+    gross_motion : str
+        Rapid decay, slow decay, or undecided if neither law is faster at every frequency.
+    frequency : str
+        Independent or dependent.
+    residual_motion : str
+        Controllable or uncontrollable.
+    rates : tuple of float
+        Mean decay rate over the first 5 s at each frequency, 1/s.
+    left : tuple of float
+        Part of the amplitude that is left after 5 s at each frequency.
+    """
+
+    gross_motion: str
+    frequency: str
+    residual_motion: str
+    rates: tuple[float, ...]
+    left: tuple[float, ...]
+
+
+def characteristics(
+    first: Sequence[Envelope], second: Sequence[Envelope], horizon: float = HORIZON
+) -> tuple[Characteristics, Characteristics]:
+    """Return the rows of Table 6 for two laws.
+
+    Parameters
+    ----------
+    first, second : sequence of Envelope
+        Decays under either law, at the same frequencies.
+    horizon : float
+        Time t at which the decays are compared, s.
+
+    Raises
+    ------
+    InputError
+        If the numbers of decays differ, there are fewer than two frequencies, or a decay ends before t.
+    """
+    if len(first) != len(second) or len(first) < 2:
+        raise InputError(f"needs two or more frequencies under both laws, got {len(first)} and {len(second)}", "decays")
+    left = [tuple(one.at(horizon) / float(one.amplitude[0]) for one in decays) for decays in (first, second)]
+    if any(math.isnan(part) for parts in left for part in parts):
+        raise InputError(f"a decay ends before {horizon:g} s", "decays")
+    rates = [tuple(-math.log(part) / horizon for part in parts) for parts in left]
+    signs = {math.copysign(1.0, a - b) for a, b in zip(*rates, strict=True)}
+    faster = signs.pop() if len(signs) == 1 else 0.0
+    return _words(rates[0], left[0], faster), _words(rates[1], left[1], -faster)
+
+
+def _words(rates: tuple[float, ...], left: tuple[float, ...], faster: float) -> Characteristics:
+    return Characteristics(
+        gross_motion={1.0: "rapid decay", -1.0: "slow decay"}.get(faster, "undecided"),
+        frequency="independent" if max(rates) < (1 + ALIKE) * min(rates) else "dependent",
+        residual_motion="controllable" if max(left) < GONE else "uncontrollable",
+        rates=rates,
+        left=left,
+    )

@@ -12,7 +12,7 @@ from msgspec import Meta
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import whole
 from ancf_casadi.vibration.modes import natural_modes
-from problems.study.data_table import Column, printed_values
+from problems.study.data_table import Column
 from problems.study.drawing import drawn
 from problems.study.part import Effort, Finding, Found, Part
 from problems.study.source import Printed, Source, printed_numbers
@@ -58,7 +58,7 @@ class BeamProperties(Part):
         """Return the table of properties."""
         beam = self.beam_in(found)
         means = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in ROWS]
-        printed = printed_values(self.printed, "value")
+        printed = self.printed.get("value")
         columns = (
             Column("property", tuple(name.replace("_", " ") for name, *_ in ROWS)),
             Column("unit", tuple(unit for _, unit, _ in ROWS)),
@@ -114,7 +114,7 @@ class ModesOfBeam(Part):
         frequencies = modes.frequencies.tolist()
         columns = (
             Column("mode", tuple(range(1, self.count + 1))),
-            Column("frequency", tuple(frequencies), "Hz", printed=printed_values(self.printed, "frequency")),
+            Column("frequency", tuple(frequencies), "Hz", printed=self.printed.get("frequency")),
         )
         table = self.data_table("Natural frequencies", columns)
         figure = drawn(self.name, "Mode shapes about the equilibrium.", modes.figure)

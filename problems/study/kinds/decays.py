@@ -23,13 +23,13 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import prefixed
-from ancf_casadi.support.inputs import located
+from ancf_casadi.support.inputs import check_keys, located
 from problems.decay.fitting import fit_decay
 from problems.decay.laws import Law
 from problems.decay.result import DecayFit
 from problems.schema.motion import read_measured
 from problems.schema.table import HIDDEN, Positive, read
-from problems.study.data_table import Column, DataTable, printed_values
+from problems.study.data_table import Column, DataTable
 from problems.study.drag.combined_law import ModeCoefficients
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
 from problems.study.part import Effort, Finding, Found, Part, Task
@@ -74,12 +74,6 @@ class SyntheticDecay(Struct, frozen=True):
         given = (self.damping_ratio is not None, self.eta1 is not None, self.eta2 is not None)
         if given not in ((True, False, False), (False, True, True)):
             raise InputError("give either damping_ratio, or both of eta1 (1/s) and eta2 (1/m)")
-
-
-class SyntheticRecord(Struct, frozen=True):
-    """A synthetic free decay."""
-
-    synthetic: SyntheticDecay
 
 
 @dataclass(frozen=True)
@@ -240,9 +234,10 @@ class Decays(Part):
         for k, table in enumerate(tables, start=1):
             place = f"{where}: records: {k}"
             if isinstance(table, dict) and "synthetic" in table:
-                record = read(table, SyntheticRecord, place)
+                check_keys(table, {"synthetic"}, set(), place)
+                given = read(table["synthetic"], SyntheticDecay, f"{place}: synthetic")
                 with located(place):
-                    decays.append(self._synthetic(record.synthetic, source.seed, k))
+                    decays.append(self._synthetic(given, source.seed, k))
             else:
                 decays.append(_measured(source, read(table, DecayRecord, place), place))
         printed = printed_numbers(self.printed, dict.fromkeys(PRINTED, len(decays)), where)
@@ -279,7 +274,6 @@ class Decays(Part):
         figures = tuple(
             self._drawing(mode, decay, fit)
             for mode, (decay, fit) in enumerate(zip(self.decays, fits, strict=True), start=1)
-            if self.draw
         )
         warnings = tuple(
             f"{decay.label}: {warning}"
@@ -294,7 +288,7 @@ class Decays(Part):
         def column(head: str, name: str, unit: str, scale: float = 1.0) -> Column:
             values = tuple(scale * fit.quantities[name] for fit in fits)
             errors = tuple(scale * fit.errors[name] for fit in fits)
-            return Column(head, values, unit, errors, printed_values(self.printed, name))
+            return Column(head, values, unit, errors, self.printed.get(name))
 
         columns = [Column("record", tuple(decay.label for decay in self.decays))]
         if all(decay.synthetic for decay in self.decays):

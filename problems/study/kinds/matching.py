@@ -17,7 +17,7 @@ from ancf_casadi.vibration.modes import natural_modes
 from problems.matching.frequency_matching import match_frequencies
 from problems.schema.match import MatchTable, request_of
 from problems.schema.table import Positive, read
-from problems.study.data_table import Column, DataTable, printed_values
+from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, drawn, new_figure, series
 from problems.study.part import Effort, Finding, Found, Part, Task
 from problems.study.source import Printed, Source, printed_numbers
@@ -146,7 +146,7 @@ class Match(Part, MatchTable):
             Column("unit", tuple(unit for _, unit, _ in ROWS)),
             Column("before", tuple(standard)),
             Column("mean", tuple(float(values.mean()) for values in arrays.values()),
-                   printed=printed_values(self.printed, "value")),
+                   printed=self.printed.get("value")),
             Column("smallest", tuple(float(values.min()) for values in arrays.values())),
             Column("largest", tuple(float(values.max()) for values in arrays.values())),
         )  # fmt: skip
@@ -166,7 +166,7 @@ class Match(Part, MatchTable):
             Column("measured", tuple(data["target_hz"]), "Hz"),
             Column("before", tuple(data["standard_hz"]), "Hz"),
         ]
-        printed = printed_values(self.printed, "standard")
+        printed = self.printed.get("standard")
         if self.weightless:
             other = beam.with_(gravity=(0.0, 0.0), density=self.weightless)
             frequencies = natural_modes(Model(other), count=max(data["modes"])).frequencies
@@ -174,7 +174,7 @@ class Match(Part, MatchTable):
             columns.append(Column(f"{self.weightless:g} kg/m³, no gravity", shown, "Hz", printed=printed))
         else:
             columns[-1] = Column("before", tuple(data["standard_hz"]), "Hz", printed=printed)
-        optimum = printed_values(self.printed, "optimum")
+        optimum = self.printed.get("optimum")
         columns.append(Column("matched", tuple(data["matched_hz"]), "Hz", printed=optimum))
         note = f"Largest relative error after matching: {data['max_relative_error']:.1e}."
         title = "Natural frequencies before and after matching"

@@ -14,7 +14,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
 from problems.decay.proportional import RayleighFit, fit_rayleigh, rayleigh_ratio
 from problems.schema.table import Positive
-from problems.study.data_table import Column, printed_values
+from problems.study.data_table import Column
 from problems.study.drawing import drawn, line, new_figure, plain_log_ticks
 from problems.study.part import Effort, Finding, Found, Part
 from problems.study.source import Printed, Source, printed_numbers
@@ -80,7 +80,7 @@ class Rayleigh(Part):
         columns = (
             Column("coefficient", ("alpha", "beta")),
             Column("unit", ("1/s", "s")),
-            Column("value", (fit.alpha, fit.beta), errors=errors, printed=printed_values(self.printed, "value")),
+            Column("value", (fit.alpha, fit.beta), errors=errors, printed=self.printed.get("value")),
         )
         modes = zip((*self.frequencies, *self.others.frequencies), (*self.ratios, *self.others.ratios), strict=True)
         rows = [(f, 100 * z, float(100 * rayleigh_ratio(np.array(f), fit.alpha, fit.beta))) for f, z in modes]

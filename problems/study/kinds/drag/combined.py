@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict, final
 import numpy as np
 from msgspec import Meta
 
+from ancf_casadi.damping import DampingLaw
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
@@ -21,8 +22,7 @@ from problems.schema.beam import law_of
 from problems.schema.table import Positive
 from problems.study.data_table import Column, DataTable
 from problems.study.drag.air import Air, DragCoefficient, implied_drag_coefficient, viscous_damping_ratios
-from problems.study.drag.combined_law import CombinedLawFit, ModeCoefficients, fit_combined_law
-from problems.study.drag.ratio_curves import RatioCurves, ratio_curves
+from problems.study.drag.combined_law import CombinedLawFit, ModeCoefficients, fit_combined_law, ratio_curves
 from problems.study.drawing import drawn, line, new_figure
 from problems.study.part import Effort, Finding, Found, Part
 from problems.study.source import LawChoice, Printed, Source, printed_numbers
@@ -154,7 +154,6 @@ class CombinedLaw(Part):
         laws = {choice.title: law_of(choice.of(found), modes.model, choice.name) for choice in self.laws}
         all_laws = {title: law for title, law in laws.items() if law is not None} | {NAME: fit.law}
         limits = self.amplitudes or tuple(row["amplitude_m"] for row in rows)
-        curves = [ratio_curves(all_laws, modes, np.linspace(0.0, limit, POINTS)) for limit in limits]
         name = self.name
         return (
             drawn(
@@ -163,7 +162,7 @@ class CombinedLaw(Part):
             ),
             drawn(
                 f"{name}_ratios", f"Damping ratio of each mode against its amplitude under each law.{source}",
-                lambda: _marked(_ratios(curves), synthetic),
+                lambda: _marked(_ratios(all_laws, modes, limits), synthetic),
             ),
         )  # fmt: skip
 
@@ -196,14 +195,16 @@ def _marked(figure: Figure, synthetic: bool) -> Figure:
     return figure
 
 
-def _ratios(curves: Sequence[RatioCurves]) -> Figure:
-    """Draw the damping ratio of each mode against its amplitude."""
-    figure, panels = new_figure(1.0 + 1.5 * len(curves), len(curves))
-    for n, (axes, one) in enumerate(zip(panels, curves, strict=True)):
-        for k, (title, ratios) in enumerate(one.ratios.items()):
-            axes.plot(1e3 * one.amplitudes, 100 * ratios[:, n], **line(k), lw=1.6, label=title)
-        top = 110 * max(ratios[:, n].max() for ratios in one.ratios.values())
-        axes.set(ylabel="ζ, %", xlim=(0.0, 1e3 * one.amplitudes[-1]), ylim=(0.0, top))
+def _ratios(laws: Mapping[str, DampingLaw], modes: Modes, limits: Sequence[float]) -> Figure:
+    """Draw the damping ratio of each mode against its amplitude, up to a limit (m) of its own."""
+    figure, panels = new_figure(1.0 + 1.5 * len(limits), len(limits))
+    for n, (axes, limit) in enumerate(zip(panels, limits, strict=True)):
+        amplitudes, top = np.linspace(0.0, limit, POINTS), 0.0
+        for k, (title, law) in enumerate(laws.items()):
+            ratios = 100 * ratio_curves(law, modes, amplitudes)[:, n]
+            axes.plot(1e3 * amplitudes, ratios, **line(k), lw=1.6, label=title)
+            top = max(top, 1.1 * ratios.max())
+        axes.set(ylabel="ζ, %", xlim=(0.0, 1e3 * limit), ylim=(0.0, top))
         axes.set_title(f"mode {n + 1}")
     panels[-1].set(xlabel="amplitude of the tip, mm")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)

@@ -15,8 +15,7 @@ from msgspec import Meta
 from ancf_casadi.exceptions import InputError
 from problems.schema.table import Positive
 from problems.study.data_table import Column, DataTable
-from problems.study.drag.characteristics import HORIZON, Characteristics, characteristics
-from problems.study.drag.effects import RESOLVED, Decay
+from problems.study.drag.effects import HORIZON, RESOLVED, Characteristics, Decay, characteristics
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure, plain_log_ticks, series
 from problems.study.kinds.drag.decays import DecayPart, Variant, amplitude_left, decay_numbers
 from problems.study.part import Effort, Finding, Found, Task

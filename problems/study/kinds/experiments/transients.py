@@ -81,7 +81,7 @@ class Transients(ExperimentPart):
         """Return the damping ratios, the amplitudes, and a figure per run."""
         by_run = results_of(self.runs, results)
         tables = (self._ratios(by_run), self._amplitudes(by_run))
-        return Finding(self._data(by_run), tables, self._figures(by_run) if self.draw else ())
+        return Finding(self._data(by_run), tables, self._figures(by_run))
 
     def _figures(self, by_run: Sequence[Sequence[ExperimentResult]]) -> tuple[Drawing, ...]:
         of_runs = [

@@ -15,10 +15,10 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.schema.beam import law_of
 from problems.study.data_table import Column
+from problems.study.drag.combined_law import ratio_curves
 from problems.study.drawing import drawn, new_figure, plain_log_ticks, series
 from problems.study.kinds.experiments.experiment import FEWEST_MODES, ExperimentResult
 from problems.study.kinds.experiments.runs import ExperimentPart, Run, results_of, task_of
@@ -91,7 +91,7 @@ def _figure(run: Run, results: Sequence[ExperimentResult], laws: Sequence[Dampin
         ratio.plot(1e3 * amplitude[::step], 100 * ratios[::step], **marks)
         change = 100 * (frequencies / result.natural_frequency - 1)
         frequency.plot(1e3 * amplitude[::step], change[::step], **marks)
-        ratio.plot(1e3 * fine, 100 * _predicted(law, modes, run.mode, fine), color=style["color"],
+        ratio.plot(1e3 * fine, 100 * ratio_curves(law, modes, fine)[:, run.mode - 1], color=style["color"],
                    ls=style["linestyle"], label=run.laws[k].title)  # fmt: skip
     frequency.axhline(0.0, color="black", lw=0.8, ls=":")
     frequency.set_title(f"small motion: {results[0].natural_frequency:.5g} Hz")
@@ -102,13 +102,6 @@ def _figure(run: Run, results: Sequence[ExperimentResult], laws: Sequence[Dampin
     ratio.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)
     figure.align_ylabels()
     return figure
-
-
-def _predicted(law: DampingLaw | None, modes: Modes, mode: int, amplitudes: Array) -> Array:
-    """Return the damping ratio of a mode under a law at each amplitude (m)."""
-    if law is None:
-        return np.zeros(len(amplitudes))
-    return np.array([law.damping_ratios(modes, [amplitude] * modes.count)[mode - 1] for amplitude in amplitudes])
 
 
 class ShapeNumbers(TypedDict):

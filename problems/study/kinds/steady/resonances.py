@@ -187,7 +187,7 @@ class Resonances(Part):
             }
             for run, one in zip(runs, resonances, strict=True)
         ]
-        return Finding(data, (table,), self._figures(runs, resonances) if self.draw else ())
+        return Finding(data, (table,), self._figures(runs, resonances))
 
     def _runs(self, found: Found) -> list[Mapping[str, Any]]:
         """Return the numbers of the experiments under the laws of this part."""

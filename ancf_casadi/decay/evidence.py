@@ -24,6 +24,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+# Tests that fail if these are halved: test_the_decay_begins_at_the_first_sample_in_motion for CLEAR (doubled:
+# test_few_samples_per_period_are_enough), test_a_release_after_rest_is_no_excitation for MODEL_ERROR.
 CLEAR = 10.0  # least D; "very strong" in Kass and Raftery
 MODEL_ERROR = 1e-3  # relative to the motion, that no model explains, such as an error of calibration
 

@@ -49,12 +49,10 @@ from typing import TypeVar
 import casadi as cs
 
 from ancf_casadi.decay.quadrature import antiderivative
-from ancf_casadi.decay.slow_flow import SERIES_BELOW, Flow, polynomial, riccati_flow, stopping
+from ancf_casadi.decay.slow_flow import LEAST_BAND, SERIES_BELOW, Flow, polynomial, riccati_flow, stopping
 from ancf_casadi.support.arrays import Array
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
-
-LEAST_BAND = 1e-9  # least d relative to the amplitude at the release
 
 
 def friction_envelope(time: Value, ω: Value, η0: Value, η1: Value, η2: Value, e0: Value) -> Value:

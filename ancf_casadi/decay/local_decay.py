@@ -27,9 +27,6 @@ import numpy as np
 
 from ancf_casadi.support.arrays import Array
 
-ROUNDS = 3
-PLAUSIBLE = 0.5  # largest change of decay rate and frequency per round, relative to the frequency; beyond is noise
-
 
 @dataclass(frozen=True)
 class LocalDecay:
@@ -71,7 +68,7 @@ def local_decay(τ: Array, y: Array, λ: float, ω: float, others: Sequence[floa
         Frequencies of other oscillations, rad/s.
     """
     rest = np.column_stack([np.ones(len(τ)), waves(τ, others)])
-    for _ in range(ROUNDS):
+    for _ in range(3):
         fading = np.exp(-λ * τ)
         cosine, sine = fading * np.cos(ω * τ), -fading * np.sin(ω * τ)
         basis = np.column_stack([cosine, sine, τ * cosine, τ * sine, rest])
@@ -81,7 +78,7 @@ def local_decay(τ: Array, y: Array, λ: float, ω: float, others: Sequence[floa
         if not amplitude > 0.0:
             return None
         correction = complex(a1, b1) / complex(a, b)
-        if not abs(correction) < PLAUSIBLE * ω:
+        if not abs(correction) < ω:  # beyond is noise
             return None
         λ, ω = λ - correction.real, ω + correction.imag
     size, rate = (a * root[0] + b * root[1]) / amplitude, (a * root[2] + b * root[3]) / amplitude**2

@@ -38,8 +38,6 @@ import numpy as np
 from ancf_casadi.support.arrays import Array
 
 ERROR = 0.07  # relative to the amplitude, over zeta^1/2 and the fourth power of the step in rad
-LEAST_RATIO = 1e-4  # least damping ratio in this estimate; below it, the kinks no longer dominate the error
-SHORTEST, LONGEST = 0.1, 0.4  # steps, rad
 UNKNOWNS = 5
 
 
@@ -91,8 +89,8 @@ def longest_step(ω: float, ζ: float, error: float) -> float:
     error : float
         Largest error; the step stays between 0.1 and 0.4 rad.
     """
-    turns = ERROR * math.sqrt(max(ζ, LEAST_RATIO))
-    return float(np.clip((error / turns) ** 0.25, SHORTEST, LONGEST) / ω)
+    turns = ERROR * math.sqrt(max(ζ, 1e-4))  # below this ratio, the kinks no longer dominate the error
+    return float(np.clip((error / turns) ** 0.25, 0.1, 0.4) / ω)
 
 
 def _step() -> cs.Function:

@@ -31,14 +31,11 @@ from typing import TypeVar
 
 import casadi as cs
 
-from ancf_casadi.decay.slow_flow import Flow, log_ratio, mean_decay, stopping
+from ancf_casadi.decay.slow_flow import LEAST_BAND, Flow, log_ratio, mean_decay, stopping
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 
-LEAST = 1e-12  # added to (A/e0)^(1-p), whose logarithm would be infinite after the stop
-LEAST_BAND, MOST_BAND = 1e-9, 0.5
-LANCZOS_G = 7.0
-LANCZOS = (
+LANCZOS = (  # for g = 7
     0.99999999999980993, 676.5203681218851, -1259.1392167224028, 771.32342877765313, -176.61502916214059,
     12.507343278686905, -0.13857109526572012, 9.9843695780195716e-6, 1.5056327351493116e-7,
 )  # fmt: skip
@@ -60,8 +57,9 @@ def power_flow(time: Value, ω: Value, rate: Value, p: Value, e0: Value) -> Flow
     e0 : MX, SX or DM
         Amplitude at the release, m.
     """
-    band = cs.fmin(math.pi * rate / (2 * ω) + LEAST_BAND, MOST_BAND)
-    u = time * log_ratio(stopping(1 - (1 - p) * rate * time, band) + LEAST - 1)
+    band = cs.fmin(math.pi * rate / (2 * ω) + LEAST_BAND, 0.5)
+    left = stopping(1 - (1 - p) * rate * time, band) + 1e-12  # so that its logarithm stays finite after the stop
+    u = time * log_ratio(left - 1)
     first, second = (e0**n * u * mean_decay((n + 1 - p) * rate * u) for n in (1, 2))
     return Flow(e0 * cs.exp(-rate * u), first, second)
 
@@ -84,5 +82,5 @@ def mean_power(p: Value) -> Value:
 def _log_gamma(z: Value) -> Value:
     """Return the logarithm of the gamma function for z >= 1/2, exact to about 1e-15, by Lanczos' series."""
     series = LANCZOS[0] + sum((coefficient / (z - 1 + k) for k, coefficient in enumerate(LANCZOS[1:], 1)), 0 * z)
-    base = z + LANCZOS_G - 0.5
+    base = z + 6.5
     return math.log(2 * math.pi) / 2 + (z - 0.5) * cs.log(base) - base + cs.log(series)

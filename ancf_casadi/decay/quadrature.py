@@ -25,7 +25,6 @@ from numpy.polynomial import legendre
 from ancf_casadi.support.arrays import Array
 
 POINTS = 16  # in a panel
-HALVINGS = 14
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +71,7 @@ def antiderivative(instants: Array) -> Antiderivative:
     """Return the map from values of a function to its integrals from 0 to instants (m,), at least 0, s."""
     instants = np.maximum(np.asarray(instants, dtype=float), 0.0)
     last = float(instants.max(initial=0.0)) or 1.0
-    return Antiderivative(instants, np.append(0.0, last * 0.5 ** np.arange(HALVINGS, -1, -1)))
+    return Antiderivative(instants, np.append(0.0, last * 0.5 ** np.arange(14, -1, -1)))
 
 
 def _weights(x: Array) -> Array:

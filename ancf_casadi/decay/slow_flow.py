@@ -50,6 +50,7 @@ import casadi as cs
 
 Value = TypeVar("Value", cs.MX, cs.SX, cs.DM)
 
+LEAST_BAND = 1e-9  # least width of the transition to a stop, relative to the amplitude at the release
 SERIES_BELOW = 0.02  # |x| below which a series replaces a closed form; ten terms are exact to 0.02^10 = 1e-17
 
 

@@ -22,6 +22,8 @@ from ancf_casadi.decay.evidence import visible
 from ancf_casadi.decay.spectrum import LEAST_SAMPLES, typical_step
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 
+# Halved, test_without_the_finder_the_damping_would_be_wrong fails; doubled,
+# test_a_plain_decay_with_missing_frames_is_hardly_ever_taken_for_an_excitation does.
 POOREST = 2.5  # variance of z, relative to a window without missing frames, beyond which it is left out
 
 

@@ -16,9 +16,6 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import array, check_instance
 from problems.decay.result import DecayFit
 
-POINTS = 60
-LEAST = 0.01  # of the amplitude at the release, below which nothing is drawn
-
 
 def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: float = LEVEL) -> LawCurve:
     """Return damping ratio and frequency against amplitude under the law of a fit.
@@ -54,8 +51,8 @@ def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: floa
         last = fit.displacement(fit.time[fit.time > fit.time[-1] - 1 / fit.frequency])
         per_amplitude = (2 * np.pi * fit.frequency) ** fit.model.sensor.derivatives  # of the record
         visible = max(float(np.ptp(last)) / 2, fit.residual_rms) / per_amplitude
-        lowest = max(visible, LEAST * fit.amplitude)
-        chosen = np.geomspace(min(lowest, fit.amplitude / 2), fit.amplitude, POINTS)
+        lowest = max(visible, fit.amplitude / 100)
+        chosen = np.geomspace(min(lowest, fit.amplitude / 2), fit.amplitude, 60)
     else:
         chosen = array(amplitudes, "amplitudes").ravel()
         if not (chosen > 0.0).all():

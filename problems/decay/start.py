@@ -5,9 +5,9 @@ With the track A_k, theta_k (``ancf_casadi.decay.track``), the integrals of the 
     ln A = ln e0 - c int 1/A dt - a t - b int A dt,    theta = phi + omega t + omega k int A^n dt,
 
 and linear regressions with the weights A_k^2 give all of them; a term of the damping that would be negative is left
-out, and so is a change of the frequency that is not evident.  The exponent of the power law is the best of a list, with
-ln A = ln e0 - D int A^(p-1) dt.  A peak of the spectrum gives one frequency only: if the frequency depends on the
-amplitude, it is off by many cycles at one end of a long record, and a fit from there ends in another minimum.
+out, and so is a change of the frequency that is not evident.  The exponent of the power law is the best multiple of a
+half, with ln A = ln e0 - D int A^(p-1) dt.  A peak of the spectrum gives one frequency only: if the frequency depends
+on the amplitude, it is off by many cycles at one end of a long record, and a fit from there ends in another minimum.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from ancf_casadi.decay.track import Track, track
 from ancf_casadi.support.arrays import Array
 from problems.decay.laws import EXPONENTS, LAWS, DecayModel
 
-EXPONENT_STEP = 0.25
 LEAST_SHARE = 0.02  # of the damping, with which a term starts that the regression finds negative
 
 
@@ -105,7 +104,7 @@ def _terms(found: Track, losses: Mapping[str, Array]) -> tuple[float, dict[str, 
 def _power(found: Track, reference: float, ω: float) -> tuple[float, dict[str, float]]:
     """Return the amplitude at the release, and damping ratio and exponent of the power law."""
     A, best = found.amplitude, (math.inf, 0.0, 0.0, 1.0)
-    for p in np.arange(EXPONENTS[0], EXPONENTS[1] + EXPONENT_STEP, EXPONENT_STEP).tolist():
+    for p in np.arange(EXPONENTS[0], EXPONENTS[1] + 0.5, 0.5).tolist():
         basis = [np.ones(len(A)), -found.since_start((A / reference) ** (p - 1))]
         (level, rate), left = _regression(basis, np.log(A), A)
         best = min(best, (left, level, rate, p))

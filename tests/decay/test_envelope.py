@@ -87,6 +87,13 @@ def test_the_curve_ends_in_the_noise():
     assert inside.all()
 
 
+def test_three_other_oscillations_are_fitted_beside_the_mode():
+    tones = sum(0.002 * np.cos(ratio * ω * TIME + ratio) for ratio in (3.3, 5.1, 7.4))
+    one = record(0.0, 0.05, 0.5, noise=1e-5)
+    clean, curve = damping_curve(one), damping_curve(Measurement(one.time, one.values + tones))
+    np.testing.assert_allclose(curve.damping_ratio, clean.damping_ratio, atol=1e-4)
+
+
 def test_windows_of_more_periods_are_fewer_and_less_noisy():
     short, long = (damping_curve(record(*TERMS[0], noise=2e-4), periods=n) for n in (1.5, 6.0))
     assert len(short.time) > 3 * len(long.time)

@@ -128,6 +128,19 @@ def test_a_record_of_gaps_is_refused_for_this_reason():
         first_guess(Measurement(time, np.cos(500 * time)))
 
 
+@pytest.mark.parametrize(("share", "refused"), [(0.93, False), (0.97, True)])
+def test_a_record_is_refused_from_a_share_of_gaps_of_95_percent_on(share, refused):
+    """Its spectrum would be that of the gaps."""
+    piece = np.arange(0.0, 1.0, 0.01)
+    time = np.concatenate([piece, piece + 2 / (1 - share) - 1.0])
+    record = Measurement(time, np.exp(-0.01 * time) * np.cos(40.0 * time))
+    if refused:
+        with pytest.raises(InputError, match="record: consists of gaps for 97% of its length"):
+            first_guess(record)
+    else:
+        assert first_guess(record).ω == pytest.approx(40.0, rel=1e-3)
+
+
 def test_the_typical_step_ignores_gaps():
     time = np.concatenate([np.arange(0.0, 1.0, 0.01), np.arange(5.0, 6.0, 0.01)])
     assert typical_step(time) == pytest.approx(0.01)

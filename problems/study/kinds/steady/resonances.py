@@ -43,6 +43,8 @@ WIDTH = 5.0  # half-width of the range of frequencies relative to that of the re
 MARGIN = 1.3  # of the expected change of frequency
 FARTHEST = 0.03  # of the last frequency below the natural one, relative to it
 
+Resonance = tuple[CurveData, Array]  # a curve, and the amplitude of the driven mode at the tip at each point, m
+
 
 class ResonanceNumbers(TypedDict):
     """The response curve of an experiment under a law, with the amplitude that the experiment has reached.
@@ -59,9 +61,10 @@ class ResonanceNumbers(TypedDict):
     curve: CurveNumbers
 
 
-@dataclass(frozen=True)
-class Excitation:
-    """The excitation of an experiment, for which a curve is computed.
+def resonance(
+    beam: Beam, terms: Terms, amplitude: float, frequencies: tuple[float, float], mode: int, modes: int
+) -> Resonance:
+    """Return the response curve of the excitation of an experiment, and the amplitude of the driven mode along it.
 
     Parameters
     ----------
@@ -77,49 +80,17 @@ class Excitation:
         Number of the driven mode, from 1.
     modes : int
         Number of modes of the reduced model.
-    """
-
-    beam: Beam
-    terms: Terms
-    amplitude: float
-    frequencies: tuple[float, float]
-    mode: int
-    modes: int
-
-
-@dataclass(frozen=True)
-class Resonance:
-    """The response curve of an excitation.
-
-    Parameters
-    ----------
-    curve : CurveData
-        The curve.
-    amplitude : ndarray (k,)
-        Amplitude of the driven mode at the tip, m.
-    """
-
-    curve: CurveData
-    amplitude: Array
-
-
-def resonance(given: Excitation) -> Resonance:
-    """Return the response curve of the excitation of an experiment.
 
     Raises
     ------
     InputError, EquilibriumError, NumericsError
         As ``frequency_response``.
     """
-    model = Model(given.beam)
-    law = law_of(given.terms, model, "damping")
-    count = max(given.modes, given.mode)
-    task = ResponseTask(
-        model, law, given.frequencies, (given.amplitude,), "base", (1.0, 0.0), count, POINTS, TOLERANCE, {}
-    )
-    curve = task.curve(given.amplitude)
-    amplitude = np.array([_amplitude(motion, given.mode) for motion in curve.motions])
-    return Resonance(curve_data(task, curve), amplitude)
+    model = Model(beam)
+    law, count = law_of(terms, model, "damping"), max(modes, mode)
+    task = ResponseTask(model, law, frequencies, (amplitude,), "base", (1.0, 0.0), count, POINTS, TOLERANCE, {})
+    curve = task.curve(amplitude)
+    return curve_data(task, curve), np.array([_amplitude(motion, mode) for motion in curve.motions])
 
 
 def _amplitude(motion: PeriodicMotion, mode: int) -> float:
@@ -156,7 +127,7 @@ class Resonances(Part):
         return tuple(
             Task(
                 resonance,
-                (Excitation(beam, terms[run["law"]], run["base_amplitude_m"], range_of(run), run["mode"], self.modes),),
+                (beam, terms[run["law"]], run["base_amplitude_m"], range_of(run), run["mode"], self.modes),
                 SECONDS,
             )
             for run in self._runs(found)
@@ -172,7 +143,7 @@ class Resonances(Part):
             Column("law", tuple(titles[run["law"]] for run in runs)),
             Column("base amplitude", tuple(1e3 * run["base_amplitude_m"] for run in runs), "mm"),
             Column("reached before the stop", tuple(1e3 * run["reached_amplitude_m"] for run in runs), "mm"),
-            *summary_columns([one.curve for one in resonances]),
+            *summary_columns([curve for curve, _ in resonances]),
         )
         table = self.data_table("Steady vibration at the base amplitudes of the experiments", columns)
         data = [
@@ -182,10 +153,10 @@ class Resonances(Part):
                 "base_amplitude_m": run["base_amplitude_m"],
                 "drive_hz": run["drive_hz"],
                 "reached_amplitude_m": run["reached_amplitude_m"],
-                "amplitude_m": one.amplitude.tolist(),
-                "curve": one.curve.numbers,
+                "amplitude_m": amplitudes.tolist(),
+                "curve": curve.numbers,
             }
-            for run, one in zip(runs, resonances, strict=True)
+            for run, (curve, amplitudes) in zip(runs, resonances, strict=True)
         ]
         return Finding(data, (table,), self._figures(runs, resonances))
 
@@ -212,9 +183,9 @@ class Resonances(Part):
     def _figure(self, own: Sequence[tuple[Mapping[str, Any], Resonance]]) -> Figure:
         figure, (axes,) = new_figure(3.4)
         titles = [law.name for law in self.laws]
-        for run, one in own:
+        for run, (curve, amplitudes) in own:
             k = titles.index(run["law"])
-            draw_curve(axes, one.curve, 1e3 * one.amplitude, k, self.laws[k].title)
+            draw_curve(axes, curve, 1e3 * amplitudes, k, self.laws[k].title)
             axes.plot(run["drive_hz"], 1e3 * run["reached_amplitude_m"], ls="", ms=8, mec="black", mew=0.8,
                       **{key: series(k)[key] for key in ("color", "marker")})  # fmt: skip
         axes.set(xlabel="frequency, Hz", ylabel="amplitude of the mode\nat the tip, mm", ylim=(0.0, None))

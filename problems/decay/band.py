@@ -23,7 +23,7 @@ from ancf_casadi.support.tables import Displayed
 from problems.decay.mode_separation import MOST_MODES, fit_modes
 from problems.decay.result import DecayFit
 
-CLOSE = 0.3  # correlation of two modes beyond which there is a warning; the errors are then 5 % too small
+CORRELATED = 0.3  # correlation of two modes beyond which there is a warning; the errors are then 5 % too small
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ def _isolated(record: Measurement, mode: DecayFit, fits: Sequence[DecayFit]) -> 
         f"the modes at {mode.frequency:.4g} and {other.frequency:.4g} Hz are close, and the latter is subtracted as if "
         "it were known: the standard errors are too small; fit all modes at once"
         for other in others
-        if _rate(mode) + _rate(other) > CLOSE * 2 * math.pi * abs(mode.frequency - other.frequency)
+        if _rate(mode) + _rate(other) > CORRELATED * 2 * math.pi * abs(mode.frequency - other.frequency)
     ]
     return IsolatedMode(mode, others, rest, tuple(close))
 

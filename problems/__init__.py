@@ -7,6 +7,17 @@ from ancf_casadi.support.lazy import on_first_use
 if TYPE_CHECKING:
     from ancf_casadi.estimation.comparison import LawComparison
     from ancf_casadi.estimation.resampling import MonteCarlo, monte_carlo
+    from ancf_casadi.estimation.saved import SavedFit, load_fit
+    from problems.beam.comparison import compare_laws
+    from problems.beam.curves.prediction import ResponsePrediction
+    from problems.beam.curves.record import ResponseRecord
+    from problems.beam.fitting import fit_beam
+    from problems.beam.motions.marker_record import MarkerRecord
+    from problems.beam.motions.prediction import MotionPrediction
+    from problems.beam.motions.record import Camera, Channel, MotionRecord
+    from problems.beam.result import BeamFit
+    from problems.beam.values.prediction import ValuePrediction
+    from problems.beam.values.records import FrequencyRecord, StaticRecord
     from problems.decay.band import IsolatedMode, isolate_mode
     from problems.decay.comparison import compare_decay_laws
     from problems.decay.fitting import fit_decay, fit_decays
@@ -23,25 +34,12 @@ if TYPE_CHECKING:
     from problems.matching.preference import LeastChange, Smoothness
     from problems.matching.result import FrequencyMatch
     from problems.matching.unknowns import Global, PerElement, Smooth
-    from problems.properties.fitting import fit_properties
-    from problems.properties.prediction import Prediction
-    from problems.properties.records import FrequencyRecord, StaticRecord
-    from problems.properties.result import PropertyFit
-    from problems.response.comparison import compare_laws
-    from problems.response.fitting import fit_response
-    from problems.response.prediction import ResponsePrediction
-    from problems.response.record import ResponseRecord
-    from problems.response.result import ResponseFit
     from problems.study.study import StudyReport, run_study
-    from problems.transient.fitting import fit_transient
-    from problems.transient.marker_record import MarkerRecord
-    from problems.transient.motion_record import Camera, Channel, MotionRecord
-    from problems.transient.prediction import MotionPrediction
-    from problems.transient.result import TransientFit
 else:
     __getattr__, __dir__ = on_first_use(__name__)
 
 __all__ = [
+    "BeamFit",
     "Camera",
     "Channel",
     "DecayFit",
@@ -60,29 +58,26 @@ __all__ = [
     "MotionPrediction",
     "MotionRecord",
     "PerElement",
-    "Prediction",
-    "PropertyFit",
     "RayleighFit",
-    "ResponseFit",
     "ResponsePrediction",
     "ResponseRecord",
+    "SavedFit",
     "Smooth",
     "Smoothness",
     "StaticRecord",
     "StudyReport",
-    "TransientFit",
+    "ValuePrediction",
     "compare_decay_laws",
     "compare_laws",
+    "fit_beam",
     "fit_decay",
     "fit_decays",
     "fit_frf",
     "fit_modes",
-    "fit_properties",
     "fit_rayleigh",
-    "fit_response",
-    "fit_transient",
     "isolate_mode",
     "law_curve",
+    "load_fit",
     "match_frequencies",
     "monte_carlo",
     "run_study",

@@ -28,7 +28,7 @@ COMMANDS = {  # module in problems.command, and what the command does
     "init": ("init", "write a commented TOML file that runs as it is, to start from"),
     "fit-decay": ("fits.fit_decay", "estimate frequency and damping of one mode from measured decays"),
     "fit-modes": ("fits.fit_modes", "estimate frequency and damping of several modes from one measured decay"),
-    "fit-motion": ("fits.fit_motion", "estimate a damping law, and properties of the beam, from measured large motion"),
+    "fit": ("fits.fit", "estimate a damping law, and properties of the beam, from any mix of measurements"),
     "compare-laws": ("fits.compare_laws",
                      "fit several damping laws to a decay, or to the motion of a beam, and select one"),
     "modes": ("modes", "compute natural frequencies and mode shapes of a beam about its equilibrium"),

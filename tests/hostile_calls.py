@@ -258,8 +258,8 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "PerElement": (p.PerElement, {"name": "density", "bounds": 0.1}),
         "ResponseRecord": (p.ResponseRecord, {
             "frequencies": grid[:5], "values": [1e-4] * 5, "phases": None, "sensor": a.Sensor(), "base": steady,
-            "load": None, "levels": None, "sweep": "up", "control": "excitation", "amplitude_deviation": None,
-            "phase_deviation": None, "level_deviation": None, "name": "",
+            "load": None, "levels": None, "sweep": "up", "control": "excitation", "amplitude_std": None,
+            "phase_std": None, "level_std": None, "name": "",
         }),
         "Smooth": (p.Smooth, {"name": "density", "terms": 2, "bounds": 0.1}),
         "Smoothness": (p.Smoothness, {"weight": 1.0}),

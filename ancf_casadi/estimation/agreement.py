@@ -19,7 +19,7 @@ estimates x of the whole fit, with the rows J_k, r_k of a part,
 
     x_k = x - (J_k' J_k)^-1 J_k' r_k,
 
-for the unknowns that the part determines.
+for the unknowns that the part determines, to better than their scale.
 
 References
 ----------
@@ -42,8 +42,8 @@ import scipy  # its packages are imported on first use
 from ancf_casadi.estimation.estimates import LEVEL, Estimates
 from ancf_casadi.estimation.loss import row_weights
 from ancf_casadi.estimation.noise import estimated_noise
-from ancf_casadi.estimation.result import known
 from ancf_casadi.support.arrays import Array, Mask
+from ancf_casadi.support.tables import known
 
 DISAGREE = 0.01  # probability of Q below which estimates do not agree
 DETERMINED = 1e-10  # part of a column that the other columns do not explain, relative, below which it is undetermined
@@ -181,10 +181,11 @@ def agreement_of_parts(fit: Estimates, masks: Sequence[Mask]) -> tuple[Agreement
     """
     if len(masks) < 2:
         return ()
-    found = parts(fit, masks)
-    values = np.array([part.values for part in found])
-    errors = np.sqrt([np.diag(part.covariance) for part in found])
-    own = [np.flatnonzero(errors[:, k] > 0.0) for k in range(len(fit.names))]
+    found, y = parts(fit, masks), fit.coordinates
+    values = np.array([y.unknowns(part.values) for part in found])
+    steps = np.array([np.sqrt(np.diag(part.covariance)) for part in found])
+    errors = steps * np.abs([y.slopes(part.values) for part in found])
+    own = [np.flatnonzero((steps[:, k] > 0.0) & (steps[:, k] < fit.scale[k])) for k in range(len(fit.names))]
     return tuple(
         agreement(fit.names[k], fit.units[k], values[rows, k], errors[rows, k])
         for k, rows in enumerate(own)

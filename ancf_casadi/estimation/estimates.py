@@ -18,6 +18,9 @@ Meanwhile the free unknowns move by -c h.  A quantity q then changes by s = h (d
 the interval of q reaches to (t^2 C_qq + s^2)^1/2 from its estimate, the extent of an ellipse that contains the region
 of ``profile``.
 
+The solver may work with the reciprocal y = 1/x of an unknown (``Unknown.reciprocal``).  All of the above then holds for
+y; its standard error becomes that of x to first order, and the ends of its interval are the reciprocals of those of y.
+
 To first order, a change c of the residuals shifts the estimates by -(J' D J)^-1 J' D c, with D the diagonal matrix of
 the psi'(r_i); ``Estimates.shifts`` gives this in standard errors.
 
@@ -29,8 +32,10 @@ G. A. F. Seber, C. J. Wild, Nonlinear Regression, Wiley (1989), Sections 2.1, 5.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -38,6 +43,7 @@ import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.loss import dispersion, influence, row_weights
 from ancf_casadi.estimation.noise import Noise, autocorrelation
+from ancf_casadi.estimation.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import number
@@ -51,16 +57,14 @@ LEVEL = 0.95
 class Estimates:
     """Estimated unknowns and their uncertainty; ``estimates["name"]`` is the value of an unknown.
 
+    The arrays are in the coordinates of the solver: the unknowns, or the reciprocals of those that are reciprocal.
+
     Parameters
     ----------
-    names, units : tuple of str
-        Names and units of the n unknowns, free or not.
+    unknowns : tuple of Unknown
+        The n unknowns, free or not.
     values : ndarray
         Estimates (n,).
-    lower, upper : ndarray
-        Bounds (n,).
-    scale : ndarray
-        Scales of the unknowns (n,): typical sizes of their changes.
     covariance : ndarray
         Covariance (n, n); nan for unknowns at a bound.
     active_bounds : ndarray of bool
@@ -89,15 +93,13 @@ class Estimates:
     solve_seconds : float
         Solution time of IPOPT, s.
     model : casadi.Function
-        Unknowns in units of their scales -> residuals, and their Jacobian by these.
+        Coordinates in units of their scales -> residuals, and their Jacobian by these.
+    settings : mapping
+        Settings of ``least_squares``, for a fit to other data.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
+    unknowns: tuple[Unknown, ...]
     values: Array
-    lower: Array
-    upper: Array
-    scale: Array
     covariance: Array
     active_bounds: Mask
     residuals: Array
@@ -112,10 +114,46 @@ class Estimates:
     iterations: int
     solve_seconds: float
     model: cs.Function
+    settings: Mapping[str, Any]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns."""
+        return tuple(unknown.name for unknown in self.unknowns)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of the unknowns."""
+        return tuple(unknown.unit for unknown in self.unknowns)
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """The coordinates of the solver."""
+        return Coordinates.of(self.unknowns)
+
+    @property
+    def scale(self) -> Array:
+        """Scales of the coordinates (n,): typical sizes of their changes."""
+        return self.coordinates.scale
+
+    @property
+    def lower(self) -> Array:
+        """Lower bounds of the coordinates (n,)."""
+        return self.coordinates.lower
+
+    @property
+    def upper(self) -> Array:
+        """Upper bounds of the coordinates (n,)."""
+        return self.coordinates.upper
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Value of each unknown by name; infinite for a reciprocal of zero."""
+        return dict(zip(self.names, self.coordinates.unknowns(self.values).tolist(), strict=True))
 
     def __getitem__(self, name: str) -> float:
         """Return the value of an unknown."""
-        return float(self.values[self.names.index(name)])
+        return self.estimates[name]
 
     @property
     def at_bound(self) -> tuple[str, ...]:
@@ -169,13 +207,14 @@ class Estimates:
 
     @property
     def errors(self) -> Array:
-        """Standard errors (n,); nan for unknowns at a bound."""
+        """Standard errors of the coordinates (n,); nan at a bound."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def standard_errors(self) -> dict[str, float]:
         """Standard error of each unknown by name; nan at a bound."""
-        return dict(zip(self.names, self.errors.tolist(), strict=True))
+        errors = self.errors * np.abs(self.coordinates.slopes(self.values))
+        return dict(zip(self.names, errors.tolist(), strict=True))
 
     @property
     def correlations(self) -> Array:
@@ -186,22 +225,29 @@ class Estimates:
     def intervals(self, level: float = LEVEL) -> Array:
         """Return the intervals (n, 2) of the unknowns for a confidence level, to first order.
 
+        The interval of a reciprocal unknown has no upper end if the reciprocal may be at its lower bound.
+
         Raises
         ------
         InputError
             If the level is not between 0 and 1.
         """
         ends = self._ends(self.values, np.eye(len(self.names)), level)
-        return np.asarray(np.clip(ends, self.lower[:, None], self.upper[:, None]))
+        ends = np.clip(ends, self.lower[:, None], self.upper[:, None])
+        inverse = self.coordinates.reciprocal
+        ends[inverse & (ends[:, 0] <= self.lower), 0] = 0.0
+        with np.errstate(divide="ignore"):
+            ends[inverse] = 1 / ends[inverse, ::-1]
+        return np.asarray(ends)
 
     def derived(self, quantities: Quantities) -> tuple[Array, Array]:
         """Return quantities (q,) and their standard errors to first order, nan where no free unknown enters."""
-        values, jacobian = self._linearised(quantities)
-        return values, self._errors(jacobian)
+        values, jacobian = self.linearised(quantities)
+        return values, self.errors_of(jacobian)
 
     def derived_intervals(self, quantities: Quantities, level: float = LEVEL) -> Array:
         """Return the intervals (q, 2) of quantities, to first order; nan where no unknown enters."""
-        return self._ends(*self._linearised(quantities), level)
+        return self._ends(*self.linearised(quantities), level)
 
     def shifts(self, change: Array) -> Array:
         """Return the shifts (n,) of the estimates by a change of the residuals (m,), in standard errors.
@@ -246,15 +292,15 @@ class Estimates:
             move[free] = -reach * scale * compensation if math.isfinite(reach) else 0.0
         return moves
 
-    def _linearised(self, quantities: Quantities) -> tuple[Array, Array]:
+    def linearised(self, quantities: Quantities) -> tuple[Array, Array]:
         """Return quantities (q,) and their Jacobian (q, n) at the estimates."""
-        x = cs.MX.sym("x", len(self.names))
-        q = cs.densify(quantities(*cs.vertsplit(x)))
-        values, jacobian = cs.Function("quantities", [x], [q, cs.densify(cs.jacobian(q, x))])(self.values)
+        y = cs.MX.sym("y", len(self.names))
+        q = cs.densify(quantities(*self.coordinates.symbols(cs.vertsplit(y))))
+        values, jacobian = cs.Function("quantities", [y], [q, cs.densify(cs.jacobian(q, y))])(self.values)
         return values.full().ravel(), jacobian.full()
 
-    def _errors(self, jacobian: Array) -> Array:
-        """Return the standard errors of quantities from their Jacobian (q, n)."""
+    def errors_of(self, jacobian: Array) -> Array:
+        """Return the standard errors of quantities from their Jacobian (q, n); nan where no free unknown enters."""
         free = ~self.active_bounds
         own = jacobian[:, free]
         errors = np.sqrt(np.sum((own @ self.covariance[np.ix_(free, free)]) * own, axis=1))
@@ -262,13 +308,57 @@ class Estimates:
 
     def _ends(self, values: Array, jacobian: Array, level: float) -> Array:
         """Return the intervals (q, 2) of quantities from their values (q,) and Jacobian (q, n)."""
-        half = np.nan_to_num(self.quantile(level) * self._errors(jacobian))
+        half = np.nan_to_num(self.quantile(level) * self.errors_of(jacobian))
         with np.errstate(invalid="ignore"):  # 0 times an infinite move is nan; np.fmax ignores it
             steps = jacobian @ self.moves(level)
         below, above = (np.hypot(half, np.linalg.norm(np.fmax(side * steps, 0.0), axis=1)) for side in (-1.0, 1.0))
         ends = np.array([values - below, values + above]).T
         ends[~jacobian.any(axis=1) | (self.noise.freedom == 0)] = math.nan
         return ends
+
+
+@dataclass(frozen=True, eq=False)
+class Coordinates:
+    """The coordinates y of the solver: y = x of an unknown x, or y = 1/x if it is reciprocal.
+
+    Parameters
+    ----------
+    scale, guess, lower, upper : ndarray
+        Scales, starting values and bounds (n,).
+    reciprocal : ndarray of bool
+        Unknowns that are reciprocal (n,).
+    """
+
+    scale: Array
+    guess: Array
+    lower: Array
+    upper: Array
+    reciprocal: Mask
+
+    @classmethod
+    def of(cls, unknowns: Sequence[Unknown]) -> Coordinates:
+        """Return the coordinates of unknowns."""
+        rows = [
+            (1 / u.scale, 1 / u.guess, 1 / u.upper, 1 / u.lower)
+            if u.reciprocal
+            else (u.scale, u.guess, u.lower, u.upper)
+            for u in unknowns
+        ]
+        columns = np.array(rows).reshape(len(rows), 4).T
+        return cls(*columns, np.array([u.reciprocal for u in unknowns], dtype=bool))
+
+    def symbols(self, y: Sequence[cs.MX]) -> list[cs.MX]:
+        """Return the unknowns as expressions of the coordinates."""
+        return [1 / one if inverse else one for one, inverse in zip(y, self.reciprocal.tolist(), strict=True)]
+
+    def unknowns(self, y: Array) -> Array:
+        """Return the unknowns (n,) at values of the coordinates (n,)."""
+        with np.errstate(divide="ignore"):
+            return np.where(self.reciprocal, 1 / np.where(self.reciprocal, y, 1.0), y)
+
+    def slopes(self, y: Array) -> Array:
+        """Return the derivatives (n,) of the unknowns by the coordinates."""
+        return np.where(self.reciprocal, -(self.unknowns(y) ** 2), 1.0)
 
 
 def quantile(level: float, freedom: float) -> float:

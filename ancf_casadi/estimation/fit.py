@@ -9,9 +9,8 @@ import numpy as np
 
 from ancf_casadi.estimation.estimates import Estimates
 from ancf_casadi.estimation.noise import NOT_NOISE, concentration
-from ancf_casadi.estimation.result import known
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.tables import Table
+from ancf_casadi.support.tables import Table, known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,13 +37,13 @@ class Fit(Estimates):
             for i, j in pairs
         ]
         for k in np.flatnonzero(~self.active_bounds).tolist():
-            low, high = self.intervals()[k]
-            for bound, end in ((self.lower[k], low), (self.upper[k], high)):
+            (low, high), unknown = self.intervals()[k], self.unknowns[k]
+            for bound, end in ((unknown.lower, low), (unknown.upper, high)):
                 if end == bound:
+                    value = f"{self[unknown.name]:.2g} {unknown.unit}".rstrip()
                     notes.append(
-                        f"{self.names[k]} does not differ significantly from "
-                        f"{f'its bound {bound:g}' if bound else 'zero'}: {self.values[k]:.2g} {self.units[k]}".rstrip()
-                        + f", 95 % interval [{low:.2g}, {high:.2g}]"
+                        f"{unknown.name} does not differ significantly from "
+                        f"{f'its bound {bound:g}' if bound else 'zero'}: {value}, 95 % interval [{low:.2g}, {high:.2g}]"
                     )
         return tuple(notes)
 
@@ -55,14 +54,17 @@ class Fit(Estimates):
             (name, value, unit, known(error), known(low), known(high), "at its bound" if active else "")
             for name, unit, value, error, (low, high), active in self._rows()
         ]
-        notes = [
+        return Table("fit", "Estimates with 95 % intervals", columns, rows, self.notes())
+
+    def notes(self) -> list[str]:
+        """Return residuals, bounds and the status of the solver as text."""
+        return [
             f"{len(self.residuals)} residuals, root mean square {self.residual_rms:.3g}; successive residuals "
             f"correlate at {self.autocorrelation:.2f}, effective number of independent "
             f"residuals {self.effective_samples:.0f}; {self.colour()}",
             f"{self.rank} of {len(self.names)} unknowns free of bounds, condition number {self.condition:.3g}",
             f"{self.status} after {self.iterations} iterations",
         ]
-        return Table("fit", "Estimates with 95 % intervals", columns, rows, notes)
 
     def report(self) -> str:
         """Return the result as text."""
@@ -80,7 +82,7 @@ class Fit(Estimates):
                     "standard_error": known(error),
                     "standard_error_white": known(white[k]),
                     "interval_95": [known(low), known(high)],
-                    "bounds": [known(self.lower[k]), known(self.upper[k])],
+                    "bounds": [known(self.unknowns[k].lower), known(self.unknowns[k].upper)],
                     "at_bound": active,
                 }
                 for k, (name, unit, value, error, (low, high), active) in enumerate(self._rows())
@@ -116,8 +118,9 @@ class Fit(Estimates):
 
     def _rows(self) -> list[tuple[str, str, float, float, list[float], bool]]:
         """Return name, unit, value, standard error, interval and active bound of each unknown."""
-        columns = (self.values, self.errors, self.intervals(), self.active_bounds)
-        return list(zip(self.names, self.units, *(column.tolist() for column in columns), strict=True))
+        values, errors = self.estimates.values(), self.standard_errors.values()
+        ends, active = self.intervals().tolist(), self.active_bounds.tolist()
+        return list(zip(self.names, self.units, values, errors, ends, active, strict=True))
 
 
 def colour_warning(fit: Estimates, *, noise_free: float = 0.0) -> str | None:

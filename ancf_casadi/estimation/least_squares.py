@@ -1,6 +1,7 @@
 """Bounded least squares, solved by IPOPT with exact derivatives.
 
-For n unknowns x with guesses, scales and bounds, and at least as many residuals r(x), the problem in z = x/scale is
+For n unknowns x with guesses, scales and bounds, and at least as many residuals r(x), the problem in z = x/scale, or
+scale/x for a reciprocal unknown, is
 
     minimise  1/2 r(S z)' r(S z) / w    subject to  lower <= S z <= upper,
 
@@ -13,21 +14,22 @@ if IPOPT works with the Gauss-Newton Hessian, and ``estimates`` the uncertainty 
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as cs
 import numpy as np
 
+from ancf_casadi.estimation.estimates import Coordinates
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.loss import influence, loss
 from ancf_casadi.estimation.nlp import solve_nlp
 from ancf_casadi.estimation.noise import estimated_noise
 from ancf_casadi.estimation.polish import NEAR, gauss_newton_functions, polish, residuals_and_jacobian
+from ancf_casadi.estimation.unknown import Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
-from ancf_casadi.support.inputs import positive
 
 TIGHT: Mapping[str, Any] = {
     "ipopt.tol": 1e-12,
@@ -38,46 +40,8 @@ TIGHT: Mapping[str, Any] = {
 }
 LEAST_BARRIER, MOST_BARRIER = 1e-12, 0.1  # the tolerance, and the default of IPOPT
 AT_BOUND = 1e-6  # distance, in scales, that an interior-point method leaves between an unknown and its active bound
+UNSEEN = 0.01  # change of the residuals, in standard deviations, by which an unknown at its bound may miss it
 WEAK = 0.1  # component of an unknown in an undetermined direction above which the error message names it
-
-
-@dataclass(frozen=True)
-class Unknown:
-    """A quantity to be estimated.
-
-    Parameters
-    ----------
-    name : str
-        Name in the result.
-    guess : float
-        Starting value.
-    scale : float
-        Typical size of a change of the unknown; the solver works in units of it.
-    lower, upper : float
-        Bounds.
-    unit : str
-        SI unit, for reports.
-
-    Raises
-    ------
-    InputError
-        If the scale is not positive, the bounds are not in order, or the guess is not finite and between them.
-    """
-
-    name: str
-    guess: float
-    scale: float = 1.0
-    lower: float = -math.inf
-    upper: float = math.inf
-    unit: str = ""
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        positive(self.scale, f"{self.name}: scale")
-        if not self.lower < self.upper:
-            raise InputError(f"the lower bound {self.lower:g} is not below the upper {self.upper:g}", self.name)
-        if not (math.isfinite(self.guess) and self.lower <= self.guess <= self.upper):
-            raise InputError(f"the guess {self.guess:g} is not within [{self.lower:g}, {self.upper:g}]", self.name)
 
 
 def least_squares(
@@ -91,6 +55,7 @@ def least_squares(
     times: Array | None = None,
     noise: float = 0.0,
     systematic: float = 0.0,
+    stated: float = 0.0,
     options: Mapping[str, Any] | None = None,
     advice: str = "",
 ) -> Fit:
@@ -118,6 +83,8 @@ def least_squares(
         to change by less than a tenth of this, and Gauss-Newton steps do the rest.
     systematic : float
         Root mean square of a systematic error of the residuals, for which the standard errors allow (``loss``).
+    stated : float
+        Standard deviation of the residuals that the user states; the estimated one counts as no less.
     options : mapping, optional
         Options of ``nlpsol`` and IPOPT (``"ipopt.max_iter"``); they override those set here.
     advice : str
@@ -135,12 +102,12 @@ def least_squares(
     names = tuple(unknown.name for unknown in unknowns)
     if len(set(names)) < len(names):
         raise InputError(f"share a name: {', '.join(names)}", "unknowns")
-    scale, guess, lower, upper = np.array([[u.scale, u.guess, u.lower, u.upper] for u in unknowns]).T
-    evaluate = residual_function(residuals, scale)
+    y = Coordinates.of(unknowns)
+    evaluate = residual_function(residuals, y)
     if evaluate.size1_out(0) < len(names):
         raise InputError(f"{evaluate.size1_out(0)} values cannot determine {len(names)} unknowns", "residuals")
 
-    r, jacobian = residuals_and_jacobian(evaluate, guess / scale)
+    r, jacobian = residuals_and_jacobian(evaluate, y.guess / y.scale)
     weight = _weight(jacobian)
     settings = {**TIGHT, "ipopt.mu_init": _barrier(r, weight), **(options or {})}
     if gauss_newton:
@@ -148,9 +115,9 @@ def least_squares(
         for name in ("ipopt.tol", "ipopt.compl_inf_tol"):
             settings[name] = max(settings[name], NEAR * noise / math.sqrt(weight))
     z = cs.MX.sym("z", len(names))
-    objective = loss(residuals(*cs.vertsplit(cs.DM(scale) * z)), huber) / weight
-    bounds = {"lower": lower / scale, "upper": upper / scale}
-    solution = solve_nlp({"x": z, "f": objective}, guess / scale, **bounds, options=settings, advice=advice)
+    objective = loss(residuals(*y.symbols(cs.vertsplit(cs.DM(y.scale) * z))), huber) / weight
+    bounds = {"lower": y.lower / y.scale, "upper": y.upper / y.scale}
+    solution = solve_nlp({"x": z, "f": objective}, y.guess / y.scale, **bounds, options=settings, advice=advice)
 
     found, steps = solution.x, 0
     if gauss_newton:
@@ -161,23 +128,23 @@ def least_squares(
             raise FitError(
                 f"no minimum was found: {polished.steps} Gauss-Newton steps do not converge; {advice or 'start closer'}"
             )
-    at_lower, at_upper = found - bounds["lower"] < AT_BOUND, bounds["upper"] - found < AT_BOUND
-    values = np.select([at_lower, at_upper], [lower, upper], found * scale)
-    r, jacobian = residuals_and_jacobian(evaluate, values / scale)
-    jacobian, active = jacobian / scale, at_lower | at_upper
-    root, condition, weak = _inverse_root(jacobian[:, ~active])
+    r, jacobian = residuals_and_jacobian(evaluate, found)
+    near = np.maximum(AT_BOUND, _unseen(r, jacobian, systematic))
+    at_lower, at_upper = found - bounds["lower"] < near, bounds["upper"] - found < near
+    values, active = np.select([at_lower, at_upper], [y.lower, y.upper], found * y.scale), at_lower | at_upper
+    if active.any():
+        r, jacobian = residuals_and_jacobian(evaluate, values / y.scale)
+    jacobian, free = jacobian / y.scale, ~active
+    if not np.isfinite(jacobian).all():
+        raise FitError(f"at the bounds that the estimates reach, the residuals are not finite; {advice or 'move them'}")
+    root, condition, weak = _inverse_root(jacobian[:, free])
     if weak.any():
-        which = ", ".join(np.array(names)[~active][weak])
+        which = ", ".join(np.array(names)[free][weak])
         raise FitError(f"the data do not determine {which}; {advice or 'fix one, or add data'}")
-    free = ~active
-    scatter = estimated_noise(influence(r, huber)[0], jacobian[:, free] @ root, series, times)
+    scatter = estimated_noise(influence(r, huber)[0], jacobian[:, free] @ root, series, times).at_least(stated)
     return Fit(
-        names=names,
-        units=tuple(unknown.unit for unknown in unknowns),
+        unknowns=tuple(unknowns),
         values=values,
-        lower=lower,
-        upper=upper,
-        scale=scale,
         covariance=_covariance(root, free, scatter.form(jacobian[:, free] @ root), r, huber, systematic),
         active_bounds=active,
         residuals=r,
@@ -192,19 +159,22 @@ def least_squares(
         iterations=solution.iterations + steps,
         solve_seconds=solution.solve_seconds,
         model=evaluate,
+        settings={"gauss_newton": gauss_newton, "forward": forward, "options": options, "advice": advice},
     )
 
 
-def restarted(unknowns: Sequence[Unknown], fit: Fit) -> list[Unknown]:
-    """Return the unknowns with the estimates of a fit as guesses."""
-    return [replace(unknown, guess=value) for unknown, value in zip(unknowns, fit.values.tolist(), strict=True)]
+def residual_function(residuals: Callable[..., cs.MX], coordinates: Coordinates) -> cs.Function:
+    """Return the Function from the coordinates, in units of their scales, to the residuals and their Jacobian."""
+    z = cs.MX.sym("z", len(coordinates.scale))
+    r = residuals(*coordinates.symbols(cs.vertsplit(cs.DM(coordinates.scale) * z)))
+    return cs.Function("residuals", [z], [cs.densify(r), cs.densify(cs.jtimes(r, z, cs.DM.eye(z.numel())))])
 
 
-def residual_function(residuals: Callable[..., cs.MX], scale: Array) -> cs.Function:
-    """Return the Function from the unknowns, in units of their scales, to the residuals and their Jacobian."""
-    z = cs.MX.sym("z", len(scale))
-    r = residuals(*cs.vertsplit(cs.DM(scale) * z))
-    return cs.Function("residuals", [z], [cs.densify(r), cs.densify(cs.jtimes(r, z, cs.DM.eye(len(scale))))])
+def _unseen(residuals: Array, jacobian: Array, systematic: float) -> Array:
+    """Return the distance (n,), in scales, by which an unknown may move without a visible change of the residuals."""
+    deviation = max(math.sqrt(np.mean(residuals**2)), systematic)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.nan_to_num(UNSEEN * deviation / np.linalg.norm(jacobian, axis=0), posinf=0.0)
 
 
 def _weight(jacobian: Array) -> float:
@@ -253,3 +223,22 @@ def _covariance(root: Array, free: Mask, scatter: Array, residuals: Array, huber
     covariance = np.full((len(free), len(free)), math.nan)
     covariance[np.ix_(free, free)] = root @ (scatter / w**2 + allowance) @ root.T
     return covariance
+
+
+def refitted(fit: Fit, noise: Array) -> Array:
+    """Return the unknowns (n,) from a fit to the fitted curve plus noise of each residual (m,), from the estimates.
+
+    Raises
+    ------
+    FitError
+        If the fit does not converge.
+    """
+    change, y = cs.DM(fit.residuals + noise), fit.coordinates
+
+    def residuals(*x: cs.MX) -> cs.MX:
+        return fit.model.call([cs.vertcat(*y.symbols(x)) / cs.DM(y.scale)], True, False)[0] - change
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be computed
+        found = least_squares(residuals, started(fit.unknowns, fit.estimates), huber=fit.huber, **fit.settings)
+    return np.array(list(found.estimates.values()))

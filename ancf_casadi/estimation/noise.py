@@ -142,6 +142,12 @@ class Noise:
         inside = self.basis.T @ columns
         return np.asarray(form + inside.T @ self.passing @ inside)
 
+    def at_least(self, deviation: float) -> Noise:
+        """Return white noise of no less than a standard deviation, which is known if the residuals do not show it."""
+        if not deviation or not self.white or self.variance >= deviation**2:
+            return self
+        return Noise(deviation**2, self.freedom or math.inf)
+
     def along(self, column: Array) -> float:
         """Return the variance of the noise in the direction of a column (m,); s^2 if the column is zero."""
         size = float(column @ column)

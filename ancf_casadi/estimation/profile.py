@@ -59,10 +59,10 @@ def profile_interval(fit: Estimates, quantity: str | Quantities, level: float = 
     step = np.where(free, t * fit.errors, np.abs(fit.moves(level)).sum(axis=1))
     step = np.where(np.isfinite(step), step, fit.scale)
     u = cs.MX.sym("u", len(fit.names))  # distance from the estimate, in steps
-    x = cs.DM(fit.values) + cs.DM(step) * u
-    unknowns = cs.vertsplit(x)
+    y = cs.DM(fit.values) + cs.DM(step) * u
+    unknowns = fit.coordinates.symbols(cs.vertsplit(y))
     q = unknowns[fit.names.index(quantity)] if isinstance(quantity, str) else quantity(*unknowns)
-    residuals = fit.model.call([x / cs.DM(fit.scale)], True, False)[0]
+    residuals = fit.model.call([y / cs.DM(fit.scale)], True, False)[0]
     at_estimate = cs.Function("at_estimate", [u], [loss(residuals, fit.huber), q, cs.densify(cs.gradient(q, u))])
     least, estimate, gradient = (item.full().ravel() for item in at_estimate(0))
     towards = np.zeros(len(gradient))

@@ -37,21 +37,19 @@ from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, Protocol, get_args, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
-import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.estimates import LEVEL
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.least_squares import Unknown, least_squares
 from ancf_casadi.estimation.noise import autocorrelation
-from ancf_casadi.estimation.result import known
+from ancf_casadi.estimation.result import FitResult
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import choice, number, whole
 from ancf_casadi.support.parallel import run_all
-from ancf_casadi.support.tables import Table
+from ancf_casadi.support.tables import Table, known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,30 +60,6 @@ SIGNIFICANT = 2.0  # times (log10 m/m)^1/2: least correlation that is significan
 QUIET_LAGS = 5  # successive insignificant lags that end the sums
 MINIMUM_RUNS = 2
 MOST_RUNS = 1_000_000
-
-
-@runtime_checkable
-class Refittable(Protocol):
-    """A result whose fit can be repeated on other records."""
-
-    @property
-    def fit(self) -> Fit:
-        """Estimated unknowns, and the residuals."""
-
-    @property
-    def estimates(self) -> Mapping[str, float]:
-        """Estimated quantities by name."""
-
-    @property
-    def units(self) -> Mapping[str, str]:
-        """Unit of each quantity."""
-
-    @property
-    def standard_errors(self) -> Mapping[str, float]:
-        """Standard error of each quantity by name, possibly among others."""
-
-    def refit(self, noise: Array) -> Array:
-        """Fit the fitted curve plus noise; return the quantities in the order of ``estimates``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +198,7 @@ class MonteCarlo:
 
 
 def monte_carlo(
-    fit: Refittable,
+    fit: FitResult,
     *,
     runs: int = 200,
     seed: int = 0,
@@ -237,7 +211,7 @@ def monte_carlo(
 
     Parameters
     ----------
-    fit : DecayFit, TransientFit or any other with a method ``refit``
+    fit : DecayFit, BeamFit or any other result of a fit
         The fit.
     runs : int
         Number of records.
@@ -273,8 +247,8 @@ def monte_carlo(
     """
     runs, seed = whole(runs, "runs", MINIMUM_RUNS, MOST_RUNS), whole(seed, "seed", 0)
     choice(method, get_args(Method), "method")
-    if not isinstance(fit, Refittable):
-        raise InputError(f"must be a DecayFit or a TransientFit, got a {type(fit).__name__}", "fit")
+    if not isinstance(fit, FitResult):
+        raise InputError(f"must be the result of a fit, got a {type(fit).__name__}", "fit")
     if not (fit.fit.degrees_of_freedom > 0 and fit.fit.residual_rms > 0.0):
         raise InputError(
             "has no scatter to make records from: the residuals are zero, or no more than the unknowns", "fit"
@@ -318,34 +292,7 @@ def drawn(size: int, block: int, rng: np.random.Generator) -> Index:
     return np.asarray((starts[:, None] + np.arange(block)).ravel()[:size] % size)
 
 
-def refit(fit: Fit, noise: Array, **settings: Any) -> Array:
-    """Return the unknowns from a fit to the fitted curve plus noise, started at the estimates.
-
-    Parameters
-    ----------
-    fit : Fit
-        The fit.
-    noise : ndarray
-        Noise of each residual (m,).
-    **settings
-        Settings of ``least_squares`` that the fit had.
-
-    Raises
-    ------
-    FitError
-        If the fit does not converge.
-    """
-    columns = (fit.names, fit.values.tolist(), fit.scale.tolist(), fit.lower.tolist(), fit.upper.tolist(), fit.units)
-    change = cs.DM(fit.residuals + noise)
-
-    def residuals(*x: cs.MX) -> cs.MX:
-        return fit.model.call([cs.vertcat(*x) / cs.DM(fit.scale)], True, False)[0] - change
-
-    unknowns = [Unknown(*column) for column in zip(*columns, strict=True)]
-    return least_squares(residuals, unknowns, huber=fit.huber, **settings).values
-
-
-def _run(fit: Refittable, seed: np.random.SeedSequence, method: Method, block: int) -> Array | str:
+def _run(fit: FitResult, seed: np.random.SeedSequence, method: Method, block: int) -> Array | str:
     """Return the quantities from one synthetic record, or the error message if the fit fails."""
     one, rng = fit.fit, np.random.default_rng(seed)
     m = len(one.residuals)
@@ -357,6 +304,6 @@ def _run(fit: Refittable, seed: np.random.SeedSequence, method: Method, block: i
             [part[drawn(len(part), block, rng)] for part in centred]
         )
     try:
-        return fit.refit(noise)
+        return fit.resampled(noise)
     except AncfError as error:
         return str(error)

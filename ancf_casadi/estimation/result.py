@@ -1,37 +1,207 @@
-"""The interface that all results share: estimates come with warnings, standard errors, text, JSON and a figure."""
+"""What every fit returns: estimates with units, standard errors, intervals, warnings, text, JSON and a figure.
+
+A result states quantities q(x) of the unknowns x of its fit, by default the unknowns themselves.  Those that depend on
+an unknown are its estimates.  With the derivatives Q = dq/dx and the covariance C of the free unknowns, their
+covariance is Q C Q' to first order.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, Self
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.estimation.agreement import Agreement
+from ancf_casadi.estimation.estimates import LEVEL, Quantities
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.least_squares import refitted
+from ancf_casadi.estimation.profile import profile_interval
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.tables import Reported, Table, known
+
+Interval = tuple[float, float]
 
 
-@runtime_checkable
-class Result(Protocol):
-    """The result of an estimation."""
+@dataclass(frozen=True, eq=False)
+class FitResult(Reported):
+    """The result of a fit.
+
+    Parameters
+    ----------
+    fit : Fit
+        The unknowns of the solver, with their uncertainty.
+    again : callable
+        Takes other records; returns the result of the same fit to them.
+    """
+
+    fit: Fit
+    again: Callable[[Any], Any] = field(kw_only=True)
+
+    kind: ClassVar[str]  # of the fit, in JSON
+
+    @property
+    def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
+        """Names and units of the quantities, and the function from the unknowns to them."""
+        return self.fit.names, self.fit.units, lambda *x: cs.vertcat(*x)
+
+    @cached_property
+    def _linearised(self) -> tuple[Array, Array]:
+        """Values (q,) of the quantities, and their Jacobian (q, n) by the coordinates of the solver."""
+        return self.fit.linearised(self.quantities[2])
+
+    @cached_property
+    def _estimated(self) -> list[int]:
+        """Positions of the estimates among the quantities."""
+        return np.flatnonzero(self._linearised[1].any(axis=1)).tolist()
+
+    def _named(self, values: Any) -> dict[str, Any]:
+        """Return values (q, ...) of all quantities as a mapping from the names of the estimates."""
+        return {self.quantities[0][k]: values[k] for k in self._estimated}
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Value of each estimated quantity by name."""
+        return self._named(self._linearised[0].tolist())
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Unit of each estimated quantity by name."""
+        return self._named(self.quantities[1])
+
+    @property
+    def standard_errors(self) -> Mapping[str, float]:
+        """Standard error of each estimated quantity by name; nan at a bound."""
+        return self._named(self.fit.derived(self.quantities[2])[1].tolist())
+
+    def intervals(self, level: float = LEVEL) -> dict[str, Interval]:
+        """Return the interval of each estimated quantity by name for a confidence level, to first order.
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 1.
+        """
+        return self._named([(low, high) for low, high in self._ends(level).tolist()])
+
+    def _ends(self, level: float) -> Array:
+        """Return the intervals (q, 2) of all quantities."""
+        return self.fit.intervals(level)
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (p, p) of the p estimates; nan where one is at a bound."""
+        jacobian, free = self._linearised[1][self._estimated], ~self.fit.active_bounds
+        own = jacobian[:, free]
+        found = own @ self.fit.covariance[np.ix_(free, free)] @ own.T
+        certain = ~own.any(axis=1)
+        found[certain], found[:, certain] = math.nan, math.nan
+        return np.asarray(found)
+
+    @property
+    def correlations(self) -> Array:
+        """Correlations (p, p) of the estimates; nan where one is at a bound, or all residuals are zero."""
+        errors = np.sqrt(np.diag(self.covariance))
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.covariance / np.outer(errors, errors))
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of the unknowns at a bound."""
+        return self.fit.at_bound
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
+        return self.fit.warnings
 
     @property
-    def standard_errors(self) -> Mapping[str, float]:
-        """Standard error of each quantity by name, in the unit of the quantity; nan where there is none."""
+    def agreements(self) -> tuple[Agreement, ...]:
+        """Agreement of the records on each quantity that several of them determine."""
+        return ()
 
-    def report(self) -> str:
-        """Return the result as text."""
+    def profile(self, name: str, level: float = LEVEL) -> Interval:
+        """Return the interval of an estimate by profile likelihood.
+
+        Raises
+        ------
+        InputError
+            If there is no such estimate, the level is not between 0 and 1, or there is no scatter.
+        FitError
+            If a nonlinear program for an end does not converge.
+        """
+        names, _, of = self.quantities
+        if name not in self.estimates:
+            raise InputError(f"is not estimated by this fit; it has {', '.join(self.estimates)}", name)
+        return profile_interval(self.fit, lambda *x: of(*x)[names.index(name)], level)
+
+    @abstractmethod
+    def predict(self, record: Any) -> Any:
+        """Compute another record with the estimates, without fitting, and compare."""
+
+    def refit(self, records: Any) -> Self:
+        """Return the result of the same fit, with the same settings, to other records."""
+        found: Self = self.again(records)
+        return found
+
+    def resampled(self, noise: Array) -> Array:
+        """Return the estimates (p,) from a fit to the fitted curve plus noise of each residual (m,)."""
+        x = refitted(self.fit, noise)
+        of = self.quantities[2]
+        values = np.asarray(cs.evalf(cs.densify(of(*map(cs.MX, x.tolist()))))).ravel()
+        return np.asarray(values[self._estimated])
+
+    def table(self) -> Table:
+        """Return the estimates with units, standard errors and 95 % intervals."""
+        rows = [
+            (name, value, unit, known(error), known(low), known(high), "at its bound" * math.isnan(error))
+            for name, value, unit, error, (low, high) in self._rows()
+        ]
+        columns = ("estimate", "value", "unit", "standard_error", "lower_95", "upper_95", "")
+        return Table(self.kind.replace(" ", "_"), f"{self.title}, 95 % intervals", columns, rows, self.fit.notes())
+
+    @property
+    def title(self) -> str:
+        """What was fitted, for the table and the one line that represents the result."""
+        return self.kind
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
+        return {
+            "kind": self.kind,
+            "estimates": [
+                {
+                    "name": name,
+                    "value": known(value),
+                    "unit": unit,
+                    "standard_error": known(error),
+                    "interval_95": [known(low), known(high)],
+                }
+                for name, value, unit, error, (low, high) in self._rows()
+            ],
+            "covariance": [[known(value) for value in row] for row in self.covariance.tolist()],
+            "degrees_of_freedom": known(self.fit.noise.freedom),
+            "report": self.report(),
+            "at_bound": list(self.at_bound),
+            "agreements": [one.to_dict() for one in self.agreements],
+            "warnings": list(self.warnings),
+            "fit": self.fit.to_dict(),
+        }
 
-    def figure(self) -> Figure:
-        """Draw the result."""
+    def _rows(self) -> list[tuple[str, float, str, float, Interval]]:
+        """Return name, value, unit, standard error and interval of each estimate."""
+        columns = (self.estimates, self.estimates.values(), self.units.values(), self.standard_errors.values())
+        return list(zip(*columns, self.intervals().values(), strict=True))
 
-
-def known(value: float) -> float | None:
-    """Return a number for JSON, None if it is not finite."""
-    return float(value) if math.isfinite(value) else None
+    def _summary(self) -> str:
+        shown = [
+            f"{name} {value:.5g}{f' +- {error:.2g}' if math.isfinite(error) else ''} {unit}".rstrip()
+            for name, value, unit, error, _ in self._rows()
+        ]
+        return ", ".join(shown)

@@ -215,6 +215,11 @@ def spread(values: ArrayLike, unit: str) -> str:
     return f"{' to '.join(ends)} {unit}".rstrip()
 
 
+def known(value: float) -> float | None:
+    """Return a number for JSON, None if it is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
 def to_json(value: Any) -> str:
     """Return plain data as JSON text; numbers that are not finite become null.
 

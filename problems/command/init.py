@@ -17,7 +17,7 @@ STUDY = """\
 #   ancf-casadi match {name}                        nearest beam with measured frequencies
 #   ancf-casadi simulate {name} --out motion.csv    large motion
 #   ancf-casadi response {name}                     steady vibration over frequency
-#   ancf-casadi fit-motion {name}                   damping from records, here from that motion
+#   ancf-casadi fit {name}                          damping from records, here from that motion
 #   ancf-casadi study {name}                        all of it as one document, results/report.html; after simulate
 #
 # A line that begins with # is a comment; remove the # to use it.  Each command has a --help.
@@ -84,7 +84,7 @@ sample_rate = 200.0         # 1/s
 [markers]                   # points in the output beside the tip: arc length from the clamp, m
 middle = 0.25
 
-[[records]]                 # for fit-motion and compare-laws: one table per measured motion
+[[records]]                 # for fit and compare-laws: one table per measured motion
 file = "motion.csv"         # any file that inspect can read; here the output of simulate
 sensor = "position"         # or "displacement", "velocity", "acceleration", "slope", "strain"
 channels = [                # one per sensor; point = arc length in m, the tip if not given
@@ -99,8 +99,12 @@ channels = [                # one per sensor; point = arc length in m, the tip i
 
 [fit]                       # unknowns beside the parameters of the laws, whose values above are guesses
 # fixed = ["ratio1"]        # parameters to keep
-# properties = ["elastic_modulus"]
-# base_amplitude = true
+# unknowns = ["elastic_modulus", "base_amplitude"]
+
+# [[frequencies]]           # for fit: measured natural frequencies, also of the beam with an added mass
+# frequencies = [1.88, 11.8]      # Hz
+# std = [0.01, 0.05]        # Hz
+# tip_mass = 1e-3           # kg
 """
 
 

@@ -33,13 +33,13 @@ from typing import TYPE_CHECKING, Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.least_squares import Unknown, least_squares
-from ancf_casadi.estimation.result import known
+from ancf_casadi.estimation.least_squares import least_squares
+from ancf_casadi.estimation.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.figures import literal_text
 from ancf_casadi.support.inputs import is_sequence, numbers, physical
-from ancf_casadi.support.tables import Table
+from ancf_casadi.support.tables import Table, known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -21,10 +21,10 @@ from ancf_casadi.estimation.estimates import LEVEL
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.estimation.resampling import refit
-from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array
+from ancf_casadi.support.tables import known
 from problems.decay.laws import LAWS, QUANTITIES, DecayModel, FrequencyLaw, Interval, Law
 from problems.decay.limitations import limitations
 

@@ -32,8 +32,9 @@ from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.one_mode import longest_step
 from ancf_casadi.decay.spectrum import is_even
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.least_squares import Unknown, least_squares, restarted
+from ancf_casadi.estimation.least_squares import least_squares, restarted
 from ancf_casadi.estimation.loss import HUBER, noise_of
+from ancf_casadi.estimation.unknown import Unknown
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import projected

@@ -11,11 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import array
-from ancf_casadi.support.tables import Table
+from ancf_casadi.support.tables import Table, known
 from problems.frf.limitations import limitations
 from problems.frf.record import FrfRecord
 from problems.frf.refinement import Refinement

@@ -21,13 +21,13 @@ G. H. Golub, C. F. Van Loan, Matrix Computations, Johns Hopkins (2013), Section 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy  # its packages are imported on first use
 
+from ancf_casadi.estimation.determination import product
 from ancf_casadi.support.arrays import Array, Mask
 from problems.matching.design_space import DesignSpace
 from problems.matching.unknowns import Global
@@ -225,12 +225,6 @@ def determined_exponents(jacobian: Array, least: float) -> Array:
     """
     _, singular, rows = np.linalg.svd(jacobian)
     return _row_echelon(rows[: np.count_nonzero(singular > least)])
-
-
-def product(names: Sequence[str], exponents: Array) -> str:
-    """Return a product of powers as text."""
-    powers = {name: f"{value:.3g}" for name, value in zip(names, exponents.tolist(), strict=True) if abs(value) > 1e-3}
-    return " ".join(name if power == "1" else f"{name}^{power}" for name, power in powers.items())
 
 
 def _row_echelon(rows: Array) -> Array:

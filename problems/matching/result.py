@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ancf_casadi.estimation.result import known as finite
 from ancf_casadi.mechanics.beam import LUMPED, UNITS, Beam
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Cell, Table
+from ancf_casadi.support.tables import known as finite
 from problems.matching.identifiability import Identifiability
 from problems.matching.response import Matching
 

@@ -1,4 +1,4 @@
-"""The tables of a fit to measured motion: [[records]] with files and sensors, and [fit] with the unknowns."""
+"""The tables of a fit of a beam: [[records]] with files and sensors, [[frequencies]], and [fit] with the unknowns."""
 
 from __future__ import annotations
 
@@ -15,12 +15,13 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.recording import Recording
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import check_keys, is_sequence, located, shown, whole
+from problems.beam.motions.record import Camera, Channel, MotionRecord
+from problems.beam.values.records import FrequencyRecord
 from problems.schema.beam import DAMPED_HELP, read_damped, read_terms, total
 from problems.schema.file import StudyFile
 from problems.schema.motion import KEYS as MOTION_KEYS
 from problems.schema.motion import READING, read_base, read_load, read_measured, read_release
 from problems.schema.table import made
-from problems.transient.motion_record import Camera, Channel, MotionRecord
 
 KEYS = """\
   [[records]]   one table per measured motion; channels = [{column = "x",
@@ -31,7 +32,7 @@ KEYS = """\
                 ("inertial" or "body"), gravity (true or false: whether an
                 accelerometer feels it), distance (m, of a strain gauge from
                 the neutral axis), unit, time, time_unit, rate, from, to (s),
-                noise (standard deviation), offset (bounds of an unknown time
+                std (standard deviation), offset (bounds of an unknown time
                 offset, s), zero (bounds of an unknown reading at rest);
                 a key beside channels holds for all channels;
                 release_time (s, or bounds [LOW, HIGH]): start of the motion
@@ -39,54 +40,59 @@ KEYS = """\
                 camera = {scale, rotation, origin}: bounds of an unknown view;
                 base, load, release, start: if they differ from the tables
   [[predictions]]
-                records to predict with the estimates; the same keys, and
-                tip_mass (kg)
-  [fit]         properties (of "width", "thickness", "density",
-                "elastic_modulus"), base_amplitude (true or false),
-                load (of "force_x", "force_y", "moment" and their _rate),
+                records to predict with the estimates; the same keys
+  [[frequencies]]
+                natural frequencies: frequencies (Hz), std (Hz), modes (from 1)
+                a record, or frequencies, of another configuration of the beam:
+                length (m), axis, tip_mass (kg), clamp_stiffness (N m/rad)
+  [fit]         unknowns (properties such as "elastic_modulus", "tip_mass",
+                "thickness[1:5]"; "base_amplitude"; "start_force_x",
+                "start_force_y", "start_moment" and their _rate),
                 fixed (names of parameters of the law), bounds = {NAME = [LOW,
-                HIGH]}, robust (true or false), tolerance;
+                HIGH]}, priors = {NAME = [MEAN, STD]}, robust (true or false),
+                tolerance;
                 laws = [[1], [1, 2]]: for compare-laws, the tables [[damping]]
                 of each law (default: each alone, and all together)
 """
 RECORDS_HELP = DAMPED_HELP + MOTION_KEYS + KEYS
 SENSOR = {"point", "direction", "frame", "gravity", "distance"}
-UNKNOWN = {"noise", "offset", "zero"}
+UNKNOWN = {"std", "offset", "zero"}
+CONFIGURATION = {"length", "axis", "tip_mass", "clamp_stiffness"}
 CHANNEL = {"file", "column", "unit", "sensor", "from", "to", *SENSOR, *READING, *UNKNOWN}
-RECORD = {"channels", "release_time", "camera", "base", "load", "release", "start", *CHANNEL}
-FIT = {"properties", "base_amplitude", "load", "fixed", "bounds", "robust", "tolerance"}  # of ``fit_transient``
+RECORD = {"channels", "release_time", "camera", "base", "load", "release", "start", *CHANNEL, *CONFIGURATION}
+FIT = {"unknowns", "fixed", "bounds", "priors", "robust", "tolerance"}  # of ``fit_beam``
 
 
 @dataclass(frozen=True)
-class Motions:
-    """Measured motions of a beam, and what to estimate from them.
+class Measurements:
+    """Measurements of a beam, and what to estimate from them.
 
     Parameters
     ----------
     model : Model
         The beam, with guesses of its properties.
-    damping : DampingLaw
+    damping : DampingLaw or None
         The law, with guesses of its parameters.
     laws : tuple of DampingLaw
         The laws to compare.
-    records : tuple of MotionRecord
+    records : tuple of MotionRecord and FrequencyRecord
         The measurements.
-    predictions : tuple of (MotionRecord, float or None)
-        Records to predict, each with the mass at the tip (kg) if it differs from that of the beam.
+    predictions : tuple of MotionRecord
+        Records to predict.
     settings : mapping
-        Other arguments of ``fit_transient``.
+        Other arguments of ``fit_beam``.
     """
 
     model: Model
-    damping: DampingLaw
+    damping: DampingLaw | None
     laws: tuple[DampingLaw, ...]
-    records: tuple[MotionRecord, ...]
-    predictions: tuple[tuple[MotionRecord, float | None], ...]
+    records: tuple[MotionRecord | FrequencyRecord, ...]
+    predictions: tuple[MotionRecord, ...]
     settings: Mapping[str, Any]
 
 
-def read_motions(given: str | StudyFile) -> Motions:
-    """Read a beam, its damping, measured motions, and the unknowns of a fit to them.
+def read_measurements(given: str | StudyFile) -> Measurements:
+    """Read a beam, its damping, measurements, and the unknowns of a fit to them.
 
     Raises
     ------
@@ -100,33 +106,49 @@ def read_motions(given: str | StudyFile) -> Motions:
     fit, where = file.tables.get("fit", {}), file.where("fit")
     check_keys(fit, set(), {*FIT, "laws"}, where)
     law = source.damping
-    if law is None:
+    if law is None and file.several("records"):
         raise InputError("the table is missing; its parameters are the unknowns", file.where("damping"))
-    if not file.several("records"):
+    if not file.several("frequencies"):
         file.needed("records", "it names the file to fit")
     with located(where):
         laws = _laws(fit.get("laws"), read_terms(file, source.model), law)
     records, predictions = (
-        [_record(file, table, source.model, file.where(name), keys) for table in file.several(name)]
-        for name, keys in (("records", RECORD), ("predictions", RECORD | {"tip_mass"}))
+        [_record(file, table, source.model, file.where(name)) for table in file.several(name)]
+        for name in ("records", "predictions")
     )
-    masses = [table.get("tip_mass") for table in file.several("predictions")]
+    frequencies = [
+        _frequencies(table, source.model, file.where("frequencies")) for table in file.several("frequencies")
+    ]
     settings = {key: fit[key] for key in FIT & fit.keys()}
-    return Motions(source.model, law, laws, tuple(records), tuple(zip(predictions, masses, strict=True)), settings)
+    return Measurements(source.model, law, laws, (*records, *frequencies), tuple(predictions), settings)
 
 
-def _laws(given: Any, terms: Sequence[DampingLaw], law: DampingLaw) -> tuple[DampingLaw, ...]:
+def _configuration(given: Mapping[str, Any], model: Model, where: str) -> Model:
+    """Return the beam in the configuration of a table."""
+    changes = {key: given[key] for key in CONFIGURATION & given.keys()}
+    with located(where):
+        return Model(model.beam.with_(**changes), model.measures) if changes else model
+
+
+def _frequencies(given: Any, model: Model, where: str) -> FrequencyRecord:
+    check_keys(given, {"frequencies"}, {"std", "modes", *CONFIGURATION}, where)
+    own = {key: given[key] for key in given.keys() - CONFIGURATION}
+    return made(own, FrequencyRecord, where, model=_configuration(given, model, where))
+
+
+def _laws(given: Any, terms: Sequence[DampingLaw], law: DampingLaw | None) -> tuple[DampingLaw, ...]:
     """Return the sums of the terms with the given numbers, from 1; if not given, each term, and their sum."""
     if given is None:
-        return (*terms, law) if len(terms) > 1 else (law,)
+        return tuple(one for one in ((*terms, law) if len(terms) > 1 else (law,)) if one is not None)
     if not is_sequence(given) or not given or not all(is_sequence(numbers) and numbers for numbers in given):
         raise InputError(f"must be a list of lists of numbers, such as [[1], [1, 2]], got {shown(given)}", "laws")
     laws = [total([terms[whole(number, "laws", 1, len(terms)) - 1] for number in numbers]) for numbers in given]
     return tuple(law for law in laws if law is not None)
 
 
-def _record(file: StudyFile, given: Any, model: Model, where: str, keys: set[str]) -> MotionRecord:
-    check_keys(given, set(), keys, where)
+def _record(file: StudyFile, given: Any, model: Model, where: str) -> MotionRecord:
+    check_keys(given, set(), RECORD, where)
+    own_model = _configuration(given, model, where)
     shared = {key: given[key] for key in CHANNEL & given.keys()}
     listed = given.get("channels", [{}])
     if not is_sequence(listed) or not listed:
@@ -151,7 +173,7 @@ def _record(file: StudyFile, given: Any, model: Model, where: str, keys: set[str
     readers: dict[str, Callable[[Any, str], Any]] = {
         "base": partial(read_base, file),
         "load": partial(read_load, file),
-        "release": partial(read_release, model),
+        "release": partial(read_release, own_model),
     }
     for name, reader in readers.items():  # of the record, or of the file
         table, place = (given[name], f"{where}: {name}") if name in given else (file.tables.get(name), file.where(name))
@@ -159,7 +181,7 @@ def _record(file: StudyFile, given: Any, model: Model, where: str, keys: set[str
         if table is not None and argument not in settings:
             settings[argument] = reader(table, place)
     with located(where):
-        return MotionRecord(channels, **settings)
+        return MotionRecord(channels, model=None if own_model is model else own_model, **settings)
 
 
 def _check_made(file: StudyFile, name: Any, where: str) -> None:

@@ -8,8 +8,9 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi.estimation.least_squares import Unknown, least_squares
+from ancf_casadi.estimation.least_squares import least_squares
 from ancf_casadi.estimation.nlp import solve_nlp
+from ancf_casadi.estimation.unknown import Unknown
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support import progress
 

@@ -9,6 +9,7 @@ from typing import Any
 from ancf_casadi.estimation.comparison import LawComparison
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
+from problems.beam.comparison import compare_laws
 from problems.command.output import Output, add_plot, figure_writer, json_text, new_files, positive_count
 from problems.command.record_options import (
     add_part_options,
@@ -18,8 +19,7 @@ from problems.command.record_options import (
     releases,
 )
 from problems.decay.comparison import compare_decay_laws
-from problems.response.comparison import compare_laws
-from problems.schema.records import RECORDS_HELP, read_motions
+from problems.schema.records import RECORDS_HELP, read_measurements
 
 
 def add_compare_laws(parser: argparse.ArgumentParser) -> None:
@@ -45,17 +45,17 @@ def _run(options: argparse.Namespace) -> Output:
     found: LawComparison[Any]
     if options.file.lower().endswith(".toml"):
         check_no_record_options(options, "a study has them in [[records]]")
-        motions = read_motions(options.file)
+        given = read_measurements(options.file)
         with located(f"{options.file}: [fit]"):
-            if "fixed" in motions.settings:
+            if "fixed" in given.settings:
                 raise InputError("all parameters of the laws are compared; leave it out", "fixed")
             found = compare_laws(
-                motions.model,
-                motions.records,
-                motions.laws,
+                given.model,
+                given.records,
+                given.laws,
                 jobs=options.jobs,
                 progress=sys.stderr.isatty(),
-                **motions.settings,
+                **given.settings,
             )
     else:
         (release,) = releases(options, 1)

@@ -42,12 +42,11 @@ from scipy.special import chdtrc
 
 from ancf_casadi.damping import DampingLaw, ModalDamping, QuadraticDamping
 from ancf_casadi.estimation.agreement import parts
-from ancf_casadi.estimation.result import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import literal_text
 from ancf_casadi.support.inputs import array, check_instance, instances, physical
-from ancf_casadi.support.tables import Table
+from ancf_casadi.support.tables import Table, known
 from ancf_casadi.vibration.modes import Modes
 from problems.decay.result import DecayFit
 

@@ -17,7 +17,7 @@ from msgspec import Meta, Struct
 from msgspec.structs import asdict
 
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
-from ancf_casadi.estimation.result import known
+from ancf_casadi.support.tables import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor

@@ -1,7 +1,7 @@
 """Parts with measured large motion: a fit with predictions of other records, and a comparison of damping laws.
 
 They read the tables [[damping]], [base], [[records]], [[predictions]] and [fit] of the file, as the commands
-``fit-motion`` and ``compare-laws`` do.
+``fit`` and ``compare-laws`` do.
 """
 
 from __future__ import annotations
@@ -11,21 +11,19 @@ from dataclasses import dataclass
 from typing import Any, TypedDict, final
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import PROPERTIES
-from problems.response.comparison import compare_laws
+from problems.beam.comparison import compare_laws
+from problems.beam.fitting import fit_beam
 from problems.schema.file import StudyFile
-from problems.schema.records import read_motions
+from problems.schema.records import read_measurements
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import drawn
 from problems.study.part import FilePart, Finding
-from problems.transient.fitting import fit_transient
-from problems.transient.prediction import MotionPrediction
 
-TABLES = {"beam", "damping", "base", "load", "release", "records", "predictions", "fit"}
+TABLES = {"beam", "damping", "base", "load", "release", "records", "frequencies", "predictions", "fit"}
 
 
 class MotionNumbers(TypedDict):
-    """Fit to measured motion, as ``TransientFit.to_dict``, and predictions, as ``MotionPrediction.to_dict``."""
+    """Fit to measured motion, as ``BeamFit.to_dict``, and predictions, as ``MotionPrediction.to_dict``."""
 
     fit: dict[str, Any]
     predictions: list[dict[str, Any]]
@@ -37,20 +35,20 @@ def fitted_motion(file: StudyFile, name: str) -> Finding:
     Raises
     ------
     InputError, FitError
-        As ``fit_transient``.
+        As ``fit_beam``.
     """
-    motions = read_motions(file)
-    fit = fit_transient(motions.model, motions.records, motions.damping, **motions.settings)
+    read = read_measurements(file)
+    fit = fit_beam(read.model, read.records, read.damping, **read.settings)
     figures = [drawn(name, "Measured motion (dots), fitted motion (lines), and residuals.", fit.figure)]
-    predictions: list[MotionPrediction] = []
-    for k, (record, mass) in enumerate(motions.predictions, start=1):
-        prediction = fit.predict(record, tip_mass=mass)
+    predictions = []
+    for k, record in enumerate(read.predictions, start=1):
+        prediction = fit.predict(record)
         predictions.append(prediction)
         caption = f"Record {k} that was predicted, not fitted: measured (dots) and computed (lines), and residuals."
         figures.append(drawn(f"{name}_prediction_{k}", caption, prediction.figure))
     warnings = (*fit.warnings, *(warning for prediction in predictions for warning in prediction.warnings))
     data: dict[str, Any] = {"fit": fit.to_dict(), "predictions": [one.to_dict() for one in predictions]}
-    tables = [_estimates(name, data["fit"]["unknowns"])]
+    tables = [_estimates(name, data["fit"]["estimates"])]
     if predictions:
         tables.append(_errors(f"{name}_predictions", data["predictions"]))
     return Finding(data, tuple(tables), tuple(figures), warnings, fit.model.beam)
@@ -65,9 +63,7 @@ def _estimates(name: str, unknowns: Sequence[Mapping[str, Any]]) -> DataTable:
         Column("95 % interval from", tuple(one["interval_95"][0] for one in unknowns)),
         Column("to", tuple(one["interval_95"][1] for one in unknowns)),
     )  # fmt: skip
-    factors = sorted({one["name"] for one in unknowns} & set(PROPERTIES))
-    notes = (f"Factors of the given values: {', '.join(factors)}.",) if factors else ()
-    return DataTable(name, "Estimates from the measured motion", columns, notes)
+    return DataTable(name, "Estimates from the measurements", columns)
 
 
 def _errors(name: str, predictions: Sequence[Mapping[str, Any]]) -> DataTable:
@@ -98,7 +94,7 @@ class MotionFit(FilePart):
 
     def check(self, file: StudyFile, where: str) -> None:
         """Check the records."""
-        read_motions(file)
+        read_measurements(file)
 
 
 class ComparisonNumbers(TypedDict):
@@ -120,8 +116,8 @@ def compared_laws(file: StudyFile, name: str) -> Finding:
     InputError, FitError
         As ``compare_laws``.
     """
-    motions = read_motions(file)
-    found = compare_laws(motions.model, motions.records, motions.laws, **motions.settings)
+    read = read_measurements(file)
+    found = compare_laws(read.model, read.records, read.laws, **read.settings)
     caption = "Information criteria of the laws above the lowest: smaller is better."
     data = found.to_dict()
     laws = data["laws"]
@@ -151,7 +147,7 @@ class Comparison(FilePart):
 
     def check(self, file: StudyFile, where: str) -> None:
         """Check the records and the laws, of which there must be several."""
-        motions = read_motions(file)
+        motions = read_measurements(file)
         if len(motions.laws) < 2:
             raise InputError("there is only one law; add tables [[damping]]", where)
         if "fixed" in motions.settings:

@@ -1,0 +1,170 @@
+"""Blocks: measurements of one kind with the physics that explains them.
+
+A fit is a sum of blocks.  Each has residuals (computed - measured)/s in standard deviations, as an expression of the
+unknowns that it knows by name, and says how sure they are: standard deviations that it found in the data (``scale``),
+or that the user states (``stated``), and errors of its sensors and of its computation.  A block can be asked for better
+weights once residuals are known, and for a finer discretisation once its error is known; ``solve`` does the rest.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol, Self
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.support.arrays import Array
+
+
+class Evaluation(Protocol):
+    """A block while it is fitted, with the Functions and the last solutions that it keeps."""
+
+    @property
+    def failure(self) -> str:
+        """Reason why the residuals could not be computed; empty if they could."""
+
+    def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
+        """Return the residuals (m,) for unknowns by name, in standard deviations; others keep their values."""
+
+    def close(self) -> None:
+        """Forget what is no longer needed once the fit has ended."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A block after a fit.
+
+    Parameters
+    ----------
+    fit : Fit
+        The estimates.
+    rows : slice
+        Residuals of the block among all.
+    scale : float
+        Factor G of the residuals in the fit.
+    shifts : ndarray
+        Shifts (n,) of the estimates by the error of the discretisation, in standard errors; nan if unknown.
+    evaluation : Evaluation
+        The block as it was fitted.
+    """
+
+    fit: Fit
+    rows: slice
+    scale: float
+    shifts: Array
+    evaluation: Any
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The estimates by name."""
+        return self.fit.estimates
+
+    @property
+    def residuals(self) -> Array:
+        """The residuals (m,), in standard deviations."""
+        return np.asarray(self.fit.residuals[self.rows] / self.scale)
+
+    @property
+    def errors(self) -> Array:
+        """Standard errors (m,) of the computed values due to those of the estimates, in standard deviations."""
+        return self.fit.errors_of(self.fit.jacobian[self.rows] / self.scale)
+
+
+@dataclass(frozen=True)
+class Account:
+    """What a result says of a block.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        Lines of the report.
+    warnings : sequence of str
+        Limitations, one sentence each.
+    data : dict
+        Plain data for JSON.
+    """
+
+    lines: Sequence[str] = ()
+    warnings: Sequence[str] = ()
+    data: dict[str, Any] = field(default_factory=dict)
+
+
+class Block(ABC):
+    """Measurements of one kind, and what their residuals depend on."""
+
+    @property
+    @abstractmethod
+    def records(self) -> Sequence[Any]:
+        """The measurements."""
+
+    @property
+    @abstractmethod
+    def series(self) -> list[int]:
+        """Lengths of the series of residuals, which follow one another; 1 for single values."""
+
+    @property
+    @abstractmethod
+    def owners(self) -> Sequence[int]:
+        """Record of each residual, from 0, (m,)."""
+
+    @property
+    def times(self) -> Array:
+        """Times of the residuals, s, (m,); their places in a series without times."""
+        return np.concatenate([np.arange(length, dtype=float) for length in self.series])
+
+    @property
+    def scale(self) -> float:
+        """Geometric mean of the standard deviations that were found in the data; 1 if the user states them."""
+        return 1.0
+
+    @property
+    def stated(self) -> bool:
+        """Whether the user states all standard deviations."""
+        return False
+
+    @property
+    def systematic(self) -> float:
+        """Root mean square of a systematic error of the residuals, which they need not show, in standard deviations."""
+        return 0.0
+
+    @property
+    @abstractmethod
+    def negligible(self) -> float:
+        """Norm of a change of the residuals that the computation does not tell from none, in standard deviations."""
+
+    @property
+    def meaningful(self) -> float:
+        """Relative shift of an estimate by the error of the discretisation, up to which it has no meaning."""
+        return 0.0
+
+    @property
+    def accuracy(self) -> float:
+        """Accuracy to which the residuals have to be fitted, in standard deviations."""
+        return 1.0
+
+    @abstractmethod
+    def evaluation(self, before: Evaluation | None = None) -> Evaluation:
+        """Return the block ready to be fitted; ``before`` is an evaluation of it with other weights or less fine."""
+
+    def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
+        """Return the block with the standard deviations that residuals (m,) show; None if they would not change."""
+        return None
+
+    def error(self, values: Mapping[str, float], residuals: Array, evaluation: Any) -> Array:
+        """Return the error (m,) of residuals (m,) due to the discretisation, for values of the unknowns by name."""
+        return np.zeros(sum(self.series))
+
+    def refined(self, shift: float) -> Self | None:
+        """Return the block with a finer discretisation, whose error shifts an estimate by ``shift`` standard errors.
+
+        None if it cannot be finer, or must not be.
+        """
+        return None
+
+    @abstractmethod
+    def account(self, fitted: Fitted) -> Account:
+        """Return what a result says of the block."""

@@ -1,0 +1,149 @@
+"""Combinations of unknowns that records determine, and those that they leave open.
+
+Relative changes of the unknowns, d log x_k, change the residuals by the columns x_k dr/dx_k.  Where a combination n of
+these columns vanishes, the records do not change if the unknowns change by the factors
+
+    x_k -> x_k c^(n_k)    for any c:
+
+only products of powers with sum a_k n_k = 0 are determined, such as x_k/x_p^(n_k/n_p) for a pivot p.  A motion alone
+has several such n.  Without forces, the equation of motion contains ratios of stiffness to mass, so that elastic
+modulus and density with the same factor give the same motion, and the width none at all.  A measured force or moment,
+a known load before the release, or a known mass at the tip fixes the scale.
+
+A combination counts as vanishing if a change by a factor e changes the residuals by less than the computation tells
+from none: the derivatives are as inaccurate as the iterations of an integrator, and the slight stretching of a beam is
+no measurement of its section.  These combinations are the right singular vectors of the columns for small singular
+values.  Row reduction gives each the fewest unknowns.
+
+The other singular vectors v, with the singular values s and the standard deviation d of the residuals, are products of
+powers of the unknowns that the records determine with the relative standard errors d/s (``certainty``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.estimation.estimates import Coordinates
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.least_squares import residual_function
+from ancf_casadi.estimation.polish import residuals_and_jacobian
+from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.exceptions import FitError
+from ancf_casadi.support.arrays import Array
+
+ABSENT = 1e-3  # exponent below which an unknown is not in a combination
+BESIDE = 0.5  # distance of the second point from the guess, in scales
+SIMPLE = 0.02  # largest deviation of an exponent from a simple fraction
+
+
+def check_determined(residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown], negligible: float) -> None:
+    """Refuse unknowns of which the residuals determine combinations only, at the guess and at a point beside it.
+
+    A guess may be special: without motion nothing depends on the damping.
+
+    Parameters
+    ----------
+    residuals : callable
+        As in ``least_squares``.
+    unknowns : sequence of Unknown
+        The unknowns with their guesses.
+    negligible : float
+        Norm of a change of the residuals that counts as none.
+
+    Raises
+    ------
+    FitError
+        If there is such a combination; the message names what is determined, and the remedy.
+    """
+    y = Coordinates.of(unknowns)
+    evaluate = residual_function(residuals, y)
+    signs = np.where(np.arange(len(y.guess)) % 2, -1.0, 1.0)
+    for point in (y.guess, np.clip(y.guess + BESIDE * signs * y.scale, y.lower, y.upper)):
+        _, jacobian = residuals_and_jacobian(evaluate, point / y.scale)
+        logarithmic = np.where(y.reciprocal, -1.0, 1.0) * np.where(point == 0.0, 1.0, point / y.scale)
+        found = undetermined(logarithmic * jacobian, negligible)
+        if not len(found):
+            return
+    raise FitError("; ".join(_sentence([one.name for one in unknowns], row) for row in found))
+
+
+def certainty(fit: Fit, names: Sequence[str]) -> list[tuple[str, float]]:
+    """Return independent products of powers of some unknowns and their relative standard errors, the best first.
+
+    The largest exponent of each product is 1.  All other unknowns, and those at a bound, count as known.
+    """
+    free = ~fit.active_bounds & (fit.values != 0.0) & np.isin(fit.names, names)
+    signs = np.where(fit.coordinates.reciprocal, -1.0, 1.0)
+    names = [name for name, own in zip(fit.names, free, strict=True) if own]
+    if not names or not fit.noise.freedom:
+        return []
+    _, singular, rows = np.linalg.svd((fit.jacobian * signs * fit.values)[:, free], full_matrices=False)
+    found, deviation = [], math.sqrt(fit.noise.variance)
+    for value, row in zip(singular.tolist(), rows, strict=True):
+        largest = float(row[np.abs(row).argmax()])
+        error = deviation / (value * abs(largest)) if value else math.inf
+        found.append((product(names, row / largest), error))
+    return found
+
+
+def product(names: Sequence[str], exponents: Array) -> str:
+    """Return a product of powers as text."""
+    powers = {
+        name: f"{value:.3g}" for name, value in zip(names, exponents.tolist(), strict=True) if abs(value) > ABSENT
+    }
+    return " ".join(name if power == "1" else f"{name}^{power}" for name, power in powers.items())
+
+
+def undetermined(columns: Array, negligible: float) -> Array:
+    """Return the exponents n (d, n) of the combinations of columns (m, n) with a negligible norm, the largest one 1."""
+    if not np.isfinite(columns).all() or not columns.any():
+        return np.zeros((0, columns.shape[1]))  # the fit reports this
+    _, singular, directions = np.linalg.svd(np.linalg.qr(columns, mode="r"))
+    return _reduced(directions[singular < negligible])
+
+
+def _reduced(rows: Array) -> Array:
+    """Return rows with the same span, each with few entries, and the largest 1."""
+    rows, first = rows.copy(), 0
+    if not len(rows):
+        return rows
+    for column in np.argsort(-np.abs(rows).max(axis=0), kind="stable"):
+        if first == len(rows):
+            break
+        pivot = first + int(np.abs(rows[first:, column]).argmax())
+        if abs(rows[pivot, column]) < ABSENT:
+            continue
+        rows[[first, pivot]] = rows[[pivot, first]]
+        rows[first] /= rows[first, column]
+        others = np.arange(len(rows)) != first
+        rows[others] -= np.outer(rows[others, column], rows[first])
+        first += 1
+    largest = np.abs(rows).argmax(axis=1)
+    return np.asarray(rows / rows[np.arange(len(rows)), largest][:, None])
+
+
+def _sentence(names: Sequence[str], exponents: Array) -> str:
+    """Return what the records determine of the unknowns in a combination."""
+    own = [(name, float(power)) for name, power in zip(names, exponents, strict=True) if abs(power) > ABSENT]
+    if len(own) == 1:
+        return f"the records do not depend on {own[0][0]}; fix it, or add a record that does, such as a force"
+    (pivot, base), *others = own
+    ratios = [_product(name, pivot, -power / base) for name, power in others]
+    listed = " and ".join(name for name, _ in own) if len(own) == 2 else ", ".join(name for name, _ in own)
+    return (
+        f"the records determine {', '.join(ratios)}, but not {listed} each; add a measured force or moment, a known "
+        "load or mass at the tip, or fix one of them"
+    )
+
+
+def _product(name: str, pivot: str, power: float) -> str:
+    """Return ``name * pivot^power`` in plain notation: ``density/elastic_modulus``."""
+    simple = Fraction(abs(power)).limit_denominator(4)
+    size = str(simple) if abs(float(simple) - abs(power)) < SIMPLE else f"{abs(power):.2f}"
+    exponent = "" if size == "1" else f"^({size})" if "/" in size else f"^{size}"
+    return f"{name}{'/' if power < 0.0 else '*'}{pivot}{exponent}"

@@ -1,0 +1,319 @@
+"""Estimation from any mix of measurements: one loop over blocks of residuals.
+
+With the residuals r_b of the blocks b (``block``), in standard deviations, and priors (mean x_0, standard deviation s)
+of some unknowns, a fit minimises
+
+    1/2 sum_b |G r_b|^2 + 1/2 sum (G (x - x_0)/s)^2,    log G = sum m_b log G_b / sum m_b.
+
+The common factor G, the geometric mean of all standard deviations that the blocks found in their data, keeps the
+likelihood of the normal distribution, so that fits of several laws can be compared by their sums of squares.
+
+The steps are: check that the data determine the unknowns (``determination``); fit; fit again with the weights that the
+residuals give; compute the error of each block's discretisation, and the shifts of the estimates that it causes; if one
+is above ``ALLOWED`` standard errors, refine the block, and fit again from the estimates.
+
+If an optimum need not be the only one, the fit starts from several points, and the result has all optima that fit as
+well as the best one within the 95 % level.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.estimation.block import Block, Evaluation, Fitted
+from ancf_casadi.estimation.determination import check_determined
+from ancf_casadi.estimation.estimates import LEVEL, Coordinates
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.least_squares import least_squares, residual_function
+from ancf_casadi.estimation.loss import HUBER
+from ancf_casadi.estimation.unknown import Unknown, started
+from ancf_casadi.exceptions import FitError
+from ancf_casadi.support.arrays import Array, Mask
+
+ALLOWED = 0.1  # largest shift of an estimate by the error of the discretisation, in standard errors
+REFINEMENTS = 6  # of a block
+DIFFERENT = 0.05  # relative difference of unknowns that belong to different optima
+ADVICE = "start from other guesses, set bounds, or fix some unknowns"
+OPTIONS: Mapping[str, Any] = {
+    "ipopt.tol": 1e-4,
+    "ipopt.compl_inf_tol": 1e-7,
+    "ipopt.max_iter": 100,
+    "ipopt.accept_after_max_steps": 3,  # halvings; of shorter steps, the error of an integration hides the decrease
+    "ipopt.watchdog_shortened_iter_trigger": 1,  # then take full steps, judged by the gradient
+    "ipopt.mu_init": 1e-4,  # small, so that bounds do not push a good guess away
+    "ipopt.bound_mult_init_method": "mu-based",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Blocks and unknowns of a fit.
+
+    Parameters
+    ----------
+    blocks : tuple of Block
+        The measurements.
+    unknowns : tuple of Unknown
+        The unknowns with their guesses.
+    robust : bool
+        Whether to use the pseudo-Huber loss.
+    """
+
+    blocks: tuple[Block, ...]
+    unknowns: tuple[Unknown, ...]
+    robust: bool = False
+
+    @property
+    def series(self) -> list[int]:
+        """Lengths of the series of residuals; priors are single values."""
+        return [*(length for block in self.blocks for length in block.series), *[1] * len(self._priors)]
+
+    @property
+    def times(self) -> Array:
+        """Times of the residuals."""
+        return np.concatenate([*(block.times for block in self.blocks), np.zeros(len(self._priors))])
+
+    @property
+    def rows(self) -> list[slice]:
+        """Residuals of each block among all."""
+        return [slice(*ends) for ends in pairwise([0, *np.cumsum(self._sizes).tolist()])]
+
+    @property
+    def masks(self) -> list[Mask]:
+        """Residuals of each record of each block among all."""
+        found = []
+        for block, rows in zip(self.blocks, self.rows, strict=True):
+            owners = np.full(sum(self.series), -1)
+            owners[rows] = block.owners
+            found += [owners == k for k in range(len(block.records))]
+        return found
+
+    @property
+    def scale(self) -> float:
+        """The geometric mean G of the standard deviations."""
+        return math.exp(float(np.dot(self._sizes, np.log([block.scale for block in self.blocks]))) / sum(self._sizes))
+
+    def root_mean_square(self, sizes: Sequence[float]) -> float:
+        """Return the root mean square of all residuals from that of each block."""
+        return math.sqrt(float(np.dot(self._sizes, np.square(sizes))) / sum(self._sizes))
+
+    def residuals(self, evaluations: Sequence[Evaluation], given: Mapping[str, cs.MX]) -> cs.MX:
+        """Return all residuals for unknowns by name."""
+        parts = [one.residuals(given) for one in evaluations]
+        parts += [(given[u.name] - u.prior[0]) / u.prior[1] for u in self._priors if u.prior]
+        return self.scale * cs.vertcat(*parts)
+
+    def fitted(self, evaluations: Sequence[Evaluation], *, first: bool) -> Fit:
+        """Return the estimates for the weights of the blocks; ``first`` checks that the data determine them.
+
+        Raises
+        ------
+        FitError
+            If the fit does not converge, or the data determine combinations of the unknowns only.
+        """
+        names = [unknown.name for unknown in self.unknowns]
+
+        def residuals(*values: cs.MX) -> cs.MX:
+            return self.residuals(evaluations, dict(zip(names, values, strict=True)))
+
+        scale, count = self.scale, sum(self._sizes)
+        if first:
+            negligible = scale * math.hypot(*(block.negligible for block in self.blocks))
+            check_determined(residuals, self.unknowns, negligible)
+        systematic = scale * self.root_mean_square([block.systematic for block in self.blocks])
+        accuracy = scale * self.root_mean_square([block.accuracy for block in self.blocks])
+        return least_squares(
+            residuals,
+            self.unknowns,
+            huber=HUBER * scale if self.robust else math.inf,
+            gauss_newton=True,
+            forward=True,
+            series=self.series,
+            times=self.times,
+            noise=math.hypot(accuracy, math.sqrt(count) * systematic),
+            systematic=systematic,
+            stated=scale * all(block.stated for block in self.blocks),
+            options=OPTIONS,
+            advice=ADVICE,
+        )
+
+    def at_last(self, evaluations: Sequence[Evaluation], fit: Fit) -> Fit:
+        """Return a fit with the Functions of other evaluations, such as those of another process."""
+
+        def residuals(*values: cs.MX) -> cs.MX:
+            return self.residuals(evaluations, dict(zip(fit.names, values, strict=True)))
+
+        return replace(fit, model=residual_function(residuals, Coordinates.of(fit.unknowns)))
+
+    @property
+    def _sizes(self) -> list[int]:
+        return [sum(block.series) for block in self.blocks]
+
+    @property
+    def _priors(self) -> list[Unknown]:
+        return [unknown for unknown in self.unknowns if unknown.prior]
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The solution of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        The problem, with the weights and the discretisation of the fit.
+    fit : Fit
+        The estimates.
+    shifts : ndarray
+        Shifts (b, n) of the estimates by the error of each block's discretisation, in standard errors; nan if unknown.
+    others : tuple of Fit
+        Other optima that fit as well within the 95 % level.
+    evaluations : tuple of Evaluation
+        The blocks as they were fitted.
+    """
+
+    problem: Problem
+    fit: Fit
+    shifts: Array
+    others: tuple[Fit, ...]
+    evaluations: tuple[Evaluation, ...]
+
+    @property
+    def parts(self) -> list[tuple[Block, Fitted]]:
+        """Each block, and what the fit says of it."""
+        own = zip(self.problem.blocks, self.problem.rows, self.shifts, self.evaluations, strict=True)
+        scale = self.problem.scale
+        return [(block, Fitted(self.fit, rows, scale, shifts, one)) for block, rows, shifts, one in own]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle without the Functions, which the receiving process derives again."""
+        plain = replace(self.fit, model=cs.Function())
+        return _restored, (
+            self.problem,
+            plain,
+            self.shifts,
+            tuple(replace(o, model=cs.Function()) for o in self.others),
+        )
+
+
+def _restored(problem: Problem, fit: Fit, shifts: Array, others: tuple[Fit, ...]) -> Solution:
+    evaluations = tuple(block.evaluation() for block in problem.blocks)
+    fits = [problem.at_last(evaluations, one) for one in (fit, *others)]
+    return Solution(problem, fits[0], shifts, tuple(fits[1:]), evaluations)
+
+
+def solve(problem: Problem, starts: Sequence[Mapping[str, float]] = ({},)) -> Solution:
+    """Estimate the unknowns of a problem.
+
+    Parameters
+    ----------
+    problem : Problem
+        Blocks and unknowns.
+    starts : sequence of mapping
+        Starting values of some unknowns, by name, instead of their guesses; the best optimum counts.
+
+    Raises
+    ------
+    FitError
+        If the fit does not converge, or the data determine combinations of the unknowns only.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # IPOPT steps back from a trial that cannot be computed
+        evaluations = tuple(block.evaluation() for block in problem.blocks)
+        try:
+            optima = _optima(problem, evaluations, starts)
+            problem, fit, others, evaluations = _reweighted(problem, optima, evaluations)
+            return _refined(problem, fit, others, evaluations)
+        except FitError as error:
+            reasons = [one.failure for one in evaluations if one.failure]
+            raise FitError("; ".join([str(error), *reasons[:1]]), error.stats) from None
+        finally:
+            for one in evaluations:
+                one.close()
+
+
+def _optima(problem: Problem, evaluations: Sequence[Evaluation], starts: Sequence[Mapping[str, float]]) -> list[Fit]:
+    """Return the best fit, and others that fit as well."""
+    fits: list[Fit] = []
+    failures: list[FitError] = []
+    for k, start in enumerate(starts):
+        try:
+            one = replace(problem, unknowns=tuple(started(problem.unknowns, start)))
+            fits.append(one.fitted(evaluations, first=k == 0))
+        except FitError as error:
+            failures.append(error)
+            if k == 0 and not error.stats:
+                break  # the data do not determine the unknowns, from wherever the fit starts
+    if not fits:
+        raise failures[0]
+    fits.sort(key=lambda fit: fit.residual_rms)
+    found = [fits[0]]
+    most = np.sum(fits[0].residuals ** 2) + np.nan_to_num(fits[0].quantile(LEVEL) ** 2 * fits[0].noise.variance)
+    for fit in fits[1:]:
+        if np.sum(fit.residuals**2) < most and all(_differ(fit, other) for other in found):
+            found.append(fit)
+    return found
+
+
+def _differ(fit: Fit, other: Fit) -> bool:
+    size = np.maximum(np.maximum(np.abs(fit.values), np.abs(other.values)), DIFFERENT * fit.scale)
+    return bool((np.abs(fit.values - other.values) > DIFFERENT * size).any())
+
+
+def _reweighted(
+    problem: Problem, optima: Sequence[Fit], evaluations: tuple[Evaluation, ...]
+) -> tuple[Problem, Fit, tuple[Fit, ...], tuple[Evaluation, ...]]:
+    """Return the problem with the weights that residuals give, and its estimates."""
+    fit, *others = optima
+    parts = [fit.residuals[rows] / problem.scale for rows in problem.rows]
+    better = [block.reweighted(part, robust=problem.robust) for block, part in zip(problem.blocks, parts, strict=True)]
+    if not any(better):
+        return problem, fit, tuple(others), evaluations
+    blocks = tuple(new or old for new, old in zip(better, problem.blocks, strict=True))
+    problem = replace(problem, blocks=blocks, unknowns=tuple(started(problem.unknowns, fit.estimates)))
+    evaluations = _continued(blocks, evaluations)
+    return problem, problem.fitted(evaluations, first=False), (), evaluations
+
+
+def _refined(problem: Problem, fit: Fit, others: tuple[Fit, ...], evaluations: tuple[Evaluation, ...]) -> Solution:
+    """Return the solution with blocks so fine that their errors shift no estimate by much."""
+    for _ in range(REFINEMENTS + 1):
+        shifts = np.zeros((len(problem.blocks), len(fit.names)))
+        pairs = zip(problem.blocks, problem.rows, evaluations, strict=True)
+        for own, (block, rows, evaluation) in zip(shifts, pairs, strict=True):
+            change = np.zeros(len(fit.residuals))
+            change[rows] = problem.scale * block.error(fit.estimates, fit.residuals[rows] / problem.scale, evaluation)
+            own[:] = fit.shifts(change)
+        largest = [
+            meaningful(own, fit, block.meaningful).max() for own, block in zip(shifts, problem.blocks, strict=True)
+        ]
+        finer = [
+            block.refined(float(shift)) if shift > ALLOWED else None
+            for block, shift in zip(problem.blocks, largest, strict=True)
+        ]
+        if not any(finer):
+            break
+        blocks = tuple(new or old for new, old in zip(finer, problem.blocks, strict=True))
+        problem = replace(problem, blocks=blocks, unknowns=tuple(started(problem.unknowns, fit.estimates)))
+        evaluations = _continued(blocks, evaluations)
+        fit, others = problem.fitted(evaluations, first=False), ()
+    return Solution(problem, fit, shifts, others, evaluations)
+
+
+def meaningful(shifts: Array, fit: Fit, least: float) -> Array:
+    """Return the sizes (n,) of shifts, in standard errors; 0 where below a part ``least`` of the estimate."""
+    sizes = np.abs(shifts)
+    return np.where(sizes * fit.errors <= least * np.abs(fit.values), 0.0, sizes)
+
+
+def _continued(blocks: Sequence[Block], evaluations: Sequence[Evaluation]) -> tuple[Evaluation, ...]:
+    """Return the evaluations of blocks that have become better or finer."""
+    return tuple(block.evaluation(before) for block, before in zip(blocks, evaluations, strict=True))

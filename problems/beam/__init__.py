@@ -1,0 +1,1 @@
+"""Fits of damping laws and properties of a beam to any mix of measurements (``fitting``)."""

@@ -1,0 +1,287 @@
+"""Measured response curves as a block of a fit, and the reduced model that is fitted to them.
+
+``residuals`` has the distance of the points to the curves, ``weights`` their standard deviations.  The beam is the
+reduced model in a few modes, each with several harmonics; a last evaluation with one mode and two harmonics more shows
+the effect of this truncation.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping
+from ancf_casadi.damping.law import SumOfLaws
+from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
+from ancf_casadi.estimation.solve import ALLOWED, meaningful
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.reduction import reduce_model
+from ancf_casadi.support.arrays import Array, Index, root_mean_square
+from ancf_casadi.support.tables import known
+from problems.beam.curves.balance import DrivenBalance
+from problems.beam.curves.driven import Driven, driven
+from problems.beam.curves.points import Measured, Motion
+from problems.beam.curves.record import ResponseRecord
+from problems.beam.curves.residuals import Responses
+from problems.beam.curves.weights import CurveWeights, first_weights
+from problems.beam.names import frequency_name
+from problems.beam.properties import Owners
+
+MODULUS = (
+    "elastic_modulus",
+    "bending_stiffness",
+)  # unknowns to which the strain energy of all elements is proportional
+REPEATED = 2  # refinements
+BEYOND = 5.0  # standard deviations of a level beyond which the level of a point has no motion
+LEVEL_ERROR = 0.01  # relative error of the levels whose effect the result states
+MEANINGFUL = 1e-4  # relative shift of an estimate that is worth more modes and harmonics
+UNDETERMINED = 1e-6  # accuracy of the computed points, in standard deviations
+WITHOUT_MODULUS = (FrictionDamping, ModalDamping, QuadraticDamping)  # laws whose forces do not contain the modulus
+
+
+@dataclass(frozen=True, eq=False)
+class CurveBlock(Block):
+    """Measured response curves of a beam in one configuration.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    numbered : tuple of (int, ResponseRecord)
+        The measurements, with their numbers, from 1, in the names of the factors on their levels.
+    law : DampingLaw
+        The damping law.
+    names : tuple of str
+        The unknowns of the fit.
+    first : mapping
+        First values of the unknown properties by name, SI units.
+    modes, harmonics : int
+        Numbers of modes and of harmonics of the motion.
+    weights : CurveWeights
+        The standard deviations.
+    refinements : int
+        Number of times that modes and harmonics were added.
+    """
+
+    model: Model
+    numbered: tuple[tuple[int, ResponseRecord], ...]
+    law: DampingLaw
+    names: tuple[str, ...]
+    first: Mapping[str, float]
+    modes: int
+    harmonics: int
+    weights: CurveWeights
+    refinements: int = 0
+
+    @property
+    def records(self) -> Sequence[ResponseRecord]:
+        """The measurements."""
+        return [record for _, record in self.numbered]
+
+    @property
+    def series(self) -> list[int]:
+        """Lengths of the series of residuals: amplitudes and, if they were measured, phases of each record."""
+        return list(self.weights.lengths)
+
+    @property
+    def owners(self) -> Index:
+        """Record of each residual."""
+        return np.repeat([record for record, _ in self.weights.owners], self.weights.lengths)
+
+    @property
+    def scale(self) -> float:
+        """Geometric mean of the factors on the standard deviations."""
+        return self.weights.scale
+
+    @property
+    def negligible(self) -> float:
+        """Norm of the error of the computation."""
+        return UNDETERMINED * math.sqrt(sum(self.series))
+
+    @property
+    def meaningful(self) -> float:
+        """Relative shift of an estimate that is worth more modes and harmonics."""
+        return MEANINGFUL
+
+    def evaluation(self, before: Evaluation | None = None) -> Responses:
+        """Return the residuals; the search for each motion starts from the last one."""
+        found = Responses(self)
+        return found.continued(before) if isinstance(before, Responses) else found
+
+    def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
+        """Return the block with the factors on the standard deviations that residuals show."""
+        if not self.weights.improvable:
+            return None
+        return replace(self, weights=self.weights.improved(residuals))
+
+    def error(self, values: Mapping[str, float], residuals: Array, evaluation: Any) -> Array:
+        """Return the error of residuals, from one mode and two harmonics more."""
+        return np.asarray(self.finer().evaluation(evaluation).at(values)[0] - residuals)
+
+    def refined(self, shift: float) -> Self | None:
+        """Return the block with one mode and two harmonics more, twice at most."""
+        return self.finer() if self.refinements < REPEATED else None
+
+    def finer(self) -> Self:
+        """Return the block with one mode and two harmonics more."""
+        most = self.model.size - self.model.free.start
+        return replace(
+            self, modes=min(self.modes + 1, most), harmonics=self.harmonics + 2, refinements=self.refinements + 1
+        )
+
+    def account(self, fitted: Fitted) -> Account:
+        """Return errors of the amplitudes, the effects of truncation and levels, and points without a stable motion."""
+        values, worst = fitted.values, meaningful(fitted.shifts, fitted.fit, MEANINGFUL)
+        motions = fitted.evaluation.motions(values)
+        errors = [
+            root_mean_square(np.array([one.values[0] for one in own]) / record.amplitudes - 1)
+            for record, own in zip(self.records, motions, strict=True)
+        ]
+        lines = [
+            f"{record.label}: {record.f.size} points, {record.f.min():.5g} to {record.f.max():.5g} Hz, "
+            f"root mean square error of the amplitude {100 * error:.2g} %"
+            for record, error in zip(self.records, errors, strict=True)
+        ]
+        lines.append(
+            f"{self.modes} modes with {self.harmonics} harmonics; one mode and two harmonics more shift no "
+            f"estimate by more than {np.abs(fitted.shifts).max():.2g} standard errors"
+        )
+        notes = []
+        if worst.max() > ALLOWED:
+            notes.append(
+                f"one mode and two harmonics more shift {fitted.fit.names[int(worst.argmax())]} by {worst.max():.2g} "
+                "standard errors; give more (modes, harmonics)"
+            )
+        by_levels = self._level_shifts(fitted)
+        notes += [*self._of_levels(by_levels, fitted.fit.names), *self._of_branches(values, motions)]
+        data = {
+            "kind": "response",
+            "records": [
+                {"record": record.label, "points": record.f.size, "relative_error": error}
+                for record, error in zip(self.records, errors, strict=True)
+            ],
+            "modes": self.modes,
+            "harmonics": self.harmonics,
+            "truncation_shifts": [known(shift) for shift in fitted.shifts.tolist()],
+            "level_shifts": [known(shift) for shift in by_levels.tolist()],
+        }
+        return Account(lines, notes, data)
+
+    def _level_shifts(self, fitted: Fitted) -> Array:
+        """Return the shift of each estimate if all levels are larger by ``LEVEL_ERROR``, in standard errors."""
+        common = replace(self, names=(*(n for n in self.names if not n.startswith("excitation")), "excitation"))
+        derivatives = common.evaluation(fitted.evaluation).at({**fitted.values, "excitation": 1.0})[1][:, -1]
+        change = np.zeros(len(fitted.fit.residuals))
+        change[fitted.rows] = fitted.scale * LEVEL_ERROR * derivatives
+        return fitted.fit.shifts(change)
+
+    def _of_levels(self, shifts: Array, names: Sequence[str]) -> list[str]:
+        """Return the warning about the effect of an error of the levels, if they count as exact."""
+        worst = int(np.nanargmax(np.abs(shifts)))
+        if any(map(self.excitation, (number for number, _ in self.numbered))) or not abs(shifts[worst]) > 1.0:
+            return []
+        return [
+            f"the levels of the excitation count as exact: if all of them are 1 % too small, {names[worst]} shifts by "
+            f"{shifts[worst]:+.2g} standard errors; if they are not that certain, add 'excitation' to the unknowns and "
+            "give it a prior"
+        ]
+
+    def _of_branches(self, values: Mapping[str, float], found: Sequence[Sequence[Motion]]) -> list[str]:
+        """Return warnings about points without a stable motion at their level."""
+        notes = []
+        for record, motions, points in zip(self.records, found, self.measured(values), strict=True):
+            if record.control == "response":
+                continue
+            away = [abs(p.distance(m.values)[2]) > BEYOND for m, p in zip(motions, points, strict=True)]
+            between = [m.slopes[2] < 0.0 and not far for m, far in zip(motions, away, strict=True)]
+            if any(away):
+                notes.append(
+                    f"{record.label}: {sum(away)} of {len(away)} points lie beyond a jump of the fitted curve, the "
+                    f"first at {record.f[away.index(True)]:.5g} Hz; the law, or the level, does not hold there"
+                )
+            if any(between):
+                notes.append(
+                    f"{record.label}: {sum(between)} of {len(between)} points lie between the jumps of the fitted "
+                    f"curve, the first at {record.f[between.index(True)]:.5g} Hz, where no motion is stable if the "
+                    "level is controlled; if the response was controlled, give control='response'"
+                )
+        return notes
+
+    def excitation(self, number: int) -> str | None:
+        """Return the name of the factor on the levels of a record; None if it is known."""
+        return next((name for name in (f"excitation_{number}", "excitation") if name in self.names), None)
+
+    def measured(self, values: Mapping[str, float]) -> list[list[Measured]]:
+        """Return the points of each record, with the levels that belong to values of the unknowns by name."""
+        found = []
+        for k, (number, record) in enumerate(self.numbered):
+            factor = values.get(self.excitation(number) or "", 1.0)
+            phases = np.full(record.f.size, math.nan) if record.measured_phases is None else record.measured_phases
+            rows = np.array([record.amplitudes, phases, factor * record.a]).T
+            pairs = zip(record.f, rows, self.weights.deviations(k).T, strict=True)
+            found.append([Measured(2 * math.pi * f, row, own) for f, row, own in pairs])
+        return found
+
+    def balances(self, values: Mapping[str, float]) -> list[DrivenBalance]:
+        """Return the driven beam of each record, for values of the unknowns by name."""
+        factors = [values.get(name, one) / one if name in self.of_model else 1.0 for name, one in self.first.items()]
+        model = self._owners.changed(self.model, np.array(factors))
+        reduced = reduce_model(model, modes=self.modes, damping=self.law)
+        kinds: dict[Any, Driven] = {}  # records that differ in size alone share their Functions
+        found = []
+        for record in self.records:
+            kind = record.sensor, record.load, record.base and record.base.direction
+            kinds[kind] = kinds.get(kind) or driven(reduced, record)
+            size = record.base.amplitude if record.base else kinds[kind].drive.amplitude
+            found.append(DrivenBalance(kinds[kind], self.harmonics, size))
+        return found
+
+    @cached_property
+    def _owners(self) -> Owners:
+        return Owners.of(self.model.beam, tuple(self.first))
+
+    @property
+    def of_model(self) -> tuple[str, ...]:
+        """The properties in the constants of the reduced model; the modulus only if the damping contains it."""
+        terms = self.law.laws if isinstance(self.law, SumOfLaws) else (self.law,)
+        free = all(isinstance(term, WITHOUT_MODULUS) for term in terms)
+        return tuple(name for name in self.first if not (free and name in MODULUS))
+
+    def shared(self, values: Mapping[str, float]) -> Array:
+        """Return the unknowns s of the equation of motion (``driven``), for values by name."""
+        law = [values.get(own.name, own.value) for own in self.law.parameters]
+        modulus = [values[name] / self.first[name] for name in MODULUS if name in self.first and name in values]
+        modulus = modulus if not set(MODULUS) & set(self.of_model) else []
+        return np.array([*law, *(values.get(frequency_name(k), 1.0) for k in range(self.modes)), *(modulus or [1.0])])
+
+    def shared_columns(self) -> list[tuple[int, int, float]]:
+        """Return the column in s and the place of each unknown that is in s, and the derivative of s by it."""
+        own = [parameter.name for parameter in self.law.parameters]
+        known = [*own, *(frequency_name(k) for k in range(self.modes))]
+        found = []
+        for place, name in enumerate(self.names):
+            if name in known:
+                found.append((known.index(name), place, 1.0))
+            elif name in MODULUS and name not in self.of_model:
+                found.append((len(known), place, 1 / self.first[name]))
+        return found
+
+
+def curve_block(
+    model: Model,
+    numbered: Sequence[tuple[int, ResponseRecord]],
+    law: DampingLaw,
+    names: Sequence[str],
+    first: Mapping[str, float],
+    *,
+    modes: int,
+    harmonics: int,
+) -> CurveBlock:
+    """Return response curves as a block with first weights."""
+    weights = first_weights([record for _, record in numbered])
+    return CurveBlock(model, tuple(numbered), law, tuple(names), first, modes, harmonics, weights)

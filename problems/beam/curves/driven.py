@@ -1,0 +1,150 @@
+"""The reduced beam under a harmonic excitation, and a sensor on it, as a system of second order.
+
+The equation of motion of the modal coordinates q (``ancf_casadi.reduction``) is
+
+    0 = R = M(q) a + h(q, v, u, p) + diag((c_k^2 - 1) w_k^2) q + (E - 1) dU/dq - Q_tip(q, l sin tau),
+
+with the phase tau = omega t and the size l of the excitation: the amplitude of the base motion u = l d sin tau along d,
+m, or the multiple of a tip load.  The unknowns s are the parameters p of the damping law, the factors c on the natural
+frequencies, and the factor E on the elastic modulus, to which the strain energy U is proportional.  The linear
+stiffness that is added to mode k makes its angular frequency at rest c_k w_k exactly.  A model whose frequencies differ
+from the measured ones by more than a fraction of the damping ratio has another response altogether, so that the factors
+belong to every fit of a damping law.
+
+The sensor reads an expression of the nodal coordinates that belong to q (``derivatives.reading``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.damping import Parameter
+from ancf_casadi.dynamics.derivatives.reading import SampledMotion
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.tip_load import LOAD
+from ancf_casadi.reduction import ReducedModel
+from ancf_casadi.response.systems.beams import reduced_system
+from ancf_casadi.response.systems.drive import Drive, beam_drive
+from ancf_casadi.response.systems.system import Derived, SampledFunctions, SecondOrderSystem
+from problems.beam.curves.record import ResponseRecord
+
+GRAVITY = 2  # first parameters of the reduced model, which do not vary
+INPUTS = ("q", "v", "a", "tau", "omega", "size", "s")
+VARIED = ("q", "v", "a", "size", "s")  # inputs by which the reading has Jacobians
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """A reduced beam under the excitation of a record.
+
+    Parameters
+    ----------
+    system : SecondOrderSystem
+        The beam; its parameters are the unknowns s.
+    drive : Drive
+        The excitation.
+    reading : Function
+        (q, v, a, tau, omega, size, s) at one instant -> the reading of the sensor, and its Jacobians by q, v, a, size
+        and s; size is the amplitude of the excitation.
+    """
+
+    system: SecondOrderSystem
+    drive: Drive
+    reading: cs.Function
+
+    @property
+    def modes(self) -> int:
+        """Number of modes n."""
+        return self.system.size
+
+    @property
+    def shared(self) -> int:
+        """Number of unknowns s."""
+        return len(self.system.parameters)
+
+
+def driven(reduced: ReducedModel, record: ResponseRecord) -> Driven:
+    """Return a reduced beam under the kind of excitation of a record, with its sensor.
+
+    Parameters
+    ----------
+    reduced : ReducedModel
+        The beam and the damping law.
+    record : ResponseRecord
+        The excitation and the sensor.
+
+    Raises
+    ------
+    InputError
+        If the sensor is not on the beam.
+    """
+    drive = beam_drive(record.base, record.load)
+    return Driven(_tuned(reduced), drive, _reading(reduced, record, drive))
+
+
+def _tuned(reduced: ReducedModel) -> SecondOrderSystem:
+    """Return the reduced beam with the unknowns s as its parameters."""
+    plain, n = reduced_system(reduced), reduced.count
+    factors = [Parameter(f"frequency_{k + 1}", 1.0, "1", f"factor on the frequency of mode {k + 1}") for k in range(n)]
+    modulus = Parameter("elastic_modulus", 1.0, "1", "factor on the elastic modulus")
+    return SecondOrderSystem(
+        functions=Derived(_tuned_functions, reduced),
+        entries=plain.entries,
+        parameters=(*plain.parameters[GRAVITY:], *factors, modulus),
+        excitation=plain.excitation,
+        rest=np.zeros(n),
+        scale=plain.scale,
+        mirror=plain.mirror,
+    )
+
+
+def _tuned_functions(samples: int, reduced: ReducedModel) -> SampledFunctions:
+    plain, n, laws = reduced_system(reduced), reduced.count, len(reduced.law.parameters)
+    rest, bending = cs.DM(reduced.projection.rest_force), cs.DM(reduced.projection.bending_stiffness)
+    squares = cs.DM(reduced.modes.angular_frequencies**2)
+    given = plain.functions(samples)
+    q, v, a, u, p = (given.balance.mx_in(name) for name in ("q", "v", "a", "u", "p"))
+    s = cs.MX.sym("s", laws + n + 1)
+    p = cs.vertcat(cs.DM(reduced.values[:GRAVITY]), s[:laws])
+    added = cs.diag((s[laws:-1] ** 2 - 1) * squares)
+    R = given.balance(q, v, a, u, p) + added @ q
+    R += (s[-1] - 1) * (cs.repmat(rest, 1, samples) + bending @ q)
+    directions = [given.tangents.mx_in(name) for name in ("u_1", "u_2")]
+    K, *others = given.tangents(q, v, a, u, p, *directions)
+    K += cs.repmat(cs.vec(cs.densify(added + (s[-1] - 1) * bending)), 1, samples)
+    symbols, names = [q, v, a, u, s], ["q", "v", "a", "u", "p"]
+    balance = cs.Function("balance", symbols, [R], names, ["R"])
+    return SampledFunctions(
+        balance,
+        cs.Function("tangents", [*symbols, *directions], [K, *others], [*names, "u_1", "u_2"],
+                    ["K", "D", "M", "R_1", "R_2"]),
+        cs.Function("powers", symbols, [*given.powers(q, v, a, u, p)], names, ["lost", "supplied"]),
+        balance,
+    )  # fmt: skip
+
+
+def _reading(reduced: ReducedModel, record: ResponseRecord, drive: Drive) -> cs.Function:
+    """Return the reading of the sensor with its Jacobians, as in ``Driven``."""
+    n, laws = reduced.count, len(reduced.law.parameters)
+    sizes = dict(zip(INPUTS, (n, n, n, 1, 1, 1, laws + n + 1), strict=True))
+    q, v, a, tau, omega, size, s = symbols = [cs.SX.sym(name, count) for name, count in sizes.items()]
+    u = drive.expression(tau, omega, size)
+    y = _sensor(reduced, record)(q, v, a, u[:-LOAD], u[-LOAD:], s[:laws])
+    jacobians = [cs.densify(cs.jacobian(y, symbols[INPUTS.index(name)])) for name in VARIED]
+    names = ["value", *(f"by_{name}" for name in VARIED)]
+    return cs.Function("reading", symbols, cs.cse([cs.densify(y), *jacobians]), [*INPUTS], names)
+
+
+def _sensor(reduced: ReducedModel, record: ResponseRecord) -> cs.Function:
+    """Return the reading of the sensor as a Function (q, v, a, base, load, parameters of the law)."""
+    n, equations = reduced.count, Equations(reduced.model, reduced.law)
+    q, v, a = (cs.MX.sym(name, n) for name in "qva")
+    base, load, law = cs.MX.sym("base", 9), cs.MX.sym("load", LOAD), cs.MX.sym("law", len(reduced.law.parameters))
+    e, e_t = reduced.coordinates(q, v, base)
+    rates = (q, v), (v, a), (base, cs.vertcat(base[3:], cs.MX.zeros(3)))
+    e_tt = sum((cs.jtimes(e_t, x, x_t) for x, x_t in rates), cs.MX.zeros(e.numel()))
+    y = SampledMotion(equations, e, e_t, e_tt, load, equations.given(law=law)).read(record.sensor)
+    return cs.Function("sensor", [q, v, a, base, load, law], [y]).expand()

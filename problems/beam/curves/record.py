@@ -1,0 +1,242 @@
+"""Measured steady-state vibration: amplitude and phase of a sensor against the frequency of the excitation.
+
+With the excitation level a sin(2 pi f t), a multiple a of a base motion or of a tip load, the fundamental of the
+reading of a sensor is
+
+    Y sin(2 pi f t + phi) = Im(Y exp(i phi) exp(2 pi i f t)),
+
+with the amplitude Y and the phase phi by which the reading leads the base displacement, or the load.  A spectrum
+analyser, a lock-in amplifier or a least-squares sine measures both; Y alone is enough.
+
+A point of a response curve is the triple (a, Y, phi) at a frequency.  In a test with controlled excitation a is known
+well and Y is measured, in one with controlled response it is the other way round.  Both are errors in the same three
+numbers, so that standard deviations alone tell the tests apart:
+
+    of Y      ``ERROR`` of Y, and ``FLOOR`` of the largest Y of the record
+    of phi    ``ERROR``, and the same floor over Y
+    of a      ``ERROR`` of a
+
+and a tenth of ``ERROR`` for the controlled number, a or Y, without a floor.  These defaults are proportions: the
+scatter of the residuals sets the size of those that are measured (``weights``).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from types import NoneType
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ancf_casadi.dynamics.base_motion import HarmonicBase
+from ancf_casadi.dynamics.tip_load import HarmonicLoad
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.records.sensor import Sensor
+from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.inputs import array, check_instance, choice, complex_array
+from ancf_casadi.support.tables import Displayed, counted, spread
+
+TIP = Sensor("displacement")
+
+Sweep = Literal["up", "down"]
+Control = Literal["excitation", "response"]
+
+ERROR = 0.01  # default standard deviation, relative; in rad for a phase
+FLOOR = 1e-3  # default standard deviation of an amplitude, relative to the largest of the record
+CONTROLLED = 0.1  # default standard deviation of what is controlled, relative to that of what is measured
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseRecord(Displayed):
+    """Steady-state readings of one sensor at several frequencies of a harmonic excitation.
+
+    Parameters
+    ----------
+    frequencies : array_like (m,)
+        Frequencies of the excitation, Hz, in the order of the measurement.
+    values : array_like (m,)
+        Amplitudes of the fundamental of the reading, in the unit of the sensor; or complex amplitudes Y exp(i phi).
+    phases : array_like (m,), optional
+        Phases phi by which the reading leads the displacement of the base, or the load, rad; for real ``values``.  Add
+        pi to a phase relative to the acceleration of the base.
+    sensor : Sensor
+        The sensor; the horizontal displacement of the tip, in the laboratory and not relative to the base, if not
+        given.
+    base : HarmonicBase, optional
+        The base motion at level 1: its amplitude and direction.  Its frequency and ramp have no effect.
+    load : HarmonicLoad, optional
+        The tip load at level 1, instead of a base motion.
+    levels : array_like (m,), optional
+        Level of the excitation at each point, a multiple of ``base`` or ``load``; 1 if not given.
+    sweep : {"up", "down"}, optional
+        Direction of the sweep; None for points that were approached in other ways.
+    control : {"excitation", "response"}
+        Quantity that was held: the level, or the amplitude of the reading.
+    amplitude_std, phase_std, level_std : array_like, optional
+        Standard deviations of the amplitudes (unit of the sensor), phases (rad) and levels, of one point or of each;
+        if not given, about 1 %, and 0.1 % for the controlled quantity, and the fit finds the size of those measured.
+    name : str
+        Name in reports.
+    model : Model, optional
+        The beam in the configuration of the test; that of the fit if not given.
+
+    Raises
+    ------
+    InputError
+        If sizes do not match, a frequency, amplitude, level or standard deviation is not positive and finite, the
+        order contradicts the sweep, or there is not one excitation.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import HarmonicBase, Sensor
+    >>> from problems import ResponseRecord
+    >>> base = HarmonicBase(amplitude=1e-3, frequency=1.9)
+    >>> record = ResponseRecord([1.80, 1.85, 1.90], [0.011, 0.052, 0.014], [-0.2, -1.4, -2.9], base=base, sweep="up")
+    >>> record.complex_values.round(3)
+    array([ 0.011-0.002j,  0.009-0.051j, -0.014-0.003j])
+    """
+
+    frequencies: ArrayLike
+    values: ArrayLike
+    phases: ArrayLike | None = None
+    sensor: Sensor = TIP
+    base: HarmonicBase | None = None
+    load: HarmonicLoad | None = None
+    levels: ArrayLike | None = None
+    sweep: Sweep | None = None
+    control: Control = "excitation"
+    amplitude_std: ArrayLike | None = None
+    phase_std: ArrayLike | None = None
+    level_std: ArrayLike | None = None
+    name: str = ""
+    model: Model | None = None
+
+    def __post_init__(self) -> None:
+        """Validate, and keep arrays; complex values become amplitudes and phases."""
+        check_instance(self.sensor, "sensor", Sensor)
+        check_instance(self.base, "base", HarmonicBase, NoneType)
+        check_instance(self.load, "load", HarmonicLoad, NoneType)
+        check_instance(self.name, "name", str)
+        check_instance(self.model, "model", Model, NoneType)
+        if (self.base is None) == (self.load is None):
+            raise InputError("give the base motion (base) or the tip load (load) that excites the beam", "base")
+        if (self.base is not None and self.base.stop != math.inf) or (
+            self.load is not None and self.load.stop != math.inf
+        ):
+            raise InputError("must not stop: the response is steady", "base" if self.base else "load")
+        choice(self.control, get_args(Control), "control")
+        if self.sweep is not None:
+            choice(self.sweep, get_args(Sweep), "sweep")
+        self._keep_points()
+        self._check_order()
+
+    def _keep_points(self) -> None:
+        """Keep frequencies, amplitudes, phases, levels and standard deviations as arrays."""
+        frequencies = _positive(self.frequencies, "frequencies")
+        if frequencies.ndim != 1 or not frequencies.size:
+            raise InputError("must be a sequence of frequencies", "frequencies")
+        values, phases, measured = self.values, self.phases, complex_array(self.values, "values")
+        if np.iscomplexobj(values):
+            if phases is not None:
+                raise InputError("belong to real values; complex values have their own", "phases")
+            values, phases = np.abs(measured), np.angle(measured)
+        kept = {"frequencies": frequencies, "values": _positive(values, "values")}
+        if phases is not None:
+            kept["phases"] = array(phases, "phases")
+        kept["levels"] = _positive(np.ones(frequencies.size) if self.levels is None else self.levels, "levels")
+        for name, value in kept.items():
+            if value.shape != frequencies.shape:
+                raise InputError(f"must be {frequencies.size} numbers, one per frequency, got {value.shape}", name)
+            object.__setattr__(self, name, value)
+        for name in ("amplitude_std", "phase_std", "level_std"):
+            given = getattr(self, name)
+            if given is not None:
+                object.__setattr__(self, name, _each(_positive(given, name), frequencies.size, name))
+
+    def _check_order(self) -> None:
+        """Check that the frequencies run in the direction of the sweep."""
+        steps = np.diff(self.f)
+        if self.sweep and not (steps > 0.0 if self.sweep == "up" else steps < 0.0).all():
+            direction = "increase" if self.sweep == "up" else "decrease"
+            raise InputError(
+                f"must {direction} in a sweep {self.sweep}, in the order of the measurement", "frequencies"
+            )
+
+    @property
+    def f(self) -> Array:
+        """Frequencies, Hz, (m,)."""
+        return np.asarray(self.frequencies)
+
+    @property
+    def amplitudes(self) -> Array:
+        """Amplitudes Y of the reading, in the unit of the sensor, (m,)."""
+        return np.asarray(self.values)
+
+    @property
+    def measured_phases(self) -> Array | None:
+        """Phases phi, rad, (m,); None if they were not measured."""
+        return None if self.phases is None else np.asarray(self.phases)
+
+    @property
+    def complex_values(self) -> ComplexArray:
+        """Complex amplitudes Y exp(i phi), (m,); with the phase 0 where none was measured."""
+        return np.asarray(self.amplitudes * np.exp(1j * (0.0 if self.phases is None else np.asarray(self.phases))))
+
+    @property
+    def a(self) -> Array:
+        """Levels a of the excitation, (m,)."""
+        return np.asarray(self.levels)
+
+    @property
+    def label(self) -> str:
+        """Name of the record; sensor, level and sweep if it has none."""
+        if self.name:
+            return self.name
+        size = f"{1e3 * self.base.amplitude * np.median(self.a):.3g} mm" if self.base else _size(self.load, self.a)
+        return ", ".join([f"{self.sensor.quantity} {self.sensor.label}", size, *([self.sweep] if self.sweep else [])])
+
+    @cached_property
+    def deviations(self) -> Array:
+        """Standard deviations of amplitudes, phases and levels, given or proportional, (3, m)."""
+        held = CONTROLLED * ERROR
+        floor = FLOOR * self.amplitudes.max()
+        amplitude = np.hypot(ERROR * self.amplitudes, floor) if self.control == "excitation" else held * self.amplitudes
+        level = (held if self.control == "excitation" else ERROR) * self.a
+        phase = np.hypot(ERROR, floor / self.amplitudes)
+        given = self.amplitude_std, self.phase_std, self.level_std
+        return np.array([
+            usual if own is None else np.asarray(own)
+            for own, usual in zip(given, (amplitude, phase, level), strict=True)
+        ])  # fmt: skip
+
+    def _summary(self) -> str:
+        name = f"{self.name!r}, " if self.name else ""
+        points, range_ = counted(np.size(self.frequencies), "point"), spread(self.frequencies, "Hz")
+        return f"{name}{points}, {range_}, {self.sensor.quantity}"
+
+
+def _positive(values: ArrayLike, where: str) -> Array:
+    found = array(values, where)
+    if not (found > 0.0).all():
+        raise InputError("must be positive", where)
+    return found
+
+
+def _each(values: Array, count: int, where: str) -> Array:
+    """Return one value for each point."""
+    if values.shape not in ((), (count,)):
+        raise InputError(f"must be one number, or {count}, one per frequency, got {values.shape}", where)
+    return np.broadcast_to(values, (count,)).copy()
+
+
+def _size(load: HarmonicLoad | None, levels: Array) -> str:
+    """Return the size of a tip load as text."""
+    if load is None:
+        return ""
+    force = math.hypot(*load.force)
+    return f"{force * np.median(levels):.3g} N" if force else f"{load.moment * np.median(levels):.3g} N m"

@@ -1,0 +1,292 @@
+"""Damping laws and properties of a beam from any mix of measurements.
+
+    fit = fit_beam(model, [decay, sag, frequencies, curve], law, unknowns=["elastic_modulus", "tip_mass"])
+    print(fit.report())
+
+Each kind of record is a block of residuals (``ancf_casadi.estimation.block``), with the physics that explains it:
+
+    motions          large motion of the nonlinear beam, integrated with exact derivatives (``motions``)
+    response curves  steady vibration of the reduced beam by harmonic balance (``curves``)
+    static tests, natural frequencies    equilibria and modes with exact derivatives (``values``)
+
+All blocks share the unknowns (``unknowns``), and one loop fits them (``ancf_casadi.estimation.solve``).  Records of
+several configurations of one beam, such as with and without an added mass, hold the model of their configuration.
+
+Two optima may fit static tests and frequencies equally well, most of all where a tip mass and a soft clamp compete: a
+cantilever with the tip mass m has exactly the frequencies of one with the clamp stiffness k if m/mu = E I/k, because
+both have the equation
+
+    1 + cos b cosh b = a b (sin b cosh b - cos b sinh b),    a = m/(mu L) or E I/(k L),    b^4 = mu omega^2 L^4/(E I).
+
+A fit of either to such values therefore has several starts, and its intervals cover all optima that fit.
+
+For large motion, this replaces the fit of the closed form (27), which has no inertia along the beam, no higher modes,
+and no effect of the deflected shape on the drag.
+
+References
+----------
+"Comparison of external damping models in a large deformation problem", Sections 3 and 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from itertools import product
+from types import NoneType
+from typing import Any
+
+from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping.law import SumOfLaws
+from ancf_casadi.estimation.block import Block
+from ancf_casadi.estimation.solve import Problem, solve
+from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.inputs import check_instance, flag, instances, is_sequence, positive, shown, whole
+from ancf_casadi.vibration.modes import natural_modes
+from problems.beam.curves.block import curve_block
+from problems.beam.curves.record import ResponseRecord
+from problems.beam.motions.block import motion_block
+from problems.beam.motions.marker_record import MarkerRecord, motion_record
+from problems.beam.motions.record import MotionRecord
+from problems.beam.properties import CLAMP, Owners, first_values, is_property, with_clamp
+from problems.beam.result import BeamFit
+from problems.beam.unknowns import (
+    BASE,
+    FREQUENCIES,
+    GROUPS,
+    LOADS,
+    Bounds,
+    mode_of,
+    of_curves,
+    of_law,
+    of_motions,
+    of_properties,
+    restricted,
+)
+from problems.beam.values.block import ValueBlock
+from problems.beam.values.records import FrequencyRecord, PropertyRecord, StaticRecord
+
+MODES_ABOVE = 2  # modes of the reduced model above the highest that a response curve is about
+MOST_MODES = 12  # modes among which those of the response curves are sought
+OTHER_START = 0.02  # second start of a tip mass, and of the compliance of a clamp, relative to the first
+
+Record = Measurement | MotionRecord | MarkerRecord | ResponseRecord | StaticRecord | FrequencyRecord
+
+
+def fit_beam(
+    model: Model,
+    records: Record | Sequence[Record],
+    damping: DampingLaw | None = None,
+    *,
+    unknowns: Sequence[str] | None = None,
+    fixed: Sequence[str] = (),
+    bounds: Bounds | None = None,
+    priors: Bounds | None = None,
+    robust: bool = False,
+    tolerance: float | None = None,
+    modes: int | None = None,
+    harmonics: int = 5,
+) -> BeamFit:
+    """Estimate a damping law, and properties of a beam, from any mix of measurements.
+
+    Parameters
+    ----------
+    model : Model
+        The beam; its properties are the guesses of those to be estimated.
+    records : record, or sequence of records
+        The measurements.  Motions: MotionRecord, MarkerRecord, or a Measurement, which is released from rest on a fixed
+        base at time 0.  Steady vibration: ResponseRecord.  Beams at rest and small vibration: StaticRecord and
+        FrequencyRecord, which hold the model of their configuration; in a mix they need standard deviations.
+    damping : DampingLaw, optional
+        The law; its parameters (``damping.parameters``) are the guesses.  None if there is no damping.
+    unknowns : sequence of str, optional
+        What else to estimate: properties, each by a factor common to all elements, or to those in brackets, as
+        ``thickness[1:5]``: ``width``, ``thickness``, ``density``, ``elastic_modulus``, ``tip_mass``,
+        ``clamp_stiffness``, ``bending_stiffness`` (E I, by the modulus), ``mass_per_length`` (by the density);
+        ``natural_frequencies``; ``excitation`` (common) or ``excitations`` (one for each response curve);
+        ``base_amplitude``; ``start_force_x``, ``start_force_y``, ``start_moment`` and their ``_rate``.  If not given,
+        natural frequencies for response curves alone, the elastic modulus for these together with others.  A rigid
+        clamp gets a stiffness of 10 E I/L as its first value.
+    fixed : sequence of str
+        Parameters of the law to keep at their guesses.
+    bounds : mapping, optional
+        Bounds (lower, upper) by name of the unknown, SI units.  By default parameters of the law are at least 0 (and
+        ratios at most 1); properties from a tenth to ten times the first value, a tip mass from 0 to a hundred times,
+        a clamp from 0.01 to 1e5 E I/L; natural frequencies within 10 %; excitations from 0.5 to 1.5; loads unbounded.
+    priors : mapping, optional
+        Mean and standard deviation of an unknown by name before the fit, SI units: ``{"excitation": (1, 0.01)}``.
+    robust : bool
+        Whether to use the pseudo-Huber loss, which limits the influence of outliers.
+    tolerance : float, optional
+        Tolerance of the integration of motions.  If not given, the fit selects one whose error shifts no estimate by
+        more than a tenth of its standard error.
+    modes, harmonics : int
+        Numbers of modes and of harmonics of the first fit of response curves; if not given, two modes more than the
+        highest that the records are about.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, a point is not on the beam, nothing is to be estimated, a guess is not within its bounds,
+        the models of the records are not of the same beam, a record whose load is to be estimated does not start from
+        an equilibrium, or values have no standard deviations to be weighed by.
+    EquilibriumError
+        If a beam has no stable equilibrium.
+    FitError
+        If the fit does not converge, or the records determine combinations of the unknowns only, which the message
+        names.
+
+    Examples
+    --------
+    Recover a damping coefficient from a motion of the tip; ``simulate`` stands in for the measurement here:
+
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, simulate
+    >>> from problems import FrequencyRecord, MarkerRecord, fit_beam
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> model, base = Model(beam), HarmonicBase(amplitude=5e-3, frequency=1.9)
+    >>> true, guess = RayleighDamping(alpha=0.5), RayleighDamping(alpha=0.2)
+    >>> run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0)
+    >>> motion = MarkerRecord(run.time, run.tip, base=base)
+    >>> fit = fit_beam(model, motion, guess)
+    >>> print(f"{fit.estimates['alpha']:.3f} {fit.units['alpha']}")
+    0.500 1/s
+
+    The elastic modulus from natural frequencies:
+
+    >>> record = FrequencyRecord(model, [1.90, 10.8, 30.1], std=[0.01, 0.05, 0.15])
+    >>> fit = fit_beam(model, record, unknowns=["elastic_modulus"])
+    >>> value, error = fit.estimates["elastic_modulus"], fit.standard_errors["elastic_modulus"]
+    >>> print(f"{value / 1e9:.0f} +- {error / 1e9:.0f} GPa")
+    219 +- 1 GPa
+    """
+    check_instance(model, "model", Model)
+    check_instance(damping, "damping", DampingLaw, NoneType)
+    motions, curves, values = _sorted(records)
+    for name, given in (("bounds", bounds), ("priors", priors)):
+        check_instance(given, name, Mapping, NoneType)
+    robust = flag(robust, "robust")
+    tolerance = None if tolerance is None else positive(tolerance, "tolerance")
+    law = damping or SumOfLaws(())
+    wanted = _wanted(unknowns, motions, curves, values)
+    models = _models(model, (*motions, *curves, *values), clamp=CLAMP in wanted)
+    first = first_values(list(models.values()), [name for name in wanted if is_property(name)])
+    for one in models.values():
+        Owners.of(one.beam, tuple(first))  # check
+    frequencies = _frequencies(model) if curves else None
+    listed = [
+        *of_law(damping, fixed),
+        *of_properties(first, list(models.values())),
+        *(of_curves(wanted, frequencies, curves) if frequencies is not None else []),
+        *of_motions(wanted, model, motions),
+    ]
+    if not listed:
+        raise InputError("nothing is to be estimated; name properties, or free a parameter of the law", "unknowns")
+    own = tuple(restricted(listed, bounds or {}, priors or {}))
+    shared = _known_to_curves(own, law, first)
+    blocks: list[Block] = []
+    for one, numbered in _configured(motions, model, models):
+        load = tuple(name.removeprefix("start_") for name in LOADS if name in wanted)
+        blocks.append(motion_block(one, numbered, law, first, load=load, tolerance=tolerance, robust=robust))
+    for one, numbered in _configured(curves, model, models):
+        number, most = whole(harmonics, "harmonics", 1), one.size - one.free.start
+        enough = max(mode_of(record, frequencies) for record in curves) + 1 + MODES_ABOVE
+        count = min(enough, most) if modes is None else whole(modes, "modes", 1, most)
+        blocks.append(curve_block(one, numbered, law, shared, first, modes=count, harmonics=number))
+    blocks += [ValueBlock(record.with_model(models[id(record.model)]), first) for record in values]
+    solution = solve(Problem(tuple(blocks), own, robust), _starts(own, only_values=not motions and not curves))
+    again = partial(_again, model, damping, {
+        "unknowns": unknowns, "fixed": fixed, "bounds": bounds, "priors": priors, "robust": robust,
+        "tolerance": tolerance, "modes": modes, "harmonics": harmonics,
+    })  # fmt: skip
+    return BeamFit(solution.fit, given=models[id(model)], guess=law, first=first, solution=solution, again=again)
+
+
+def _again(model: Model, damping: DampingLaw | None, settings: Mapping[str, Any], records: Any) -> BeamFit:
+    return fit_beam(model, records, damping, **settings)
+
+
+def _sorted(
+    records: Any,
+) -> tuple[tuple[MotionRecord, ...], tuple[ResponseRecord, ...], tuple[PropertyRecord, ...]]:
+    """Return the motions, the response curves and the records of values."""
+    given = instances(records if is_sequence(records) else [records], "records", object)
+    motions, curves, values = [], [], []
+    for one in given:
+        if isinstance(one, ResponseRecord):
+            curves.append(one)
+        elif isinstance(one, PropertyRecord):
+            values.append(one)
+        else:
+            motions.append(motion_record(one))
+    stated = {one.deviations is not None for one in values}
+    if len(stated) > 1:
+        raise InputError("some have standard deviations and some have none; give them for all, or for none", "records")
+    if stated == {False} and (motions or curves):
+        raise InputError(
+            "values need standard deviations, to be weighed against motions and response curves", "records"
+        )
+    return tuple(motions), tuple(curves), tuple(values)
+
+
+def _wanted(unknowns: Any, motions: Sequence[Any], curves: Sequence[Any], values: Sequence[Any]) -> tuple[str, ...]:
+    """Return the names of the unknowns besides those of the law and of the sensors."""
+    if unknowns is None:
+        return () if not curves else ("elastic_modulus",) if motions or values else (FREQUENCIES,)
+    if not is_sequence(unknowns):
+        raise InputError(f"must be a sequence of names, got {shown(unknowns)}", "unknowns")
+    names = tuple(unknowns)
+    for name in names:
+        if not isinstance(name, str) or not (is_property(name) or name in GROUPS):
+            raise InputError(
+                f"must be properties of the beam, or among {', '.join(GROUPS)}, got {shown(name)}", "unknowns"
+            )
+    if len(set(names)) < len(names):
+        raise InputError("must be different names", "unknowns")
+    needed = {FREQUENCIES: curves, "excitation": curves, "excitations": curves, BASE: motions}
+    for name in names:
+        if not needed.get(name, motions if name in LOADS else [1]):
+            raise InputError(f"{name} belongs to a kind of record that is not among the records", "unknowns")
+    if FREQUENCIES in names and (motions or values or any(map(is_property, names))):
+        raise InputError(
+            f"{FREQUENCIES} are those of the reduced model alone; with other records, or properties, name properties",
+            "unknowns",
+        )
+    return names
+
+
+def _models(model: Model, records: Sequence[Any], *, clamp: bool) -> dict[int, Model]:
+    """Return the models of all configurations by identity; with ``clamp`` all of them have an elastic clamp."""
+    given = {id(one): one for one in (model, *(record.model for record in records if record.model is not None))}
+    return dict(zip(given, with_clamp(list(given.values())) if clamp else given.values(), strict=True))
+
+
+def _configured(records: Sequence[Any], model: Model, models: Mapping[int, Model]) -> list[tuple[Model, list[Any]]]:
+    """Return each configuration with its records, numbered from 1 among all of their kind."""
+    groups: dict[int, list[tuple[int, Any]]] = {}
+    for number, record in enumerate(records, start=1):
+        groups.setdefault(id(record.model or model), []).append((number, record))
+    return [(models[key], numbered) for key, numbered in groups.items()]
+
+
+def _frequencies(model: Model) -> Any:
+    return natural_modes(model, count=min(MOST_MODES, model.size - model.free.start)).frequencies
+
+
+def _known_to_curves(unknowns: Sequence[Unknown], law: DampingLaw, first: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the unknowns on which response curves depend."""
+    known = {*first, *(own.name for own in law.parameters)}
+    prefixes = ("frequency_", "excitation")
+    return tuple(one.name for one in unknowns if one.name in known or one.name.startswith(prefixes))
+
+
+def _starts(unknowns: Sequence[Unknown], *, only_values: bool) -> list[dict[str, float]]:
+    """Return the starts: for values alone, a soft clamp and a tip mass have a second one."""
+    listed = []
+    for one in unknowns:
+        second = {"tip_mass": OTHER_START * one.guess, CLAMP: one.guess / OTHER_START}.get(one.name)
+        listed.append([{}] if second is None or not only_values else [{}, {one.name: second}])
+    return [{name: value for part in parts for name, value in part.items()} for parts in product(*listed)]

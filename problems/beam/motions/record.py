@@ -1,0 +1,354 @@
+"""Measured large motion of a beam: the records of any sensors in one experiment.
+
+The instants of a motion count from its start, the release of the beam or the start of its base motion.  A channel with
+the times t_i sees the motion at
+
+    t_i - release - offset,
+
+where ``release`` is the start of the motion on the clock of the record, and ``offset`` the lead of the channel's own
+clock.  Before its start the beam is at rest under the load that holds it.  A camera sees a point r at
+
+    origin + scale R(rotation) r,
+
+in the laboratory frame with the clamp at rest as the origin.  Release, offsets, the view of the camera and the zero of
+a channel may be unknown within bounds; the guess is then the middle.
+
+Accelerations, forces and moments jump at the start, and where a base motion ends; velocities have a kink there.  If its
+time is unknown, a sample of theirs that may be on either side of a jump is left out: otherwise the residuals, or their
+derivatives, would jump with the unknown.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from types import NoneType
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
+from ancf_casadi.dynamics.start import Start
+from ancf_casadi.dynamics.tip_load import TipLoad
+from ancf_casadi.dynamics.trajectory import State
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.sensor import Sensor
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import array, check_instance, is_sequence, number, positive, shown
+from ancf_casadi.support.tables import Displayed, counted
+from ancf_casadi.vibration.equilibrium import Equilibrium
+
+FEWEST = 10  # samples of a record
+JUMPING = ("velocity", "acceleration", "force", "moment")
+
+Bounds = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Channel(Displayed):
+    """The record of one sensor, and the unknowns of this sensor.
+
+    Parameters
+    ----------
+    measurement : Measurement
+        The record of the sensor.
+    std : float, optional
+        Standard deviation of its noise, in the unit of the sensor; if not given, the fit finds it.
+    offset : (float, float), optional
+        Bounds of the unknown time by which the clock of the sensor is ahead of that of the record, s; no offset if not
+        given.
+    zero : (float, float), optional
+        Bounds of the unknown reading of the sensor for a true value of 0.  If not given, this is 0; for a displacement,
+        whose origin is not known, it is estimated without bounds.
+
+    Raises
+    ------
+    InputError
+        If the standard deviation is not positive, or bounds are not two numbers in order.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import Measurement, Sensor
+    >>> from problems import Channel
+    >>> time = np.linspace(0.0, 1.0, 101)
+    >>> sensor = Sensor("acceleration", point=0.25, direction=(1.0, 0.0))
+    >>> record = Measurement(time, 3.0 * np.cos(12.0 * time), sensor=sensor)
+    >>> Channel(record, offset=(-5e-3, 5e-3)).label  # the clock may be 5 ms ahead or behind
+    'acceleration x, 250 mm'
+    """
+
+    measurement: Measurement
+    std: float | None = None
+    offset: Bounds | None = None
+    zero: Bounds | None = None
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        check_instance(self.measurement, "measurement", Measurement)
+        if self.std is not None:
+            positive(self.std, "std")
+        for name in ("offset", "zero"):
+            _keep_bounds(self, name)
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor."""
+        return self.measurement.sensor
+
+    @property
+    def label(self) -> str:
+        """Quantity, direction and place: ``acceleration x, tip``."""
+        return f"{self.sensor.quantity} {self.sensor.label}"
+
+
+@dataclass(frozen=True)
+class Camera(Displayed):
+    """Bounds of the unknown view of a camera, for the channels of a record that are positions.
+
+    Parameters
+    ----------
+    scale : (float, float), optional
+        Bounds of the scale; 1 if not given.
+    rotation : (float, float), optional
+        Bounds of the rotation of the picture, counterclockwise, rad; 0 if not given.
+    origin : ((float, float), (float, float)), optional
+        Bounds of x and of y of the picture of the clamp at rest, m; (0, 0) if not given.
+
+    Raises
+    ------
+    InputError
+        If bounds are not two numbers in order, or a scale is not positive.
+
+    Examples
+    --------
+    >>> import math
+    >>> from problems import Camera
+    >>> tilt = math.radians(1)
+    >>> camera = Camera(scale=(0.98, 1.02), rotation=(-tilt, tilt))
+    >>> [name for name, bounds, *_ in camera.unknowns if bounds]
+    ['camera_scale', 'camera_rotation']
+    """
+
+    scale: Bounds | None = None
+    rotation: Bounds | None = None
+    origin: tuple[Bounds, Bounds] | None = None
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        for name in ("scale", "rotation"):
+            _keep_bounds(self, name)
+        if self.scale is not None:
+            positive(self.scale[0], "scale")
+        if self.origin is not None:
+            if not is_sequence(self.origin) or len(self.origin) != 2:
+                raise InputError(f"must be two pairs of bounds, of x and of y, got {shown(self.origin)}", "origin")
+            x, y = (pair(part, "origin") for part in self.origin)
+            object.__setattr__(self, "origin", (x, y))
+
+    @property
+    def unknowns(self) -> tuple[tuple[str, Bounds | None, float, str], ...]:
+        """Name, bounds (None if known), guess and unit of scale, rotation, x and y of the origin."""
+        x, y = self.origin or (None, None)
+        given = (
+            ("camera_scale", self.scale, 1.0, ""),
+            ("camera_rotation", self.rotation, 0.0, "rad"),
+            ("camera_x", x, 0.0, "m"),
+            ("camera_y", y, 0.0, "m"),
+        )
+        return tuple((name, limits, sum(limits) / 2 if limits else usual, unit) for name, limits, usual, unit in given)
+
+
+@dataclass(frozen=True, eq=False)
+class MotionRecord(Displayed):
+    """Records of several sensors in one experiment.
+
+    Parameters
+    ----------
+    channels : sequence of Channel or Measurement
+        The sensors, each with its own times.
+    base : BaseMotion, optional
+        Motion of the clamp; fixed if not given.
+    start : str, Equilibrium or State
+        Start of the motion, as for ``simulate``.
+    release : float or (float, float)
+        Start of the motion on the clock of the record, s: the release, or the start of the base motion; two numbers are
+        the bounds of an unknown release.  Samples before it show the beam at rest.
+    camera : Camera, optional
+        The unknown view of the camera that measured the positions; positions are those in the laboratory if not given.
+    load : TipLoad, optional
+        Measured force and moment at the tip, on the clock of the base motion; none if not given.
+    model : Model, optional
+        The beam in the configuration of the experiment, such as with another mass at the tip; that of the fit if not
+        given.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 10 samples, nothing moves, bounds are not two numbers in order, samples are before a
+        start within a motion, or the load begins after the end.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from ancf_casadi import HarmonicBase, Measurement, Sensor
+    >>> from problems import MotionRecord
+    >>> time = np.linspace(0.0, 1.0, 101)
+    >>> laser, gauge = Sensor("displacement", point=0.4), Sensor("strain", point=0.01)
+    >>> swing = np.sin(12.0 * time)
+    >>> records = [Measurement(time, 0.02 * swing, sensor=laser), Measurement(time, 1e-4 * swing, sensor=gauge)]
+    >>> record = MotionRecord(records, base=HarmonicBase(amplitude=5e-3, frequency=1.9))
+    >>> [channel.label for channel in record.own_channels]
+    ['displacement x, 400 mm', 'strain 10 mm']
+    """
+
+    channels: Sequence[Channel | Measurement]
+    base: BaseMotion | None = None
+    start: Start | Equilibrium | State = "equilibrium"
+    release: float | Bounds = 0.0
+    camera: Camera | None = None
+    load: TipLoad | None = None
+    model: Model | None = None
+
+    def __post_init__(self) -> None:
+        """Validate, and keep channels."""
+        check_instance(self.model, "model", Model, NoneType)
+        if not is_sequence(self.channels) or not len(self.channels):
+            raise InputError("must be a sequence of Channel or Measurement; put it in a list", "channels")
+        for one in self.channels:
+            check_instance(one, "channels", Channel, Measurement)
+        channels = tuple(one if isinstance(one, Channel) else Channel(one) for one in self.channels)
+        object.__setattr__(self, "channels", channels)
+        check_instance(self.base, "base", BaseMotion, NoneType)
+        check_instance(self.start, "start", str, Equilibrium, State)
+        check_instance(self.camera, "camera", Camera, NoneType)
+        check_instance(self.load, "load", TipLoad, NoneType)
+        release = pair(self.release, "release") if is_sequence(self.release) else number(self.release, "release")
+        object.__setattr__(self, "release", release)
+        object.__setattr__(self, "channels", tuple(self._without_jumps(one) for one in channels))
+        self._check_samples()
+        self._check_load()
+        if self.camera and not any(one.sensor.quantity == "position" for one in channels):
+            raise InputError("there are no positions for it; give the channels of the camera as positions", "camera")
+
+    @property
+    def own_channels(self) -> tuple[Channel, ...]:
+        """The sensors."""
+        return tuple(one for one in self.channels if isinstance(one, Channel))
+
+    @property
+    def own_base(self) -> BaseMotion:
+        """Motion of the clamp; fixed if none was given."""
+        return FixedBase() if self.base is None else self.base
+
+    @property
+    def release_bounds(self) -> Bounds:
+        """Bounds of the release, s; equal if it is known."""
+        return self.release if isinstance(self.release, tuple) else (self.release, self.release)
+
+    @property
+    def has_unknown_times(self) -> bool:
+        """True if the release, or an offset of a channel, is unknown."""
+        return isinstance(self.release, tuple) or any(one.offset for one in self.own_channels)
+
+    @property
+    def origin(self) -> float:
+        """Start of the motion on the clock of the base motion, s."""
+        return self.start.time if isinstance(self.start, State) else 0.0
+
+    @property
+    def end(self) -> float:
+        """Last instant of the motion that a channel may see, s, on the clock of the base motion."""
+        ends = [one.measurement.time[-1] - (one.offset or (0.0, 0.0))[0] for one in self.own_channels]
+        return self.origin + float(max(ends)) - self.release_bounds[0]
+
+    @property
+    def earliest(self) -> float:
+        """First instant that a channel may see, s, from the start of the motion."""
+        begins = [one.measurement.time[0] - (one.offset or (0.0, 0.0))[1] for one in self.own_channels]
+        return float(min(begins)) - self.release_bounds[1]
+
+    def _without_jumps(self, channel: Channel) -> Channel:
+        """Return a channel without the samples that may be on either side of a jump of its readings."""
+        (early, late), (least, most) = self.release_bounds, channel.offset or (0.0, 0.0)
+        if channel.sensor.quantity not in JUMPING or late + most == early + least:
+            return channel
+        one = channel.measurement
+        ends = [piece.end for piece in self.own_base.pieces() if math.isfinite(piece.end)]
+        first, last = (one.time - shift + self.origin for shift in (late + most, early + least))
+        clear = np.all([(last < jump) | (first > jump) for jump in (self.origin, *ends)], axis=0)
+        if np.count_nonzero(clear) < 2:
+            raise InputError(f"leave too few samples of {channel.label} that are certain; narrow the bounds", "release")
+        return replace(channel, measurement=Measurement(one.time[clear], one.values[clear], one.name, one.sensor))
+
+    def _check_samples(self) -> None:
+        count = sum(one.measurement.time.size for one in self.own_channels)
+        if count < FEWEST:
+            raise InputError(f"needs at least {FEWEST} samples, got {count}", "channels")
+        if not any(np.ptp(one.measurement.values) for one in self.own_channels):
+            raise InputError("are constant; nothing moves", "channels")
+        if not self.end > self.origin:
+            raise InputError(
+                "must be before the last sample; give the start of the motion on the record's clock", "release"
+            )
+        if isinstance(self.start, State) and self.earliest < 0.0:
+            raise InputError(
+                "a State has no rest before it, but a sample is, or may be, before the release; cut the record there",
+                "start",
+            )
+
+    def _check_load(self) -> None:
+        if self.load is None:
+            return
+        if self.load.begin >= self.end:
+            raise InputError(
+                f"begins at {self.load.begin:g} s, after the end of the motion at {self.end:g} s; its times are "
+                "those of the motion",
+                "load",
+            )
+
+    def _summary(self) -> str:
+        samples = sum(len(one.measurement.time) for one in self.own_channels)
+        return f"{counted(len(self.channels), 'channel')}, {counted(samples, 'sample')}, {self.own_base!r}"
+
+
+def labels_of(records: Sequence[MotionRecord]) -> list[str]:
+    """Return a distinct label of each channel of records: its name if the measurement has one."""
+    labels = []
+    for k, record in enumerate(records):
+        for channel in record.own_channels:
+            label = f"{channel.measurement.name}: {channel.label}" if channel.measurement.name else channel.label
+            labels.append(f"record {k + 1}, {label}" if len(records) > 1 else label)
+    return [f"{label} ({labels[:k].count(label) + 1})" if labels.count(label) > 1 else label
+            for k, label in enumerate(labels)]  # fmt: skip
+
+
+def pair(bounds: Any, where: str) -> Bounds:
+    """Return bounds (lower, upper), two finite numbers in order.
+
+    Raises
+    ------
+    InputError
+        If they are anything else.
+    """
+    lower, upper = _two(bounds, where)
+    if not lower < upper:
+        raise InputError(f"the lower bound {lower:g} is not below the upper {upper:g}", where)
+    return lower, upper
+
+
+def _two(bounds: Any, where: str) -> tuple[float, float]:
+    values: Array = array(bounds, where)
+    if values.shape != (2,):
+        raise InputError(f"must be a pair (lower, upper), got {shown(bounds)}", where)
+    return float(values[0]), float(values[1])
+
+
+def _keep_bounds(record: Channel | Camera, name: str) -> None:
+    """Validate bounds that may be missing, and keep them as a pair."""
+    given = getattr(record, name)
+    if given is not None:
+        object.__setattr__(record, name, pair(given, name))

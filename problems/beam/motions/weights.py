@@ -1,0 +1,168 @@
+"""Weights that make the residuals of different sensors comparable, from the noise of each sensor.
+
+With the standard deviation s_c of channel c, its residuals enter a fit as (computed - measured)/s_c, and the fit weighs
+them by the geometric mean G of all s_c (``ancf_casadi.estimation.solve``).
+
+The standard deviations come from the user or from the record.  At first, third differences of the samples give them: a
+smooth motion cancels in
+
+    sum_j w_j y_j,    w_j ~ 1/prod_(k /= j) (t_j - t_k),    sum w_j^2 = 1,
+
+over four successive samples, and white noise keeps its variance.  After a first fit, the root mean square of the
+residuals of each channel takes their place, and the fit is repeated once from its estimates (iteratively reweighted
+least squares).  The positions in a record have one standard deviation, that of their camera; any other channel has its
+own.
+
+No standard deviation is below ``TRUST`` times the travel of the channel, the root mean square about its mean
+(``tolerance``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ancf_casadi.estimation.loss import noise_of
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.arrays import Array
+from problems.beam.motions.record import FEWEST, Channel, MotionRecord
+
+TRUST = 2e-5  # systematic error of a record, relative to its travel
+EVEN = 1.5  # largest duration of four successive samples, relative to the median: no gap is among them
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """Noise and travel of all channels of all records, record by record.
+
+    Parameters
+    ----------
+    deviations : array (c,)
+        Standard deviation of the noise of each channel, in its unit.
+    travels : array (c,)
+        Root mean square of each channel about its mean, in its unit.
+    lengths : array (c,)
+        Number of samples of each channel.
+    groups : tuple of tuple of int
+        Channels that share a standard deviation.
+    known : tuple of bool
+        Whether the user gave the standard deviation of a group.
+    """
+
+    deviations: Array
+    travels: Array
+    lengths: Array
+    groups: tuple[tuple[int, ...], ...]
+    known: tuple[bool, ...]
+
+    @property
+    def scale(self) -> float:
+        """The geometric mean G of the standard deviations."""
+        return math.exp(float(self.lengths @ np.log(self.deviations)) / float(self.lengths.sum()))
+
+    @property
+    def systematic(self) -> float:
+        """Root mean square of the systematic error of the residuals, in standard deviations (``tolerance``)."""
+        return TRUST * self.root_mean_square(self.travels)
+
+    @property
+    def travel(self) -> float:
+        """Norm of the readings less their means, in standard deviations."""
+        return math.sqrt(self.lengths.sum()) * self.root_mean_square(self.travels)
+
+    @property
+    def improvable(self) -> bool:
+        """True if residuals would change the ratios of the standard deviations."""
+        return len(self.groups) > 1 and not all(self.known)
+
+    def root_mean_square(self, sizes: Array) -> float:
+        """Return the root mean square of the residuals if those of channel c have the size ``sizes[c]`` (its unit)."""
+        return math.sqrt(float(self.lengths @ (sizes / self.deviations) ** 2) / float(self.lengths.sum()))
+
+    def split(self, residuals: Array) -> list[Array]:
+        """Return the residuals of each channel, in its unit, from those of all in standard deviations."""
+        parts = np.split(residuals, np.cumsum(self.lengths.astype(int))[:-1])
+        return [part * deviation for part, deviation in zip(parts, self.deviations.tolist(), strict=True)]
+
+    def improved(self, residuals: Array, *, robust: bool) -> Weights:
+        """Return the weights with the standard deviations of residuals where none is known."""
+        parts = self.split(residuals)
+        return self._with([[parts[k] for k in group] for group in self.groups], robust)
+
+    def _with(self, series: Sequence[Sequence[Array]], robust: bool) -> Weights:
+        """Return the weights with the standard deviations of the series of each group where none is known."""
+        deviations = self.deviations.copy()
+        for group, known, parts in zip(self.groups, self.known, series, strict=True):
+            if not known:
+                own = list(group)
+                found = _deviation(np.concatenate(parts), robust)
+                travel = math.sqrt(float(self.lengths[own] @ self.travels[own] ** 2) / float(self.lengths[own].sum()))
+                deviations[own] = max(found, TRUST * travel)
+        return replace(self, deviations=deviations)
+
+
+def first_weights(records: Sequence[MotionRecord], *, robust: bool = False) -> Weights:
+    """Return the weights of records, from the third differences of the samples where the noise is not given.
+
+    Raises
+    ------
+    InputError
+        If the noise of a channel that has too few samples, or is constant, is not given.
+    """
+    channels = [channel for record in records for channel in record.own_channels]
+    groups = _groups(records)
+    for group in groups:
+        first = channels[group[0]]
+        if first.std is None and sum(channels[k].measurement.time.size for k in group) < FEWEST:
+            raise InputError(
+                f"{first.label} has fewer than {FEWEST} samples, too few to find their noise; give Channel(std=...)",
+                "channels",
+            )
+    weights = Weights(
+        deviations=np.array([channel.std or 1.0 for channel in channels]),
+        travels=np.array([float(channel.measurement.values.std()) for channel in channels]),
+        lengths=np.array([float(channel.measurement.time.size) for channel in channels]),
+        groups=groups,
+        known=tuple(channels[group[0]].std is not None for group in groups),
+    )
+    found = weights._with([[third_differences(channels[k]) for k in group] for group in groups], robust)
+    if not found.deviations.all():
+        label = channels[int(np.argmin(found.deviations))].label
+        raise InputError(f"{label} is constant; leave it out, or give Channel(std=...)", "channels")
+    return found
+
+
+def third_differences(channel: Channel) -> Array:
+    """Return the third differences of a record, scaled so that white noise keeps its variance."""
+    time, values = channel.measurement.time, channel.measurement.values
+    if time.size < 4:
+        return np.zeros(0)
+    times, samples = (np.lib.stride_tricks.sliding_window_view(part, 4) for part in (time, values))
+    span = times[:, 3] - times[:, 0]
+    kept = span <= EVEN * np.median(span)
+    times, samples = times[kept], samples[kept]
+    gaps = (times[:, :, None] - times[:, None, :]) / span[kept][:, None, None] + np.eye(4)
+    weights = 1 / gaps.prod(axis=2)
+    return np.asarray((weights * samples).sum(axis=1) / np.linalg.norm(weights, axis=1))
+
+
+def _groups(records: Sequence[MotionRecord]) -> tuple[tuple[int, ...], ...]:
+    """Return the channels that share a standard deviation: the positions in a record, and any other one alone."""
+    groups: list[tuple[int, ...]] = []
+    first = 0
+    for record in records:
+        channels = record.own_channels
+        shared = [k for k, one in enumerate(channels) if one.sensor.quantity == "position" and one.std is None]
+        groups += [tuple(first + k for k in shared)] if shared else []
+        groups += [(first + k,) for k in range(len(channels)) if k not in shared]
+        first += len(channels)
+    return tuple(groups)
+
+
+def _deviation(residuals: Array, robust: bool) -> float:
+    if not residuals.size:
+        return 0.0
+    return noise_of(residuals) if robust else math.sqrt(float(np.mean(residuals**2)))

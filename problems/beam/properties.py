@@ -1,0 +1,214 @@
+"""Properties of a beam as unknowns: single properties, groups of elements, and combinations.
+
+    thickness            of all elements, by a common factor; the value is the mean over the elements
+    thickness[3:5]       of the elements 3, 4 and 5, counted from 1; ``thickness[3]`` of one element
+    bending_stiffness    E I = E b h^3/12, by the elastic modulus
+    mass_per_length      rho b h, by the density
+    tip_mass, clamp_stiffness
+
+A change of E I by the modulus, or of rho b h by the density, is the only one for a beam that hardly stretches.
+
+Small deflections are linear in 1/(E I) and 1/k, and so are, nearly, the squares of the periods of vibration.
+Stiffnesses therefore enter a fit by their reciprocals.  A rigid clamp has 1/k = 0.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, UNITS, Beam
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.vibration.assembly import structure_properties
+
+CLAMP = "clamp_stiffness"
+POWERS: Mapping[str, Mapping[str, int]] = {
+    "bending_stiffness": {"elastic_modulus": 1, "width": 1, "thickness": 3},
+    "mass_per_length": {"density": 1, "width": 1, "thickness": 1},
+}
+CONSTANTS = {"bending_stiffness": 1 / 12}
+DRIVEN = {"bending_stiffness": "elastic_modulus", "mass_per_length": "density"}
+PROPERTY_UNITS: Mapping[str, str] = {**UNITS, "bending_stiffness": "N m^2", "mass_per_length": "kg/m"}
+STIFFNESSES = (CLAMP, "elastic_modulus", "bending_stiffness")
+GROUP = re.compile(rf"({'|'.join(PROPERTIES)})\[(\d+)(?::(\d+))?\]")
+
+WIDEST = 10.0  # factor on a property, either way, without other bounds
+HEAVIEST = 100.0  # factor on a tip mass without other bounds
+STIFF = 10.0  # first clamp stiffness if the clamp is rigid, in units of E I/L
+RIGID, LOOSE = 1e5, 1e-2  # largest and least clamp stiffness without other bounds, in units of E I/L
+SAME = 1e-9  # relative difference of properties that are the same
+
+
+def is_property(name: str) -> bool:
+    """Return whether a name is that of a property, a group of elements, or a combination."""
+    return name in PROPERTY_UNITS or GROUP.fullmatch(name) is not None
+
+
+def kind_of(name: str) -> str:
+    """Return the property that an unknown changes, without the elements."""
+    kind = name.partition("[")[0]
+    return DRIVEN.get(kind, kind)
+
+
+def unit_of(name: str) -> str:
+    """Return the SI unit of a property."""
+    return PROPERTY_UNITS[name.partition("[")[0]]
+
+
+def elements_of(name: str, beam: Beam) -> slice:
+    """Return the elements that a name means: all, or those in brackets.
+
+    Raises
+    ------
+    InputError
+        If the beam has no such elements.
+    """
+    found = GROUP.fullmatch(name)
+    if not found:
+        return slice(0, beam.elements)
+    first = int(found[2])
+    last = int(found[3] or first)
+    if not 1 <= first <= last <= beam.elements:
+        raise InputError(f"must name elements from 1 to {beam.elements}, the first before the last", name)
+    return slice(first - 1, last)
+
+
+def value_of(beam: Beam, name: str) -> float:
+    """Return a property or a combination of a beam, SI units; the mean over its elements."""
+    if name in LUMPED:
+        return float(getattr(beam, name))
+    kind = name.partition("[")[0]
+    powers = [np.array(getattr(beam, one)) ** power for one, power in POWERS.get(kind, {kind: 1}).items()]
+    return float(CONSTANTS.get(kind, 1.0) * np.mean(np.prod(powers, axis=0)[elements_of(name, beam)]))
+
+
+@dataclass(frozen=True, eq=False)
+class Owners:
+    """The factors that multiply the properties of a beam.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The p unknown properties.
+    index : array of int (4 n + 2,)
+        Factor of each property, in the order of ``structure_properties``; -1 for none.
+    """
+
+    names: tuple[str, ...]
+    index: Index
+
+    @classmethod
+    def of(cls, beam: Beam, names: Sequence[str]) -> Owners:
+        """Return the factors of unknown properties on those of a beam.
+
+        Raises
+        ------
+        InputError
+            If two unknowns change the same property.
+        """
+        n = beam.elements
+        index = np.full(len(PROPERTIES) * n + len(LUMPED), -1)
+        for k, name in enumerate(names):
+            kind = kind_of(name)
+            if kind in LUMPED:
+                own = slice(len(PROPERTIES) * n + LUMPED.index(kind), len(PROPERTIES) * n + LUMPED.index(kind) + 1)
+            else:
+                elements, row = elements_of(name, beam), PROPERTIES.index(kind)
+                own = slice(row * n + elements.start, row * n + elements.stop)
+            if (index[own] >= 0).any():
+                other = names[int(index[own].max())]
+                raise InputError(f"{name} changes the same property as {other}; estimate one or the other", "unknowns")
+            index[own] = k
+        for name in set(names) & set(POWERS):
+            rivals = sorted(set(map(kind_of, names)) & set(POWERS[name]) - {DRIVEN[name]})
+            if rivals:
+                raise InputError(f"{name} contains {', '.join(rivals)}; estimate one or the other", "unknowns")
+        return cls(tuple(names), index)
+
+    @property
+    def count(self) -> int:
+        """Number p of factors."""
+        return len(self.names)
+
+    def applied(self, properties: Array, factors: Array) -> tuple[Array, Array]:
+        """Return properties, possibly followed by others, times the factors, and their Jacobian by the factors."""
+        found, directions = properties.copy(), np.zeros((len(properties), self.count))
+        own = np.flatnonzero(self.index >= 0)
+        directions[own, self.index[own]] = properties[own]
+        found[own] *= factors[self.index[own]]
+        return found, directions
+
+    def changed(self, model: Model, factors: Array) -> Model:
+        """Return a model with the factors on its properties."""
+        if (factors == 1.0).all():
+            return model
+        given = structure_properties(model)
+        found = self.applied(given, factors)[0]
+        rows = found[: -len(LUMPED)].reshape(len(PROPERTIES), -1).tolist()
+        values: dict[str, Any] = dict(zip(PROPERTIES, rows, strict=True))
+        lumped = zip(LUMPED, found[-len(LUMPED) :].tolist(), strict=True)
+        values |= {name: value for name, value in lumped if math.isfinite(getattr(model.beam, name))}
+        return Model(model.beam.with_(**values), model.measures)
+
+
+def with_clamp(models: Sequence[Model]) -> list[Model]:
+    """Return the models with a first stiffness for each clamp that is rigid: that of another one, or 10 E I/L."""
+    elastic = [one.beam.clamp_stiffness for one in models if math.isfinite(one.beam.clamp_stiffness)]
+    first = elastic[0] if elastic else STIFF * _clamp_unit(models)
+    return [
+        one if math.isfinite(one.beam.clamp_stiffness) else Model(one.beam.with_(clamp_stiffness=first), one.measures)
+        for one in models
+    ]
+
+
+def first_values(models: Sequence[Model], names: Sequence[str]) -> dict[str, float]:
+    """Return the first value of each unknown property, SI units; check that all models are of the same beam.
+
+    Raises
+    ------
+    InputError
+        If the models differ in a property, or no beam has a tip mass to estimate.
+    """
+    first = {}
+    for name in dict.fromkeys((*PROPERTIES, *names)):
+        values = [value_of(one.beam, name) for one in models]
+        values = [value for value in values if not (name == "tip_mass" and value == 0.0)]
+        if not values:
+            raise InputError("no beam has a tip mass to estimate; give one of the models a first value", name)
+        if max(values) - min(values) > SAME * max(values):
+            raise InputError(
+                f"the records must be of the same beam, but their models have a {name} from {min(values):g} to "
+                f"{max(values):g} {unit_of(name)}",
+                "records",
+            )
+        first[name] = values[0]
+    return {name: first[name] for name in names}
+
+
+def property_unknown(name: str, first: float, models: Sequence[Model]) -> Unknown:
+    """Return a property as an unknown within its usual bounds.
+
+    These are a tenth and ten times the first value; 0 and a hundred times for a tip mass; 0.01 and 1e5 E I/L of the
+    shortest beam for a clamp.
+    """
+    if name == "tip_mass":
+        lower, upper = 0.0, HEAVIEST * first
+    elif name == CLAMP:
+        lower, upper = (bound * _clamp_unit(models) for bound in (LOOSE, RIGID))
+    else:
+        lower, upper = first / WIDEST, first * WIDEST
+    inverse = name.partition("[")[0] in STIFFNESSES
+    return Unknown(name, first, first, lower, upper, unit_of(name), reciprocal=inverse)
+
+
+def _clamp_unit(models: Sequence[Model]) -> float:
+    """Return E I/L of the shortest beam, N m/rad."""
+    return max(value_of(one.beam, "bending_stiffness") / one.beam.length for one in models)

@@ -1,0 +1,351 @@
+"""The result of a fit of a beam: law, beam, uncertainties, and what each block of measurements says of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.damping import DampingLaw
+from ancf_casadi.damping.law import SumOfLaws
+from ancf_casadi.dynamics.derivatives.release_load import held_start
+from ancf_casadi.dynamics.trajectory import State
+from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts
+from ancf_casadi.estimation.block import Account
+from ancf_casadi.estimation.determination import certainty
+from ancf_casadi.estimation.fit import colour_warning
+from ancf_casadi.estimation.result import FitResult
+from ancf_casadi.estimation.solve import Solution
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_instance
+from ancf_casadi.support.tables import Table, known
+from problems.beam.curves.block import CurveBlock, curve_block
+from problems.beam.curves.prediction import ResponsePrediction
+from problems.beam.curves.prediction import predicted as predicted_curve
+from problems.beam.curves.record import ResponseRecord
+from problems.beam.motions.block import MotionBlock, motion_block
+from problems.beam.motions.marker_record import motion_record
+from problems.beam.motions.prediction import MotionPrediction
+from problems.beam.motions.prediction import predicted as predicted_motion
+from problems.beam.names import load_name, loads
+from problems.beam.properties import CLAMP, POWERS, PROPERTY_UNITS, Owners, kind_of, unit_of, value_of
+from problems.beam.values.block import ValueBlock
+from problems.beam.values.prediction import ValuePrediction
+from problems.beam.values.prediction import predicted as predicted_values
+from problems.beam.values.records import PropertyRecord
+
+INTEGRATED = 3.0  # systematic errors of a record, up to which residuals may be integration errors
+SCATTER = 2.0  # residuals, in stated standard deviations, beyond which model or records do not fit
+CERTAIN = 1.0  # relative standard error from which the data leave a product of properties open
+
+
+@dataclass(frozen=True, eq=False)
+class BeamFit(FitResult):
+    """A damping law, and properties of a beam, estimated from any mix of measurements.
+
+    Parameters
+    ----------
+    given : Model
+        The beam with the first values of its properties.
+    guess : DampingLaw
+        The law with the first values of its parameters; a sum of no laws if there is none.
+    first : mapping
+        First values of the unknown properties by name, SI units.
+    solution : Solution
+        The blocks of measurements, the estimates, and what the fit found out about them.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, simulate
+    >>> from problems import MarkerRecord, fit_beam
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> model, base = Model(beam), HarmonicBase(amplitude=5e-3, frequency=1.9)
+    >>> true, guess = RayleighDamping(alpha=0.5), RayleighDamping(alpha=0.2)
+    >>> run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0)
+    >>> fit = fit_beam(model, MarkerRecord(run.time, run.tip, base=base), guess)
+    >>> type(fit.law).__name__, round(fit.law.alpha, 2), fit.units
+    ('RayleighDamping', 0.5, {'alpha': '1/s'})
+    >>> [channel.size for channel in fit.residuals]  # x and y of the tip
+    [13, 13]
+    """
+
+    kind = "beam"
+    _drawing = "problems.beam.figures.beam_figure"
+
+    given: Model
+    guess: DampingLaw
+    first: Mapping[str, float]
+    solution: Solution
+
+    @property
+    def law(self) -> DampingLaw:
+        """The law with the estimated parameters."""
+        return self.guess.with_parameters([self.estimates.get(own.name, own.value) for own in self.guess.parameters])
+
+    @cached_property
+    def model(self) -> Model:
+        """The beam with the estimated properties."""
+        return self.configured(self.given)
+
+    def configured(self, model: Model) -> Model:
+        """Return the beam in another configuration with the estimated properties.
+
+        Raises
+        ------
+        InputError
+            If ``model`` is not a model, or is of another beam.
+        """
+        check_instance(model, "model", Model)
+        return Owners.of(model.beam, tuple(self.first)).changed(self._started(model), self._factors)
+
+    @property
+    def _factors(self) -> Array:
+        """Estimated over first values of the unknown properties."""
+        return np.array([self.estimates[name] / value for name, value in self.first.items()])
+
+    def _started(self, model: Model) -> Model:
+        """Return a model with the first stiffness of the clamp, if that is unknown and the clamp of the model rigid."""
+        if CLAMP not in self.first or math.isfinite(model.beam.clamp_stiffness):
+            return model
+        return Model(model.beam.with_(clamp_stiffness=self.first[CLAMP]), model.measures)
+
+    @property
+    def combinations(self) -> dict[str, tuple[float, float]]:
+        """Bending stiffness and mass per length with their standard errors, if an unknown changes them."""
+        changing, found = {kind_of(name) for name in self.first}, {}
+        for name, powers in POWERS.items():
+            own = [one for one in self.first if "[" not in one and kind_of(one) in powers]
+            if name in self.first or not changing & set(powers) or len(own) < len(changing & set(powers)):
+                continue
+
+            def ratio(*x: cs.MX, own: list[str] = own, powers: Mapping[str, int] = powers) -> cs.MX:
+                values = dict(zip(self.fit.names, x, strict=True))
+                factors = [(values[one] / self.first[one]) ** powers[kind_of(one)] for one in own]
+                return cs.vertcat(cs.mtimes([cs.MX(1.0), *factors]))
+
+            value, error = (float(part[0]) for part in self.fit.derived(ratio))
+            first = value_of(self.given.beam, name)
+            found[name] = first * value, first * error
+        return found
+
+    def _ends(self, level: float) -> Array:
+        """Return the intervals, over all optima that fit."""
+        ends = np.array([fit.intervals(level) for fit in (self.fit, *self.solution.others)])
+        return np.stack([np.fmin.reduce(ends[:, :, 0]), np.fmax.reduce(ends[:, :, 1])], axis=1)
+
+    @cached_property
+    def agreements(self) -> tuple[Agreement, ...]:
+        """Agreement of the records, to first order, on each unknown that several determine; empty for one record."""
+        single = [mask for mask in self.solution.problem.masks if mask.any()]
+        return agreement_of_parts(self.fit, single)
+
+    @cached_property
+    def accounts(self) -> tuple[Account, ...]:
+        """What the result says of each block of measurements."""
+        return tuple(block.account(fitted) for block, fitted in self.solution.parts)
+
+    @property
+    def residuals(self) -> list[Array]:
+        """Computed less measured readings of each channel of the motions, in the unit of the sensor."""
+        parts = self.solution.parts
+        motions = [(block, fitted) for block, fitted in parts if isinstance(block, MotionBlock)]
+        return [rest for block, fitted in motions for rest in block.weights.split(fitted.residuals)]
+
+    @cached_property
+    def responses(self) -> list[Array]:
+        """Amplitude, phase (rad) and level of the motion closest to each point of each response curve, (3, m) each."""
+        parts = [(block, one) for block, one in self.solution.parts if isinstance(block, CurveBlock)]
+        motions = [own for _, fitted in parts for own in fitted.evaluation.motions(self.estimates)]
+        return [np.array([one.values for one in own]).T for own in motions]
+
+    @property
+    def shifts(self) -> Array:
+        """Largest shift (n,) of each estimate by the error of a discretisation, in standard errors; nan if unknown."""
+        return np.asarray(np.abs(self.solution.shifts).max(axis=0))
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation of the residuals: in standard deviations, or relative for values that have none."""
+        rest, freedom = self.fit.residuals / self.solution.problem.scale, self.fit.degrees_of_freedom
+        return math.sqrt(float(np.sum(rest**2)) / freedom) if freedom else math.nan
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Limitations of the estimates, one sentence each."""
+        own = self.fit
+        notes = [self._rigid(note) for note in own.warnings]
+        notes += [
+            colour_warning(own, noise_free=INTEGRATED * own.systematic),
+            *(one.warning for one in self.agreements),
+        ]
+        notes += [note for account in self.accounts for note in account.warnings]
+        for other in self.solution.others:
+            named = [
+                f"{name} {value:.4g} {unit}"
+                for (name, value), unit in zip(other.estimates.items(), own.units, strict=True)
+            ]
+            notes.append(
+                f"{', '.join(named)} fits as well; the intervals cover both optima. Fix one of the unknowns, or add a "
+                "record that separates them"
+            )
+        if not own.noise.freedom or not own.degrees_of_freedom:
+            notes.append("there are no more values than unknowns, so nothing shows their uncertainty; measure more")
+        if all(block.stated for block in self.solution.problem.blocks) and self.scatter > SCATTER:
+            notes.append(
+                f"the residuals are {self.scatter:.2g} times the stated standard deviations: the model or the records "
+                "are less accurate than stated, and the standard errors allow for it"
+            )
+        notes += [
+            f"the records leave {name} open: the relative standard error of this product of powers is {error:.2g}"
+            for name, error in self._products
+            if error > CERTAIN
+        ]
+        return tuple(note for note in notes if note)
+
+    def _rigid(self, note: str) -> str:
+        """Return a note; another one if it says that the clamp is as stiff as its upper bound."""
+        if not note.startswith(f"{CLAMP} is at its bound") or math.isnan(self.intervals()[CLAMP][0]):
+            return note
+        k = self.fit.names.index(CLAMP)
+        if self.fit.values[k] != self.fit.lower[k]:
+            return note
+        return (
+            f"the records show no compliance of the clamp: its stiffness is above {self.intervals()[CLAMP][0]:.3g} "
+            "N m/rad (95 %), and the other standard errors take it as rigid"
+        )
+
+    @cached_property
+    def _products(self) -> list[tuple[str, float]]:
+        """Products of powers of the unknown properties and their relative standard errors."""
+        return certainty(self.fit, tuple(self.first)) if len(self.first) > 1 else []
+
+    def start(self, record: int = 0) -> State:
+        """Return the estimated state at the start of a motion.
+
+        Raises
+        ------
+        InputError
+            If no load was estimated.
+        """
+        blocks = [block for block in self.solution.problem.blocks if isinstance(block, MotionBlock) and block.load]
+        if not blocks:
+            raise InputError("was not estimated; name components, as start_force_x, among the unknowns", "start")
+        block, one = next((b, r) for b in blocks for number, r in b.numbered if number == record + 1)
+        found = self.estimates
+        load = [found.get(load_name(name, record + 1), value) for name, value in loads(one)]
+        held = held_start(replace(block, model=self.configured(block.model)).equations, np.array(load))
+        return State(held.coordinates, held.velocities)
+
+    def predict(self, record: Any) -> MotionPrediction | ResponsePrediction | ValuePrediction:
+        """Compute another record of the same beam with the estimates, without fitting, and compare.
+
+        Base motion, start, sensors and configuration (``model``) are those of the record.  Release, offsets and the
+        view of a camera that are unknown have the middle of their bounds; the origin of a displacement makes its mean
+        error zero.  A point of a response curve is predicted on the branch that its amplitude is nearest to.
+
+        Parameters
+        ----------
+        record : record
+            The measurements, of any kind that ``fit_beam`` takes.
+
+        Raises
+        ------
+        InputError
+            If it is of another kind, or a sensor is not on the beam.
+        EquilibriumError, FitError
+            If its values cannot be computed.
+
+        Examples
+        --------
+        >>> from ancf_casadi import Beam, HarmonicBase, Model, RayleighDamping, simulate
+        >>> from problems import MarkerRecord, fit_beam
+        >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+        ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+        >>> model, true, records = Model(beam), RayleighDamping(alpha=0.5), []
+        >>> for amplitude in (5e-3, 8e-3):
+        ...     base = HarmonicBase(amplitude=amplitude, frequency=1.9)
+        ...     run = simulate(model, damping=true, base=base, duration=0.25, sample_rate=50.0)
+        ...     records.append(MarkerRecord(run.time, run.tip, base=base))
+        >>> prediction = fit_beam(model, records[0], RayleighDamping(alpha=0.2)).predict(records[1])
+        >>> max(prediction.relative_errors.values()) < 1e-3
+        True
+        """
+        blocks = self.solution.problem.blocks
+        if isinstance(record, PropertyRecord):
+            return predicted_values(ValueBlock(record.with_model(self._started(record.model)), self.first), self.fit)
+        one = record if isinstance(record, ResponseRecord) else motion_record(record)
+        model, none = self._started(one.model or self.given), 0  # no unknown belongs to the record alone
+        if isinstance(one, ResponseRecord):
+            curves = [block for block in blocks if isinstance(block, CurveBlock)]
+            names = {"excitation", *self.first, *(own.name for own in self.guess.parameters)}
+            kept = [name for name in self.fit.names if name in names or name.startswith("frequency_")]
+            finest = max(((block.modes, block.harmonics) for block in curves), default=(3, 5))
+            modes = min(finest[0], model.size - model.free.start)
+            block = curve_block(model, [(none, one)], self.guess, kept, self.first, modes=modes, harmonics=finest[1])
+            return predicted_curve(block, self.fit)
+        motions = [block for block in blocks if isinstance(block, MotionBlock)]
+        noise = {
+            channel.sensor: deviation
+            for block in motions
+            for channel, deviation in zip(block.channels, block.weights.deviations.tolist(), strict=True)
+        }
+        tolerance = min((block.tolerance for block in motions), default=None)
+        own = motion_block(model, [(none, one)], self.guess, self.first, tolerance=tolerance)
+        return predicted_motion(own, self.fit, noise)
+
+    def table(self) -> Table:
+        """Return the estimates with units, standard errors and 95 % intervals; notes say what each record shows."""
+        own = super().table()
+        notes = [
+            *own.notes,
+            *(line for account in self.accounts for line in account.lines),
+            *(one.text() for one in self.agreements),
+            *(
+                f"{name} {value:.5g} {PROPERTY_UNITS[name]}, standard error {error:.2g}"
+                for name, (value, error) in self.combinations.items()
+            ),
+            *(f"{name}: relative standard error {error:.2g}" for name, error in self._products),
+        ]
+        return replace(own, notes=notes)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle without Functions; the solution has the fit, and derives them again."""
+        return _restored, (self.given, self.guess, self.first, self.solution, self.again)
+
+    @property
+    def title(self) -> str:
+        """The law and the beam."""
+        return law_name(self.guess) if self.guess.parameters else "beam"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON: SI units, None for unknown values."""
+        return {
+            **super().to_dict(),
+            "law": law_name(self.guess),
+            "first": {name: {"value": value, "unit": unit_of(name)} for name, value in self.first.items()},
+            "combinations": {
+                name: {"value": value, "unit": PROPERTY_UNITS[name], "standard_error": known(error)}
+                for name, (value, error) in self.combinations.items()
+            },
+            "products": [{"product": name, "relative_error": known(error)} for name, error in self._products],
+            "scatter": known(self.scatter),
+            "records": [account.data for account in self.accounts],
+        }
+
+
+def _restored(given: Model, guess: DampingLaw, first: Mapping[str, float], solution: Solution, again: Any) -> BeamFit:
+    return BeamFit(solution.fit, given=given, guess=guess, first=first, solution=solution, again=again)
+
+
+def law_name(law: DampingLaw) -> str:
+    """Return the name of a law with those of its parameters."""
+    terms = law.laws if isinstance(law, SumOfLaws) else (law,)
+    return " + ".join(f"{type(term).__name__}({', '.join(own.name for own in term.parameters)})" for term in terms)

@@ -1,0 +1,228 @@
+"""The unknowns of a fit of a beam: guesses, scales, bounds and priors of the names that a user gives (``names``).
+
+The parameters of the law are unknown unless they are fixed, and so are those that the records leave open within bounds:
+releases, offsets, zeros, the view of a camera.  Of the other unknowns, a user names
+
+    properties of the beam                               one name each (``properties``)
+    natural_frequencies                                  a factor for each mode that the response curves are about
+    excitation, excitations                              one factor on the levels of all response curves, or of each
+    base_amplitude                                       the amplitude of the base motion of each motion
+    start_force_x, start_force_y, start_moment           the load that holds the beam at the start of each motion;
+                                                         with ``_rate`` its rate of change
+
+If none is named, a fit of response curves alone has the natural frequencies, and one of response curves together with
+other records the elastic modulus: without one of them, no model is near enough to a resonance.
+
+The scale of an unknown of a sensor is half the distance of its bounds, that of any other its guess.  The scale of a
+force is a tenth of E I/L^2, of a moment a tenth of E I/L, and of a rate this times the angular frequency of the first
+mode.  The guess of a frequency is the peak of the response over the level, in the record with the smallest response
+among those about the mode.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.damping import DampingLaw, Parameter
+from ancf_casadi.dynamics.derivatives.release_load import START
+from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import array, check_keys, choices, positive, shown
+from ancf_casadi.vibration.equilibrium import Equilibrium
+from problems.beam.curves.record import ResponseRecord
+from problems.beam.motions.record import Channel, MotionRecord
+from problems.beam.names import base_name, frequency_name, load_name, loads
+from problems.beam.properties import property_unknown
+
+SLIGHT = 0.1  # scale of a load, relative to one that bends a beam by about its length
+FIRST_MODE = 3.516  # angular frequency of a cantilever over (E I/(mu L^4))^1/2
+FREQUENCY_RANGE = 0.10  # distance of the bounds of a frequency from its guess, relative
+TYPICAL_FREQUENCY = 1e-3  # scale of a frequency, relative
+TYPICAL_EXCITATION = 0.01  # scale of an excitation without a prior
+EXCITATION_RANGE = 0.5  # distance of the bounds of an excitation from 1
+
+FREQUENCIES, BASE = "natural_frequencies", "base_amplitude"
+COMMON, EACH = "excitation", "excitations"
+LOADS = tuple(f"start_{name}" for name in START)
+GROUPS = (FREQUENCIES, COMMON, EACH, BASE, *LOADS)
+
+Bounds = Mapping[str, tuple[float, float]]
+
+
+def of_law(law: DampingLaw | None, fixed: Sequence[str]) -> list[Unknown]:
+    """Return the parameters of a law that are not fixed.
+
+    Raises
+    ------
+    InputError
+        If a name is not one of them.
+    """
+    parameters = law.parameters if law else ()
+    choices(fixed, [parameter.name for parameter in parameters], "fixed")
+    return [_of_parameter(own.name, own) for own in parameters if own.name not in fixed]
+
+
+def of_properties(first: Mapping[str, float], models: Sequence[Model]) -> list[Unknown]:
+    """Return the properties with their first values."""
+    return [property_unknown(name, value, models) for name, value in first.items()]
+
+
+def of_curves(wanted: Sequence[str], frequencies: Array, records: Sequence[ResponseRecord]) -> list[Unknown]:
+    """Return the factors on natural frequencies (Hz) and on the levels of response curves."""
+    found = _frequencies(frequencies, records) if FREQUENCIES in wanted else []
+    names = [COMMON] if COMMON in wanted else []
+    names += [f"excitation_{k}" for k in range(1, len(records) + 1)] if EACH in wanted else []
+    limits = 1.0 - EXCITATION_RANGE, 1.0 + EXCITATION_RANGE
+    return found + [Unknown(name, 1.0, TYPICAL_EXCITATION, *limits) for name in names]
+
+
+def of_motions(wanted: Sequence[str], model: Model, records: Sequence[MotionRecord]) -> list[Unknown]:
+    """Return the unknowns of motions: amplitudes of their bases, loads at the start, sensors.
+
+    Raises
+    ------
+    InputError
+        If a record whose load is to be estimated does not start from an equilibrium.
+    """
+    found = []
+    for k, record in enumerate(records, start=1):
+        if BASE in wanted:
+            found += [_of_parameter(base_name(own.name, k), own) for own in record.own_base.parameters]
+        found += _of_load(k, record, [name for name in LOADS if name in wanted], model)
+        found += _of_sensors(k, record, model)
+    return found
+
+
+def mode_of(record: ResponseRecord, frequencies: Array) -> int:
+    """Return the mode, from 0, whose natural frequency is nearest to that of the largest response of a record."""
+    return int(np.argmin(np.abs(np.log(frequencies / _peak(record)))))
+
+
+def restricted(unknowns: Sequence[Unknown], bounds: Bounds, priors: Bounds) -> list[Unknown]:
+    """Return the unknowns with the bounds and the priors that the user gave.
+
+    Raises
+    ------
+    InputError
+        If one is for another name, not a pair, or contradicts the guess.
+    """
+    names = {unknown.name for unknown in unknowns}
+    check_keys(dict(bounds), set(), names, "bounds")
+    check_keys(dict(priors), set(), names, "priors")
+    return [_restricted(unknown, bounds, priors) for unknown in unknowns]
+
+
+def _restricted(unknown: Unknown, bounds: Bounds, priors: Bounds) -> Unknown:
+    name = unknown.name
+    if name in priors:
+        mean, std = _pair(priors[name], f"priors: {name}")
+        unknown = replace(unknown, prior=(mean, positive(std, f"priors: {name}")))
+    if name not in bounds:
+        return unknown
+    lower, upper = _pair(bounds[name], f"bounds: {name}")
+    if not lower <= unknown.guess <= upper:
+        raise InputError(f"the first value {unknown.guess:g} is not within [{lower:g}, {upper:g}]", f"bounds: {name}")
+    if unknown.reciprocal:
+        lower = max(lower, unknown.lower / 100)  # a stiffness of zero has no reciprocal
+    return replace(unknown, lower=lower, upper=upper)
+
+
+def _of_parameter(name: str, parameter: Parameter) -> Unknown:
+    """Return a parameter of a law or of a base motion as an unknown."""
+    unit = "" if parameter.unit == "1" else parameter.unit
+    guess, scale = parameter.value, abs(parameter.value) or 1.0
+    return Unknown(name, guess, scale, lower=parameter.lower, upper=parameter.upper, unit=unit)
+
+
+def _frequencies(frequencies: Array, records: Sequence[ResponseRecord]) -> list[Unknown]:
+    """Return the factors on the natural frequencies of the modes that the records are about."""
+    found = []
+    modes = [mode_of(record, frequencies) for record in records]
+    for mode in sorted(set(modes)):
+        own = [record for record, one in zip(records, modes, strict=True) if one == mode]
+        guess = _peak(min(own, key=lambda record: float(record.amplitudes.max()))) / float(frequencies[mode])
+        limits = (1.0 - FREQUENCY_RANGE) * guess, (1.0 + FREQUENCY_RANGE) * guess
+        found.append(Unknown(frequency_name(mode), guess, TYPICAL_FREQUENCY, *limits))
+    return found
+
+
+def _peak(record: ResponseRecord) -> float:
+    """Return the frequency of the largest response over the level, Hz."""
+    return float(record.f[int(np.argmax(record.amplitudes / record.a))])
+
+
+def _of_load(number: int, record: MotionRecord, wanted: Sequence[str], model: Model) -> list[Unknown]:
+    """Return the unknown components of the load at the start of a record, and of its rate."""
+    if not wanted:
+        return []
+    if not (isinstance(record.start, Equilibrium) or record.start == "equilibrium"):
+        raise InputError("must be an equilibrium if its load is to be estimated", "start")
+    if record.load is not None:
+        raise InputError("cannot be estimated for a record whose load is given", "load")
+    if any(name.endswith("rate") for name in wanted) and record.earliest < 0.0:
+        raise InputError(
+            "samples are, or may be, before the release; while the load changes the beam is not at rest: cut the "
+            "record, or estimate no rates",
+            "load",
+        )
+    scales, found = _load_scales(model), []
+    for name, value in loads(record):
+        if f"start_{name}" in wanted:
+            unit = f"N{' m' * ('moment' in name)}{'/s' * name.endswith('rate')}"
+            found.append(Unknown(load_name(name, number), value, abs(value) or scales[name], unit=unit))
+    return found
+
+
+def _of_sensors(number: int, record: MotionRecord, model: Model) -> list[Unknown]:
+    """Return the unknown release of a record, view of its camera, and offset and zero of each channel."""
+    found = []
+    if isinstance(record.release, tuple):
+        found.append(_between(f"release_{number}", record.release, "s"))
+    for name, limits, _, unit in record.camera.unknowns if record.camera else ():
+        if limits:
+            found.append(_between(f"{name}_{number}", limits, unit))
+    for j, channel in enumerate(record.own_channels, start=1):
+        if channel.offset:
+            found.append(_between(f"offset_{number}_{j}", channel.offset, "s"))
+        if channel.zero:
+            found.append(_between(f"zero_{number}_{j}", channel.zero, channel.sensor.unit))
+        elif channel.sensor.quantity == "displacement":
+            guess = _origin_guess(channel, model)
+            found.append(Unknown(f"zero_{number}_{j}", guess, SLIGHT * model.beam.length, unit="m"))
+    return found
+
+
+def _between(name: str, limits: tuple[float, float], unit: str) -> Unknown:
+    """Return an unknown whose guess is the middle of its bounds."""
+    lower, upper = limits
+    return Unknown(name, (lower + upper) / 2, (upper - lower) / 2, lower=lower, upper=upper, unit=unit)
+
+
+def _origin_guess(channel: Channel, model: Model) -> float:
+    """Return the zero of a displacement whose mean is that of the straight beam, m."""
+    point = model.beam.length if channel.sensor.point is None else channel.sensor.point
+    straight = np.array(channel.sensor.unit_direction) @ model.interpolation(point) @ model.straight
+    return float(channel.measurement.values.mean() - straight)
+
+
+def _pair(given: Any, where: str) -> tuple[float, float]:
+    values = array(given, where, finite=False)
+    if values.shape != (2,):
+        raise InputError(f"must be a pair of numbers, got {shown(given)}", where)
+    return float(values[0]), float(values[1])
+
+
+def _load_scales(model: Model) -> dict[str, float]:
+    width, thickness, density, modulus = model.properties
+    stiffness = float(np.mean(modulus * width * thickness**3 / 12))
+    length, mass = model.beam.length, float(np.mean(density * width * thickness))
+    sizes = SLIGHT * stiffness / length**2 * np.array([1.0, 1.0, length])
+    rate = FIRST_MODE * math.sqrt(stiffness / (mass * length**4))
+    return dict(zip(START, [*sizes.tolist(), *(rate * sizes).tolist()], strict=True))

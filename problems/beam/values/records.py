@@ -1,0 +1,326 @@
+"""Measurements that determine properties of a beam: load-deflection tables and natural frequencies.
+
+A record holds the configuration in which it was measured, as a model: free length, orientation, gravity, tip mass,
+clamp.  Its residuals (``block``) are
+
+    (computed - measured)/standard deviation,    or    computed/measured - 1
+
+if no standard deviation is given.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.point_load import PointLoad
+from ancf_casadi.records.sensor import Sensor
+from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.inputs import (
+    array,
+    check_instance,
+    flag,
+    instances,
+    is_sequence,
+    located,
+    physical,
+    shown,
+    whole,
+)
+from ancf_casadi.support.tables import Displayed
+from problems.beam.properties import Owners
+from problems.beam.values.observation import place, readings
+from problems.beam.values.response import ModalResponse, Respond, StaticResponse
+
+
+class PropertyRecord(Displayed, ABC):
+    """Measured values that depend on the properties of a beam at rest or in small vibration."""
+
+    model: Model
+    name: str
+
+    @property
+    @abstractmethod
+    def measured(self) -> Array:
+        """The measured values, SI units, (m,)."""
+
+    @property
+    @abstractmethod
+    def deviations(self) -> Array | None:
+        """Standard deviations of the values, (m,); None if none are given."""
+
+    @property
+    @abstractmethod
+    def labels(self) -> tuple[str, ...]:
+        """Description of each value, (m,)."""
+
+    @property
+    @abstractmethod
+    def units(self) -> tuple[str, ...]:
+        """SI unit of each value, (m,)."""
+
+    @abstractmethod
+    def response(self, owners: Owners) -> Respond:
+        """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
+
+    def with_model(self, model: Model) -> Self:
+        """Return the record with another model."""
+        return replace(self, model=model)  # type: ignore[type-var]
+
+    @property
+    def scatter(self) -> Array:
+        """Divisors of the residuals: the standard deviations, or the measured values if none are given, (m,)."""
+        return np.abs(self.measured) if self.deviations is None else self.deviations
+
+
+@dataclass(frozen=True, eq=False)
+class StaticRecord(PropertyRecord):
+    """Readings of sensors on a beam at rest under loads.
+
+    Parameters
+    ----------
+    model : Model
+        The beam in the configuration of the test; its gravity acts.
+    loads : sequence of PointLoad, or of sequences of PointLoad
+        The load, or loads, of each of c cases; an empty sequence for none.
+    values : array_like (c,) or (c, k)
+        Readings in each case of one sensor, or of k; nan if not measured.  A displacement is the change from rest
+        without the loads.
+    sensors : Sensor or sequence of Sensor
+        The sensors, in the order of the columns.  At rest they read position, displacement, slope, strain, force or
+        moment.
+    std : float or array_like, optional
+        Standard deviation of the readings: one for all, one per sensor (k,), or one for each value.
+    tared : bool
+        Whether all sensors, not only those of displacement, read zero without the loads.
+    name : str
+        Name in reports.
+
+    Raises
+    ------
+    InputError
+        If sizes do not match, a value is infinite, none is measured, a standard deviation is not positive, a value is
+        zero although no standard deviation is given, or a load or a sensor is not on the beam.
+
+    Examples
+    --------
+    Tip deflections of a level strip under weights, and the modulus that explains them:
+
+    >>> from ancf_casadi import Beam, Model, PointLoad, Sensor
+    >>> from problems import StaticRecord, fit_beam
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> weights = [PointLoad.hung(mass, point=0.4) for mass in (1e-3, 2e-3, 4e-3)]  # kg
+    >>> down = Sensor("displacement", direction=(0.0, -1.0))
+    >>> level = Model(beam.with_(axis=(1.0, 0.0)))
+    >>> record = StaticRecord(level, weights, [0.0210, 0.0405, 0.0753], down)
+    >>> fit = fit_beam(level, record, unknowns=["elastic_modulus"])
+    >>> print(f"{fit.estimates['elastic_modulus'] / 1e9:.0f} GPa")
+    215 GPa
+    """
+
+    model: Model
+    loads: Sequence[PointLoad | Sequence[PointLoad]]
+    values: ArrayLike
+    sensors: Sensor | Sequence[Sensor]
+    std: ArrayLike | None = None
+    tared: bool = False
+    name: str = "static test"
+
+    def __post_init__(self) -> None:
+        """Validate, and keep arrays."""
+        check_instance(self.model, "model", Model)
+        check_instance(self.name, "name", str)
+        flag(self.tared, "tared")
+        sensors = (self.sensors,) if isinstance(self.sensors, Sensor) else instances(self.sensors, "sensors", Sensor)
+        readings(self.model, sensors)
+        loads = _cases(self.loads, self.model)
+        values = array(self.values, "values", finite=False)
+        deviation = _deviations(self.std, values)
+        if values.ndim == 1:
+            values, deviation = values[:, None], None if deviation is None else deviation[:, None]
+        if values.shape != (len(loads), len(sensors)):
+            raise InputError(
+                f"must have the shape {(len(loads), len(sensors))}, one row per load case and one column per sensor, "
+                f"got {values.shape}",
+                "values",
+            )
+        for name, value in {"sensors": sensors, "loads": loads, "values": values}.items():
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "std", deviation)
+
+    @property
+    def cases(self) -> tuple[tuple[PointLoad, ...], ...]:
+        """The loads of each case."""
+        return self.loads  # type: ignore[return-value]
+
+    @property
+    def columns(self) -> tuple[Sensor, ...]:
+        """The sensor of each column of the values."""
+        return self.sensors  # type: ignore[return-value]
+
+    @cached_property
+    def present(self) -> Index:
+        """Indices of the measured values among all values, case by case."""
+        return np.flatnonzero(np.isfinite(np.asarray(self.values)).ravel())
+
+    @cached_property
+    def measured(self) -> Array:
+        """The measured values, case by case, (m,)."""
+        return np.asarray(np.asarray(self.values).ravel()[self.present])
+
+    @cached_property
+    def deviations(self) -> Array | None:
+        """Standard deviations of the values, (m,); None if none are given."""
+        if self.std is None:
+            return None
+        return np.asarray(np.asarray(self.std).ravel()[self.present])
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """Case, quantity and place of each value, (m,)."""
+        words = [f"{sensor.quantity} at {place(self.model, sensor):g} m" for sensor in self.columns]
+        names = [f"case {case + 1}: {word}" for case in range(len(self.loads)) for word in words]
+        return tuple(names[k] for k in self.present.tolist())
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """SI unit of each value, (m,)."""
+        return tuple(self.columns[k % len(self.columns)].unit for k in self.present.tolist())
+
+    def response(self, owners: Owners) -> Respond:
+        """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
+        response = StaticResponse(self.model, self.cases, self.columns, self.tared, owners)
+
+        def present(factors: Array) -> tuple[Array, Array]:
+            values, jacobian = response(factors)
+            return values[self.present], jacobian[self.present]
+
+        return present
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyRecord(PropertyRecord):
+    """Natural frequencies of a beam in one configuration.
+
+    Parameters
+    ----------
+    model : Model
+        The beam in the configuration of the test, with the tip mass and the clamp that it had; its gravity acts.
+    frequencies : array_like (m,)
+        Natural frequencies, Hz.
+    std : float or array_like (m,), optional
+        Standard deviation of the frequencies, Hz.
+    modes : sequence of int, optional
+        Numbers of the modes, from 1, ascending; the lowest if not given.
+    name : str
+        Name in reports.
+
+    Raises
+    ------
+    InputError
+        If a frequency is not positive, the modes are not ascending or not as many as the frequencies, or a standard
+        deviation is not positive.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam, Model
+    >>> from problems import FrequencyRecord
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> record = FrequencyRecord(Model(beam), [1.85, 10.4], std=[0.01, 0.05])
+    >>> record.labels
+    ('mode 1', 'mode 2')
+    """
+
+    model: Model
+    frequencies: ArrayLike
+    std: ArrayLike | None = None
+    modes: Sequence[int] | None = None
+    name: str = "frequencies"
+
+    def __post_init__(self) -> None:
+        """Validate, and keep arrays."""
+        check_instance(self.model, "model", Model)
+        check_instance(self.name, "name", str)
+        found = array(self.frequencies, "frequencies")
+        if found.ndim != 1 or not found.size:
+            raise InputError("must be a sequence of frequencies", "frequencies")
+        for value in found.tolist():
+            physical(value, "frequencies")
+        free = self.model.size - self.model.free.start
+        given = range(1, found.size + 1) if self.modes is None else self.modes
+        if not is_sequence(given):
+            raise InputError(f"must be numbers of modes, got {shown(given)}", "modes")
+        modes = tuple(whole(k, "modes", 1, free) for k in given)
+        if len(modes) != found.size or any(b <= a for a, b in pairwise(modes)):
+            raise InputError(f"must be {found.size} ascending numbers, one per frequency, got {modes}", "modes")
+        deviation = _deviations(self.std, found)
+        for name, value in {"frequencies": found, "modes": modes, "std": deviation}.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def measured(self) -> Array:
+        """The frequencies, Hz, (m,)."""
+        return np.asarray(self.frequencies)
+
+    @property
+    def deviations(self) -> Array | None:
+        """Standard deviations of the frequencies, Hz, (m,); None if none are given."""
+        return None if self.std is None else np.asarray(self.std)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Mode of each frequency, (m,)."""
+        return tuple(f"mode {k}" for k in self.modes or ())
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Hz, (m,)."""
+        return ("Hz",) * len(self.measured)
+
+    def response(self, owners: Owners) -> Respond:
+        """Return the function from factors on the properties to the computed values (m,) and their Jacobian (m, p)."""
+        return ModalResponse(self.model, np.array(self.modes) - 1, owners)
+
+
+def _cases(loads: object, model: Model) -> tuple[tuple[PointLoad, ...], ...]:
+    """Return the loads of each case."""
+    if not is_sequence(loads) or not len(loads):  # type: ignore[arg-type]
+        raise InputError("must be a sequence with the load, or the loads, of each case", "loads")
+    cases = []
+    for case in loads:  # type: ignore[attr-defined]
+        own = (case,) if isinstance(case, PointLoad) else tuple(case) if is_sequence(case) else (case,)
+        for load in own:
+            check_instance(load, "loads", PointLoad)
+            with located("loads"):
+                load.place(model.beam)
+        cases.append(own)
+    return tuple(cases)
+
+
+def _deviations(given: ArrayLike | None, values: Array) -> Array | None:
+    """Return a standard deviation for each value; None if none is given."""
+    present = np.isfinite(values)
+    if not present.any() or np.isinf(values).any():
+        raise InputError("must be finite, or nan if not measured, with at least one measured", "values")
+    if given is None:
+        if (values[present] == 0.0).any():
+            raise InputError("is needed, because a value of 0 has no relative error", "std")
+        return None
+    try:
+        deviations = np.broadcast_to(array(given, "std"), values.shape).copy()
+    except ValueError:
+        raise InputError(f"must be one number, or fit the shape {values.shape} of the values", "std") from None
+    if not (deviations > 0.0).all():
+        raise InputError("must be positive", "std")
+    return deviations

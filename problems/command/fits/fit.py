@@ -1,0 +1,64 @@
+"""``ancf-casadi fit``: a damping law, and properties of the beam, from any mix of measurements."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+from ancf_casadi.exceptions import AncfError
+from ancf_casadi.export import Document, write_document
+from ancf_casadi.support.inputs import located
+from problems.beam.fitting import fit_beam
+from problems.command.output import Output, add_plot, figure_writer, json_text, new_files
+from problems.schema.records import RECORDS_HELP, read_measurements
+
+
+def add_fit(parser: argparse.ArgumentParser) -> None:
+    """Add the options."""
+    parser.set_defaults(run=_run)
+    parser.epilog = RECORDS_HELP
+    parser.add_argument(
+        "file",
+        metavar="STUDY.toml",
+        help="a file with the tables [beam], [[damping]] and [[records]] or other measurements; init writes one",
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE.json", help="write the beam and the law that were found as a JSON document"
+    )
+    add_plot(parser, "draw measurements and fit, and each prediction in a file FILE-prediction-N")
+
+
+def _run(options: argparse.Namespace) -> Output:
+    out, plot = new_files([options.file], options.out, options.plot)
+    given = read_measurements(options.file)
+    with located(f"{options.file}: [fit]"):
+        fit = fit_beam(given.model, given.records, given.damping, **given.settings)
+    result, texts = fit.to_dict(), [fit.report()]
+    files: list[Callable[[], object]] = []
+    if out is not None:
+        files.append(partial(write_document, out, Document(fit.model, fit.law if given.damping else None)))
+    if plot is not None:
+        files.append(figure_writer(plot, fit.figure))
+    predictions: list[dict[str, Any] | None] = []
+    for k, record in enumerate(given.predictions, start=1):
+        try:
+            with located(f"{options.file}: [predictions]: {k}"):
+                prediction = fit.predict(record)
+        except AncfError as error:  # the fit is reported nevertheless
+            predictions.append(None)
+            files.append(partial(_fail, error))
+            continue
+        predictions.append(prediction.to_dict())
+        texts.append(f"prediction {k}\n{prediction.report()}")
+        if plot is not None:
+            files.append(figure_writer(plot.with_stem(f"{plot.stem}-prediction-{k}"), prediction.figure))
+    if options.json:
+        return Output(json_text(result | ({"predictions": predictions} if predictions else {})), files)
+    return Output("\n\n".join(texts), files)
+
+
+def _fail(error: AncfError) -> NoReturn:
+    raise error

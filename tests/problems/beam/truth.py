@@ -1,0 +1,25 @@
+"""Estimates against a known truth, and the computed values of records."""
+
+import numpy as np
+
+from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES
+from problems.beam.properties import Owners
+
+FACTORS = (*PROPERTIES, *LUMPED)
+ONES = np.ones(len(FACTORS))
+
+
+def scores(fit, truth):
+    """Return the errors of the first estimates over their standard errors."""
+    values, errors = (np.array([*column.values()])[: len(truth)] for column in (fit.estimates, fit.standard_errors))
+    return (values - truth) / errors
+
+
+def respond(record):
+    """Return the function from factors on all properties to the values of a record and their Jacobian."""
+    return record.response(Owners.of(record.model.beam, FACTORS))
+
+
+def changed(model, **factors):
+    """Return a model with factors on its properties by name."""
+    return Owners.of(model.beam, FACTORS).changed(model, np.array([factors.get(name, 1.0) for name in FACTORS]))

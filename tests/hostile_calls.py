@@ -58,8 +58,8 @@ NOT_CALLED = frozenset(
     "BaseMotion DampingLaw TipLoad __version__"  # abstract
     " Backbone Equilibrium LinearFrf Modes PeriodicMotion ReducedModel ReducedTrajectory ResponseCurve Trajectory"
     " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions DecayFit DecayFits FrequencyMatch FrfFit"
-    " IsolatedMode LawComparison MonteCarlo MotionPrediction Prediction PropertyFit RayleighFit ResponseFit"
-    " ResponsePrediction StudyReport TransientFit".split()  # results, which the package makes
+    " IsolatedMode LawComparison MonteCarlo MotionPrediction RayleighFit SavedFit"
+    " ResponsePrediction StudyReport ValuePrediction BeamFit".split()  # results, which the package makes
 )
 
 
@@ -286,18 +286,19 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "fit_modes": (p.fit_modes, {
             "time": instants, "displacement": values + noise, "count": 1, "offset": True, "release_time": 0.0,
         }),
-        "fit_properties": (p.fit_properties, {"records": [static, natural], "unknowns": ["density"], "bounds": None}),
+        "fit_beam": (p.fit_beam, {
+            "model": model, "records": [motion_record], "damping": rayleigh, "unknowns": None, "fixed": (),
+            "bounds": None, "priors": None, "robust": False, "tolerance": 1e-4, "modes": 1, "harmonics": 3,
+        }),
+        "fit_beam, curves": (p.fit_beam, {
+            "model": model, "records": [curve], "damping": rayleigh, "unknowns": ("excitation",),
+            "bounds": None, "priors": {"excitation": (1.0, 0.1)}, "modes": 1, "harmonics": 3,
+        }),
+        "fit_beam, values": (p.fit_beam, {"model": model, "records": [static, natural], "unknowns": ["density"]}),
         "fit_rayleigh": (p.fit_rayleigh, {
             "frequencies": (1.0, 5.0, 9.0), "ratios": (0.01, 0.02, 0.03), "ratio_std": 1e-3,
         }),
-        "fit_response": (p.fit_response, {
-            "model": model, "records": [curve], "damping": rayleigh, "properties": (), "excitation": "known",
-            "excitation_deviation": None, "fixed": (), "bounds": None, "modes": 1, "harmonics": 3, "evidence": (),
-        }),
-        "fit_transient": (p.fit_transient, {
-            "model": model, "records": [motion_record], "damping": rayleigh, "properties": (), "base_amplitude": False,
-            "load": (), "fixed": (), "bounds": None, "robust": False, "tolerance": 1e-4, "evidence": (),
-        }),
+        "load_fit": (p.load_fit, {"path": folder / "fit.json"}),
         "isolate_mode": (p.isolate_mode, {"record": record, "band": (0.7 * f, 1.4 * f), "release_time": 0.0}),
         "law_curve": (p.law_curve, {"fit": fit, "amplitudes": [1e-3, 2e-3], "level": 0.9}),
         "match_frequencies": (p.match_frequencies, {

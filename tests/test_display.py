@@ -68,7 +68,7 @@ LEFT_OUT = {
     **dict.fromkeys(("BaseMotion", "DampingLaw", "TipLoad"), "abstract"),
     **dict.fromkeys(
         ("DecayFit", "DecayFits", "FrequencyMatch", "FrfFit", "LawComparison", "MonteCarlo", "MotionPrediction",
-         "Prediction", "PropertyFit", "RayleighFit", "ResponseFit", "ResponsePrediction", "TransientFit"), FIT,
+         "BeamFit", "RayleighFit", "ResponsePrediction", "SavedFit", "ValuePrediction"), FIT,
     ),
 }  # fmt: skip
 CLASSES = {

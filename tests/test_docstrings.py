@@ -12,8 +12,8 @@ import problems
 from ancf_casadi.support.compilation import c_compiler
 
 SLOW = (
-    "ContinuationError", "DecayFit", "MotionPrediction", "ResponseFit", "ResponsePrediction", "SampledLoad",
-    "TransientFit", "compare_laws", "fit_response", "fit_transient", "write_fmu",
+    "ContinuationError", "DecayFit", "MotionPrediction", "ResponsePrediction", "SampledLoad",
+    "BeamFit", "compare_laws", "fit_beam", "write_fmu",
 )  # fmt: skip
 PUBLIC = [
     pytest.param(

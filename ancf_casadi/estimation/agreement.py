@@ -39,7 +39,7 @@ from typing import Any
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.estimates import LEVEL, Estimates
+from ancf_casadi.estimation.estimates import LEVEL, Estimates, quantile
 from ancf_casadi.estimation.loss import row_weights
 from ancf_casadi.estimation.noise import estimated_noise
 from ancf_casadi.support.arrays import Array, Mask
@@ -65,8 +65,6 @@ class Agreement:
         Probability of a Q as large or larger if the estimates agree.
     mean, error : float
         Mean of the estimates and its standard error, which includes the scatter.
-    interval : (float, float)
-        95 % interval of the mean.
     """
 
     name: str
@@ -77,7 +75,22 @@ class Agreement:
     probability: float
     mean: float
     error: float
-    interval: tuple[float, float]
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the mean."""
+        return self.ends(LEVEL)
+
+    def ends(self, level: float) -> tuple[float, float]:
+        """Return the interval of the mean for a confidence level.
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 1.
+        """
+        t = quantile(level, len(self.values) - 1 if self.scatter else math.inf)
+        return self.mean - t * self.error, self.mean + t * self.error
 
     @property
     def agrees(self) -> bool:
@@ -139,7 +152,6 @@ def agreement(name: str, unit: str, values: Array, errors: Array) -> Agreement:
         τ2 = float(scipy.optimize.brentq(lambda variance: mean_and_excess(variance)[1] - freedom, 0.0, widest))
     mean, excess, total = mean_and_excess(τ2)
     error = math.sqrt(max(1.0, excess / freedom) / total)
-    t = float(scipy.special.stdtrit(freedom if τ2 else np.inf, 0.5 + LEVEL / 2))
     return Agreement(
         name=name,
         unit=unit,
@@ -149,7 +161,6 @@ def agreement(name: str, unit: str, values: Array, errors: Array) -> Agreement:
         probability=float(scipy.special.chdtrc(freedom, Q)),
         mean=mean,
         error=error,
-        interval=(mean - t * error, mean + t * error),
     )
 
 

@@ -5,28 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from ancf_casadi.estimation.criteria import Candidate, Verdict, judge
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.result import Result, known
-from ancf_casadi.support.tables import Table
+from ancf_casadi.estimation.result import FitResult
+from ancf_casadi.support.tables import Table, known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class LawFit(Result, Protocol):
-    """A result that rests on a least-squares fit."""
-
-    @property
-    def fit(self) -> Fit:
-        """Estimated unknowns."""
-
-
 LONGEST_NAME = 32  # characters of a law in a table of 100 columns
 
-F = TypeVar("F", bound=LawFit)
+F = TypeVar("F", bound=FitResult)
 
 
 @dataclass(frozen=True, eq=False)

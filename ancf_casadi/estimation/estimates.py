@@ -232,7 +232,7 @@ class Estimates:
         InputError
             If the level is not between 0 and 1.
         """
-        ends = self._ends(self.values, np.eye(len(self.names)), level)
+        ends = self.ends_of(self.values, np.eye(len(self.names)), level)
         ends = np.clip(ends, self.lower[:, None], self.upper[:, None])
         inverse = self.coordinates.reciprocal
         ends[inverse & (ends[:, 0] <= self.lower), 0] = 0.0
@@ -247,7 +247,7 @@ class Estimates:
 
     def derived_intervals(self, quantities: Quantities, level: float = LEVEL) -> Array:
         """Return the intervals (q, 2) of quantities, to first order; nan where no unknown enters."""
-        return self._ends(*self.linearised(quantities), level)
+        return self.ends_of(*self.linearised(quantities), level)
 
     def shifts(self, change: Array) -> Array:
         """Return the shifts (n,) of the estimates by a change of the residuals (m,), in standard errors.
@@ -306,8 +306,8 @@ class Estimates:
         errors = np.sqrt(np.sum((own @ self.covariance[np.ix_(free, free)]) * own, axis=1))
         return np.where(own.any(axis=1), errors, math.nan)
 
-    def _ends(self, values: Array, jacobian: Array, level: float) -> Array:
-        """Return the intervals (q, 2) of quantities from their values (q,) and Jacobian (q, n)."""
+    def ends_of(self, values: Array, jacobian: Array, level: float) -> Array:
+        """Return the intervals (q, 2) of quantities from their values (q,) and Jacobian (q, n); nan for certain ones."""
         half = np.nan_to_num(self.quantile(level) * self.errors_of(jacobian))
         with np.errstate(invalid="ignore"):  # 0 times an infinite move is nan; np.fmax ignores it
             steps = jacobian @ self.moves(level)

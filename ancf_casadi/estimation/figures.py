@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +15,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 
 LAGS = 200  # of a drawn autocorrelation
+ACROSS = 4  # plots of estimates in a row
 
 
 def draw_autocorrelation(axes: Axes, residuals: Array, series: Sequence[int] = ()) -> None:
@@ -100,5 +102,31 @@ def agreement_figure(quantities: Sequence[tuple[str, Agreement]]) -> Figure:
         axes.axhline(one.mean, lw=1, color=COMPUTED)
         axes.errorbar(places, one.values, yerr=1.96 * one.errors, fmt="o", ms=4, lw=1, color=MEASURED)
         axes.set(xlabel="record", ylabel=label, xticks=places, xlim=(0.5, len(places) + 0.5))
+        axes.ticklabel_format(axis="y", useOffset=False)
+    return figure
+
+
+@literal_text
+def saved_figure(fits: Mapping[str, Any]) -> Figure:
+    """Draw the estimates of one or several fits with their 95 % intervals, one plot for each name.
+
+    Parameters
+    ----------
+    fits : mapping of str to result of a fit
+        The fits by their labels.
+    """
+    units = {name: unit for fit in fits.values() for name, unit in fit.units.items()}
+    rows = max(1, -(-len(units) // ACROSS))
+    figure = Figure(figsize=(2.6 * min(ACROSS, max(1, len(units))), 2.6 * rows), layout="constrained")
+    plots = figure.subplots(rows, min(ACROSS, max(1, len(units))), squeeze=False).ravel()
+    for axes in plots[len(units) :]:
+        axes.set_visible(False)
+    for axes, (name, unit) in zip(plots, units.items(), strict=False):
+        own = {label: (fit.estimates[name], *fit.intervals()[name]) for label, fit in fits.items() if name in fit.units}
+        values, low, high = np.array(list(own.values())).T
+        reach = np.nan_to_num(np.array([values - low, high - values]), posinf=0.0).clip(0.0)
+        axes.errorbar(range(len(own)), values, yerr=reach, fmt="o", ms=4, lw=1, color=COMPUTED)
+        axes.set(ylabel=f"{name}, {unit}".removesuffix(", "), xlim=(-0.5, len(own) - 0.5))
+        axes.set_xticks(range(len(own)), list(own))
         axes.ticklabel_format(axis="y", useOffset=False)
     return figure

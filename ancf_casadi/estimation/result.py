@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -63,7 +63,8 @@ class FitResult(Reported):
 
     def _named(self, values: Any) -> dict[str, Any]:
         """Return values (q, ...) of all quantities as a mapping from the names of the estimates."""
-        return {self.quantities[0][k]: values[k] for k in self._estimated}
+        names = self.quantities[0]
+        return {names[k]: values[k] for k in self._estimated}
 
     @property
     def estimates(self) -> dict[str, float]:
@@ -76,9 +77,9 @@ class FitResult(Reported):
         return self._named(self.quantities[1])
 
     @property
-    def standard_errors(self) -> Mapping[str, float]:
+    def standard_errors(self) -> dict[str, float]:
         """Standard error of each estimated quantity by name; nan at a bound."""
-        return self._named(self.fit.derived(self.quantities[2])[1].tolist())
+        return self._named(self.fit.errors_of(self._linearised[1]).tolist())
 
     def intervals(self, level: float = LEVEL) -> dict[str, Interval]:
         """Return the interval of each estimated quantity by name for a confidence level, to first order.
@@ -204,4 +205,4 @@ class FitResult(Reported):
             f"{name} {value:.5g}{f' +- {error:.2g}' if math.isfinite(error) else ''} {unit}".rstrip()
             for name, value, unit, error, _ in self._rows()
         ]
-        return ", ".join(shown)
+        return f"{self.title}: {', '.join(shown)}"

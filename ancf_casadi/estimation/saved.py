@@ -13,7 +13,7 @@ import numpy as np
 from ancf_casadi.estimation.estimates import LEVEL, quantile
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.files import read_file
+from ancf_casadi.support.files import read_bytes
 from ancf_casadi.support.tables import Reported, Table
 
 
@@ -151,7 +151,7 @@ def load_fit(path: str | Path) -> SavedFit:
     InputError
         If the file cannot be read, or is not a saved result.
     """
-    content = read_file(path)
+    content = read_bytes(path)
     try:
         return SavedFit(
             msgspec.json.decode(content, type=SavedNumbers), msgspec.json.decode(content, type=dict[str, Any])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from matplotlib.figure import Figure, SubFigure
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.support.figures import literal_text
 from problems.beam.curves.block import CurveBlock
 from problems.beam.curves.figures import draw_responses, response_size
 from problems.beam.motions.block import MotionBlock
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 Drawer = Callable[[Figure | SubFigure], Figure | SubFigure]
 
 
+@literal_text
 def beam_figure(fits: Mapping[str, BeamFit]) -> Figure:
     """Draw measured and computed motions, response curves and values of a fit.
 

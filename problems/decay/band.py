@@ -100,7 +100,7 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
     low, high = (physical(limit, "band") for limit in vector(band, "band"))
     if not low < high:
         raise InputError(f"must be in order, got {low:g}, {high:g} Hz", "band")
-    fits: tuple[DecayFit, ...] = ()
+    fits: Sequence[DecayFit] = ()
     for count in range(1, MOST_MODES + 1):
         try:
             found = fit_modes(record, count=count, release_time=release_time)

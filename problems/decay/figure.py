@@ -1,23 +1,34 @@
-"""Figure of a decay fit."""
+"""Figures of decay fits and predictions."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from ancf_casadi.decay.envelope import PERIODS, damping_curve
+from ancf_casadi.estimation.figures import agreement_figure, saved_figure
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.plot import decay_figure
+from ancf_casadi.plot import decay_figure, fit_figure
 from ancf_casadi.records.measurement import Measurement
 from problems.decay.law_curve import law_curve
+from problems.decay.prediction import DecayPrediction
 from problems.decay.result import DecayFit
+from problems.decay.takes import DecayFits, DecayModes
 
 MOST_POINTS = 40  # windows, which are longer in a long record
 
 
-def decay_fit_figure(fit: DecayFit) -> Figure:
-    """Draw record and fit, the residuals, and damping ratio and frequency against amplitude, by law and by windows."""
+def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
+    """Draw record and fit, the residuals, and damping ratio and frequency against amplitude, by law and by windows.
+
+    Of several fits the estimates are drawn.
+    """
+    if len(fits) > 1:
+        return saved_figure(fits)
+    (fit,) = fits.values()
     measured = fit.displacement(fit.time) - fit.residuals
     try:
         periods = fit.frequency * (fit.time[-1] - fit.time[0]) / MOST_POINTS
@@ -36,6 +47,38 @@ def decay_fit_figure(fit: DecayFit) -> Figure:
         law=law_curve(fit),
         points=points,
     )
+
+
+def takes_figure(fits: Mapping[str, DecayFits]) -> Figure:
+    """Draw the quantities of the mode from each record with 95 % intervals, and their mean."""
+    agreements = [one for fit in fits.values() for one in fit.agreements]
+    if len(fits) > 1 or not agreements:
+        return saved_figure(fits)
+    return agreement_figure([(f"{one.name}, {one.unit}".removesuffix(", "), one) for one in agreements])
+
+
+def modes_figure(fits: Mapping[str, DecayModes]) -> Figure:
+    """Draw the record, the sum of the modes, the residuals and their autocorrelation; of several fits the estimates."""
+    if len(fits) > 1:
+        return saved_figure(fits)
+    (modes,) = fits.values()
+    first = modes[0]
+    fitted = np.sum([fit.displacement(first.time) for fit in modes], axis=0)
+    return fit_figure(first.time, fitted - first.residuals, fitted, first.model.sensor.unit)
+
+
+def prediction_figure(predictions: Mapping[str, DecayPrediction]) -> Figure:
+    """Draw a record and its prediction.
+
+    Raises
+    ------
+    InputError
+        If there are several predictions, which have other records.
+    """
+    if len(predictions) > 1:
+        raise InputError("predictions of several decays cannot be drawn over each other; draw each alone", "figure")
+    (one,) = predictions.values()
+    return fit_figure(one.record.time, one.record.values, one.readings, one.record.sensor.unit)
 
 
 def _value(fit: DecayFit, name: str, scale: float, unit: str) -> str:

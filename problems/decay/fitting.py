@@ -17,6 +17,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Literal, get_args
 
 from numpy.typing import ArrayLike
@@ -30,7 +31,7 @@ from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED, co
 from problems.decay.laws import LAWS, FrequencyLaw, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import RATIO_BOUNDS, fit_from
-from problems.decay.takes import DecayFits, decay_fits
+from problems.decay.takes import DecayFits
 
 
 def fit_decay(
@@ -183,24 +184,20 @@ def fit_decays(
     releases = [None] * len(records) if release_times is None else numbers(release_times, "release_times")
     if len(releases) != len(records):
         raise InputError(f"has {len(releases)} values for {len(records)} records", "release_times")
+    settings = {
+        "law": law,
+        "frequency_law": frequency_law,
+        "offset": offset,
+        "drift": drift,
+        "ratio_bounds": bounds,
+        "robust": robust,
+    }
     guesses = [
         first_guess(record, release_time=release, offset=offset, drift=drift)
         for record, release in zip(records, releases, strict=True)
     ]
-
-    def fitted(chosen: slice) -> tuple[DecayFit, ...]:
-        return fit_from(
-            guesses[chosen],
-            records[chosen],
-            law=law,
-            frequency_law=frequency_law,
-            offset=offset,
-            drift=drift,
-            ratio_bounds=bounds,
-            robust=robust,
-        )
-
-    every = fitted(slice(None))
-    if len(records) == 1:
-        return decay_fits(every, every)
-    return decay_fits(every, [fitted(slice(k, k + 1))[0] for k in range(len(records))])
+    every = fit_from(guesses, records, **settings)
+    pairs = zip(guesses, records, strict=True) if len(records) > 1 else ()
+    alone = [fit_from([guess], [record], **settings)[0] for guess, record in pairs]
+    again = partial(fit_decays, release_times=release_times, **settings)
+    return DecayFits(every[0].fit, every, tuple(alone) or every, again=again)

@@ -23,6 +23,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -40,8 +42,9 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import flag, number, whole
 from problems.decay.arguments import as_record
 from problems.decay.laws import DecayModel
-from problems.decay.result import DecayFit, decay_result
+from problems.decay.result import DecayFit
 from problems.decay.solution import RATIO_BOUNDS, fit_from
+from problems.decay.takes import DecayModes
 
 MOST_MODES = 6  # fitted at once if no count is given
 ADVICE = "fit fewer modes, or check the time of the release"
@@ -54,7 +57,7 @@ def fit_modes(
     count: int | None = None,
     offset: bool = True,
     release_time: float | None = None,
-) -> tuple[DecayFit, ...]:
+) -> DecayModes:
     """Fit the strongest modes of a free decay at once, each with linear damping.
 
     Parameters
@@ -72,10 +75,9 @@ def fit_modes(
 
     Returns
     -------
-    tuple of DecayFit
-        Result for each mode, in ascending order of frequency; the results have a warning if the record supports fewer
-        modes than ``count``.  ``displacement`` returns the contribution of the mode; that of the strongest mode
-        includes the offset.
+    DecayModes
+        Result for each mode, in ascending order of frequency, with a warning if the record supports fewer modes than
+        ``count``.  ``displacement`` of a mode returns its contribution; that of the strongest mode includes the offset.
 
     Raises
     ------
@@ -105,14 +107,21 @@ def fit_modes(
     notes = [*merged, *([] if count is None or not ended else [ended])]
     t, y = modes[0].time, record.values[-modes[0].samples :]
     fit, columns = _together(modes, t, y)
+    settings = {"count": count, "offset": offset, "release_time": release_time}
     fits = [
-        decay_result(
-            mode.model, fit, t, fit.residuals, indices=indices, rows=slice(0, len(t)), ratio_bounds=RATIO_BOUNDS,
-            reason=modes[0].release_reason, notes=notes,
+        DecayFit(
+            fit, mode.model, indices, slice(0, len(t)), t, fit.residuals, RATIO_BOUNDS, modes[0].release_reason,
+            tuple(notes), again=partial(_mode, near=mode.frequency, **settings),
         )
         for mode, indices in zip(modes, columns, strict=True)
     ]  # fmt: skip
-    return tuple(sorted(fits, key=lambda fit: fit.frequency))
+    again = partial(fit_modes, **settings)
+    return DecayModes(fit, tuple(sorted(fits, key=lambda fit: fit.frequency)), again=again)
+
+
+def _mode(record: Measurement, *, near: float, **settings: Any) -> DecayFit:
+    """Return the mode of a record whose frequency (Hz) is closest to another one."""
+    return min(fit_modes(record, **settings), key=lambda fit: abs(fit.frequency - near))
 
 
 def _found(

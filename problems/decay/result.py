@@ -9,31 +9,31 @@ of the damping is proportional to length^(-3/2), which gives the length that wou
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import cached_property
+from typing import Any
 
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.estimation.estimates import LEVEL
-from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.profile import profile_interval
-from ancf_casadi.estimation.resampling import refit
-from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.estimation.estimates import Quantities
+from ancf_casadi.estimation.result import FitResult, Interval
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import array
 from ancf_casadi.support.tables import known
-from problems.decay.laws import LAWS, QUANTITIES, DecayModel, FrequencyLaw, Interval, Law
+from problems.decay.laws import QUANTITIES, DecayModel, FrequencyLaw, Law
 from problems.decay.limitations import limitations
+from problems.decay.prediction import DecayPrediction, predicted
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+
+def _quantity(name: str, text: str) -> property:
+    return property(lambda fit: fit.values[name], doc=text)
 
 
 @dataclass(frozen=True, eq=False)
-class DecayFit:
+class DecayFit(FitResult):
     """A mode identified from a free decay.
 
     The linear law has eta1 = 2 zeta omega and eta2 = 0; only the friction law has an eta0 other than 0, only the power
@@ -41,61 +41,23 @@ class DecayFit:
 
     Parameters
     ----------
-    law : {"linear", "quadratic", "friction", "power", "one-mode"}
-        Fitted damping law.
-    frequency_law : {"constant", "linear", "quadratic"}
-        Fitted frequency law.
-    frequency : float
-        Natural frequency f, Hz, at zero amplitude if it depends on the amplitude A; the undamped frequency under the
-        linear law.
-    frequency_slope : float
-        k1 in f (1 + k1 A), 1/m; 0 under the other frequency laws.
-    frequency_curvature : float
-        k2 in f (1 + k2 A^2), 1/m^2; 0 under the other frequency laws.
-    damping_ratio : float
-        Damping ratio; under the other laws the equivalent one at ``amplitude``.
-    eta1 : float
-        Linear damping coefficient, 1/s.
-    eta2 : float
-        Quadratic damping coefficient, 1/m.
-    eta0 : float
-        Friction force per mass, m/s^2.
-    eta_p : float
-        Coefficient of the force per mass ``eta_p |v|^p``, m^(1-p) s^(p-2); 0 under the other laws.
-    exponent : float
-        Exponent p of this force; nan under the other laws.
-    amplitude : float
-        Amplitude about the offset at the release, m: that of the envelope in Eq. (9), e0 in Eq. (27), and that of the
-        initial state in Eq. (26).  If velocity or acceleration was measured, it is that of the displacement.
-    offset : float
-        Equilibrium, in the unit of the sensor; with drift, the one at the release.
-    drift : float
-        Rate of the equilibrium, in this unit per s; 0 if it was not fitted.
-    release_time : float
-        Start of the decay in the times of the record, s.
-    release_reason : str
-        Reason for this start: the first sample, the end of rest, the end of an excitation, or given.
-    correlation : float
-        Correlation of eta1 and eta2; nan under the linear law.
-    standard_errors : mapping of str to float
-        Standard error of each quantity by name, with unknowns at a bound taken as known; nan if the quantity itself is
-        at a bound or not estimated.
-    intervals : mapping of str to (float, float)
-        95 % interval of each quantity by name, one-sided at a bound; nan for a quantity that is not estimated.
-    warnings : tuple of str
-        Limitations of the estimates.
-    time : ndarray
-        Times of the samples from the release on (m,), s.
-    residuals : ndarray
-        Fitted less measured values at these times (m,), in the unit of the sensor.
-    fitted_samples : int
-        Number of samples that the fit used: fewer than all if the record has far more than its mode needs.
     model : DecayModel
         Fitted curve.
     indices : tuple of int
         Positions in ``fit`` of the unknowns of the curve; not all if several records or modes were fitted at once.
-    fit : Fit
-        All unknowns, with covariance, bounds and condition number, and the status of the solver.
+    rows : slice
+        Samples of the record that were fitted, among those of all records in ``fit``: fewer than all if the record has
+        far more than its mode needs.
+    time : ndarray
+        Times of the samples from the release on (m,), s.
+    residuals : ndarray
+        Fitted less measured values at these times (m,), in the unit of the sensor.
+    ratio_bounds : (float, float)
+        Bounds of the damping ratio under the linear law.
+    release_reason : str
+        Reason for the start of the decay: the first sample, the end of rest, the end of an excitation, or given.
+    notes : tuple of str
+        Limitations of the record.
 
     Examples
     --------
@@ -108,37 +70,82 @@ class DecayFit:
     >>> fit = fit_decay(record)
     >>> print(f"{fit.damping_ratio:.5f} +- {fit.standard_errors['damping_ratio']:.5f}")
     0.00834 +- 0.00001
-    >>> low, high = fit.intervals["frequency"]
+    >>> low, high = fit.intervals()["frequency"]
     >>> print(f"{low:.4f} to {high:.4f} Hz")
     1.9099 to 1.9100 Hz
     """
 
-    law: Law
-    frequency_law: FrequencyLaw
-    frequency: float
-    frequency_slope: float
-    frequency_curvature: float
-    damping_ratio: float
-    eta1: float
-    eta2: float
-    eta0: float
-    eta_p: float
-    exponent: float
-    amplitude: float
-    offset: float
-    drift: float
-    release_time: float
-    release_reason: str
-    correlation: float
-    standard_errors: Mapping[str, float]
-    intervals: Mapping[str, Interval]
-    warnings: tuple[str, ...]
-    time: Array
-    residuals: Array
-    fitted_samples: int
+    kind = "decay"
+    _drawing = "problems.decay.figure.decay_fit_figure"
+
     model: DecayModel
     indices: tuple[int, ...]
-    fit: Fit
+    rows: slice
+    time: Array
+    residuals: Array
+    ratio_bounds: Interval
+    release_reason: str
+    notes: tuple[str, ...] = ()
+
+    frequency = _quantity(
+        "frequency",
+        "Natural frequency f, Hz, at zero amplitude if it depends on the amplitude A; the undamped frequency under the "
+        "linear law.",
+    )
+    frequency_slope = _quantity("frequency_slope", "k1 in f (1 + k1 A), 1/m; 0 under the other frequency laws.")
+    frequency_curvature = _quantity("frequency_curvature", "k2 in f (1 + k2 A^2), 1/m^2; 0 under the other ones.")
+    damping_ratio = _quantity(
+        "damping_ratio", "Damping ratio; under other laws than the linear one, the equivalent one at ``amplitude``."
+    )
+    eta1 = _quantity("eta1", "Linear damping coefficient, 1/s.")
+    eta2 = _quantity("eta2", "Quadratic damping coefficient, 1/m.")
+    eta0 = _quantity("eta0", "Friction force per mass, m/s^2.")
+    eta_p = _quantity(
+        "eta_p", "Coefficient of the force per mass ``eta_p |v|^p``, m^(1-p) s^(p-2); 0 under the other laws."
+    )
+    exponent = _quantity("exponent", "Exponent p of this force; nan under the other laws.")
+    amplitude = _quantity(
+        "amplitude",
+        "Amplitude about the offset at the release, m: that of the envelope in Eq. (9), e0 in Eq. (27), and that of "
+        "the initial state in Eq. (26).  If velocity or acceleration was measured, it is that of the displacement.",
+    )
+    offset = _quantity("offset", "Equilibrium, in the unit of the sensor; with drift, the one at the release.")
+    drift = _quantity("drift", "Rate of the equilibrium, in this unit per s; 0 if it was not fitted.")
+
+    @cached_property
+    def values(self) -> dict[str, float]:
+        """All quantities by name, estimated or not."""
+        return dict(zip(QUANTITIES, self._linearised[0].tolist(), strict=True))
+
+    @cached_property
+    def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
+        """Names and units of the quantities, and the function from the unknowns to them."""
+        units = tuple(map(self.model.unit, QUANTITIES))
+        return tuple(QUANTITIES), units, lambda *x: self.model.quantities(*(x[i] for i in self.indices))
+
+    def _ends(self, level: float) -> Array:
+        """Return the intervals (q, 2) of all quantities within their bounds."""
+        bounds = {name: (quantity.lower, quantity.upper) for name, quantity in QUANTITIES.items()}
+        if self.law == "linear":
+            bounds["damping_ratio"] = self.ratio_bounds
+            bounds["eta1"] = (0.0 if self.ratio_bounds[0] >= 0.0 else -math.inf, math.inf)
+        lower, upper = np.array(list(bounds.values())).T[:, :, None]
+        return np.clip(self.fit.ends_of(*self._linearised, level), lower, upper)
+
+    @property
+    def law(self) -> Law:
+        """Fitted damping law."""
+        return self.model.law
+
+    @property
+    def frequency_law(self) -> FrequencyLaw:
+        """Fitted frequency law."""
+        return self.model.frequency_law
+
+    @property
+    def release_time(self) -> float:
+        """Start of the decay in the times of the record, s."""
+        return float(self.time[0])
 
     @property
     def samples(self) -> int:
@@ -146,30 +153,26 @@ class DecayFit:
         return len(self.residuals)
 
     @property
-    def estimates(self) -> dict[str, float]:
-        """Estimated quantities by name."""
-        return {name: getattr(self, name) for name in QUANTITIES if not math.isnan(self.intervals[name][0])}
-
-    @property
-    def units(self) -> dict[str, str]:
-        """Unit of each estimated quantity."""
-        return {name: self.model.unit(name) for name in self.estimates}
-
-    def refit(self, noise: Array) -> Array:
-        """Return the estimated quantities from a fit to the fitted curve plus noise, in the unit of the sensor."""
-        x = refit(self.fit, noise, gauss_newton=LAWS[self.law].integrated)
-        found = self.model.values(x[list(self.indices)])
-        return np.array([found[name] for name in self.estimates])
+    def fitted_samples(self) -> int:
+        """Number of samples that the fit used."""
+        return int(self.rows.stop - self.rows.start)
 
     @property
     def residual_rms(self) -> float:
         """Root mean square R of the residuals, Eq. (10), in the unit of the sensor."""
-        return math.sqrt(np.mean(self.residuals**2))
+        return root_mean_square(self.residuals)
 
     @property
-    def active_bounds(self) -> tuple[str, ...]:
-        """Names of the unknowns at a bound."""
-        return self.fit.at_bound
+    def correlation(self) -> float:
+        """Correlation of eta1 and eta2; nan if one of them is at a bound or not estimated."""
+        pair = [self.fit.names.index(name) for name in ("eta1", "eta2") if name in self.fit.names]
+        return float(self.fit.correlations[pair[0], pair[1]]) if len(pair) == 2 else math.nan
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Limitations of the record and of the estimates."""
+        parts = (self.model, self.fit, self.indices, self.rows, self.time, self.residuals)
+        return (*self.notes, *self.fit.warnings, *limitations(*parts, self.values, self.standard_errors))
 
     def displacement(self, time: ArrayLike) -> Array:
         """Return the fitted record, in the unit of its sensor, at times (s) of the record, from the release on.
@@ -189,66 +192,50 @@ class DecayFit:
         curve = self.model.curve(t, *(cs.MX(self.fit.values[i]) for i in self.indices))
         return np.asarray(cs.evalf(curve)).ravel()
 
-    def profile_interval(self, name: str, level: float = LEVEL) -> Interval:
-        """Return the interval of a quantity by profile likelihood.
+    def predict(self, record: Measurement) -> DecayPrediction:
+        """Compute another decay of the same mode with its estimates, and compare.
 
-        Parameters
-        ----------
-        name : str
-            One of ``estimates``: ``frequency``, ``damping_ratio``, ``eta1``, ``amplitude``, ``offset`` and so on.
-        level : float
-            Confidence level.
+        What belongs to the release and the sensor is fitted: amplitude, phase, offset and drift.
 
         Raises
         ------
         InputError
-            If the law has no such quantity, the level is not between 0 and 1, or there is no scatter.
+            If the record is not usable, has another sensor, or nothing in it oscillates.
         FitError
-            If a nonlinear program for an end does not converge.
+            If the release cannot be fitted.
 
         Examples
         --------
         >>> import numpy as np
         >>> from ancf_casadi import Measurement
         >>> from problems import fit_decay
-        >>> time = np.linspace(0.0, 10.0, 1001)
-        >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
-        >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
-        >>> [f"{end:.4f}" for end in fit_decay(record).profile_interval("damping_ratio")]
-        ['0.0083', '0.0084']
+        >>> time, rng = np.linspace(0.0, 10.0, 1001), np.random.default_rng(0)
+        >>> y = np.exp(-0.1 * time) * np.cos(12.0 * time)
+        >>> takes = [Measurement(time, a * y + rng.normal(scale=1e-4, size=time.size)) for a in (0.02, 0.03)]
+        >>> prediction = fit_decay(takes[0]).predict(takes[1])
+        >>> print(f"{1e3 * prediction.rms_error:.1f} mm")
+        0.1 mm
         """
-        if name not in self.estimates:
-            raise InputError(f"is not estimated by this fit; it has {', '.join(self.estimates)}", name)
-        which = list(QUANTITIES).index(name)
-        return profile_interval(self.fit, lambda *x: self.model.quantities(*(x[i] for i in self.indices))[which], level)
+        return predicted(self.fit, [(self.model, self.indices)], record)
 
-    def figure(self) -> Figure:
-        """Draw record and fit, the residuals, and damping ratio and frequency against amplitude (``law_curve``).
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from ancf_casadi import Measurement
-        >>> from problems import fit_decay
-        >>> time = np.linspace(0.0, 10.0, 1001)
-        >>> noise = np.random.default_rng(0).normal(scale=1e-4, size=time.size)
-        >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
-        >>> fit_decay(record).figure().savefig("decay.png")
-        """
-        from problems.decay.figure import decay_fit_figure  # matplotlib is slow to import
-
-        return decay_fit_figure(self)
+    @property
+    def title(self) -> str:
+        """The laws."""
+        bent = "" if self.frequency_law == "constant" else f", frequency {self.frequency_law} in the amplitude"
+        return f"{self.law} decay{bent}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
         table: dict[str, Any] = {"law": self.law, "frequency_law": self.frequency_law}
+        errors, intervals, unknown = self.standard_errors, self.intervals(), (math.nan, math.nan)
         for name, quantity in QUANTITIES.items():
-            low, high = self.intervals[name]
             suffix = quantity.suffix if self.model.unit(name) == quantity.unit else ""  # then ``units`` has the unit
-            table[f"{name}{suffix}"] = known(getattr(self, name))
-            table[f"{name}_stderr{suffix}"] = known(self.standard_errors[name])
-            table[f"{name}_interval{suffix}"] = [known(low), known(high)]
-        table |= {
+            table[f"{name}{suffix}"] = known(self.values[name])
+            table[f"{name}_stderr{suffix}"] = known(errors.get(name, math.nan))
+            table[f"{name}_interval{suffix}"] = [known(end) for end in intervals.get(name, unknown)]
+        return {
+            **super().to_dict(),
+            **table,
             "correlation": known(self.correlation),
             "release_time_s": self.release_time,
             "release_reason": self.release_reason,
@@ -257,11 +244,7 @@ class DecayFit:
             "units": self.units,
             "samples": self.samples,
             "fitted_samples": self.fitted_samples,
-            "at_bound": list(self.active_bounds),
-            "warnings": list(self.warnings),
-            "fit": self.fit.to_dict(),
         }
-        return table
 
     def report(self) -> str:
         """Return the result as text, one line per quantity.
@@ -280,8 +263,7 @@ class DecayFit:
         """
         drift = ["drift"] * self.model.drift
         shown = ["frequency", "damping_ratio", *self.model.terms, "amplitude", "offset", *drift]
-        bent = "" if self.frequency_law == "constant" else f", frequency {self.frequency_law} in the amplitude"
-        lines = [f"{self.law} decay{bent}, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
+        lines = [f"{self.title}, {self.samples} samples from {self.release_time:g} s on; 95 % intervals"]
         if self.fitted_samples < self.samples:
             step = (self.time[-1] - self.time[0]) / (self.samples - 1)
             rate = self.fitted_samples / self.samples / step
@@ -301,82 +283,14 @@ class DecayFit:
 
     def _uncertainty(self, name: str) -> str:
         """Return standard error, unit and interval of a quantity as text."""
-        error, interval, unit = self.standard_errors[name], self.intervals[name], self.model.unit(name)
+        unit = self.model.unit(name)
         if name not in self.estimates:
             return f"{unit}  (fixed)".lstrip()
+        error, interval = self.standard_errors[name], self.intervals()[name]
         ends = ", ".join(_precise(end, interval) for end in interval)
         if math.isnan(error):
             return f"{unit}  [{ends}]  (at its bound)".lstrip()
         return f"{f'+- {error:.2g} {unit}'.rstrip()}  [{ends}]"
-
-
-def decay_result(
-    model: DecayModel,
-    fit: Fit,
-    time: Array,
-    residuals: Array,
-    *,
-    indices: tuple[int, ...],
-    rows: slice,
-    ratio_bounds: Interval,
-    reason: str,
-    notes: Sequence[str] = (),
-) -> DecayFit:
-    """Return the result for one of the records of a fit.
-
-    Parameters
-    ----------
-    model : DecayModel
-        Fitted curve.
-    fit : Fit
-        Unknowns of all records.
-    time, residuals : ndarray
-        Times of the record from the release on, s, and its residuals.
-    indices : tuple of int
-        Positions of the unknowns of the record.
-    rows : slice
-        Samples of the record that were fitted, among those of all records.
-    ratio_bounds : (float, float)
-        Bounds of the damping ratio under the linear law.
-    reason : str
-        Reason for the start of the free decay.
-    notes : sequence of str
-        Limitations of the record.
-    """
-
-    def quantities(*x: cs.MX) -> cs.MX:
-        return model.quantities(*(x[i] for i in indices))
-
-    bounds = {name: (quantity.lower, quantity.upper) for name, quantity in QUANTITIES.items()}
-    if model.law == "linear":
-        bounds["damping_ratio"] = ratio_bounds
-        bounds["eta1"] = (0.0 if ratio_bounds[0] >= 0.0 else -math.inf, math.inf)
-    values, errors = (dict(zip(QUANTITIES, column.tolist(), strict=True)) for column in fit.derived(quantities))
-    ends = np.clip(fit.derived_intervals(quantities).T, *np.array(list(bounds.values())).T).T
-    return DecayFit(
-        law=model.law,
-        frequency_law=model.frequency_law,
-        **values,
-        release_time=float(time[0]),
-        release_reason=reason,
-        correlation=_correlation(fit, "eta1", "eta2"),
-        standard_errors=errors,
-        intervals={name: (low, high) for name, (low, high) in zip(QUANTITIES, ends.tolist(), strict=True)},
-        warnings=(*notes, *fit.warnings, *limitations(model, fit, indices, rows, time, residuals, values, errors)),
-        time=time,
-        residuals=residuals,
-        fitted_samples=rows.stop - rows.start,
-        model=model,
-        indices=indices,
-        fit=fit,
-    )
-
-
-def _correlation(fit: Fit, first: str, second: str) -> float:
-    """Return the correlation of two unknowns; nan if one is at a bound or not in the fit."""
-    if not {first, second} <= set(fit.names):
-        return math.nan
-    return float(fit.correlations[fit.names.index(first), fit.names.index(second)])
 
 
 def _precise(end: float, interval: Interval) -> str:

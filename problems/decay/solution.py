@@ -22,27 +22,29 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.decay.first_guess import DecayGuess
+from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.one_mode import longest_step
 from ancf_casadi.decay.spectrum import is_even
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.least_squares import least_squares, restarted
+from ancf_casadi.estimation.least_squares import least_squares
 from ancf_casadi.estimation.loss import HUBER, noise_of
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.unknown import Unknown, started
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import projected
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import check_instance
 from problems.decay.laws import LAWS, DecayModel, FrequencyLaw, Law
 from problems.decay.limitations import ROUNDING
-from problems.decay.result import DecayFit, decay_result
-from problems.decay.start import starting_values
+from problems.decay.result import DecayFit
+from problems.decay.start import of_motion, starting_values
 
 RATIO_BOUNDS = (0.0, 0.999)
 INTEGRATION_ERROR = 0.5  # standard errors, if all samples had the same error; estimates shift by a tenth of this
@@ -75,7 +77,7 @@ def fit_from(
     sensor = records[0].sensor
     times = [record.time[guess.release :] for record, guess in zip(records, guesses, strict=True)]
     decays = [_decay(record, guess.release) for record, guess in zip(records, guesses, strict=True)]
-    guesses = [_of_motion(guess, sensor.derivatives) for guess in guesses]
+    guesses = [of_motion(guess, sensor.derivatives) for guess in guesses]
     largest = max(guess.amplitude for guess in guesses)
     model = DecayModel(law, offset, drift, frequency_law, reference=largest, sensor=sensor)
     lengths = [len(decay.time) for decay in decays]
@@ -88,28 +90,51 @@ def fit_from(
     if counts != lengths:  # again, less the curve, which has slopes at the ends
         curves = [_curve(model, fit, own) for own in columns]
         thinned = [_thinned(*one) for one in zip(decays, counts, curves, strict=True)]
-        start = dict(zip(fit.names, fit.values.tolist(), strict=True))
-        fit, columns = _match(model, thinned, guesses, ratio_bounds, robust, start)
+        fit, columns = _match(model, thinned, guesses, ratio_bounds, robust, fit.estimates)
     parts = [slice(*ends) for ends in pairwise(np.cumsum([0, *counts]).tolist())]
     residuals = [fit.residuals[rows] for rows in parts]
     if counts != lengths:
         residuals = [
             _curve(model, fit, own)(decay.time) - decay.values for own, decay in zip(columns, decays, strict=True)
         ]
+    settings = {
+        "law": law,
+        "frequency_law": frequency_law,
+        "offset": offset,
+        "drift": drift,
+        "ratio_bounds": ratio_bounds,
+        "robust": robust,
+    }
     return tuple(
-        decay_result(
-            model,
+        DecayFit(
             fit,
+            model,
+            own,
+            rows,
             time,
             rest,
-            indices=own,
-            rows=rows,
-            ratio_bounds=ratio_bounds,
-            reason=guess.reason,
-            notes=guess.notes,
+            ratio_bounds,
+            guess.reason,
+            guess.notes,
+            again=partial(fit_one, release_time=float(time[0]) if guess.reason == "given" else None, **settings),
         )
         for time, rest, own, rows, guess in zip(times, residuals, columns, parts, guesses, strict=True)
     )
+
+
+def fit_one(record: Measurement, *, release_time: float | None = None, **settings: Any) -> DecayFit:
+    """Fit one free decay; see ``fit_decays``.
+
+    Raises
+    ------
+    InputError
+        If the record is not usable, or nothing in it oscillates.
+    FitError
+        If the fit does not converge.
+    """
+    check_instance(record, "records", Measurement)
+    guess = first_guess(record, release_time=release_time, offset=settings["offset"], drift=settings["drift"])
+    return fit_from([guess], [record], **settings)[0]
 
 
 def _decay(record: Measurement, release: int) -> Measurement:
@@ -145,12 +170,6 @@ def _thinned(decay: Measurement, count: int, curve: Callable[[Array], Array]) ->
 def _curve(model: DecayModel, fit: Fit, own: Sequence[int]) -> Callable[[Array], Array]:
     """Return the fitted curve of a record, whose unknowns have the positions ``own``, as a function of the time."""
     return lambda time: np.asarray(cs.evalf(model.curve(time, *(cs.MX(fit.values[k]) for k in own)))).ravel()
-
-
-def _of_motion(guess: DecayGuess, derivatives: int) -> DecayGuess:
-    """Return the guess of the motion from that of its velocity or acceleration, with offset and drift as measured."""
-    amplitude, phase = guess.amplitude / guess.ω**derivatives, guess.phase - derivatives * math.pi / 2
-    return replace(guess, amplitude=amplitude, phase=phase)
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,21 +233,21 @@ def _match(
     """
     problem = _problem(model, decays, guesses, ratio_bounds)
     if start is None:
-        starts = _ordered(problem, _started(problem.unknowns, _tracked(model, problem, guesses)))
+        starts = _ordered(problem, started(problem.unknowns, _tracked(model, problem, guesses)))
     else:
-        starts = [_started(problem.unknowns, start)]
+        starts = [started(problem.unknowns, start)]
     settings: dict[str, Any] = {
         "gauss_newton": LAWS[model.law].integrated,
         "series": [len(t) for t in problem.times],
         "times": np.concatenate(problem.times),
         "advice": ADVICE,
     }
-    fit, unknowns = _first_fit(problem, starts, settings)
+    fit = _first_fit(problem, starts, settings)
     for _ in range(ROBUST_ROUNDS * robust):
         noise = noise_of(fit.residuals)
         if noise <= ROUNDING * max(guess.amplitude * guess.ω**model.sensor.derivatives for guess in guesses):
             break
-        fit = least_squares(problem.residuals, restarted(unknowns, fit), huber=HUBER * noise, **settings)
+        fit = least_squares(problem.residuals, started(fit.unknowns, fit.estimates), huber=HUBER * noise, **settings)
     return fit, problem.columns
 
 
@@ -246,11 +265,6 @@ def _tracked(model: DecayModel, problem: _Problem, guesses: Sequence[DecayGuess]
     return {name: values[name] for name in names if name in values}
 
 
-def _started(unknowns: Sequence[Unknown], values: Mapping[str, float]) -> list[Unknown]:
-    """Return the unknowns with other starting values, each moved to its nearest bound if it is not within them."""
-    return [replace(u, guess=min(max(values.get(u.name, u.guess), u.lower), u.upper)) for u in unknowns]
-
-
 def _ordered(problem: _Problem, other: list[Unknown]) -> list[list[Unknown]]:
     """Return the unknowns of a problem and others, those first that leave smaller residuals."""
     y = np.concatenate(problem.measured)
@@ -260,14 +274,12 @@ def _ordered(problem: _Problem, other: list[Unknown]) -> list[list[Unknown]]:
     )
 
 
-def _first_fit(
-    problem: _Problem, starts: Sequence[list[Unknown]], settings: Mapping[str, Any]
-) -> tuple[Fit, list[Unknown]]:
-    """Return the fit from the first start that leads to one, and this start; if none does, raise its first error."""
+def _first_fit(problem: _Problem, starts: Sequence[list[Unknown]], settings: Mapping[str, Any]) -> Fit:
+    """Return the fit from the first start that leads to one; if none does, raise its first error."""
     errors: list[FitError] = []
     for start in starts:
         try:
-            return least_squares(problem.residuals, start, **settings), start
+            return least_squares(problem.residuals, start, **settings)
         except FitError as error:
             errors.append(error)
     raise errors[0]
@@ -305,6 +317,6 @@ def _integrate(
         step = longest_step(2 * math.pi * frequency, ζ, allowed)
         if step > REFINED * model.longest_step:
             break
-        model, start = replace(model, longest_step=step), dict(zip(fit.names, fit.values.tolist(), strict=True))
-        fit, columns = _match(model, decays, guesses, ratio_bounds, robust, start)
+        model = replace(model, longest_step=step)
+        fit, columns = _match(model, decays, guesses, ratio_bounds, robust, fit.estimates)
     return model, fit, columns

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,6 +25,12 @@ from ancf_casadi.support.arrays import Array
 from problems.decay.laws import EXPONENTS, LAWS, DecayModel
 
 LEAST_SHARE = 0.02  # of the damping, with which a term starts that the regression finds negative
+
+
+def of_motion(guess: DecayGuess, derivatives: int) -> DecayGuess:
+    """Return the guess of the motion from that of its velocity or acceleration, with offset and drift as measured."""
+    amplitude, phase = guess.amplitude / guess.ω**derivatives, guess.phase - derivatives * math.pi / 2
+    return replace(guess, amplitude=amplitude, phase=phase)
 
 
 def starting_values(model: DecayModel, time: Array, measured: Array, guess: DecayGuess) -> dict[str, float]:

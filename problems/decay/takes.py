@@ -1,25 +1,35 @@
-"""Several free decays of one mode: the fit to all of them, each alone, and whether they agree."""
+"""Several free decays that were fitted at once: takes of one mode, each also alone, or the modes of one record."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, overload
+from functools import cached_property
+from typing import Any, overload
 
+import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.agreement import Agreement, agreement
+from ancf_casadi.estimation.estimates import LEVEL, Quantities
+from ancf_casadi.estimation.result import FitResult, Interval
+from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Table
-from problems.decay.laws import LAWS
+from problems.decay.laws import LAWS, QUANTITIES
+from problems.decay.prediction import DecayPrediction, predicted
 from problems.decay.result import DecayFit
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+OF_RECORD = ("amplitude", "offset", "drift")  # quantities that belong to a release and a sensor, not to a mode
 
 
 @dataclass(frozen=True, eq=False)
-class DecayFits(Sequence[DecayFit]):
+class DecayFits(FitResult, Sequence[DecayFit]):
     """Fits of several free decays of one mode; a sequence of the results for each record.
+
+    Of a quantity of the mode, the estimate is the mean of those from each record (``agreements``), and the standard
+    error includes their scatter.  The others, whose names end with the number of the record, and those of one record
+    alone are those of the fit to all records, as are all those of ``fits``.
 
     Parameters
     ----------
@@ -27,8 +37,6 @@ class DecayFits(Sequence[DecayFit]):
         Result for each record from the fit to all of them, with the same frequency and damping coefficients.
     alone : tuple of DecayFit
         Result for each record from a fit to this record alone.
-    agreements : tuple of Agreement
-        Agreement of the records on each quantity of the mode; empty for one record.
 
     Examples
     --------
@@ -43,9 +51,11 @@ class DecayFits(Sequence[DecayFit]):
     (2, ['frequency', 'damping_ratio'])
     """
 
+    kind = "decays"
+    _drawing = "problems.decay.figure.takes_figure"
+
     fits: tuple[DecayFit, ...]
-    alone: tuple[DecayFit, ...]
-    agreements: tuple[Agreement, ...]
+    alone: tuple[DecayFit, ...] = ()
 
     @overload
     def __getitem__(self, index: int) -> DecayFit: ...
@@ -64,21 +74,92 @@ class DecayFits(Sequence[DecayFit]):
         return iter(self.fits)
 
     @property
-    def standard_errors(self) -> Mapping[str, float]:
-        """Standard error of each quantity of the mode, which includes the scatter between the records."""
-        if not self.agreements:
-            return self.fits[0].standard_errors
-        return {one.name: one.error for one in self.agreements}
+    def _shared(self) -> tuple[str, ...]:
+        """Names of the quantities that all decays have in common."""
+        ratio = () if self.fits[0].law == "linear" else ("damping_ratio",)  # then it depends on the amplitude
+        return tuple(name for name in QUANTITIES if name not in (*OF_RECORD, *ratio))
+
+    @cached_property
+    def _kept(self) -> list[list[int]]:
+        """Positions of the quantities of each decay, less those that the first one has as well."""
+        return [[i for i, name in enumerate(QUANTITIES) if not k or name not in self._shared] for k in range(len(self))]
+
+    @cached_property
+    def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
+        """Names and units of the quantities, and the function from the unknowns to them."""
+        own = [(k, name) for k, kept in enumerate(self._kept, start=1) for name in np.array(list(QUANTITIES))[kept]]
+        single = QUANTITIES if len(self) == 1 else self._shared
+        names = tuple(str(name) if name in single else f"{name}_{k}" for k, name in own)
+
+        def of(*x: cs.MX) -> cs.MX:
+            return cs.vertcat(*(fit.quantities[2](*x)[kept] for fit, kept in self._pairs))
+
+        return names, tuple(self.fits[0].model.unit(str(name)) for _, name in own), of
 
     @property
+    def _pairs(self) -> list[tuple[DecayFit, list[int]]]:
+        return list(zip(self.fits, self._kept, strict=True))
+
+    def _ends(self, level: float) -> Array:
+        """Return the intervals (q, 2) of all quantities within their bounds."""
+        return np.concatenate([fit._ends(level)[kept] for fit, kept in self._pairs])
+
+    @cached_property
+    def agreements(self) -> tuple[Agreement, ...]:
+        """Agreement of the records on each quantity of the mode; empty for one record."""
+        if len(self.alone) < 2:
+            return ()
+        law = self.fits[0].law
+        ratio = ("damping_ratio",) if law == "linear" else LAWS[law].terms
+        every = [fit.standard_errors for fit in self.alone]
+        found = []
+        for name in ("frequency", "frequency_slope", "frequency_curvature", *ratio):
+            errors = np.array([own.get(name, 0.0) for own in every])
+            if (errors > 0.0).all():
+                values = np.array([fit.values[name] for fit in self.alone])
+                found.append(agreement(name, self.fits[0].model.unit(name), values, errors))
+        return tuple(found)
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Value of each estimated quantity by name."""
+        return super().estimates | {one.name: one.mean for one in self.agreements}
+
+    @property
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each estimated quantity by name; nan at a bound."""
+        return super().standard_errors | {one.name: one.error for one in self.agreements}
+
+    def intervals(self, level: float = LEVEL) -> dict[str, Interval]:
+        """Return the interval of each estimated quantity by name for a confidence level."""
+        return super().intervals(level) | {one.name: one.ends(level) for one in self.agreements}
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (p, p) of the p estimates: the correlations of the fit to all, and the standard errors."""
+        ratio = np.array([self.standard_errors[name] / error for name, error in super().standard_errors.items()])
+        return super().covariance * np.outer(ratio, ratio)
+
+    @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Disagreements of the records, then the warnings of the fit to each record."""
         own = [one.warning for one in self.agreements if one.warning]
         return (*own, *dict.fromkeys(text for fit in self.fits for text in fit.warnings))
 
+    def predict(self, record: Measurement) -> DecayPrediction:
+        """Compute another decay with the estimates, as ``DecayFit.predict``."""
+        return predicted(self.fit, [(self.fits[0].model, self.fits[0].indices)], record)
+
+    @property
+    def title(self) -> str:
+        """The laws and the number of records."""
+        return f"{self.fits[0].title}, {len(self)} records"
+
     def table(self) -> Table:
         """Return each quantity of the mode from each record alone, from all at once, and their mean with scatter."""
         names = [one.name for one in self.agreements]
+        if not self.agreements:
+            return super().table()
         columns = ("record", *(part for one in self.agreements for part in (_labelled(one), "stderr")), "residual_rms")
         named = [*zip(range(1, len(self) + 1), self.alone, strict=True), ("all at once", self.fits[0])]
         rows: list[tuple[str | float | None, ...]] = [
@@ -101,31 +182,74 @@ class DecayFits(Sequence[DecayFit]):
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
         return {
+            **super().to_dict(),
             "records": [fit.to_dict() for fit in self.fits],
             "alone": [fit.to_dict() for fit in self.alone],
-            "agreements": [one.to_dict() for one in self.agreements],
-            "warnings": list(self.warnings),
         }
 
-    def figure(self) -> Figure:
-        """Draw the quantities of the mode from each record with 95 % intervals, and their mean."""
-        from ancf_casadi.estimation.figures import agreement_figure  # matplotlib is slow to import
 
-        return agreement_figure([(_labelled(one), one) for one in self.agreements])
+@dataclass(frozen=True, eq=False)
+class DecayModes(DecayFits):
+    """Modes of one record, in ascending order of frequency; a sequence of the results for each.
 
+    The parameters are those of ``DecayFits``; no mode was fitted alone.
 
-def decay_fits(fits: Sequence[DecayFit], alone: Sequence[DecayFit]) -> DecayFits:
-    """Return the result for several records from the fit to all of them and the fits to each alone."""
-    ratio = ("damping_ratio",) if fits[0].law == "linear" else LAWS[fits[0].law].terms
-    agreements = []
-    for name in ("frequency", "frequency_slope", "frequency_curvature", *ratio):
-        values, errors = (
-            np.array(column)
-            for column in zip(*((getattr(fit, name), fit.standard_errors[name]) for fit in alone), strict=True)
-        )
-        if len(alone) > 1 and (errors > 0.0).all():
-            agreements.append(agreement(name, fits[0].model.unit(name), values, errors))
-    return DecayFits(tuple(fits), tuple(alone), tuple(agreements))
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from problems import fit_modes
+    >>> time = np.linspace(0.0, 10.0, 2001)
+    >>> y = 0.020 * np.exp(-0.1 * time) * np.cos(12.0 * time)
+    >>> y += 0.005 * np.exp(-0.3 * time) * np.cos(60.0 * time)
+    >>> modes = fit_modes(time, y + np.random.default_rng(0).normal(scale=1e-4, size=time.size), count=2)
+    >>> [f"{value:.2f} {modes.units[name]}" for name, value in modes.estimates.items() if "frequency" in name]
+    ['1.91 Hz', '9.55 Hz']
+    """
+
+    kind = "modes"
+    _drawing = "problems.decay.figure.modes_figure"
+
+    @property
+    def _shared(self) -> tuple[str, ...]:
+        """Return no names: each mode has quantities of its own."""
+        return ()
+
+    def predict(self, record: Measurement) -> DecayPrediction:
+        """Compute another decay with the estimates of all modes, as ``DecayFit.predict``."""
+        return predicted(self.fit, [(fit.model, fit.indices) for fit in self], record)
+
+    @property
+    def title(self) -> str:
+        """The law."""
+        return "Modes of the record under linear damping"
+
+    def table(self) -> Table:
+        """Return one row per mode with 95 % intervals, and the remarks that concern all."""
+        first = self.fits[0]
+        amplitude = "amplitude_m" if first.units["amplitude"] == "m" else "amplitude"
+        columns = ("mode", "f_Hz", "f_low", "f_high", "damping_ratio", "low", "high", amplitude)
+        rows = []
+        for k, fit in enumerate(self, start=1):
+            ends = fit.intervals()
+            rows.append(
+                (k, fit.frequency, *ends["frequency"], fit.damping_ratio, *ends["damping_ratio"], fit.amplitude)
+            )
+        notes = [
+            "low and high are the ends of 95 % intervals",
+            f"{first.samples} samples from {first.release_time:g} s on ({first.release_reason})",
+            f"the residuals have an rms of {first.residual_rms:.3g} {first.model.sensor.unit}".rstrip(),
+        ]
+        return Table("modes", self.title, columns, rows, notes)
+
+    def report(self) -> str:
+        """Return the table and the warnings as text."""
+        return "\n".join([self.table().text(), *(f"  note: {text}" for text in self.warnings)])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON, with None for unknown values."""
+        data = super().to_dict()
+        del data["alone"]
+        return {**data, "modes": data.pop("records")}
 
 
 def _labelled(one: Agreement) -> str:

@@ -13,8 +13,8 @@ from ancf_casadi.support.files import opened, read_toml
 from ancf_casadi.support.inputs import check_keys, shown
 
 TABLES = set(
-    "beam match damping base load release simulation response markers records predictions fit study parts laws decays"
-    .split()
+    "beam match damping base load release simulation response markers records frequencies predictions fit study parts"
+    " laws decays".split()
 )  # fmt: skip
 NAMING = ("file", "document")  # keys whose value is the name of a file
 

@@ -14,7 +14,7 @@ FIT = """
 import signal
 from ancf_casadi import Beam, Model, RayleighDamping, simulate
 from ancf_casadi.dynamics.radau.stepper import Stepper
-from problems import MarkerRecord, fit_transient
+from problems import MarkerRecord, fit_beam
 
 strip = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 264e3}
 model = Model(Beam.uniform(**strip, elements=2, axis=(1.0, 0.0), gravity=(0.0, -1.0)))
@@ -31,7 +31,7 @@ def counted(self):
 
 Stepper.advance = counted
 try:
-    fit_transient(model, record, RayleighDamping(alpha=1.0), tolerance=1e-5)
+    fit_beam(model, record, RayleighDamping(alpha=1.0), tolerance=1e-5)
 except KeyboardInterrupt:
     print("stopped", len(steps))
 else:

@@ -28,7 +28,6 @@ from ancf_casadi.dynamics.derivatives.reading import SampledMotion, orders_of
 from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import Problem
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.tip_load import LOAD, TipLoad
 from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
 from ancf_casadi.estimation.solve import ALLOWED
 from ancf_casadi.mechanics.beam import LUMPED
@@ -37,6 +36,7 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, Index, root_mean_square
 from ancf_casadi.support.interrupts import delayed_interrupts
 from ancf_casadi.support.tables import known
+from problems.beam.motions.clocks import Clocks, load_at, offsets
 from problems.beam.motions.record import Channel, MotionRecord, labels_of
 from problems.beam.motions.tolerance import CHECK, TIGHTEST, first_tolerance, tighter
 from problems.beam.motions.weights import TRUST, Weights, first_weights
@@ -45,43 +45,6 @@ from problems.beam.properties import Owners
 
 PATIENCE = 20.0  # most steps of a run, relative to the first run
 ZERO = 3.0  # effect of an undetermined combination of unknowns, in units of the tolerance times the travel
-
-
-@dataclass(frozen=True, eq=False)
-class Clocks:
-    """The distinct series of sampling times of a record.
-
-    Parameters
-    ----------
-    times : list of array
-        Times of each series, s.
-    channels : list of int
-        The series of each channel.
-    """
-
-    times: list[Array]
-    channels: list[int]
-
-    @staticmethod
-    def of(record: MotionRecord) -> Clocks:
-        """Return the sampling times of a record; channels with an unknown offset have a series of their own."""
-        times: list[Array] = []
-        shared: list[bool] = []
-        places = []
-        for channel in record.own_channels:
-            own = channel.measurement.time
-            same = [k for k, one in enumerate(times) if shared[k] and np.array_equal(one, own)]
-            if not same or channel.offset:
-                same = [len(times)]
-                times.append(own)
-                shared.append(channel.offset is None)
-            places.append(same[0])
-        return Clocks(times, places)
-
-    @cached_property
-    def index(self) -> Any:
-        """The series of each sample."""
-        return np.repeat(np.arange(len(self.times)), [one.size for one in self.times])
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +167,7 @@ class MotionBlock(Block):
         for (number, record), motion in zip(self.numbered, motions, strict=True):
             clocks = Clocks.of(record)
             shifts = self._shifts(number, record, clocks, given)
-            samples = cs.horzsplit(self._samples(number, record, motion, shifts, given), _offsets(clocks.times))
+            samples = cs.horzsplit(self._samples(number, record, motion, shifts, given), offsets(clocks.times))
             pairs = zip(samples, shifts, clocks.times, strict=True)
             sampled = [self._sampled(part, load_at(record.load, own, shift), given) for part, shift, own in pairs]
             for j, (channel, series) in enumerate(zip(record.own_channels, clocks.channels, strict=True)):
@@ -419,20 +382,3 @@ def motion_block(
     weights = first_weights(records, robust=robust)
     chosen = first_tolerance(records, weights, model.beam.length) if tolerance is None else tolerance
     return MotionBlock(model, tuple(numbered), damping, first, load, chosen, weights, tolerance is None)
-
-
-def load_at(load: TipLoad | None, times: Array, shift: cs.MX) -> cs.MX:
-    """Return a load at the tip, (3, s), at times that are shifted."""
-    if load is None:
-        return cs.MX.zeros(LOAD, times.size)
-    t = cs.MX.sym("t")
-    *others, last = load.pieces()
-    value = last.at(t, cs.MX(0, 1))
-    for piece in reversed(others):
-        value = cs.if_else(t <= piece.end, piece.at(t, cs.MX(0, 1)), value)
-    return cs.Function("load", [t], [cs.densify(value)]).map(times.size)(cs.DM(times).T + shift)
-
-
-def _offsets(series: Sequence[Array]) -> list[int]:
-    """Return the first place of each series, and the number of all samples."""
-    return [0, *np.cumsum([one.size for one in series]).tolist()]

@@ -20,7 +20,7 @@ MOVING = State(MODEL.straight, np.zeros(MODEL.size))
     ("make", "message"),
     [
         (lambda: Channel(TIME), "measurement: must be a Measurement, got an array"),
-        (lambda: Channel(ONE, noise=0.0), "noise: must be positive"),
+        (lambda: Channel(ONE, std=0.0), "std: must be positive"),
         (lambda: Channel(ONE, offset=(0.1, -0.1)), "offset: the lower bound 0.1 is not below the upper -0.1"),
         (lambda: Channel(ONE, zero=3.0), r"zero: must be a pair \(lower, upper\), got 3.0"),
         (lambda: Camera(scale=(0.0, 1.0)), "scale: must be positive"),
@@ -49,7 +49,11 @@ def test_a_record_that_makes_no_sense_is_refused(make, message):
     [
         (MotionRecord([ONE, Measurement(TIME[:5], TIME[:5])]), {}, "channels: displacement x, tip has fewer than 10"),
         (MotionRecord([ONE, Measurement(TIME, 0 * TIME)]), {}, "channels: displacement x, tip is constant; leave it"),
-        (MotionRecord([SEEN], release=0.1), {"load": ("force_x_rate",)}, "load: samples are, or may be, before the r"),
+        (
+            MotionRecord([SEEN], release=0.1),
+            {"unknowns": ("start_force_x_rate",)},
+            "load: samples are, or may be, before the r",
+        ),
         (MotionRecord([ONE]), {"bounds": {"release_1": (0.0, 1.0)}}, "bounds: unknown key 'release_1'; known are "),
         (
             Measurement(TIME, TIME, sensor=Sensor("slope", 0.3)),
@@ -97,7 +101,7 @@ def test_markers_are_channels_of_positions_with_one_std():
     np.testing.assert_array_equal(record.own_channels[3].measurement.values, positions[:, 1, 1])
     assert record.base is base
     assert first_weights([record]).groups == ((0, 1, 2, 3),)
-    mixed = MotionRecord([SEEN, ONE, Channel(SEEN, noise=0.1), SEEN])
+    mixed = MotionRecord([SEEN, ONE, Channel(SEEN, std=0.1), SEEN])
     assert first_weights([mixed]).groups == ((0, 3), (1,), (2,)) and first_weights([mixed]).known == (
         False,
         False,

@@ -296,9 +296,7 @@ def test_version_and_help_import_none_of_the_large_packages(option):
     assert "ancf-casadi" in run.stdout
 
 
-COMMANDS = (
-    "init fit-decay fit-modes fit-motion compare-laws modes match simulate response export study reproduce".split()
-)
+COMMANDS = "init fit-decay fit-modes fit compare-laws modes match simulate response export study reproduce".split()
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -337,7 +335,7 @@ def test_help_names_every_key_that_a_file_may_have(capsys):
         "export": beam | laws,
         "simulate": {*motion, "duration", *SETTINGS, "markers"},
         "response": {*beam, *laws, *ResponseTable.__struct_fields__, "markers"},
-        "fit-motion": {*motion, "file", *records.RECORD, *records.FIT},
+        "fit": {*motion, "file", *records.RECORD, *records.FIT},
     }
     for command, keys in expected.items():
         with pytest.raises(SystemExit):

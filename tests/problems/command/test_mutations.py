@@ -13,7 +13,7 @@ VALUES = [
     "[{column = 2}]",
 ]  # fmt: skip
 HEADS = ["[beam]", "[[damping]]", "[base]", "[release]", "[markers]", "[[records]]", "[fit]", "[x]", "[[beam]]"]
-COMMANDS = (["modes"], ["match"], ["simulate"], ["export", "--format", "json", "--out", "o.json"], ["fit-motion"])
+COMMANDS = (["modes"], ["match"], ["simulate"], ["export", "--format", "json", "--out", "o.json"], ["fit"])
 OPTIONS = {
     "--column": ["1", "2", "0", "99", "tip_mm", "x", ""],
     "--time": ["1", "2", "x"],

@@ -34,7 +34,7 @@ class TestInit:
         assert run("export", "study.toml", "--format", "json", "--out", "beam.json").code == 0
         assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
 
-    @pytest.mark.parametrize("command", ["study", "fit-motion"])
+    @pytest.mark.parametrize("command", ["study", "fit"])
     def test_a_record_that_the_simulation_makes_is_asked_for_by_the_command(self, run, study, command, tmp_path):
         done = run(command, "study.toml")
         assert done.code == 2
@@ -47,9 +47,9 @@ class TestInit:
     @pytest.mark.slow
     def test_the_fit_recovers_the_law_from_the_file_that_the_simulation_wrote(self, run, study, tmp_path):
         assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
-        done = run("fit-motion", "study.toml", "--json", "--out", "found.json", "--plot", "fit.png")
+        done = run("fit", "study.toml", "--json", "--out", "found.json", "--plot", "fit.png")
         assert done.code == 0
-        found = {one["name"]: one for one in json.loads(done.out)["unknowns"]}
+        found = {one["name"]: one for one in json.loads(done.out)["estimates"]}
         assert found.keys() == {"ratio1", "ratio2", "eta2"}
         for name, truth in (("ratio1", 0.005), ("ratio2", 0.003), ("eta2", 0.11)):
             assert found[name]["value"] == pytest.approx(truth, rel=0.01)
@@ -175,7 +175,7 @@ def test_a_fit_shows_progress_on_a_terminal(run, study, tmp_path):
     assert run("simulate", "study.toml", "--out", "motion.csv").code == 0
     ours, theirs = pty.openpty()
     termios.tcsetwinsize(theirs, (24, 80))
-    command = [sys.executable, "-m", "problems.cli", "fit-motion", "study.toml"]
+    command = [sys.executable, "-m", "problems.cli", "fit", "study.toml"]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=theirs, cwd=tmp_path) as process:
         os.close(theirs)
         shown = b""
@@ -186,5 +186,5 @@ def test_a_fit_shows_progress_on_a_terminal(run, study, tmp_path):
             pass
         assert process.wait(timeout=60) == 0
     os.close(ours)
-    assert b"fit-motion: " in shown and b" steps" in shown
+    assert b"fit: " in shown and b" steps" in shown
     assert b"Traceback" not in shown

@@ -52,7 +52,7 @@ def test_a_law_with_a_term_at_its_bound_is_the_smaller_law():
             TIME, record("linear", seed), laws=("quadratic", "friction"), frequency_laws=CONSTANT
         )
         smaller, larger = comparison.fits
-        if larger.active_bounds == ("eta0",):
+        if larger.at_bound == ("eta0",):
             assert comparison.verdict.bic[1] == pytest.approx(comparison.verdict.bic[0], abs=1e-6)
             assert comparison.best is smaller
             break
@@ -207,7 +207,7 @@ def test_a_term_at_its_bound_that_leaves_a_new_law_counts():
     for seed in range(20):
         noise = 2e-4 * np.random.default_rng(seed).standard_normal(len(time))
         comparison = compare_decay_laws(time, y + noise, laws=("quadratic", "friction"), frequency_laws=CONSTANT)
-        if comparison.fits[1].active_bounds == ("eta1",):
+        if comparison.fits[1].at_bound == ("eta1",):
             break
     else:
         pytest.fail("no seed has eta1 alone at its bound")

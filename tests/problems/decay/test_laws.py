@@ -182,7 +182,7 @@ def test_combinations_that_do_not_exist_are_refused(options, message):
 def test_the_exponent_stays_within_its_bounds():
     """Friction is the exponent 0, the lowest."""
     fit = fit_decay(TIME, record("friction", "constant", 1e-4), law="power")
-    assert 0.0 <= fit.intervals["exponent"][0] <= fit.exponent <= fit.intervals["exponent"][1] <= 4.0
+    assert 0.0 <= fit.intervals()["exponent"][0] <= fit.exponent <= fit.intervals()["exponent"][1] <= 4.0
 
 
 def test_the_power_law_fits_a_mode_without_damping():
@@ -190,7 +190,7 @@ def test_the_power_law_fits_a_mode_without_damping():
     fit = fit_decay(TIME, E0 * np.cos(ω * TIME + 0.3), law="power")
     assert fit.damping_ratio < 1e-6
     assert fit.frequency == pytest.approx(F, rel=1e-8)
-    low, high = fit.intervals["exponent"]
+    low, high = fit.intervals()["exponent"]
     assert (low, high) == (0.0, 4.0)
 
 

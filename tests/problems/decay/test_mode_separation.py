@@ -52,8 +52,8 @@ def test_each_mode_is_as_sure_as_alone_and_nothing_is_left_but_noise():
     assert single.residual_rms > 10 * fits[0].residual_rms
     parts = sum(fit.displacement(TIME) for fit in fits)
     np.testing.assert_allclose(parts - fits[0].residuals, together, atol=1e-12)
-    low, high = fits[1].profile_interval("damping_ratio")
-    assert (low, high) == pytest.approx(fits[1].intervals["damping_ratio"], rel=1e-2)
+    low, high = fits[1].profile("damping_ratio")
+    assert (low, high) == pytest.approx(fits[1].intervals()["damping_ratio"], rel=1e-2)
 
 
 def test_one_mode_is_the_ordinary_fit():

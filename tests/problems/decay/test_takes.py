@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from ancf_casadi.estimation.result import Result
+from ancf_casadi.estimation.result import FitResult
 from ancf_casadi.records.measurement import Measurement
 from problems.decay.fitting import fit_decay, fit_decays
 
@@ -33,7 +33,7 @@ def test_takes_of_equal_damping_agree_and_their_mean_is_the_joint_fit():
     assert ratio.mean == pytest.approx(fits[0].damping_ratio, abs=0.2 * ratio.error)
     assert ratio.error == pytest.approx(fits[0].standard_errors["damping_ratio"], rel=0.1)
     assert not any("agree" in text for text in fits.warnings)
-    assert isinstance(fits, Result) and len(fits) == len(fits.alone) == 3
+    assert isinstance(fits, FitResult) and len(fits) == len(fits.alone) == 3
     assert [fit.damping_ratio for fit in fits] == [fits[0].damping_ratio] * 3
 
 

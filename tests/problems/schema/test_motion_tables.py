@@ -16,7 +16,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from problems.schema import motion
-from problems.schema.records import read_motions
+from problems.schema.records import read_measurements
 from problems.schema.simulation import read_simulation
 
 BEAM = """
@@ -171,7 +171,7 @@ class TestRecords:
     """
 
     def test_channels_share_the_keys_beside_them(self, file):
-        (record,) = read_motions(file(BEAM, LAWS, self.RECORDS)).records
+        (record,) = read_measurements(file(BEAM, LAWS, self.RECORDS)).records
         first, second = record.channels
         assert first.sensor == Sensor("position", direction=(2.0, 0.0))
         assert first.measurement.time[0] == pytest.approx(0.2)
@@ -185,9 +185,9 @@ class TestRecords:
         monkeypatch.setattr(motion, "read_recording", lambda *a, **k: read.append(a) or read_recording(*a, **k))
         other = self.RECORDS.replace("column = 4,", "column = 4, time_unit = 'ms',").replace("from = 0.2", "")
         text = "[base]\nfile = 'clamp.csv'\nx = 2\ny = 3\nrotation = 4\n"
-        assert len(read_motions(file(BEAM, LAWS, self.RECORDS)).records[0].channels) == 2
+        assert len(read_measurements(file(BEAM, LAWS, self.RECORDS)).records[0].channels) == 2
         assert len(read) == 1
-        both = read_motions(file(BEAM, LAWS, other)).records[0].channels
+        both = read_measurements(file(BEAM, LAWS, other)).records[0].channels
         assert len(read) == 3
         assert both[1].measurement.time[-1] == pytest.approx(1e-3 * both[0].measurement.time[-1])
         assert read_simulation(file(BEAM, SIMULATION, text)).base.rotation.any()
@@ -196,7 +196,7 @@ class TestRecords:
     def test_tables_of_the_study_hold_unless_a_record_has_its_own(self, file):
         base = "[base]\nrotation = 0.1\n[load]\nforce = [1e-3, 0]\nfrequency = 2\n[release]\ntip_force = [1e-2, 0]\n"
         own = self.RECORDS + 'base = {rotation = 0.2}\nstart = "straight"\nrelease_time = [0.1, 0.3]\n'
-        first, second = read_motions(file(BEAM, LAWS, base, self.RECORDS, own)).records
+        first, second = read_measurements(file(BEAM, LAWS, base, self.RECORDS, own)).records
         assert (first.base, second.base) == (FixedBase(rotation=0.1), FixedBase(rotation=0.2))
         assert first.load == second.load == HarmonicLoad((1e-3, 0.0), 2.0)
         assert first.start.tip_force == (1e-2, 0.0)
@@ -205,16 +205,23 @@ class TestRecords:
     def test_a_camera_and_a_prediction(self, file):
         text = self.RECORDS + "camera = {scale = [0.9, 1.1]}\n"
         predicted = self.RECORDS.replace("records", "predictions") + "tip_mass = 0.01\n"
-        study = read_motions(file(BEAM, LAWS, text, predicted))
+        study = read_measurements(file(BEAM, LAWS, text, predicted))
         assert study.records[0].camera.scale == (0.9, 1.1)
-        ((record, mass),) = study.predictions
-        assert mass == 0.01 and len(record.channels) == 2
+        (record,) = study.predictions
+        assert record.model.beam.tip_mass == 0.01 and len(record.channels) == 2 and study.records[0].model is None
+
+    def test_natural_frequencies_of_another_configuration(self, file):
+        text = "[[frequencies]]\nfrequencies = [1.8, 11.2]\nstd = [0.01, 0.05]\nmodes = [1, 2]\ntip_mass = 1e-3\n"
+        study = read_measurements(file(BEAM, text))
+        (record,) = study.records
+        assert study.damping is None and study.laws == ()
+        assert record.model.beam.tip_mass == 1e-3 and record.std.tolist() == [0.01, 0.05] and record.modes == (1, 2)
 
     def test_laws_to_compare(self, file):
-        named = read_motions(file(BEAM, LAWS, self.RECORDS, "[fit]\nlaws = [[2], [1, 2]]\n")).laws
+        named = read_measurements(file(BEAM, LAWS, self.RECORDS, "[fit]\nlaws = [[2], [1, 2]]\n")).laws
         names = [[own.name for own in law.parameters] for law in named]
         assert names == [["eta2"], ["alpha", "eta2"]]
-        usual = read_motions(file(BEAM, LAWS, self.RECORDS)).laws
+        usual = read_measurements(file(BEAM, LAWS, self.RECORDS)).laws
         assert [len(law.parameters) for law in usual] == [1, 1, 2]
 
     @pytest.mark.parametrize(
@@ -230,16 +237,16 @@ class TestRecords:
                 r"\[records\]: quantity: must be one of",
             ),
             ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\ncamera = {zoom = 1}\n', r"camera: unknown key 'zoom'"),
-            ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\nnoise = -1\n', r"\[records\]: noise: must be positive"),
+            ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\nstd = -1\n', r"\[records\]: std: must be positive"),
             ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\nfrom = 3\n', r"\[records\]: cut: from 3"),
             ("records = 3\n", r"must be a table \[records\], or several"),
         ],
     )
     def test_unusable(self, file, text, what):
         with pytest.raises(InputError, match=what):
-            read_motions(file(text, BEAM, LAWS) if text.startswith("records =") else file(BEAM, LAWS, text))
+            read_measurements(file(text, BEAM, LAWS) if text.startswith("records =") else file(BEAM, LAWS, text))
 
     @pytest.mark.parametrize("laws", ["3", "[]", "[1]", "[[]]", "[[3]]", "[[0]]", '[["a"]]'])
     def test_laws_that_do_not_exist(self, file, laws):
         with pytest.raises(InputError, match=r"\[fit\]: laws: must be"):
-            read_motions(file(BEAM, LAWS, self.RECORDS, f"[fit]\nlaws = {laws}\n"))
+            read_measurements(file(BEAM, LAWS, self.RECORDS, f"[fit]\nlaws = {laws}\n"))

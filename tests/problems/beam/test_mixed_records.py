@@ -1,0 +1,141 @@
+"""Fits to records of different kinds at once: each pair recovers the truth, and so do all together."""
+
+import itertools
+import pickle
+
+import numpy as np
+import pytest
+
+from ancf_casadi import (
+    Beam,
+    HarmonicBase,
+    ModalDamping,
+    Model,
+    PointLoad,
+    Sensor,
+    natural_modes,
+    simulate,
+    static_equilibrium,
+)
+from ancf_casadi.plot import png
+from problems import FrequencyRecord, MarkerRecord, ResponseRecord, StaticRecord, fit_beam
+from tests.problems.beam.response_curves import noisy, swept
+from tests.problems.beam.truth import ONES, respond, scores
+
+TRUTH = {"elastic_modulus": 210e9, "tip_mass": 5e-4, "clamp_stiffness": 2.0}
+RATIO = 0.02
+STRIP = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elements": 4}
+KINDS = ("decay", "sag", "frequencies", "curve")
+
+
+def model_of(elastic_modulus, tip_mass, clamp_stiffness, **changes):
+    return Model(
+        Beam.uniform(
+            **STRIP, elastic_modulus=elastic_modulus, tip_mass=tip_mass, clamp_stiffness=clamp_stiffness, **changes
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def first():
+    """The beam with the first values of its properties."""
+    return model_of(205e9, 5.5e-4, 2.4)
+
+
+@pytest.fixture(scope="module")
+def exact(first):
+    """Records without noise of the true beam, that of the first model in parentheses where a record holds one."""
+    true = model_of(**TRUTH)
+    law = ModalDamping(natural_modes(true, count=1), ratios=[RATIO])
+    held = static_equilibrium(true, tip_force=(0.01, 0.0))
+    run = simulate(true, damping=law, start=held, duration=0.7, sample_rate=60.0)
+    down, loads = Sensor("displacement", direction=(0.0, -1.0)), [PointLoad.hung(m, 0.4) for m in (1e-3, 2e-3, 4e-3)]
+    level = {"axis": (1.0, 0.0)}
+    sag = respond(StaticRecord(model_of(**TRUTH, **level), loads, np.ones(3), down))(ONES)[0]
+    frequencies = natural_modes(true, count=3).frequencies
+    around = frequencies[0] * np.array([0.97, 0.99, 1.0, 1.01, 1.03])
+    record = ResponseRecord(around, np.ones(5), base=HarmonicBase(1e-3, 1.0), sweep="up")
+    curve = swept(true, law, record, modes=3)
+    lying = Model(first.beam.with_(**level), first.measures)
+    start = static_equilibrium(first, tip_force=(0.01, 0.0))
+    modes = natural_modes(first, count=1)
+
+    def make(kind, seed):
+        rng = np.random.default_rng([seed, KINDS.index(kind)])
+        match kind:
+            case "decay":
+                return MarkerRecord(run.time, run.tip + 2e-4 * rng.standard_normal(run.tip.shape), start=start)
+            case "sag":
+                return StaticRecord(lying, loads, sag + 1e-4 * rng.standard_normal(3), down, std=1e-4)
+            case "frequencies":
+                noise = 1 + 1e-3 * rng.standard_normal(3)
+                return FrequencyRecord(first, frequencies * noise, std=1e-3 * frequencies)
+            case _:
+                return noisy(record, curve, rng)
+
+    return make, ModalDamping(modes, ratios=[0.015])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kinds", [*itertools.combinations(KINDS, 2), KINDS], ids=" and ".join)
+def test_the_truth_is_recovered(first, exact, kinds):
+    """Modulus and clamp are found from every pair; the tip mass, in the fit of all records."""
+    make, guess = exact
+    damped = bool({"decay", "curve"} & set(kinds))
+    unknowns = list(TRUTH) if kinds == KINDS else ["elastic_modulus"]
+    fit = fit_beam(
+        first if kinds == KINDS else model_of(205e9, TRUTH["tip_mass"], TRUTH["clamp_stiffness"]),
+        [_known(make(kind, 1), kinds) for kind in kinds],
+        guess if damped else None,
+        unknowns=unknowns,
+    )
+    truth = [*([RATIO] if damped else []), *(TRUTH[name] for name in unknowns)]
+    assert abs(scores(fit, truth)).max() < 3.5
+    assert fit.standard_errors["elastic_modulus"] < 0.05 * 210e9
+
+
+def _known(record, kinds):
+    """Return a record whose model has the true tip mass and clamp, unless these are unknown."""
+    known = {name: TRUTH[name] for name in ("tip_mass", "clamp_stiffness")}
+    if kinds == KINDS or not isinstance(record, StaticRecord | FrequencyRecord):
+        return record
+    return record.with_model(Model(record.model.beam.with_(**known), record.model.measures))
+
+
+@pytest.mark.slow
+def test_a_mixed_fit_is_reported_drawn_kept_and_repeated(first, exact, tmp_path):
+    make, guess = exact
+    records = [make(kind, 2) for kind in KINDS]
+    fit = fit_beam(first, records, guess, unknowns=list(TRUTH))
+    text = fit.report()
+    assert all(word in text for word in ("integrated at the tolerance", "harmonics", "static test, case 2", "mode 3"))
+    assert [account.data["kind"] for account in fit.accounts] == ["motion", "response", "values", "values"]
+    assert png(fit.figure()).startswith(b"\x89PNG") and len(repr(fit)) < 200
+    kept = pickle.loads(pickle.dumps(fit))
+    assert kept.to_dict() == fit.to_dict()
+    again = fit.refit(records)
+    assert again.estimates == pytest.approx(fit.estimates, rel=1e-6)
+    for record in records:
+        assert fit.predict(record).report()
+
+
+def test_a_prior_counts_as_one_more_measurement(first, exact):
+    """A modulus known to 1 % and one measured to s: the variances combine as 1/s^2 + 1/0.01^2."""
+    make, _ = exact
+    record = make("frequencies", 3)
+    free = fit_beam(first, record, unknowns=["elastic_modulus"])
+    prior = fit_beam(first, record, unknowns=["elastic_modulus"], priors={"elastic_modulus": (209.5e9, 2.05e9)})
+    alone, both = (fit.standard_errors["elastic_modulus"] for fit in (free, prior))
+    assert both == pytest.approx((alone**-2 + 2.05e9**-2) ** -0.5, rel=0.02)
+    far = fit_beam(first, record, unknowns=["elastic_modulus"], priors={"elastic_modulus": (205e9, 1e5)})
+    assert far.estimates["elastic_modulus"] == pytest.approx(205e9, rel=1e-5)
+
+
+def test_the_modulus_of_some_elements_is_an_unknown(first):
+    """The first two elements are 20 % stiffer; three frequencies tell them from the others."""
+    beam = first.beam.with_(elastic_modulus=[1.2 * 205e9] * 2 + [205e9] * 2)
+    frequencies = natural_modes(Model(beam), count=4).frequencies
+    names = ["elastic_modulus[1:2]", "elastic_modulus[3:4]"]
+    fit = fit_beam(first, FrequencyRecord(first, frequencies, std=1e-4 * frequencies), unknowns=names)
+    assert [fit.estimates[name] for name in names] == pytest.approx([1.2 * 205e9, 205e9], rel=1e-5)
+    assert fit.model.beam.elastic_modulus == pytest.approx(beam.elastic_modulus, rel=1e-5)

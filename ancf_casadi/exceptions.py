@@ -168,13 +168,13 @@ class FitError(NumericsError):
     Examples
     --------
     >>> from ancf_casadi import Beam, FitError, Model
-    >>> from problems import FrequencyRecord, fit_properties
+    >>> from problems import FrequencyRecord, fit_beam
     >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
     ...                     density=8000.0, elastic_modulus=210e9, elements=4)
     >>> record = FrequencyRecord(Model(beam), frequencies=[1.9, 10.6, 29.3])
     >>> try:
-    ...     fit_properties(record, ["elastic_modulus", "density"])
+    ...     fit_beam(record.model, record, unknowns=["elastic_modulus", "density"])
     ... except FitError as error:
     ...     print(error)
-    of elastic_modulus, density, the records determine only elastic_modulus density^-1. ...
+    the records determine density/elastic_modulus, but not elastic_modulus and density each; ...
     """

@@ -1,9 +1,8 @@
-"""Estimation by bounded nonlinear programs, Eq. (10), and the uncertainty of the estimates.
+"""Estimation from any mix of measurements, Eq. (10), and the uncertainty of the estimates.
 
-``least_squares`` states a problem, with the ``loss`` of the residuals, ``nlp`` solves it with IPOPT, and ``polish``
-refines the solution by Gauss-Newton steps.  ``estimates`` has standard errors and intervals to first order, ``profile``
-intervals by profile likelihood, ``resampling`` repeated fits, and ``fit`` the report.  ``noise`` estimates the spectrum
-of the residuals, which the standard errors allow for; ``agreement`` compares parts of the data; ``criteria`` and
-``comparison`` select a law.  ``result`` is the interface of all results,
-and ``figures`` draws them.
+``block`` is a set of measurements with its physics, ``solve`` the loop that fits a sum of blocks with the means of
+``solver``, and ``determination`` finds out whether the data determine the unknowns.  ``estimates`` has standard errors
+and intervals to first order, ``profile`` intervals by profile likelihood, ``resampling`` repeated fits; ``agreement``
+compares parts of the data, ``criteria`` and ``comparison`` select a law.  ``result`` is what every fit returns,
+``prediction`` what it says of other records, ``saved`` a result from a file; ``figures`` draws them.
 """

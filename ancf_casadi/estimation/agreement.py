@@ -40,8 +40,8 @@ import numpy as np
 import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.estimates import LEVEL, Estimates, quantile
-from ancf_casadi.estimation.loss import row_weights
-from ancf_casadi.estimation.noise import estimated_noise
+from ancf_casadi.estimation.solver.loss import row_weights
+from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tables import known
 

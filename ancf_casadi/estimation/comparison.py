@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from ancf_casadi.estimation.criteria import Candidate, Verdict, judge
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.result import FitResult
+from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.support.tables import Table, known
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 LONGEST_NAME = 32  # characters of a law in a table of 100 columns
 
-F = TypeVar("F", bound=FitResult)
+F = TypeVar("F", bound=LeastSquaresResult)
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,7 +40,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ancf_casadi.estimation.estimates import Estimates
-from ancf_casadi.estimation.noise import NOT_NOISE, concentration
+from ancf_casadi.estimation.solver.noise import NOT_NOISE, concentration
 
 COLOURED = 1 / 3  # ratio n/m below which no law is said to explain all of the motion
 DEPENDENT = 2 / 3  # ratio n/m below which a warning states n

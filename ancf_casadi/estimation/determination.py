@@ -30,9 +30,9 @@ import numpy as np
 
 from ancf_casadi.estimation.estimates import Coordinates
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.least_squares import residual_function
-from ancf_casadi.estimation.polish import residuals_and_jacobian
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.least_squares import residual_function
+from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array
 

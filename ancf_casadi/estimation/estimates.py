@@ -41,9 +41,9 @@ import casadi as cs
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.loss import dispersion, influence, row_weights
-from ancf_casadi.estimation.noise import Noise, autocorrelation
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.loss import dispersion, influence, row_weights
+from ancf_casadi.estimation.solver.noise import Noise, autocorrelation
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import number

@@ -10,12 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ancf_casadi.estimation.agreement import Agreement
-from ancf_casadi.estimation.noise import autocorrelation
+from ancf_casadi.estimation.prediction import RecordPrediction
+from ancf_casadi.estimation.solver.noise import autocorrelation
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 
 LAGS = 200  # of a drawn autocorrelation
 ACROSS = 4  # plots of estimates in a row
+MOST_SHOWN = 4  # channels of predictions
+FEW = 30  # values that are drawn as points
 
 
 def draw_autocorrelation(axes: Axes, residuals: Array, series: Sequence[int] = ()) -> None:
@@ -129,4 +132,28 @@ def saved_figure(fits: Mapping[str, Any]) -> Figure:
         axes.set(ylabel=f"{name}, {unit}".removesuffix(", "), xlim=(-0.5, len(own) - 0.5))
         axes.set_xticks(range(len(own)), list(own))
         axes.ticklabel_format(axis="y", useOffset=False)
+    return figure
+
+
+@literal_text
+def prediction_figure(predictions: Mapping[str, RecordPrediction]) -> Figure:
+    """Draw measured and predicted values of each channel, amplitudes of complex ones, and their differences below."""
+    shown = [(label, one, channel) for label, one in predictions.items() for channel in one.channels][:MOST_SHOWN]
+    figure = Figure(figsize=(4.0 * len(shown), 4.2), layout="constrained")
+    plots = figure.subplots(2, len(shown), squeeze=False, sharex="col")
+    for (upper, lower), (label, one, channel) in zip(plots.T, shown, strict=True):
+        style = {"marker": "o", "ms": 4, "ls": ""} if len(one.places) < FEW else {"lw": 0.8}
+        for values, colour, name in (
+            (channel.measured, MEASURED, "measured"),
+            (channel.predicted, COMPUTED, "predicted"),
+        ):
+            upper.plot(
+                one.places, values.real if np.isrealobj(values) else np.abs(values), color=colour, label=name, **style
+            )
+        lower.plot(one.places, np.abs(channel.residuals) if np.iscomplexobj(channel.residuals) else channel.residuals,
+                   color=MEASURED, **style)  # fmt: skip
+        quantity = f"{channel.name}, {channel.unit}".removesuffix(", ")
+        upper.set(ylabel=quantity, title=label)
+        lower.set(ylabel="difference", xlabel=one.label)
+        upper.legend(frameon=False)
     return figure

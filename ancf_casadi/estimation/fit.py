@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ancf_casadi.estimation.estimates import Estimates
-from ancf_casadi.estimation.noise import NOT_NOISE, concentration
+from ancf_casadi.estimation.solver.noise import NOT_NOISE, concentration
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Table, known
 

@@ -26,8 +26,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.estimates import LEVEL, Estimates, Quantities
-from ancf_casadi.estimation.loss import loss
-from ancf_casadi.estimation.nlp import solve_nlp
+from ancf_casadi.estimation.solver.loss import loss
+from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.exceptions import InputError
 
 

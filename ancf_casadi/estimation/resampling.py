@@ -43,8 +43,8 @@ import numpy as np
 
 from ancf_casadi.estimation.estimates import LEVEL
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.noise import autocorrelation
-from ancf_casadi.estimation.result import FitResult
+from ancf_casadi.estimation.result import FitResult, LeastSquaresResult
+from ancf_casadi.estimation.solver.noise import autocorrelation
 from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import choice, number, whole
@@ -249,11 +249,19 @@ def monte_carlo(
     choice(method, get_args(Method), "method")
     if not isinstance(fit, FitResult):
         raise InputError(f"must be the result of a fit, got a {type(fit).__name__}", "fit")
-    if not (fit.fit.degrees_of_freedom > 0 and fit.fit.residual_rms > 0.0):
+    block = 1
+    if isinstance(fit, LeastSquaresResult):
+        scatter = fit.fit.degrees_of_freedom > 0 and fit.fit.residual_rms > 0.0
+        block = block_length(fit.fit) if method == "bootstrap" and scatter else 1
+    else:
+        scatter = bool(np.isfinite(list(fit.standard_errors.values())).any())
+        choice(method, ("parametric",), "method")  # without series there is nothing to draw
+    if not scatter:
         raise InputError(
-            "has no scatter to make records from: the residuals are zero, or no more than the unknowns", "fit"
+            "has no scatter to make records from: the residuals are zero or no more than the unknowns, or no standard "
+            "deviation is known",
+            "fit",
         )
-    block = block_length(fit.fit) if method == "bootstrap" else 1
     tasks = [partial(_run, fit, child, method, block) for child in np.random.SeedSequence(seed).spawn(runs)]
     found = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="fits")
     samples = [result for result in found if not isinstance(result, str)]
@@ -294,16 +302,20 @@ def drawn(size: int, block: int, rng: np.random.Generator) -> Index:
 
 def _run(fit: FitResult, seed: np.random.SeedSequence, method: Method, block: int) -> Array | str:
     """Return the quantities from one synthetic record, or the error message if the fit fails."""
-    one, rng = fit.fit, np.random.default_rng(seed)
-    m = len(one.residuals)
-    if method == "parametric":
-        noise = math.sqrt(one.residuals @ one.residuals / one.degrees_of_freedom) * rng.standard_normal(m)
-    else:
-        centred = [part - part.mean() for part in np.split(one.residuals, np.cumsum(one.series)[:-1])]
-        noise = math.sqrt(m / one.degrees_of_freedom) * np.concatenate(
-            [part[drawn(len(part), block, rng)] for part in centred]
-        )
+    rng = np.random.default_rng(seed)
     try:
-        return fit.resampled(noise)
+        return fit.resampled(_noise(fit, rng, method, block))
     except AncfError as error:
         return str(error)
+
+
+def _noise(fit: FitResult, rng: np.random.Generator, method: Method, block: int) -> Array:
+    """Return noise of each residual (m,); residuals of a fit with known standard deviations are in units of these."""
+    if not isinstance(fit, LeastSquaresResult):
+        return rng.standard_normal(fit.residual_count)
+    one, m = fit.fit, fit.residual_count
+    if method == "parametric":
+        return math.sqrt(one.residuals @ one.residuals / one.degrees_of_freedom) * rng.standard_normal(m)
+    centred = [part - part.mean() for part in np.split(one.residuals, np.cumsum(one.series)[:-1])]
+    parts = [part[drawn(len(part), block, rng)] for part in centred]
+    return np.asarray(math.sqrt(m / one.degrees_of_freedom) * np.concatenate(parts))

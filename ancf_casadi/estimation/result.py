@@ -1,8 +1,8 @@
 """What every fit returns: estimates with units, standard errors, intervals, warnings, text, JSON and a figure.
 
-A result states quantities q(x) of the unknowns x of its fit, by default the unknowns themselves.  Those that depend on
-an unknown are its estimates.  With the derivatives Q = dq/dx and the covariance C of the free unknowns, their
-covariance is Q C Q' to first order.
+The result of least squares states quantities q(x) of the unknowns x of its fit, by default the unknowns themselves.
+Those that depend on an unknown are its estimates.  With the derivatives Q = dq/dx and the covariance C of the free
+unknowns, their covariance is Q C Q' to first order.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -20,8 +20,8 @@ import numpy as np
 from ancf_casadi.estimation.agreement import Agreement
 from ancf_casadi.estimation.estimates import LEVEL, Quantities
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.least_squares import refitted
 from ancf_casadi.estimation.profile import profile_interval
+from ancf_casadi.estimation.solver.least_squares import refitted
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Reported, Table, known
@@ -29,9 +29,166 @@ from ancf_casadi.support.tables import Reported, Table, known
 Interval = tuple[float, float]
 
 
-@dataclass(frozen=True, eq=False)
 class FitResult(Reported):
-    """The result of a fit.
+    """The result of a fit."""
+
+    kind: ClassVar[str]  # of the fit, in JSON
+
+    again: Callable[[Any], Any]  # takes other records; returns the result of the same fit to them
+
+    @property
+    @abstractmethod
+    def estimates(self) -> dict[str, float]:
+        """Value of each estimated quantity by name."""
+
+    @property
+    @abstractmethod
+    def units(self) -> dict[str, str]:
+        """Unit of each estimated quantity by name."""
+
+    @property
+    @abstractmethod
+    def standard_errors(self) -> dict[str, float]:
+        """Standard error of each estimated quantity by name; nan if unknown, as at a bound."""
+
+    @abstractmethod
+    def intervals(self, level: float = LEVEL) -> dict[str, Interval]:
+        """Return the interval of each estimated quantity by name for a confidence level, to first order.
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 1.
+        """
+
+    @property
+    @abstractmethod
+    def covariance(self) -> Array:
+        """Covariance (p, p) of the p estimates; nan where unknown, as at a bound."""
+
+    @property
+    def correlations(self) -> Array:
+        """Correlations (p, p) of the estimates; nan where unknown, as at a bound, or if all residuals are zero."""
+        errors = np.sqrt(np.diag(self.covariance))
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.covariance / np.outer(errors, errors))
+
+    @property
+    @abstractmethod
+    def at_bound(self) -> tuple[str, ...]:
+        """Names of the unknowns at a bound."""
+
+    @property
+    @abstractmethod
+    def warnings(self) -> tuple[str, ...]:
+        """Limitations of the estimates, one sentence each."""
+
+    @property
+    def agreements(self) -> tuple[Agreement, ...]:
+        """Agreement of the records on each quantity that several of them determine."""
+        return ()
+
+    @property
+    @abstractmethod
+    def degrees_of_freedom(self) -> float:
+        """Degrees of freedom of Student's distribution for the intervals; infinite if the noise is known."""
+
+    @property
+    @abstractmethod
+    def residual_count(self) -> int:
+        """Number of residuals."""
+
+    @abstractmethod
+    def profile(self, name: str, level: float = LEVEL) -> Interval:
+        """Return the interval of an estimate by profile likelihood.
+
+        Raises
+        ------
+        InputError
+            If there is no such estimate, the level is not between 0 and 1, or there is no scatter.
+        FitError
+            If a nonlinear program for an end does not converge.
+        """
+
+    @abstractmethod
+    def predict(self, record: Any) -> Any:
+        """Compute another record with the estimates, without fitting, and compare."""
+
+    def refit(self, records: Any) -> Self:
+        """Return the result of the same fit, with the same settings, to other records."""
+        found: Self = self.again(records)
+        return found
+
+    @abstractmethod
+    def resampled(self, noise: Array) -> Array:
+        """Return the estimates (p,) from a fit to the fitted curve plus noise of each residual (m,)."""
+
+    def table(self) -> Table:
+        """Return the estimates with units, standard errors and 95 % intervals."""
+        rows = [
+            (name, value, unit, known(error), known(low), known(high), self._remark(name, error))
+            for name, value, unit, error, (low, high) in self._rows()
+        ]
+        columns = ("estimate", "value", "unit", "standard_error", "lower_95", "upper_95", "")
+        return Table(self.kind.replace(" ", "_"), f"{self.title}, 95 % intervals", columns, rows)
+
+    @property
+    def title(self) -> str:
+        """What was fitted, for the table and the one line that represents the result."""
+        return self.kind
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result for JSON, with None for unknown values."""
+        return {
+            "kind": self.kind,
+            "estimates": [
+                {
+                    "name": name,
+                    "value": known(value),
+                    "unit": unit,
+                    "standard_error": known(error),
+                    "interval_95": [known(low), known(high)],
+                }
+                for name, value, unit, error, (low, high) in self._rows()
+            ],
+            "covariance": [[known(value) for value in row] for row in self.covariance.tolist()],
+            "degrees_of_freedom": known(self.degrees_of_freedom),
+            "report": self.report(),
+            "at_bound": list(self.at_bound),
+            "agreements": [one.to_dict() for one in self.agreements],
+            "warnings": list(self.warnings),
+        }
+
+    def check_name(self, name: str) -> None:
+        """Check the name of an estimate.
+
+        Raises
+        ------
+        InputError
+            If there is no such estimate.
+        """
+        if name not in self.estimates:
+            raise InputError(f"is not estimated by this fit; it has {', '.join(self.estimates)}", name)
+
+    def _remark(self, name: str, error: float) -> str:
+        return "at its bound" if name in self.at_bound else "error unknown" * math.isnan(error)
+
+    def _rows(self) -> list[tuple[str, float, str, float, Interval]]:
+        """Return name, value, unit, standard error and interval of each estimate."""
+        columns = (self.estimates, self.estimates.values(), self.units.values(), self.standard_errors.values())
+        return list(zip(*columns, self.intervals().values(), strict=True))
+
+    def _summary(self) -> str:
+        shown = [
+            f"{name} {value:.5g}{f' +- {error:.2g}' if math.isfinite(error) else ''} {unit}".rstrip()
+            for name, value, unit, error, _ in self._rows()
+        ]
+        return f"{self.title}: {', '.join(shown)}"
+
+
+@dataclass(frozen=True, eq=False)
+class LeastSquaresResult(FitResult):
+    """The result of a fit by least squares.
 
     Parameters
     ----------
@@ -43,8 +200,6 @@ class FitResult(Reported):
 
     fit: Fit
     again: Callable[[Any], Any] = field(kw_only=True)
-
-    kind: ClassVar[str]  # of the fit, in JSON
 
     @property
     def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
@@ -106,13 +261,6 @@ class FitResult(Reported):
         return np.asarray(found)
 
     @property
-    def correlations(self) -> Array:
-        """Correlations (p, p) of the estimates; nan where one is at a bound, or all residuals are zero."""
-        errors = np.sqrt(np.diag(self.covariance))
-        with np.errstate(invalid="ignore"):
-            return np.asarray(self.covariance / np.outer(errors, errors))
-
-    @property
     def at_bound(self) -> tuple[str, ...]:
         """Names of the unknowns at a bound."""
         return self.fit.at_bound
@@ -123,9 +271,14 @@ class FitResult(Reported):
         return self.fit.warnings
 
     @property
-    def agreements(self) -> tuple[Agreement, ...]:
-        """Agreement of the records on each quantity that several of them determine."""
-        return ()
+    def degrees_of_freedom(self) -> float:
+        """Degrees of freedom of the noise."""
+        return self.fit.noise.freedom
+
+    @property
+    def residual_count(self) -> int:
+        """Number of residuals."""
+        return len(self.fit.residuals)
 
     def profile(self, name: str, level: float = LEVEL) -> Interval:
         """Return the interval of an estimate by profile likelihood.
@@ -137,19 +290,9 @@ class FitResult(Reported):
         FitError
             If a nonlinear program for an end does not converge.
         """
+        self.check_name(name)
         names, _, of = self.quantities
-        if name not in self.estimates:
-            raise InputError(f"is not estimated by this fit; it has {', '.join(self.estimates)}", name)
         return profile_interval(self.fit, lambda *x: of(*x)[names.index(name)], level)
-
-    @abstractmethod
-    def predict(self, record: Any) -> Any:
-        """Compute another record with the estimates, without fitting, and compare."""
-
-    def refit(self, records: Any) -> Self:
-        """Return the result of the same fit, with the same settings, to other records."""
-        found: Self = self.again(records)
-        return found
 
     def resampled(self, noise: Array) -> Array:
         """Return the estimates (p,) from a fit to the fitted curve plus noise of each residual (m,)."""
@@ -160,49 +303,8 @@ class FitResult(Reported):
 
     def table(self) -> Table:
         """Return the estimates with units, standard errors and 95 % intervals."""
-        rows = [
-            (name, value, unit, known(error), known(low), known(high), "at its bound" * math.isnan(error))
-            for name, value, unit, error, (low, high) in self._rows()
-        ]
-        columns = ("estimate", "value", "unit", "standard_error", "lower_95", "upper_95", "")
-        return Table(self.kind.replace(" ", "_"), f"{self.title}, 95 % intervals", columns, rows, self.fit.notes())
-
-    @property
-    def title(self) -> str:
-        """What was fitted, for the table and the one line that represents the result."""
-        return self.kind
+        return replace(super().table(), notes=self.fit.notes())
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
-        return {
-            "kind": self.kind,
-            "estimates": [
-                {
-                    "name": name,
-                    "value": known(value),
-                    "unit": unit,
-                    "standard_error": known(error),
-                    "interval_95": [known(low), known(high)],
-                }
-                for name, value, unit, error, (low, high) in self._rows()
-            ],
-            "covariance": [[known(value) for value in row] for row in self.covariance.tolist()],
-            "degrees_of_freedom": known(self.fit.noise.freedom),
-            "report": self.report(),
-            "at_bound": list(self.at_bound),
-            "agreements": [one.to_dict() for one in self.agreements],
-            "warnings": list(self.warnings),
-            "fit": self.fit.to_dict(),
-        }
-
-    def _rows(self) -> list[tuple[str, float, str, float, Interval]]:
-        """Return name, value, unit, standard error and interval of each estimate."""
-        columns = (self.estimates, self.estimates.values(), self.units.values(), self.standard_errors.values())
-        return list(zip(*columns, self.intervals().values(), strict=True))
-
-    def _summary(self) -> str:
-        shown = [
-            f"{name} {value:.5g}{f' +- {error:.2g}' if math.isfinite(error) else ''} {unit}".rstrip()
-            for name, value, unit, error, _ in self._rows()
-        ]
-        return f"{self.title}: {', '.join(shown)}"
+        return {**super().to_dict(), "fit": self.fit.to_dict()}

@@ -40,7 +40,7 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.estimation.block import Block
 from ancf_casadi.estimation.solve import Problem, solve
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, UNITS, Beam
 from ancf_casadi.mechanics.model import Model

@@ -13,13 +13,13 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import SumOfLaws
-from ancf_casadi.dynamics.derivatives.release_load import held_start
+from ancf_casadi.dynamics.derivatives.release_load import held_start, start_jacobians
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts
 from ancf_casadi.estimation.block import Account
 from ancf_casadi.estimation.determination import certainty
 from ancf_casadi.estimation.fit import colour_warning
-from ancf_casadi.estimation.result import FitResult
+from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.estimation.solve import Solution
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
@@ -47,7 +47,7 @@ CERTAIN = 1.0  # relative standard error from which the data leave a product of 
 
 
 @dataclass(frozen=True, eq=False)
-class BeamFit(FitResult):
+class BeamFit(LeastSquaresResult):
     """A damping law, and properties of a beam, estimated from any mix of measurements.
 
     Parameters
@@ -241,7 +241,8 @@ class BeamFit(FitResult):
         block, one = next((b, r) for b in blocks for number, r in b.numbered if number == record + 1)
         found = self.estimates
         load = [found.get(load_name(name, record + 1), value) for name, value in loads(one)]
-        held = held_start(replace(block, model=self.configured(block.model)).equations, np.array(load))
+        model = self.configured(block.model)
+        held = held_start(model, start_jacobians(model), np.array(load))
         return State(held.coordinates, held.velocities)
 
     def predict(self, record: Any) -> MotionPrediction | ResponsePrediction | ValuePrediction:

@@ -30,7 +30,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, Parameter
 from ancf_casadi.dynamics.derivatives.release_load import START
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array

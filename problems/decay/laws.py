@@ -43,7 +43,7 @@ from ancf_casadi.decay.friction import friction_flow
 from ancf_casadi.decay.one_mode import one_mode_decay
 from ancf_casadi.decay.power import power_coefficient, power_flow, power_ratio
 from ancf_casadi.decay.slow_flow import Flow
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 

@@ -34,8 +34,8 @@ from ancf_casadi.decay.evidence import evident
 from ancf_casadi.decay.first_guess import CLOSE, first_guess
 from ancf_casadi.decay.release import MINIMUM_PERIODS
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.least_squares import least_squares
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.least_squares import least_squares
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array

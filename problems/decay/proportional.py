@@ -26,50 +26,39 @@ beta = 3.18E-5 s, not the 3.18E-4 of its Table 3.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.least_squares import least_squares
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.prediction import Channel, RecordPrediction
+from ancf_casadi.estimation.result import LeastSquaresResult
+from ancf_casadi.estimation.solver.least_squares import least_squares
+from ancf_casadi.estimation.solver.noise import Noise
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.arrays import Array, Mask
-from ancf_casadi.support.figures import literal_text
-from ancf_casadi.support.inputs import is_sequence, numbers, physical
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import is_sequence, numbers, physical, shown
 from ancf_casadi.support.tables import Table, known
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MISSED = 3.0  # difference from a measured ratio, in standard deviations, beyond which there is a warning
 
 
-@dataclass(frozen=True)
-class RayleighFit:
+@dataclass(frozen=True, eq=False)
+class RayleighFit(LeastSquaresResult):
     """Rayleigh damping fitted to modal damping ratios.
 
     Parameters
     ----------
-    alpha : float
-        Mass-proportional coefficient, 1/s.
-    beta : float
-        Stiffness-proportional coefficient, s.
     frequencies : tuple of float
         Frequencies of the modes, Hz.
     measured : tuple of float
         Measured damping ratios.
     ratio_std : tuple of float or None
         Standard deviations of the measured ratios, if given.
-    ratios : tuple of float
-        Damping ratios of the fitted law, Eq. (16).
-    standard_errors : mapping of str to float
-        Standard errors of ``alpha`` (1/s) and ``beta`` (s); nan at a bound, and nan without ``ratio_std`` if there are
-        no more modes than free coefficients.
-    warnings : tuple of str
-        Coefficients at a bound, and modes that the law does not match.
 
     Examples
     --------
@@ -81,68 +70,84 @@ class RayleighFit:
     >>> law = RayleighDamping(alpha=fit.alpha, beta=fit.beta)
     """
 
-    alpha: float
-    beta: float
+    kind = "rayleigh"
+    _drawing = "problems.decay.figure.rayleigh_figure"
+
     frequencies: tuple[float, ...]
     measured: tuple[float, ...]
     ratio_std: tuple[float, ...] | None
-    ratios: tuple[float, ...]
-    standard_errors: Mapping[str, float]
-    warnings: tuple[str, ...]
+
+    @property
+    def alpha(self) -> float:
+        """Mass-proportional coefficient, 1/s."""
+        return self.fit["alpha"]
+
+    @property
+    def beta(self) -> float:
+        """Stiffness-proportional coefficient, s."""
+        return self.fit["beta"]
+
+    @property
+    def ratios(self) -> tuple[float, ...]:
+        """Damping ratios of the fitted law, Eq. (16)."""
+        return tuple(rayleigh_ratio(np.array(self.frequencies), self.alpha, self.beta).tolist())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Coefficients at a bound, and modes that the law does not match."""
+        notes = [
+            f"{name} is at its bound 0: the ratios alone would make it negative, and the law would supply energy"
+            for name in self.at_bound
+        ]
+        for k, deviation in enumerate(self.ratio_std or ()):
+            missed = abs(self.ratios[k] - self.measured[k]) / deviation
+            if missed > MISSED:
+                notes.append(
+                    f"mode {k + 1}, {self.frequencies[k]:.6g} Hz: the fitted damping ratio {self.ratios[k]:.3g} differs "
+                    f"from the measured {self.measured[k]:.3g} by {missed:.1f} standard deviations; use modal damping "
+                    "to match every mode"
+                )
+        return tuple(notes)
+
+    def predict(self, record: tuple[Sequence[float], Sequence[float]]) -> RecordPrediction:
+        """Compute the damping ratios of other modes, and compare.
+
+        Parameters
+        ----------
+        record : (sequence of float, sequence of float)
+            Frequencies, Hz, and measured damping ratios.
+
+        Raises
+        ------
+        InputError
+            If it is not a pair of sequences of equal length, or a value is unusable.
+        """
+        f, ζ, _ = _checked(*_pair(record), None)
+        predicted, errors = self.fit.derived(lambda α, β: _ratios(2 * math.pi * f, α, β))
+        noise = float(np.mean(self.ratio_std)) if self.ratio_std else self.fit.residual_rms
+        channel = Channel("damping ratio", "", ζ, predicted, np.nan_to_num(errors), noise)
+        return RecordPrediction("rayleigh", (channel,), f, "frequency, Hz")
 
     def table(self) -> Table:
         """Return measured and fitted damping ratios, one row per mode, and the coefficients."""
         deviations = self.ratio_std or [None] * len(self.measured)
-        rows = [
-            (mode, *values)
-            for mode, values in enumerate(
-                zip(self.frequencies, self.measured, deviations, self.ratios, strict=True), start=1
-            )
-        ]
         columns = ("mode", "frequency_hz", "damping_ratio", "standard_deviation", "fitted_ratio")
-        notes = (
-            f"alpha {self.alpha:.6g} {self._uncertainty('alpha', '1/s')}",
-            f"beta {self.beta:.6g} {self._uncertainty('beta', 's')}",
-            *(f"note: {warning}" for warning in self.warnings),
-        )
+        modes = range(1, len(self.measured) + 1)
+        rows = list(zip(modes, self.frequencies, self.measured, deviations, self.ratios, strict=True))
+        notes = [f"{name} {value:.6g} {self._uncertainty(name)}" for name, value in self.estimates.items()]
         return Table("rayleigh", "Rayleigh (proportional) damping", columns, rows, notes)
 
-    def _uncertainty(self, name: str, unit: str) -> str:
+    def _uncertainty(self, name: str) -> str:
         """Return standard error and unit of a coefficient as text."""
-        error = self.standard_errors[name]
+        error, unit = self.standard_errors[name], self.units[name]
         if math.isnan(error):
-            return f"{unit}  ({'at its bound' if getattr(self, name) == 0.0 else 'standard error unknown'})"
+            return f"{unit}  ({'at its bound' if name in self.at_bound else 'standard error unknown'})"
         return f"+- {error:.2g} {unit}"
-
-    def report(self) -> str:
-        """Return the table as text."""
-        return self.table().text()
-
-    @literal_text
-    def figure(self) -> Figure:
-        """Draw the measured damping ratios with their errors, and the fitted law, Eq. (16), against frequency."""
-        from matplotlib.figure import Figure  # matplotlib is slow to import
-
-        from ancf_casadi.support.figures import COMPUTED, MEASURED
-
-        figure = Figure(figsize=(6, 3.6), layout="constrained")
-        axes = figure.subplots()
-        frequencies = np.geomspace(0.8 * self.frequencies[0], 1.25 * self.frequencies[-1], 200)
-        ratios = rayleigh_ratio(frequencies, self.alpha, self.beta)
-        axes.plot(frequencies, 100 * ratios, lw=1, color=COMPUTED, label="fit")
-        errors = None if self.ratio_std is None else 100 * np.array(self.ratio_std)
-        axes.errorbar(
-            self.frequencies, 100 * np.array(self.measured), errors, fmt="o", color=MEASURED, label="measured"
-        )
-        axes.set(xscale="log", xlabel="frequency, Hz", ylabel="damping ratio, %")
-        axes.set_xticks(self.frequencies, [f"{frequency:.4g}" for frequency in self.frequencies])
-        axes.minorticks_off()
-        axes.legend(frameon=False)
-        return figure
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
         return {
+            **super().to_dict(),
             "alpha": self.alpha,
             "alpha_stderr": known(self.standard_errors["alpha"]),
             "beta": self.beta,
@@ -151,7 +156,6 @@ class RayleighFit:
             "damping_ratios": list(self.measured),
             "ratio_std": None if self.ratio_std is None else list(self.ratio_std),
             "fitted_ratios": list(self.ratios),
-            "warnings": list(self.warnings),
         }
 
 
@@ -192,54 +196,59 @@ def fit_rayleigh(
     >>> print(f"alpha {fit.alpha:.2f} 1/s, beta {fit.beta:.1e} s")
     alpha 0.24 1/s, beta 2.7e-05 s
     """
-    hertz = tuple(physical(frequency, "frequencies") for frequency in numbers(frequencies, "frequencies"))
-    ω, ζ = 2 * math.pi * np.array(hertz), np.array(numbers(ratios, "ratios"))
-    if len(ω) < 2:
-        raise InputError(f"needs at least 2 modes, got {len(ω)}", "frequencies")
-    given: Any = ratio_std if ratio_std is None or is_sequence(ratio_std) else [ratio_std] * len(ω)
-    deviations = None if given is None else tuple(physical(deviation, "ratio_std") for deviation in given)
-    σ = np.ones(len(ω)) if deviations is None else np.array(deviations)
-    for name, values in (("ratios", ζ), ("ratio_std", σ)):
-        if len(values) != len(ω):
-            raise InputError(f"has {len(values)} values for {len(ω)} frequencies", name)
-    if np.diff(ω).min() <= 0.0:
-        raise InputError("must increase", "frequencies")
-    if ζ.min() < 0.0 or ζ.max() >= 1.0:
-        raise InputError("must be at least 0 and below 1", "ratios")
-
-    found, free = np.array(_two_modes(ω, ζ)), np.ones(2, dtype=bool)
-    if len(ω) > 2 or found.min() < 0.0:
-        found, free = _bounded(ω, ζ, σ)
-    basis = np.array([1 / (2 * ω), ω / 2]).T
-    predicted = basis @ found
-    missed = (ζ - predicted) / σ
-    variance = 1.0
-    if deviations is None:
-        surplus = len(ω) - np.count_nonzero(free)
-        variance = float(missed @ missed) / surplus if surplus else math.nan
-    errors = np.full(2, math.nan)
-    errors[free] = math.sqrt(variance) * _unit_errors(basis[:, free] / σ[:, None])
-    warnings = [
-        f"{name} is at its bound 0: the ratios alone would make it negative, and the law would supply energy"
-        for name, there in zip(("alpha", "beta"), ~free, strict=True)
-        if there
-    ]
-    if deviations is not None:
-        warnings += [
-            f"mode {k + 1}, {hertz[k]:.6g} Hz: the fitted damping ratio {predicted[k]:.3g} differs from the measured "
-            f"{ζ[k]:.3g} by {abs(missed[k]):.1f} standard deviations; use modal damping to match every mode"
-            for k in np.flatnonzero(np.abs(missed) > MISSED).tolist()
-        ]
-    return RayleighFit(
-        alpha=float(found[0]),
-        beta=float(found[1]),
-        frequencies=hertz,
-        measured=tuple(ζ.tolist()),
-        ratio_std=deviations,
-        ratios=tuple(predicted.tolist()),
-        standard_errors=dict(zip(("alpha", "beta"), errors.tolist(), strict=True)),
-        warnings=tuple(warnings),
+    f, ζ, deviations = _checked(frequencies, ratios, ratio_std)
+    ω, σ = 2 * math.pi * f, np.ones(len(f)) if deviations is None else deviations
+    if len(f) < 2:
+        raise InputError(f"needs at least 2 modes, got {len(f)}", "frequencies")
+    typical = float(ζ.max()) or 1.0
+    scales = typical * float(ω.min()), typical / float(ω.max())
+    first = [max(value, 0.0) for value in _two_modes(ω, ζ)] if len(ω) == 2 else scales
+    fit = least_squares(
+        lambda α, β: (_ratios(ω, α, β) - cs.DM(ζ)) / cs.DM(σ),
+        [
+            Unknown("alpha", first[0], scales[0], lower=0.0, unit="1/s"),
+            Unknown("beta", first[1], scales[1], lower=0.0, unit="s"),
+        ],
+        gauss_newton=True,
+        stated=0.0 if deviations is None else 1.0,
     )
+    if deviations is not None:  # they are known, whatever the scatter
+        fit = replace(fit, covariance=fit.covariance / fit.noise.variance, noise=Noise(1.0, math.inf))
+    std = None if deviations is None else tuple(deviations.tolist())
+    again = partial(_again, ratio_std=ratio_std)
+    return RayleighFit(fit, tuple(f.tolist()), tuple(ζ.tolist()), std, again=again)
+
+
+def _again(records: Any, ratio_std: float | Sequence[float] | None) -> RayleighFit:
+    return fit_rayleigh(*_pair(records), ratio_std=ratio_std)
+
+
+def _pair(record: Any) -> Sequence[Any]:
+    if not is_sequence(record) or len(record) != 2:
+        raise InputError(f"must be frequencies and damping ratios, got {shown(record)}", "records")
+    return tuple(record)
+
+
+def _checked(frequencies: Any, ratios: Any, ratio_std: Any) -> tuple[Array, Array, Array | None]:
+    """Return frequencies (m,), Hz, damping ratios (m,), and their standard deviations (m,) if given."""
+    f = np.array([physical(frequency, "frequencies") for frequency in numbers(frequencies, "frequencies")])
+    ζ, deviations = np.array(numbers(ratios, "ratios")), None
+    if ratio_std is not None:
+        given = ratio_std if is_sequence(ratio_std) else [ratio_std] * len(f)
+        deviations = np.array([physical(deviation, "ratio_std") for deviation in given])
+    for name, values in (("ratios", ζ), ("ratio_std", deviations)):
+        if values is not None and len(values) != len(f):
+            raise InputError(f"has {len(values)} values for {len(f)} frequencies", name)
+    if (np.diff(f) <= 0.0).any():
+        raise InputError("must increase", "frequencies")
+    if ζ.min(initial=0.0) < 0.0 or ζ.max(initial=0.0) >= 1.0:
+        raise InputError("must be at least 0 and below 1", "ratios")
+    return f, ζ, deviations
+
+
+def _ratios(ω: Array, α: cs.MX, β: cs.MX) -> cs.MX:
+    """Return the damping ratios at angular frequencies (rad/s), Eq. (16)."""
+    return α / cs.DM(2 * ω) + β * cs.DM(ω / 2)
 
 
 def _two_modes(ω: Array, ζ: Array) -> tuple[float, float]:
@@ -247,23 +256,3 @@ def _two_modes(ω: Array, ζ: Array) -> tuple[float, float]:
     (ω1, ω2), (ζ1, ζ2) = ω[:2].tolist(), ζ[:2].tolist()
     spread = ω2**2 - ω1**2
     return 2 * ω1 * ω2 * (ζ1 * ω2 - ζ2 * ω1) / spread, 2 * (ζ2 * ω2 - ζ1 * ω1) / spread
-
-
-def _bounded(ω: Array, ζ: Array, σ: Array) -> tuple[Array, Mask]:
-    """Return alpha and beta, neither negative, and a mask of those that are not at their bound."""
-    typical = float(ζ.max()) or 1.0
-    alpha, beta = typical * float(ω.min()), typical / float(ω.max())
-    fit = least_squares(
-        lambda α, β: (α / cs.DM(2 * ω) + β * cs.DM(ω / 2) - cs.DM(ζ)) / cs.DM(σ),
-        [
-            Unknown("alpha", alpha, alpha, lower=0.0, unit="1/s"),
-            Unknown("beta", beta, beta, lower=0.0, unit="s"),
-        ],
-    )
-    return fit.values, ~fit.active_bounds
-
-
-def _unit_errors(basis: Array) -> Array:
-    """Return the standard errors of coefficients for residuals of variance 1, from the columns of their basis."""
-    length = np.linalg.norm(basis, axis=0)
-    return np.asarray(np.linalg.norm(np.linalg.pinv(basis / length), axis=1) / length)

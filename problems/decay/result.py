@@ -18,14 +18,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.estimation.estimates import Quantities
-from ancf_casadi.estimation.result import FitResult, Interval
+from ancf_casadi.estimation.prediction import RecordPrediction
+from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import array
 from ancf_casadi.support.tables import known
 from problems.decay.laws import QUANTITIES, DecayModel, FrequencyLaw, Law
 from problems.decay.limitations import limitations
-from problems.decay.prediction import DecayPrediction, predicted
+from problems.decay.prediction import predicted
 
 
 def _quantity(name: str, text: str) -> property:
@@ -33,7 +34,7 @@ def _quantity(name: str, text: str) -> property:
 
 
 @dataclass(frozen=True, eq=False)
-class DecayFit(FitResult):
+class DecayFit(LeastSquaresResult):
     """A mode identified from a free decay.
 
     The linear law has eta1 = 2 zeta omega and eta2 = 0; only the friction law has an eta0 other than 0, only the power
@@ -192,7 +193,7 @@ class DecayFit(FitResult):
         curve = self.model.curve(t, *(cs.MX(self.fit.values[i]) for i in self.indices))
         return np.asarray(cs.evalf(curve)).ravel()
 
-    def predict(self, record: Measurement) -> DecayPrediction:
+    def predict(self, record: Measurement) -> RecordPrediction:
         """Compute another decay of the same mode with its estimates, and compare.
 
         What belongs to the release and the sensor is fitted: amplitude, phase, offset and drift.
@@ -213,8 +214,8 @@ class DecayFit(FitResult):
         >>> y = np.exp(-0.1 * time) * np.cos(12.0 * time)
         >>> takes = [Measurement(time, a * y + rng.normal(scale=1e-4, size=time.size)) for a in (0.02, 0.03)]
         >>> prediction = fit_decay(takes[0]).predict(takes[1])
-        >>> print(f"{1e3 * prediction.rms_error:.1f} mm")
-        0.1 mm
+        >>> [f"{1e3 * error:.1f} mm" for error in prediction.rms_errors.values()]
+        ['0.1 mm']
         """
         return predicted(self.fit, [(self.model, self.indices)], record)
 

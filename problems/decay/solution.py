@@ -9,7 +9,7 @@ A long record with even times is reduced to the band of the mode by a projection
 before the projection, because the slope of the decay at the release would leave an error there.  Outliers would spread,
 so that a robust fit takes all samples.
 
-A robust fit replaces the squares by the pseudo-Huber loss (``ancf_casadi.estimation.loss``).  The residuals of the
+A robust fit replaces the squares by the pseudo-Huber loss (``ancf_casadi.estimation.solver.loss``).  The residuals of the
 previous fit give the noise that sets its threshold.
 
 References
@@ -33,9 +33,9 @@ from ancf_casadi.decay.first_guess import DecayGuess, first_guess
 from ancf_casadi.decay.one_mode import longest_step
 from ancf_casadi.decay.spectrum import is_even
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.least_squares import least_squares
-from ancf_casadi.estimation.loss import HUBER, noise_of
-from ancf_casadi.estimation.unknown import Unknown, started
+from ancf_casadi.estimation.solver.least_squares import least_squares
+from ancf_casadi.estimation.solver.loss import HUBER, noise_of
+from ancf_casadi.estimation.solver.unknown import Unknown, started
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import projected

@@ -12,19 +12,20 @@ import numpy as np
 
 from ancf_casadi.estimation.agreement import Agreement, agreement
 from ancf_casadi.estimation.estimates import LEVEL, Quantities
-from ancf_casadi.estimation.result import FitResult, Interval
+from ancf_casadi.estimation.prediction import RecordPrediction
+from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Table
 from problems.decay.laws import LAWS, QUANTITIES
-from problems.decay.prediction import DecayPrediction, predicted
+from problems.decay.prediction import predicted
 from problems.decay.result import DecayFit
 
 OF_RECORD = ("amplitude", "offset", "drift")  # quantities that belong to a release and a sensor, not to a mode
 
 
 @dataclass(frozen=True, eq=False)
-class DecayFits(FitResult, Sequence[DecayFit]):
+class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
     """Fits of several free decays of one mode; a sequence of the results for each record.
 
     Of a quantity of the mode, the estimate is the mean of those from each record (``agreements``), and the standard
@@ -146,7 +147,7 @@ class DecayFits(FitResult, Sequence[DecayFit]):
         own = [one.warning for one in self.agreements if one.warning]
         return (*own, *dict.fromkeys(text for fit in self.fits for text in fit.warnings))
 
-    def predict(self, record: Measurement) -> DecayPrediction:
+    def predict(self, record: Measurement) -> RecordPrediction:
         """Compute another decay with the estimates, as ``DecayFit.predict``."""
         return predicted(self.fit, [(self.fits[0].model, self.fits[0].indices)], record)
 
@@ -206,7 +207,7 @@ class DecayModes(DecayFits):
     ['1.91 Hz', '9.55 Hz']
     """
 
-    kind = "modes"
+    kind = "decay modes"
     _drawing = "problems.decay.figure.modes_figure"
 
     @property
@@ -214,7 +215,7 @@ class DecayModes(DecayFits):
         """Return no names: each mode has quantities of its own."""
         return ()
 
-    def predict(self, record: Measurement) -> DecayPrediction:
+    def predict(self, record: Measurement) -> RecordPrediction:
         """Compute another decay with the estimates of all modes, as ``DecayFit.predict``."""
         return predicted(self.fit, [(fit.model, fit.indices) for fit in self], record)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ancf_casadi.estimation.noise import NOT_NOISE, concentration
+from ancf_casadi.estimation.solver.noise import NOT_NOISE, concentration
 from problems.frf.modal_sum import POWERS
 from problems.frf.record import FrfRecord
 from problems.frf.refinement import Refinement

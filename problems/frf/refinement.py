@@ -39,8 +39,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.least_squares import least_squares
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.least_squares import least_squares
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.support.arrays import Array
 from problems.frf.modal_sum import stacked
 from problems.frf.trial import LARGEST_RATIO, LEAST_SCALE, Trial

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import least_squares
 
-from ancf_casadi.estimation.noise import estimated_noise
+from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.support.arrays import Array, ComplexArray
 from problems.frf.modal_sum import ModalSum, stacked
 

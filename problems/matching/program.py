@@ -29,7 +29,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.nlp import solve_nlp
+from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.support.arrays import Array
 from problems.matching.preference import WEIGHT, LeastChange

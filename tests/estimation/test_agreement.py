@@ -8,8 +8,8 @@ import pytest
 from scipy import stats
 
 from ancf_casadi.estimation.agreement import agreement, agreement_of_parts, parts
-from ancf_casadi.estimation.least_squares import least_squares
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.least_squares import least_squares
+from ancf_casadi.estimation.solver.unknown import Unknown
 
 
 def test_estimates_that_agree_have_their_weighted_mean():

@@ -10,9 +10,9 @@ from scipy import stats
 
 from ancf_casadi.estimation.estimates import quantile
 from ancf_casadi.estimation.fit import colour_warning
-from ancf_casadi.estimation.least_squares import least_squares
 from ancf_casadi.estimation.profile import profile_interval
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.least_squares import least_squares
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 
 X = np.linspace(0.0, 3.0, 40)

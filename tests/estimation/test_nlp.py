@@ -8,9 +8,9 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi.estimation.least_squares import least_squares
-from ancf_casadi.estimation.nlp import solve_nlp
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.least_squares import least_squares
+from ancf_casadi.estimation.solver.nlp import solve_nlp
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support import progress
 

@@ -6,9 +6,9 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi.estimation.least_squares import least_squares
-from ancf_casadi.estimation.noise import autocorrelation, concentration, estimated_noise
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.least_squares import least_squares
+from ancf_casadi.estimation.solver.noise import autocorrelation, concentration, estimated_noise
+from ancf_casadi.estimation.solver.unknown import Unknown
 
 SAMPLES = 2000
 ANGLE = 2 * math.pi * 0.01 * np.arange(SAMPLES)

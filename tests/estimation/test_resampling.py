@@ -105,7 +105,7 @@ def test_blocks_stay_within_a_record_and_a_coordinate(transient, monkeypatch):
         noise.append(-cs.evalf(residuals(*(cs.MX(unknown.guess) for unknown in unknowns))).full().ravel())
         raise FitError("seen enough")
 
-    monkeypatch.setattr(sys.modules["ancf_casadi.estimation.least_squares"], "least_squares", stand_in)
+    monkeypatch.setattr(sys.modules["ancf_casadi.estimation.solver.least_squares"], "least_squares", stand_in)
     for fit, series in ((transient, (13, 13)), (both, (300, 200))):
         assert fit.fit.series == series
         counted = [np.arange(size) - (size - 1) / 2 for size in series]
@@ -125,7 +125,7 @@ def test_blocks_stay_within_a_record_and_a_coordinate(transient, monkeypatch):
 
 
 def test_runs_that_fail_are_counted_and_named(decay, monkeypatch):
-    module = sys.modules["ancf_casadi.estimation.least_squares"]
+    module = sys.modules["ancf_casadi.estimation.solver.least_squares"]
     solve, calls = module.least_squares, []
 
     def sometimes(*arguments, **settings):

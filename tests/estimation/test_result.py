@@ -9,9 +9,9 @@ import pytest
 
 from ancf_casadi import Beam
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.least_squares import least_squares
 from ancf_casadi.estimation.result import Result
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.least_squares import least_squares
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.plot import png
 from problems import (
     DecayFit,

@@ -23,6 +23,7 @@ def _rows(records: Sequence[ResponseRecord]) -> int:
     return 2 if any(record.measured_phases is not None for record in records) else 1
 
 
+@literal_text
 def response_figure(records: Sequence[ResponseRecord], amplitudes: Sequence[Array], phases: Sequence[Array]) -> Figure:
     """Return a figure with ``draw_responses``."""
     figure = Figure(figsize=response_size(records), layout="constrained")

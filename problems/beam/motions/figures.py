@@ -19,6 +19,7 @@ def motion_size(records: Sequence[MotionRecord]) -> tuple[float, float]:
     return 2.0 + 5.0 * len(records), 1.2 + 4.2 * max(len(_quantities(record)) for record in records)
 
 
+@literal_text
 def motion_figure(records: Sequence[MotionRecord], residuals: Sequence[Array]) -> Figure:
     """Return a figure with ``draw_motions``."""
     figure = Figure(figsize=motion_size(records), layout="constrained")

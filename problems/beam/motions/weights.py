@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ancf_casadi.estimation.loss import noise_of
+from ancf_casadi.estimation.solver.loss import noise_of
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from problems.beam.motions.record import FEWEST, Channel, MotionRecord

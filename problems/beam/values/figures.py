@@ -22,6 +22,7 @@ def value_size(predictions: Sequence[ValuePrediction]) -> tuple[float, float]:
     return 1.0 + 5.5 * len({isinstance(one.record, StaticRecord) for one in predictions}), 5.6
 
 
+@literal_text
 def values_figure(predictions: Sequence[ValuePrediction]) -> Figure:
     """Return a figure with ``draw_values``."""
     figure = Figure(figsize=value_size(predictions), layout="constrained")

@@ -17,13 +17,13 @@ from msgspec import Meta, Struct
 from msgspec.structs import asdict
 
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
-from ancf_casadi.support.tables import known
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import prefixed
 from ancf_casadi.support.inputs import check_keys, located
+from ancf_casadi.support.tables import known
 from problems.decay.fitting import fit_decay
 from problems.decay.laws import Law
 from problems.decay.result import DecayFit

@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 from ancf_casadi import HarmonicBase, ModalDamping, Model, natural_modes, reduce_model, simulate_reduced
 from ancf_casadi.decay.closed_forms import equivalent_damping_ratio, linear_decay, quadratic_decay
 from ancf_casadi.decay.friction import friction_decay
-from ancf_casadi.estimation.least_squares import TIGHT, least_squares
-from ancf_casadi.estimation.unknown import Unknown
+from ancf_casadi.estimation.solver.least_squares import TIGHT, least_squares
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from problems.decay.comparison import compare_decay_laws

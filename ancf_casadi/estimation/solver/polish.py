@@ -20,7 +20,7 @@ import casadi as cs
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.loss import dispersion, influence, loss, loss_value, row_weights
+from ancf_casadi.estimation.solver.loss import dispersion, influence, loss, loss_value, row_weights
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import delayed_interrupts
 

@@ -23,11 +23,11 @@ import numpy as np
 
 from ancf_casadi.estimation.estimates import Coordinates
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.loss import influence, loss
-from ancf_casadi.estimation.nlp import solve_nlp
-from ancf_casadi.estimation.noise import estimated_noise
-from ancf_casadi.estimation.polish import NEAR, gauss_newton_functions, polish, residuals_and_jacobian
-from ancf_casadi.estimation.unknown import Unknown, started
+from ancf_casadi.estimation.solver.loss import influence, loss
+from ancf_casadi.estimation.solver.nlp import solve_nlp
+from ancf_casadi.estimation.solver.noise import estimated_noise
+from ancf_casadi.estimation.solver.polish import NEAR, gauss_newton_functions, polish, residuals_and_jacobian
+from ancf_casadi.estimation.solver.unknown import Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
 

@@ -56,7 +56,7 @@ def test_ex05_all_frequencies_are_met_within_the_bounds(example):
     found = example("ex05")
     assert found["match"].max_relative_error < 1e-6
     assert found["largest_change"] < 0.1
-    assert found["match"].active_bounds == ()
+    assert found["match"].at_bound == ()
 
 
 def test_ex06_the_gap_grows_at_the_same_mass(example):

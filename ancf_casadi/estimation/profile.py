@@ -31,7 +31,9 @@ from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.exceptions import InputError
 
 
-def profile_interval(fit: Estimates, quantity: str | Quantities, level: float = LEVEL) -> tuple[float, float]:
+def profile_interval(
+    fit: Estimates, quantity: str | Quantities, level: float = LEVEL, *, inflation: float = 1.0
+) -> tuple[float, float]:
     """Return the interval of an unknown, or of a function of the unknowns, by profile likelihood.
 
     Parameters
@@ -42,6 +44,8 @@ def profile_interval(fit: Estimates, quantity: str | Quantities, level: float = 
         Name of an unknown; or a function of the unknowns, MX scalars in their order, that returns an MX scalar.
     level : float
         Confidence level.
+    inflation : float
+        Factor of the variance phi, beyond that of the noise in the residuals.
 
     Raises
     ------
@@ -68,7 +72,7 @@ def profile_interval(fit: Estimates, quantity: str | Quantities, level: float = 
     towards = np.zeros(len(gradient))
     towards[free] = fit.correlations[np.ix_(free, free)] @ gradient[free]
     column = np.linalg.lstsq((fit.jacobian * step)[:, free].T, gradient[free])[0]
-    room = fit.dispersion(column) * t**2
+    room = inflation * fit.dispersion(column) * t**2
     width = math.sqrt(towards @ gradient) or float(np.abs(gradient).max()) or 1.0
     lower, upper = (fit.lower - fit.values) / step, (fit.upper - fit.values) / step
     ends = []

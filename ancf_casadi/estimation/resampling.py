@@ -249,19 +249,17 @@ def monte_carlo(
     choice(method, get_args(Method), "method")
     if not isinstance(fit, FitResult):
         raise InputError(f"must be the result of a fit, got a {type(fit).__name__}", "fit")
-    block = 1
-    if isinstance(fit, LeastSquaresResult):
-        scatter = fit.fit.degrees_of_freedom > 0 and fit.fit.residual_rms > 0.0
-        block = block_length(fit.fit) if method == "bootstrap" and scatter else 1
-    else:
-        scatter = bool(np.isfinite(list(fit.standard_errors.values())).any())
-        choice(method, ("parametric",), "method")  # without series there is nothing to draw
-    if not scatter:
+    if not fit.residual_count:
         raise InputError(
             "has no scatter to make records from: the residuals are zero or no more than the unknowns, or no standard "
             "deviation is known",
             "fit",
         )
+    block = 1
+    if method == "bootstrap":
+        if not isinstance(fit, LeastSquaresResult):
+            raise InputError(f"has no series of residuals in a {type(fit).__name__}; use parametric", "method")
+        block = block_length(fit.fit)
     tasks = [partial(_run, fit, child, method, block) for child in np.random.SeedSequence(seed).spawn(runs)]
     found = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="fits")
     samples = [result for result in found if not isinstance(result, str)]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from matplotlib.figure import Figure
 
+from ancf_casadi.estimation.figures import saved_figure
 from ancf_casadi.response.bode import Curve, bode_figure
 from ancf_casadi.support.figures import COMPUTED, MEASURED
 from problems.frf.result import FrfFit
@@ -13,8 +16,11 @@ MOST_DRAWN = 4  # functions; of more, those with the largest residuals
 GREY = "#b0b0b0"
 
 
-def frf_fit_figure(fit: FrfFit) -> Figure:
-    """Draw measured and fitted functions, amplitude and phase, and the size of their difference."""
+def frf_figure(fits: Mapping[str, FrfFit]) -> Figure:
+    """Draw measured and fitted functions, amplitude and phase, and their difference; of several fits the estimates."""
+    if len(fits) > 1:
+        return saved_figure(fits)
+    (fit,) = fits.values()
     record = fit.record
     measured = record.values.reshape(-1, len(record.frequencies))
     fitted = fit.synthesised().reshape(measured.shape)

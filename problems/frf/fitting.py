@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,19 +12,16 @@ import numpy as np
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import is_sequence, physical, shown, vector, whole
-from problems.frf.modal_sum import POWERS, ModalSum
+from problems.frf.modal_sum import DERIVATIVES, POWERS, ModalSum
 from problems.frf.poles import candidate_poles, poles_near
 from problems.frf.record import FrfRecord, as_record
 from problems.frf.refinement import ADVICE, refine
-from problems.frf.result import FrfFit, frf_result
+from problems.frf.result import FrfFit
 from problems.frf.selection import MOST_MODES, Selection, select_modes
 from problems.frf.trial import Trial
 from problems.frf.weights import first_deviations, given_deviations
 
 WEIGHTINGS = 3  # rounds in which weights and estimates settle
-DERIVATIVES = {
-    "receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 2, "relative-transmissibility": 2
-}  # fmt: skip
 
 
 def fit_frf(
@@ -99,7 +97,8 @@ def fit_frf(
     lines, modes = record.frequencies, refined.trial.frequencies
     if not ((modes >= lines[0]) & (modes <= lines[-1])).all():
         raise FitError(f"a mode left the band; {ADVICE}")
-    return frf_result(record, refined, notes)
+    again = partial(fit_frf, count=count, frequencies=frequencies, band=band)
+    return FrfFit(refined.corrected, record, refined, tuple(notes), again=again)
 
 
 def _settled(selection: Selection, best: Trial) -> Trial:

@@ -15,7 +15,7 @@ HIDDEN = 0.1  # relative standard error of a damping ratio beyond which there is
 
 def limitations(record: FrfRecord, refinement: Refinement) -> list[str]:
     """Return the limitations of a fit, one sentence each."""
-    trial, fit, f = refinement.trial, refinement.honest, record.frequencies
+    trial, fit, f = refinement.trial, refinement.corrected, record.frequencies
     notes = []
     for k, (own, ζ) in enumerate(zip(trial.frequencies.tolist(), trial.ratios.tolist(), strict=True), start=1):
         width = 2 * ζ * own

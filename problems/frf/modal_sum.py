@@ -32,6 +32,9 @@ import numpy as np
 
 from ancf_casadi.support.arrays import Array, ComplexArray
 
+DERIVATIVES = {
+    "receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 2, "relative-transmissibility": 2
+}  # fmt: skip
 POWERS = tuple(tuple(range(-size, size)) for size in (2, 4, 6))  # of i omega: few, more and many residual terms
 
 

@@ -72,7 +72,7 @@ class Refinement:
         return (samples - len(self.fit.names)) / (samples - self.trial.parameters)
 
     @cached_property
-    def honest(self) -> Fit:
+    def corrected(self) -> Fit:
         """The fit with a covariance that allows for the fitted coefficients and for noise that functions share."""
         fit, free = self.fit, ~self.fit.active_bounds
         covariance = self.inflation * fit.covariance
@@ -116,7 +116,7 @@ class Refinement:
 
     def coefficient_covariance(self, function: int) -> Array:
         """Return the covariance of the coefficients of a function (c, c); unknowns at a bound count as known."""
-        (q, triangle), fit, k = self.trial.factors[function], self.honest, len(self.trial.values)
+        (q, triangle), fit, k = self.trial.factors[function], self.corrected, len(self.trial.values)
         own = slice(2 * k * function, 2 * k * (function + 1))
         scatter = fit.noise.variance * np.eye(len(triangle))
         if fit.noise.spectra:

@@ -2,53 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.estimation.estimates import LEVEL
+from ancf_casadi.estimation.prediction import Channel, RecordPrediction
+from ancf_casadi.estimation.profile import profile_interval
+from ancf_casadi.estimation.result import Interval, LeastSquaresResult
+from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import array
 from ancf_casadi.support.tables import Table, known
 from problems.frf.limitations import limitations
-from problems.frf.record import FrfRecord
-from problems.frf.refinement import Refinement
+from problems.frf.modal_sum import DERIVATIVES, ModalSum
+from problems.frf.record import FrfRecord, as_record
+from problems.frf.refinement import ADVICE, Refinement
+from problems.frf.trial import Trial, quick_fit
+from problems.frf.weights import first_deviations, given_deviations
 from problems.matching.measured_modes import MeasuredModes
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
-class FrfFit:
+class FrfFit(LeastSquaresResult):
     """Modal parameters identified from frequency response functions, modes in ascending order.
+
+    The estimates are ``frequency_1``, Hz, ``damping_ratio_1``, and so on.
 
     Parameters
     ----------
     record : FrfRecord
         The functions that were fitted, within the band.
-    frequencies : array (m,)
-        Undamped natural frequencies, Hz.
-    damping_ratios : array (m,)
-        Damping ratios.
-    constants : array (m, outputs, inputs)
-        Modal constants: the product of the mass-normalised shape at output and input, 1/kg for a record per force;
-        real, if the mode is.
-    constant_errors : array (m, outputs, inputs)
-        Standard errors of their real parts, plus i times those of their imaginary parts.
-    standard_errors : mapping of str to float
-        Standard errors of ``frequency_1``, Hz, ``damping_ratio_1``, and so on; nan at a bound.
-    intervals : mapping of str to (float, float)
-        Their 95 % intervals.
-    warnings : tuple of str
-        Limitations of the estimates.
     refinement : Refinement
         All parameters of the fit.
+    notes : tuple of str
+        Limitations of what preceded the fit.
 
     Examples
     --------
@@ -57,24 +49,48 @@ class FrfFit:
     >>> f, rng = np.linspace(1.0, 3.0, 401), np.random.default_rng(0)
     >>> values = 1.0 / (2.0**2 - f**2 + 0.04j * f) + rng.normal(0.0, 0.05, (2, 401)).T @ [1, 1j]
     >>> fit = fit_frf(FrfRecord(f, values, "receptance"), frequencies=[2.0])
-    >>> [f"{end:.5f}" for end in fit.intervals["damping_ratio_1"]]
+    >>> [f"{end:.5f}" for end in fit.intervals()["damping_ratio_1"]]
     ['0.00996', '0.01005']
     """
 
+    kind = "frequency response"
+    _drawing = "problems.frf.figure.frf_figure"
+
     record: FrfRecord
-    frequencies: Array
-    damping_ratios: Array
-    constants: ComplexArray
-    constant_errors: ComplexArray
-    standard_errors: Mapping[str, float]
-    intervals: Mapping[str, tuple[float, float]]
-    warnings: tuple[str, ...]
     refinement: Refinement
+    notes: tuple[str, ...] = ()
 
     @property
-    def fit(self) -> Fit:
-        """Frequencies and damping ratios as a fit, with covariance and the status of the solver."""
-        return self.refinement.honest
+    def frequencies(self) -> Array:
+        """Undamped natural frequencies (m,), Hz."""
+        return self.refinement.trial.frequencies
+
+    @property
+    def damping_ratios(self) -> Array:
+        """Damping ratios (m,)."""
+        return self.refinement.trial.ratios
+
+    @cached_property
+    def constants(self) -> ComplexArray:
+        """Modal constants (m, outputs, inputs).
+
+        The product of the mass-normalised shape at output and input, 1/kg for a record per force; real, if the mode is.
+        """
+        trial = self.refinement.trial
+        values = trial.model.constants(trial.frequencies, trial.ratios, trial.coefficients)
+        return values.reshape(-1, self.record.outputs, self.record.inputs)
+
+    @cached_property
+    def constant_errors(self) -> ComplexArray:
+        """Standard errors of the real parts of ``constants``, plus i times those of the imaginary parts."""
+        count = self.refinement.trial.values.shape[1]
+        errors = np.array([_constant_errors(self.refinement, function) for function in range(count)]).T
+        return errors.reshape(self.constants.shape)
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """Limitations of the estimates, one sentence each."""
+        return (*self.notes, *self.fit.warnings, *limitations(self.record, self.refinement))
 
     @property
     def poles(self) -> ComplexArray:
@@ -114,7 +130,7 @@ class FrfFit:
         >>> [[round(value, 2) for value in shape] for shape in fit.measured_modes().shapes]
         [[0.4, 1.0]]
         """
-        errors = [self.standard_errors[f"frequency_{k}"] for k in range(1, len(self.frequencies) + 1)]
+        errors = list(self.standard_errors.values())[::2]
         std = tuple(errors) if np.isfinite(errors).all() and np.min(errors) > 0.0 else None
         points = self.record.points
         if points is None or len(points) < 2 or std is None:
@@ -130,12 +146,67 @@ class FrfFit:
             shape_std=tuple(tuple((own / size).tolist()) for own, size in zip(chosen, sizes, strict=True)),
         )
 
+    def profile(self, name: str, level: float = LEVEL) -> Interval:
+        """Return the interval of an estimate by profile likelihood, allowing for noise that functions share.
+
+        Raises
+        ------
+        InputError
+            If there is no such estimate, the level is not between 0 and 1, or there is no scatter.
+        FitError
+            If a nonlinear program for an end does not converge.
+        """
+        self.check_name(name)
+        ratio = self.standard_errors[name] / self.refinement.fit.standard_errors[name]
+        return profile_interval(self.fit, name, level, inflation=float(np.nan_to_num(ratio, nan=1.0)) ** 2)
+
+    def predict(self, record: FrfRecord) -> RecordPrediction:
+        """Compute other functions of the same structure with the modes, and compare.
+
+        The modal constants belong to the points of the record: they are fitted, as are the modes outside its band.
+
+        Raises
+        ------
+        InputError
+            If it is no record, or has fewer values than constants.
+        """
+        record = as_record(record)
+        values = record.values.reshape(-1, len(record.frequencies)).T
+        trial = self.refinement.trial
+        model = ModalSum.of(record.frequencies, DERIVATIVES[record.kind], trial.model.powers)
+        if 2 * len(values) < 2 * len(trial.frequencies) + len(model.powers):
+            raise InputError(f"has too few frequencies, {len(values)}, for {len(trial.frequencies)} modes", "record")
+        given = given_deviations(record)
+        deviations = first_deviations(values) if given is None else given
+        found = Trial(model, values, 1 / deviations, trial.frequencies, trial.ratios)
+        parts = self.fit.errors_of(found.jacobian).reshape(values.shape[1], 2, -1)
+        errors = np.hypot(*np.nan_to_num(parts).swapaxes(0, 1)).T * deviations
+        noise = np.sqrt(np.mean(first_deviations(values) ** 2, axis=0))
+        columns = zip(record.names(), values.T, found.fitted.T, errors.T, noise.tolist(), strict=True)
+        channels = tuple(Channel(name, record.unit, *rest) for name, *rest in columns)
+        return RecordPrediction(self.kind, channels, record.frequencies, "frequency, Hz")
+
+    def resampled(self, noise: Array) -> Array:
+        """Return the estimates (p,) from a fit to the fitted functions plus noise of each residual (m,)."""
+        trial = self.refinement.trial
+        real, imaginary = noise.reshape(trial.values.shape[1], 2, -1).swapaxes(0, 1) * self.refinement.inflation**0.5
+        values = trial.fitted + (real + 1j * imaginary).T / trial.weights
+        found = quick_fit(trial.model, values, trial.weights, trial.frequencies, trial.ratios)
+        if found is None:
+            raise FitError(f"the functions do not determine the modes; {ADVICE}")
+        return np.column_stack([found.frequencies, found.ratios]).ravel()
+
+    def table(self) -> Table:
+        """Return frequencies and damping ratios of the modes."""
+        return self.tables()[0]
+
     def tables(self) -> tuple[Table, Table]:
         """Return the table of frequencies and damping ratios, and that of modal constants."""
         rows, constants = [], []
+        intervals = self.intervals()
         for k, (f, ζ) in enumerate(zip(self.frequencies.tolist(), self.damping_ratios.tolist(), strict=True), start=1):
             names = (f"frequency_{k}", f"damping_ratio_{k}")
-            low, high = self.intervals[names[1]]
+            low, high = intervals[names[1]]
             errors = [known(self.standard_errors[name]) for name in names]
             percent = [100 * x if np.isfinite(x) else None for x in (low, high)]
             rows.append((k, f, errors[0], 100 * ζ, None if errors[1] is None else 100 * errors[1], *percent))
@@ -171,12 +242,12 @@ class FrfFit:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values; modal constants in the order (outputs, inputs)."""
-        modes = []
+        modes, intervals = [], self.intervals()
         for k, (f, ζ) in enumerate(zip(self.frequencies.tolist(), self.damping_ratios.tolist(), strict=True), start=1):
             mode: dict[str, Any] = {"frequency_hz": f, "damping_ratio": ζ}
             for name, suffix in (("frequency", "_hz"), ("damping_ratio", "")):
                 mode[f"{name}_stderr{suffix}"] = known(self.standard_errors[f"{name}_{k}"])
-                mode[f"{name}_interval{suffix}"] = [known(end) for end in self.intervals[f"{name}_{k}"]]
+                mode[f"{name}_interval{suffix}"] = [known(end) for end in intervals[f"{name}_{k}"]]
             for name, values in (("constants", self.constants), ("constants_stderr", self.constant_errors)):
                 mode[f"{name}_real"], mode[f"{name}_imaginary"] = (
                     values[k - 1].real.tolist(),
@@ -188,38 +259,12 @@ class FrfFit:
             )
             modes.append(mode)
         return {
-            "kind": self.record.kind,
+            **super().to_dict(),
+            "functions": self.record.kind,
             "band_hz": [float(self.record.frequencies[0]), float(self.record.frequencies[-1])],
             "modes": modes,
             "points_m": None if self.record.points is None else list(self.record.points),
-            "warnings": list(self.warnings),
-            "fit": self.fit.to_dict(),
         }
-
-    def figure(self) -> Figure:
-        """Draw measured and fitted functions, amplitude and phase, and the size of their difference."""
-        from problems.frf.figure import frf_fit_figure  # matplotlib is slow to import
-
-        return frf_fit_figure(self)
-
-
-def frf_result(record: FrfRecord, refinement: Refinement, notes: Sequence[str]) -> FrfFit:
-    """Return the result of a fit, with notes of what preceded it."""
-    trial, fit = refinement.trial, refinement.honest
-    modes, shape = len(trial.frequencies), (-1, record.outputs, record.inputs)
-    errors = np.array([_constant_errors(refinement, function) for function in range(trial.values.shape[1])]).T
-    ends = fit.intervals().tolist()
-    return FrfFit(
-        record=record,
-        frequencies=trial.frequencies,
-        damping_ratios=trial.ratios,
-        constants=trial.model.constants(trial.frequencies, trial.ratios, trial.coefficients).reshape(shape),
-        constant_errors=errors[:modes].reshape(shape),
-        standard_errors=fit.standard_errors,
-        intervals={name: (low, high) for name, (low, high) in zip(fit.names, ends, strict=True)},
-        warnings=(*notes, *fit.warnings, *limitations(record, refinement)),
-        refinement=refinement,
-    )
 
 
 def _constant_errors(refinement: Refinement, function: int) -> ComplexArray:

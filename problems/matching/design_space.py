@@ -168,13 +168,13 @@ class DesignSpace:
         }
         return self.beam.with_(**changes)
 
-    def active_bounds(self, m: Array) -> tuple[str, ...]:
+    def at_bound(self, m: Array) -> tuple[str, ...]:
         """Return the names of the unknowns, and of the elements of smooth properties, that are at a bound."""
         below, above = self.room(m)
         with np.errstate(invalid="ignore"):
             active = np.minimum(-below, above) < AT_BOUND * (above - below) / 2
         active &= np.isfinite(below)
-        return tuple(name for name, at_bound in zip(self.bounded_names, active, strict=True) if at_bound)
+        return tuple(name for name, there in zip(self.bounded_names, active, strict=True) if there)
 
     def check_guess(self, guess: Sequence[float] | None) -> Array:
         """Return the first values of the unknowns as an array; those of the given beam if none are given.

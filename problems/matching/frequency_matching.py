@@ -17,11 +17,11 @@ References
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from functools import partial
 from types import NoneType
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -62,7 +62,7 @@ def match_frequencies(
     """Find the beam nearest to a given one that has the measured modes.
 
     If no beam within the bounds has them, the result is the nearest one; see its ``warnings``, ``max_relative_error``
-    and ``active_bounds``.
+    and ``at_bound``.
 
     Parameters
     ----------
@@ -135,7 +135,13 @@ def match_frequencies(
         raise next(attempt for attempt in attempts if isinstance(attempt, NumericsError))
     best = min(optima, key=lambda optimum: optimum.value)
     reached = sum(optimum.value - best.value <= SAME_VALUE * best.value + 1e-6 for optimum in optima)
-    return _result(matching, best, build_seconds, (starts, reached, starts - len(optima)))
+    settings = {"unknowns": space.unknowns, "bounds": bounds, "preference": preference, "objective": objective}
+    again = partial(_again, beam, guess=guess, starts=starts, seed=seed, **settings)
+    return _result(matching, best, build_seconds, (starts, reached, starts - len(optima)), again)
+
+
+def _again(beam: Beam, targets: Any, **settings: Any) -> FrequencyMatch:
+    return match_frequencies(beam, targets=targets, **settings)
 
 
 def _attempt(matching: Matching, start: Array) -> Optimum | NumericsError:
@@ -145,7 +151,13 @@ def _attempt(matching: Matching, start: Array) -> Optimum | NumericsError:
         return error
 
 
-def _result(matching: Matching, optimum: Optimum, build_seconds: float, starts: tuple[int, int, int]) -> FrequencyMatch:
+def _result(
+    matching: Matching,
+    optimum: Optimum,
+    build_seconds: float,
+    starts: tuple[int, int, int],
+    again: Callable[[Any], FrequencyMatch],
+) -> FrequencyMatch:
     """Return the match at an optimum; ``starts`` counts all starts, those that ended there, and those that failed."""
     space, full, m = matching.space, matching.response("least-squares"), optimum.m
     state = matching.state(m)
@@ -154,7 +166,6 @@ def _result(matching: Matching, optimum: Optimum, build_seconds: float, starts: 
         targets=matching.measured.frequencies,
         standard=tuple(matching.standard.frequencies.tolist()),
         frequencies=tuple(state.frequencies.tolist()),
-        active_bounds=space.active_bounds(m),
         iterations=optimum.iterations,
         build_seconds=build_seconds,
         solve_seconds=optimum.seconds,
@@ -174,6 +185,7 @@ def _result(matching: Matching, optimum: Optimum, build_seconds: float, starts: 
         starts=starts[0],
         reached=starts[1],
         failed=starts[2],
+        again=again,
     )
 
 

@@ -24,10 +24,12 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
+import casadi as cs
 import numpy as np
 import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.determination import product
+from ancf_casadi.estimation.nlp import solve_nlp
 from ancf_casadi.support.arrays import Array, Mask
 from problems.matching.design_space import DesignSpace
 from problems.matching.unknowns import Global
@@ -153,8 +155,8 @@ class Identifiability:
     @cached_property
     def held(self) -> Mask:
         """Unknowns at a bound, which count as known, (N,)."""
-        at_bound = set(self.space.active_bounds(self.values))
-        return np.array([name in at_bound for name in self.space.names])
+        there = set(self.space.at_bound(self.values))
+        return np.array([name in there for name in self.space.names])
 
     @cached_property
     def covariance(self) -> Array:
@@ -164,17 +166,51 @@ class Identifiability:
         return np.asarray((directions[:, known] / values[known]) @ directions[:, known].T)
 
     @cached_property
-    def standard_errors(self) -> Array:
-        """Standard errors of the factors, (F,).
+    def factor_covariance(self) -> Array:
+        """Covariance of the factors, (F, F).
 
         Nan for factors that are not determined or are at a bound, and if no standard deviation is known.
         """
         rows = self.factor_jacobian
-        errors = np.sqrt(np.einsum("ij,jk,ik->i", rows, self.covariance, rows))
+        found = rows @ self.covariance @ rows.T
         values, directions = self._information
         loose = directions[:, values <= RANK**2 * values[-1]]
         known = np.linalg.norm(rows @ loose, axis=1) < NULL * np.linalg.norm(rows, axis=1)
-        return np.where(known & self.noisy, errors, math.nan)
+        return np.where(np.outer(known, known) & self.noisy, found, math.nan)
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard errors of the factors, (F,); nan as in ``factor_covariance``."""
+        return np.sqrt(np.diag(self.factor_covariance))
+
+    def extremes(self, factor: int, room: float) -> tuple[float, float]:
+        """Return the least and the greatest value of a factor where 2 (L(m) - L_min) <= room, to first order in r.
+
+        Raises
+        ------
+        FitError
+            If a nonlinear program does not converge.
+        """
+        below, above = self.space.room(self.values)
+        information = (self.jacobian.T @ self.jacobian + self.prior) / room
+        size = 1 / np.sqrt(np.maximum(np.diag(information), 1.0))  # of a step that uses all of the room, at most 1
+        information *= np.outer(size, size)
+        rows, row = self.space.rows * size, cs.DM(self.factor_jacobian[factor] * size)
+        z, split = cs.MX.sym("z", self.space.size), self.space.size
+        nlp = {"x": z, "g": cs.vertcat(cs.bilin(cs.DM(information), z, z), cs.DM(rows) @ z)}
+        ends = []
+        for sign in (1.0, -1.0):
+            found = solve_nlp(
+                {**nlp, "f": sign * cs.dot(row, z)},
+                np.zeros(split),
+                lower=np.minimum(below[:split], 0.0) / size,
+                upper=np.maximum(above[:split], 0.0) / size,
+                constraint_lower=np.concatenate([[-math.inf], np.minimum(below[split:], 0.0)]),
+                constraint_upper=np.concatenate([[1.0], np.maximum(above[split:], 0.0)]),
+                options={"ipopt.tol": 1e-8, "ipopt.bound_relax_factor": 0.0},
+            )
+            ends.append(float(self.factors[factor]) + sign * found.objective)
+        return ends[0], ends[1]
 
     @cached_property
     def _information(self) -> tuple[Array, Array]:

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from ancf_casadi.mechanics.beam import LUMPED, UNITS, Beam
+from ancf_casadi.estimation.estimates import LEVEL, quantile
+from ancf_casadi.estimation.prediction import Channel, RecordPrediction
+from ancf_casadi.estimation.result import FitResult, Interval
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.mechanics.beam import UNITS, Beam
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Cell, Table
 from ancf_casadi.support.tables import known as finite
 from problems.matching.identifiability import Identifiability
+from problems.matching.measured_modes import MeasuredModes
 from problems.matching.response import Matching
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 MET = 1e-5  # largest relative error that a preference leaves if the targets can be met
 NOISE = 3.0  # error in standard deviations beyond which a target is out of reach
@@ -28,8 +30,10 @@ MOST_NAMES = 6  # largest number of bounds that a warning names
 
 
 @dataclass(frozen=True, eq=False)
-class FrequencyMatch:
+class FrequencyMatch(FitResult):
     """A beam matched to measured modes.
+
+    The estimates are the properties that may change, such as ``density`` and ``thickness[3]``.
 
     Parameters
     ----------
@@ -41,8 +45,6 @@ class FrequencyMatch:
         Frequencies of the given beam, Hz.
     frequencies : tuple of float
         Frequencies of the matched beam, Hz.
-    active_bounds : tuple of str
-        Properties at a bound, with their element from 1, such as ``thickness[3]``.
     iterations : int
         Iterations of IPOPT.
     build_seconds : float
@@ -70,6 +72,8 @@ class FrequencyMatch:
         Number of starts that ended at this optimum.
     failed : int
         Number of starts that did not converge.
+    again : callable
+        Takes other targets; returns the match of the same beam to them.
 
     Examples
     --------
@@ -83,11 +87,13 @@ class FrequencyMatch:
     ['-0.03 %', '0.02 %']
     """
 
+    kind = "frequency matching"
+    _drawing = "problems.matching.figure.match_figure"
+
     beam: Beam
     targets: tuple[float, ...]
     standard: tuple[float, ...]
     frequencies: tuple[float, ...]
-    active_bounds: tuple[str, ...]
     iterations: int
     build_seconds: float
     solve_seconds: float
@@ -101,6 +107,7 @@ class FrequencyMatch:
     starts: int = 1
     reached: int = 1
     failed: int = 0
+    again: Callable[[Any], Any] = field(kw_only=True)
 
     @property
     def relative_errors(self) -> Array:
@@ -119,17 +126,132 @@ class FrequencyMatch:
             return self.max_relative_error > MET
         return bool(np.abs(self.relative_errors / self.matching.measured.relative_std).max() > NOISE)
 
+    @cached_property
+    def at_bound(self) -> tuple[str, ...]:
+        """Properties at a bound, with their element from 1, such as ``thickness[3]``."""
+        return self.matching.space.at_bound(self.unknowns)
+
+    @property
+    def estimates(self) -> dict[str, float]:
+        """Value of each property that may change, SI units."""
+        return self._named(self.identifiability.factors * self._given)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """SI unit of each property that may change."""
+        return {name: UNITS[name.partition("[")[0]] for name in self.identifiability.factor_names}
+
     @property
     def standard_errors(self) -> dict[str, float]:
         """Standard error of each property that may change, SI units; nan if the data do not determine it."""
-        known = self.identifiability
-        return dict(zip(known.factor_names, (known.standard_errors * self._given).tolist(), strict=True))
+        return self._named(self.identifiability.standard_errors * self._given)
+
+    def intervals(self, level: float = LEVEL) -> dict[str, Interval]:
+        """Return the interval of each property that may change, within its bounds; nan if it is not determined.
+
+        Raises
+        ------
+        InputError
+            If the level is not between 0 and 1.
+        """
+        t, known, given = quantile(level, math.inf), self.identifiability, self._given
+        names = self.matching.space.bounded_names
+        below, above = (side[[names.index(name) for name in known.factor_names]] for side in self._room)
+        half = t * known.standard_errors
+        low, high = (self._named((known.factors + side) * given) for side in
+                     (np.maximum(-half, below) + 0 * half, np.minimum(half, above) + 0 * half))  # fmt: skip
+        return {name: (low[name], high[name]) for name in low}
+
+    @property
+    def _room(self) -> tuple[Array, Array]:
+        """Changes that lead to the lower and the upper bounds, by ``bounded_names``."""
+        lower, upper = self.matching.space.room(self.unknowns)
+        return np.minimum(lower, 0.0), np.maximum(upper, 0.0)
+
+    def _named(self, values: Array) -> dict[str, float]:
+        return dict(zip(self.identifiability.factor_names, values.tolist(), strict=True))
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (p, p) of the properties that may change, SI units; nan for those that are not determined."""
+        return np.asarray(self.identifiability.factor_covariance * np.outer(self._given, self._given))
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Infinite: standard deviations are given, or none are known."""
+        return math.inf
+
+    @property
+    def residual_count(self) -> int:
+        """Number of residuals with known scatter; 0 if no standard deviation is given."""
+        return len(self.residuals) if self.matching.noisy else 0
+
+    def profile(self, name: str, level: float = LEVEL) -> Interval:
+        """Return the range of a property over all beams within the bounds that fit nearly as well, for a level.
+
+        It is that of ``FitResult.profile``, to first order in the residuals, and includes the beams that fit equally
+        well; standard deviations must be known.
+
+        Raises
+        ------
+        InputError
+            If there is no such property, the level is not between 0 and 1, or no standard deviation is known.
+        FitError
+            If a nonlinear program for an end does not converge.
+        """
+        self.check_name(name)
+        t = quantile(level, math.inf)
+        if not self.matching.noisy:
+            raise InputError("has no scatter: give the standard deviations of the targets", "fit")
+        k = self.identifiability.factor_names.index(name)
+        low, high = self.identifiability.extremes(k, t**2)
+        return low * float(self._given[k]), high * float(self._given[k])
+
+    def predict(self, record: MeasuredModes | Sequence[float]) -> RecordPrediction:
+        """Compute the frequencies of other targets of the same beam, such as higher modes, and compare.
+
+        Raises
+        ------
+        InputError
+            If they are not usable, or match no mode of the beam.
+        EquilibriumError
+            If the beam has no stable equilibrium.
+        """
+        measured = MeasuredModes.of(record)
+        measured.check_beam(self.beam)
+        one = Matching(self.matching.space, measured, self.matching.preference)
+        response, size = one.response("worst-error"), np.array(measured.frequencies)
+        free, known = ~self.identifiability.held, self.identifiability
+        tangents = response.jacobian(self.unknowns) * free
+        errors = size * np.sqrt(np.einsum("ij,jk,ik->i", tangents, known.covariance, tangents))
+        errors = errors if known.noisy else np.full(len(size), math.nan)
+        noise = float(np.sqrt(np.mean(np.square(measured.frequency_std)))) if one.noisy else math.nan
+        predicted = size * (1 + response.residuals(self.unknowns))
+        channel = Channel("frequency", "Hz", size, predicted, errors, noise)
+        return RecordPrediction(self.kind, (channel,), 1.0 + np.arange(len(size)), "target")
+
+    def resampled(self, noise: Array) -> Array:
+        """Return the properties (p,) of the match to the modes of this beam plus noise of each residual (m,)."""
+        measured, state = self.matching.measured, self.matching.state(self.unknowns)
+        count, std = measured.count, np.array(measured.frequency_std)
+        frequencies = np.array(self.frequencies) + std * noise[:count]
+        shapes = [*measured.shapes]
+        if measured.shape_std is not None:
+            rest = np.split(noise[count:], np.cumsum(measured.measured.sum(axis=1))[:-1])
+            for k, (row, known) in enumerate(zip(rest, measured.measured, strict=True)):
+                psi, deviation = np.array(measured.shapes[k]), np.array(measured.shape_std[k])
+                v = (self.matching.observer @ state.shapes)[:, k]
+                weight = v[known] / deviation[known] ** 2
+                psi[known] = v[known] * (weight @ psi[known]) / (weight @ v[known]) + deviation[known] * row
+                shapes[k] = tuple(psi.tolist())
+        found = self.again(replace(measured, frequencies=tuple(frequencies.tolist()), shapes=tuple(shapes)))
+        return np.array(list(found.estimates.values()))
 
     @property
     def holding(self) -> tuple[tuple[str, float], ...]:
         """Active bounds that keep the beam from fitting better, with their multipliers in descending order."""
         costs = dict(zip(self.matching.space.bounded_names, self.multipliers.tolist(), strict=True))
-        active = sorted(((name, costs[name]) for name in self.active_bounds), key=lambda pair: -pair[1])
+        active = sorted(((name, costs[name]) for name in self.at_bound), key=lambda pair: -pair[1])
         return tuple((name, cost) for name, cost in active if cost > HOLDING * active[0][1])
 
     @property
@@ -202,9 +324,13 @@ class FrequencyMatch:
                     (p["name"], p["unit"], p["value"], 100 * p["change"], p["lowest"], p["highest"], p["stderr"])
                     for p in self._properties
                 ],
-                (*self._statements, f"at a bound: {', '.join(self.active_bounds) or 'nothing'}"),
+                (*self._statements, f"at a bound: {', '.join(self.at_bound) or 'nothing'}"),
             ),
         )
+
+    def table(self) -> Table:
+        """Return the properties with the ranges that the data leave open."""
+        return self.tables()[1]
 
     def report(self) -> str:
         """Return the result as text."""
@@ -212,22 +338,10 @@ class FrequencyMatch:
         notes = [f"note: {note}" for note in self.warnings]
         return "\n\n".join([*texts, *(["\n".join(notes)] if notes else [])])
 
-    def figure(self) -> Figure:
-        """Draw the changes of the properties along the beam, with the ranges that the data leave open."""
-        from ancf_casadi.plot import properties_figure  # matplotlib is slow to import
-
-        known, n = self.identifiability, self.beam.elements
-        ends = np.column_stack([known.factors, known.factors]) if self.out_of_reach else known.spread
-        ranges: dict[str, list[Array]] = {}
-        for name, pair in zip(known.factor_names, ends - 1, strict=True):
-            if name not in LUMPED:
-                ranges.setdefault(name.partition("[")[0], []).append(pair)
-        spread = {name: np.array(pairs * n if len(pairs) == 1 else pairs) for name, pairs in ranges.items()}
-        return properties_figure(self.matching.space.beam, self.beam, spread)
-
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON: SI units, lists in the order of targets and elements, None for unknown values."""
         return {
+            **super().to_dict(),
             "target_hz": list(self.targets),
             "standard_hz": list(self.standard),
             "matched_hz": list(self.frequencies),
@@ -238,7 +352,6 @@ class FrequencyMatch:
             "tip_mass": self.beam.tip_mass,
             "clamp_stiffness": self.beam.clamp_stiffness if math.isfinite(self.beam.clamp_stiffness) else None,
             "max_relative_error": self.max_relative_error,
-            "at_bound": list(self.active_bounds),
             "holding": [{"name": name, "multiplier": cost} for name, cost in self.holding],
             "out_of_reach": self.out_of_reach,
             "objective": self.matching.objective,
@@ -251,7 +364,6 @@ class FrequencyMatch:
             "starts": {"number": self.starts, "reached": self.reached, "failed": self.failed},
             "iterations": self.iterations,
             "solve_seconds": self.solve_seconds,
-            "warnings": list(self.warnings),
         }
 
     @property

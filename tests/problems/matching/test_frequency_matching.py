@@ -63,7 +63,7 @@ class TestPaper:
     def test_no_property_changes_beyond_its_bound(self, match):
         change = np.abs(factors(match.beam, paper.standard_beam()) - 1)
         assert change.max() < BOUNDS
-        assert match.active_bounds == ()
+        assert match.at_bound == ()
 
     def test_density_and_modulus_are_those_of_one_material(self, match):
         assert len(set(match.beam.density)) == 1
@@ -99,7 +99,7 @@ class TestPaper:
         too_narrow = match_frequencies(paper.standard_beam(), targets=paper.FREQUENCIES, bounds=0.045)
         assert enough.max_relative_error < 1e-6
         assert too_narrow.max_relative_error > 1e-4
-        assert len(too_narrow.active_bounds) > 0
+        assert len(too_narrow.at_bound) > 0
 
     @pytest.mark.parametrize(
         ("gravity", "percent"),
@@ -160,7 +160,7 @@ class TestLeastChange:
         assert np.abs(found - 1).max() <= bounds * (1 + 1e-12)
         assert match.max_relative_error == pytest.approx(np.abs(np.array(match.frequencies) / targets - 1).max())
         assert match.max_relative_error > 0.02
-        there = np.array([name in match.active_bounds for name in names])
+        there = np.array([name in match.at_bound for name in names])
         assert 0 < there.sum() < SMALL_FACTORS
         assert np.abs(found[there] - 1) == pytest.approx(bounds, rel=1e-6)
         assert (np.sign(gradient[there]) == -np.sign(found[there] - 1)).all()

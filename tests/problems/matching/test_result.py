@@ -187,7 +187,7 @@ class TestOutOfReach:
         fall = narrow.max_relative_error - wide.max_relative_error
         assert fall > 1e-5
         assert fall == pytest.approx(0.0005 * narrow.multipliers.sum(), rel=0.05)
-        assert {name for name, _ in narrow.holding} <= set(narrow.active_bounds)
+        assert {name for name, _ in narrow.holding} <= set(narrow.at_bound)
 
     def test_least_squares_says_how_far_and_what_holds_it(self, beam):
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.05, 0.93, 1.04]).tolist()
@@ -206,7 +206,7 @@ class TestOutOfReach:
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.05, 0.93, 1.04]).tolist()
         unknowns = (THICKNESS, Global("density"))
         match = match_frequencies(beam, targets=targets, unknowns=unknowns, bounds=0.01)
-        assert "density" not in match.active_bounds
+        assert "density" not in match.at_bound
         assert [(p["lowest"], p["highest"]) for p in match.to_dict()["properties"]] == [(None, None)] * 6
         assert match.to_dict()["identified"][0].startswith("The targets are out of reach")
         assert "The targets are out of reach" in match.report() and "The data determine" not in match.report()
@@ -281,10 +281,10 @@ class TestIdentifiability:
         free = match_frequencies(beam, targets=measured, unknowns=(THICKNESS,))
         low = beam.with_(thickness=tuple(np.array(truth.thickness) * [1 / 0.97, 1, 1, 1, 1]))
         match = match_frequencies(low, targets=measured, unknowns=(THICKNESS,), bounds=0.02)
-        assert "thickness[1]" in match.active_bounds
+        assert "thickness[1]" in match.at_bound
         errors = match.identifiability.standard_errors
         assert np.isnan(errors[0])
-        inner = [k for k in range(ELEMENTS) if f"thickness[{k + 1}]" not in match.active_bounds]
+        inner = [k for k in range(ELEMENTS) if f"thickness[{k + 1}]" not in match.at_bound]
         assert (errors[inner] < free.identifiability.standard_errors[inner]).all()
 
 

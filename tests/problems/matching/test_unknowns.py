@@ -59,10 +59,10 @@ class TestDesignSpace:
         assert 0.15 < np.abs(factors[:, 0] - 1).max() <= 0.2
         assert (factors[:, 2] == 1).all()
 
-    def test_active_bounds_are_named(self, space):
+    def test_bounds_that_are_reached_are_named(self, space):
         m = space.standard.copy()
         m[0], m[2], m[7] = 1.1, 0.95, 0.2
-        assert space.active_bounds(m) == (
+        assert space.at_bound(m) == (
             "elastic_modulus", "thickness[2]", *(f"width[{i}]" for i in range(1, 7))
         )  # fmt: skip
 

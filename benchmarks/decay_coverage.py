@@ -135,7 +135,7 @@ def half_widths(case: Case, seed: int) -> list[tuple[float, float, float]]:
     )
     found = []
     for name in QUANTITIES:
-        low, high = fit.intervals[name]
+        low, high = fit.intervals()[name]
         value = getattr(fit, name)
         found.append((value - truth[name], value - low, high - value))
     return found

@@ -166,7 +166,7 @@ def run(seeds: range, law: Law) -> None:
             continue
         seconds.append(time.process_time() - began)
         iterations.append(fit.fit.iterations)
-        off = {name: _distance(fit.intervals[name], value) for name, value in record.truth.items()}
+        off = {name: _distance(fit.intervals()[name], value) for name, value in record.truth.items()}
         held.append([distance <= 1.0 for distance in off.values()])
         far = ", ".join(f"{name} by {distance:.1f}" for name, distance in off.items() if distance > FAR)
         if far:

@@ -31,19 +31,6 @@ def draw_autocorrelation(axes: Axes, residuals: Array, series: Sequence[int] = (
 
 
 @literal_text
-def residual_figure(residuals: Array, series: Sequence[int] = ()) -> Figure:
-    """Draw residuals, one series after the other, and their autocorrelation."""
-    figure = Figure(figsize=(8, 4.8), layout="constrained")
-    left, repeated = figure.subplots(2, 1)
-    left.plot(np.arange(1, len(residuals) + 1), residuals, lw=0.5, color=MEASURED)
-    for end in np.cumsum(series)[:-1].tolist():
-        left.axvline(end + 0.5, ls=":", lw=0.8, color=MEASURED)
-    left.set(xlabel="sample", ylabel="residual")
-    draw_autocorrelation(repeated, residuals, series)
-    return figure
-
-
-@literal_text
 def criteria_figure(names: Sequence[str], aicc: Sequence[float], bic: Sequence[float]) -> Figure:
     """Draw the differences of AICc and BIC from their lowest values; values that are not finite are left out."""
     figure = Figure(figsize=(7, 1.2 + 0.5 * len(names)), layout="constrained")

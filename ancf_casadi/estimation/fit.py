@@ -1,19 +1,16 @@
-"""A fit as a result: warnings, a table, JSON and a figure of the estimates."""
+"""The solution of a least-squares problem: estimates with warnings, notes and JSON."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ancf_casadi.estimation.estimates import Estimates
 from ancf_casadi.estimation.solver.noise import NOT_NOISE, concentration
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.tables import Table, known
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from ancf_casadi.support.tables import known
 
 CORRELATED = 0.95  # correlation of two unknowns beyond which there is a warning
 
@@ -47,15 +44,6 @@ class Fit(Estimates):
                     )
         return tuple(notes)
 
-    def table(self) -> Table:
-        """Return the unknowns with units, standard errors, intervals and active bounds."""
-        columns = ("unknown", "value", "unit", "standard_error", "lower_95", "upper_95", "")
-        rows = [
-            (name, value, unit, known(error), known(low), known(high), "at its bound" if active else "")
-            for name, unit, value, error, (low, high), active in self._rows()
-        ]
-        return Table("fit", "Estimates with 95 % intervals", columns, rows, self.notes())
-
     def notes(self) -> list[str]:
         """Return residuals, bounds and the status of the solver as text."""
         return [
@@ -65,10 +53,6 @@ class Fit(Estimates):
             f"{self.rank} of {len(self.names)} unknowns free of bounds, condition number {self.condition:.3g}",
             f"{self.status} after {self.iterations} iterations",
         ]
-
-    def report(self) -> str:
-        """Return the result as text."""
-        return "\n".join([self.table().text(), *(f"  note: {note}" for note in self.warnings)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""
@@ -101,12 +85,6 @@ class Fit(Estimates):
             "solve_seconds": self.solve_seconds,
             "warnings": list(self.warnings),
         }
-
-    def figure(self) -> Figure:
-        """Draw the residuals and their autocorrelation."""
-        from ancf_casadi.estimation.figures import residual_figure  # matplotlib is slow to import
-
-        return residual_figure(self.residuals, self.series)
 
     def colour(self) -> str:
         """Return the colour of the noise, and the ratio of the standard errors to those for white noise, as text."""

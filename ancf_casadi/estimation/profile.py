@@ -75,6 +75,9 @@ def profile_interval(
     room = inflation * fit.dispersion(column) * t**2
     width = math.sqrt(towards @ gradient) or float(np.abs(gradient).max()) or 1.0
     lower, upper = (fit.lower - fit.values) / step, (fit.upper - fit.values) / step
+    options = {"ipopt.tol": 1e-8, "ipopt.bound_relax_factor": 0.0, "ipopt.max_iter": 300}
+    if fit.settings.get("gauss_newton"):  # second derivatives are expensive or unknown
+        options["ipopt.hessian_approximation"] = "limited-memory"
     ends = []
     for sign in (-1.0, 1.0):
         solution = solve_nlp(
@@ -84,7 +87,7 @@ def profile_interval(
             upper=upper,
             constraint_lower=-math.inf,
             constraint_upper=1.0,
-            options={"ipopt.tol": 1e-8, "ipopt.bound_relax_factor": 0.0, "ipopt.max_iter": 300},
+            options=options,
             advice="use the first-order interval of the fit, or another level",
         )
         ends.append(float(estimate[0]) - sign * solution.objective * width)

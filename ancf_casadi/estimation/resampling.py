@@ -2,7 +2,7 @@
 
 With the fitted curve r(x), n free unknowns and the residuals e of a record of m values, the records
 
-    parametric    y* = r(x) + s g,      g normal and white, s^2 = e'e/(m - n)
+    parametric    y* = r(x) + s g,      g normal and white, s^2 = e'e/(m - n), or s as the user states it if larger
     bootstrap     y* = r(x) + e*,       e* drawn from the residuals, centred and scaled by (m/(m - n))^1/2
 
 are fitted as the measured record was, starting from its estimates.  If residuals correlate, drawing them one by one
@@ -257,8 +257,8 @@ def monte_carlo(
         )
     block = 1
     if method == "bootstrap":
-        if not isinstance(fit, LeastSquaresResult):
-            raise InputError(f"has no series of residuals in a {type(fit).__name__}; use parametric", "method")
+        if not (isinstance(fit, LeastSquaresResult) and fit.fit.degrees_of_freedom):
+            raise InputError(f"finds no residuals to draw from in this {type(fit).__name__}; use parametric", "method")
         block = block_length(fit.fit)
     tasks = [partial(_run, fit, child, method, block) for child in np.random.SeedSequence(seed).spawn(runs)]
     found = run_all(tasks, executor=executor, jobs=jobs, progress=progress, title="fits")
@@ -313,7 +313,10 @@ def _noise(fit: FitResult, rng: np.random.Generator, method: Method, block: int)
         return rng.standard_normal(fit.residual_count)
     one, m = fit.fit, fit.residual_count
     if method == "parametric":
-        return math.sqrt(one.residuals @ one.residuals / one.degrees_of_freedom) * rng.standard_normal(m)
+        variance = one.noise.variance
+        if math.isfinite(one.noise.freedom):
+            variance = max(variance, one.residuals @ one.residuals / one.degrees_of_freedom)
+        return math.sqrt(variance) * rng.standard_normal(m)
     centred = [part - part.mean() for part in np.split(one.residuals, np.cumsum(one.series)[:-1])]
     parts = [part[drawn(len(part), block, rng)] for part in centred]
     return np.asarray(math.sqrt(m / one.degrees_of_freedom) * np.concatenate(parts))

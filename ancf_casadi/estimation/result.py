@@ -278,8 +278,7 @@ class LeastSquaresResult(FitResult):
     @property
     def residual_count(self) -> int:
         """Number of residuals with known scatter; 0 if they are zero or no more than the unknowns."""
-        one = self.fit
-        return len(one.residuals) if one.degrees_of_freedom > 0 and one.residual_rms > 0.0 else 0
+        return len(self.fit.residuals) if self.fit.noise.variance > 0.0 else 0
 
     def profile(self, name: str, level: float = LEVEL) -> Interval:
         """Return the interval of an estimate by profile likelihood.

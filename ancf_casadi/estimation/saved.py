@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -30,13 +30,21 @@ class SavedEstimate(msgspec.Struct, frozen=True):
 class SavedNumbers(msgspec.Struct, frozen=True):
     """What every saved result states."""
 
-    kind: str
+    kind: Annotated[str, msgspec.Meta(min_length=1)]
     estimates: list[SavedEstimate]
     covariance: list[list[float | None]]
-    degrees_of_freedom: float | None
+    degrees_of_freedom: Annotated[float, msgspec.Meta(ge=0.0)] | None
     at_bound: list[str]
     warnings: list[str]
     report: str
+
+    def __post_init__(self) -> None:
+        """Check that names and sizes belong together."""
+        size = len({one.name for one in self.estimates})
+        if size < len(self.estimates):
+            raise ValueError("an estimate appears twice")
+        if [len(row) for row in self.covariance] != [size] * size:
+            raise ValueError(f"the covariance is not {size} by {size}")
 
 
 @dataclass(frozen=True, eq=False)

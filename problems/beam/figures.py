@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from matplotlib.figure import Figure, SubFigure
 
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.estimation.figures import saved_figure
 from ancf_casadi.support.figures import literal_text
 from problems.beam.curves.block import CurveBlock
 from problems.beam.curves.figures import draw_responses, response_size
@@ -24,15 +24,9 @@ Drawer = Callable[[Figure | SubFigure], Figure | SubFigure]
 
 @literal_text
 def beam_figure(fits: Mapping[str, BeamFit]) -> Figure:
-    """Draw measured and computed motions, response curves and values of a fit.
-
-    Raises
-    ------
-    InputError
-        If there are several fits: they have their measurements in common.
-    """
+    """Draw measured and computed motions, response curves and values of a fit; of several fits the estimates."""
     if len(fits) > 1:
-        raise InputError("two fits of a beam cannot be drawn over each other; draw each alone", "figure")
+        return saved_figure(fits)
     (fit,) = fits.values()
     parts = _parts(fit)
     width, height = sum(size[0] for size, _ in parts), max(size[1] for size, _ in parts)

@@ -121,8 +121,10 @@ class DecayFit(LeastSquaresResult):
     @cached_property
     def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
         """Names and units of the quantities, and the function from the unknowns to them."""
-        units = tuple(map(self.model.unit, QUANTITIES))
-        return tuple(QUANTITIES), units, lambda *x: self.model.quantities(*(x[i] for i in self.indices))
+        return tuple(QUANTITIES), tuple(map(self.model.unit, QUANTITIES)), self._quantities
+
+    def _quantities(self, *x: cs.MX) -> cs.MX:
+        return self.model.quantities(*(x[i] for i in self.indices))
 
     def _ends(self, level: float) -> Array:
         """Return the intervals (q, 2) of all quantities within their bounds."""

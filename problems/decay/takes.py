@@ -91,11 +91,10 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         own = [(k, name) for k, kept in enumerate(self._kept, start=1) for name in np.array(list(QUANTITIES))[kept]]
         single = QUANTITIES if len(self) == 1 else self._shared
         names = tuple(str(name) if name in single else f"{name}_{k}" for k, name in own)
+        return names, tuple(self.fits[0].model.unit(str(name)) for _, name in own), self._quantities
 
-        def of(*x: cs.MX) -> cs.MX:
-            return cs.vertcat(*(fit.quantities[2](*x)[kept] for fit, kept in self._pairs))
-
-        return names, tuple(self.fits[0].model.unit(str(name)) for _, name in own), of
+    def _quantities(self, *x: cs.MX) -> cs.MX:
+        return cs.vertcat(*(fit.quantities[2](*x)[kept] for fit, kept in self._pairs))
 
     @property
     def _pairs(self) -> list[tuple[DecayFit, list[int]]]:

@@ -156,6 +156,6 @@ def test_intervals_cover_the_truth_in_records_with_dropped_frames():
         y = released(time, rng.uniform(0.3, 0.8), rng.choice(["static", "struck"]))
         fit = fit_decay(time, y + 0.01 * A * rng.standard_normal(len(time)))
         for k, (name, truth) in enumerate((("frequency", F), ("damping_ratio", ζ))):
-            low, high = fit.intervals[name]
+            low, high = fit.intervals()[name]
             inside[k] += low <= truth <= high
     assert all(covers(hits, runs) for hits in inside)

@@ -175,12 +175,10 @@ def test_the_result_reads_as_text_and_as_json():
     assert b["interval_95"] == fit.intervals()[1].tolist()
     assert table["covariance"][1][1] == fit.covariance[1, 1]
     assert table["rank"] == 1
-    text = fit.report()
-    assert "at its bound" in text
-    assert f"{fit['b']:.6g}" in text
-    assert "1 of 2 unknowns free of bounds, condition number 1" in text
-    assert "Solve_Succeeded" in text
-    assert "note: a is at its bound -0.5" in text
+    notes = fit.notes()
+    assert "1 of 2 unknowns free of bounds, condition number 1" in notes
+    assert notes[-1].startswith("Solve_Succeeded")
+    assert fit.warnings[0].startswith("a is at its bound -0.5")
 
 
 def test_as_many_residuals_as_unknowns_give_no_interval():
@@ -276,7 +274,7 @@ def test_residuals_that_are_not_noise_are_told_of_unless_they_are_within_the_noi
     )
     assert (found.errors > 2 * found.white_errors).all()
     assert "the standard errors allow for their colour" in message
-    assert "times those for white" in found.report()
+    assert "times those for white" in found.colour()
     assert found.to_dict()["unknowns"][0]["standard_error_white"] == pytest.approx(found.white_errors[0])
     assert colour_warning(found, noise_free=2 * math.sqrt(np.mean(coloured**2))) is None
 

@@ -1,67 +1,203 @@
-"""Every result has warnings, standard errors, a report, JSON and a figure, of the same types."""
+"""Every result of a fit has the same attributes and methods, of the same types, and can be saved and loaded."""
 
 import json
-from collections.abc import Mapping
-from dataclasses import fields
+import math
+import pickle
 
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam
-from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.result import Result
-from ancf_casadi.estimation.solver.least_squares import least_squares
-from ancf_casadi.estimation.solver.unknown import Unknown
+from ancf_casadi import Beam, InputError, Measurement, Model
+from ancf_casadi.estimation.result import FitResult, LeastSquaresResult
+from ancf_casadi.export import Identification
 from ancf_casadi.plot import png
 from problems import (
-    DecayFit,
-    FrequencyMatch,
+    FrequencyRecord,
+    FrfRecord,
     Global,
-    LawComparison,
     MeasuredModes,
-    MonteCarlo,
-    MotionPrediction,
-    RayleighFit,
-    TransientFit,
-    compare_decay_laws,
+    fit_beam,
     fit_decay,
+    fit_decays,
+    fit_frf,
+    fit_modes,
     fit_rayleigh,
+    load_fit,
     match_frequencies,
     monte_carlo,
 )
 
 TIME = np.arange(0.0, 4.0, 0.02)
-RECORD = 0.05 * np.exp(-0.2 * TIME) * np.cos(12.0 * TIME) + 1e-3 * np.random.default_rng(1).standard_normal(len(TIME))
-BEAM = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8e3, elastic_modulus=210e9, elements=4)
-UNKNOWNS = (Global("thickness"), Global("elastic_modulus"))
+BEAM = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3, density=8e3, elastic_modulus=210e9, elements=2)
+LINES = np.linspace(1.0, 3.0, 201)
 
-CLASSES = [Fit, DecayFit, RayleighFit, MonteCarlo, LawComparison, TransientFit, MotionPrediction, FrequencyMatch]
-MAKERS = {
-    Fit: lambda: least_squares(lambda a: a * TIME - RECORD, [Unknown("a", 0.1, unit="m/s")]),
-    DecayFit: lambda: fit_decay(TIME, RECORD),
-    RayleighFit: lambda: fit_rayleigh((1.0, 5.0, 9.0), (0.01, 0.02, 0.04), ratio_std=0.001),
-    MonteCarlo: lambda: monte_carlo(fit_decay(TIME, RECORD), runs=3),
-    LawComparison: lambda: compare_decay_laws(TIME, RECORD),
-    FrequencyMatch: lambda: match_frequencies(BEAM, targets=MeasuredModes((1.9, 10.4), 0.01), unknowns=UNKNOWNS),
+
+def swing(seed: int, *modes: tuple[float, float, float]) -> Measurement:
+    """Return a record of modes (amplitude, decay rate, angular frequency) with noise."""
+    y = sum(a * np.exp(-rate * TIME) * np.cos(ω * TIME) for a, rate, ω in modes)
+    return Measurement(TIME, y + 1e-4 * np.random.default_rng(seed).standard_normal(len(TIME)))
+
+
+def lines(seed: int) -> FrfRecord:
+    """Return a receptance with noise."""
+    noise = np.random.default_rng(seed).normal(0.0, 0.05, (2, len(LINES))).T @ [1, 1j]
+    return FrfRecord(LINES, 1.0 / (2.0**2 - LINES**2 + 0.04j * LINES) + noise, "receptance")
+
+
+def frequencies(f: float) -> FrequencyRecord:
+    """Return two frequencies of the beam."""
+    return FrequencyRecord(Model(BEAM), [f, 5.674 * f], [0.001, 0.01])
+
+
+ONE, TWO = (0.05, 0.2, 12.0), (0.02, 0.4, 60.0)
+PAIR = (1.0, 5.0, 9.0)
+CASES = {  # result of a fit, records for another fit, and a record to predict
+    "decay": (lambda: fit_decay(swing(1, ONE)), swing(2, ONE), swing(3, ONE)),
+    "decays": (lambda: fit_decays([swing(1, ONE), swing(2, ONE)]), [swing(3, ONE), swing(4, ONE)], swing(5, ONE)),
+    "decay modes": (lambda: fit_modes(swing(1, ONE, TWO), count=2), swing(2, ONE, TWO), swing(3, ONE, TWO)),
+    "frequency response": (lambda: fit_frf(lines(1), frequencies=[2.0]), lines(2), lines(3)),
+    "rayleigh": (
+        lambda: fit_rayleigh(PAIR, (0.02, 0.021, 0.035), ratio_std=0.001),
+        (PAIR, (0.019, 0.021, 0.035)),
+        ((12.0,), (0.046,)),
+    ),
+    "frequency matching": (
+        lambda: match_frequencies(
+            BEAM, targets=MeasuredModes((1.9, 10.8), (0.01, 0.1)), unknowns=[Global("elastic_modulus")]
+        ),
+        MeasuredModes((1.91, 10.8), (0.01, 0.1)),
+        (1.9, 10.8),
+    ),
+    "beam": (
+        lambda: fit_beam(Model(BEAM), frequencies(1.9), unknowns=["elastic_modulus"]),
+        frequencies(1.91),
+        frequencies(1.89),
+    ),
 }
 
 
-@pytest.mark.parametrize("kind", CLASSES)
-def test_warnings_and_standard_errors_are_attributes_and_the_rest_are_methods(kind):
-    attributes = {field.name for field in fields(kind)}
-    for name in ("warnings", "standard_errors"):
-        assert name in attributes or not callable(getattr(kind, name))
-    for name in ("report", "to_dict", "figure"):
-        assert callable(getattr(kind, name))
+@pytest.fixture(scope="module", params=CASES)
+def case(request):
+    make, records, record = CASES[request.param]
+    return request.param, make(), records, record
 
 
-@pytest.mark.parametrize("kind", [kind for kind in CLASSES if kind in MAKERS])
-def test_a_result_has_the_common_interface(kind):
-    result = MAKERS[kind]()
-    assert type(result) is kind and isinstance(result, Result)
-    assert isinstance(result.warnings, tuple) and all(isinstance(warning, str) for warning in result.warnings)
-    assert isinstance(result.standard_errors, Mapping) and result.standard_errors
-    assert all(isinstance(name, str) and isinstance(error, float) for name, error in result.standard_errors.items())
-    assert all(warning in result.report() for warning in result.warnings)
-    json.dumps(result.to_dict(), allow_nan=False)
-    assert png(result.figure()).startswith(b"\x89PNG")
+def test_estimates_have_units_errors_intervals_covariance_and_limits(case):
+    kind, fit, *_ = case
+    assert isinstance(fit, FitResult) and fit.kind == kind
+    assert fit.estimates and all(type(value) is float for value in fit.estimates.values())
+    intervals, wide = fit.intervals(), fit.intervals(0.99)
+    assert list(fit.units) == list(fit.standard_errors) == list(intervals) == list(fit.estimates)
+    for name, value in fit.estimates.items():
+        (low, high), (lower, upper) = intervals[name], wide[name]
+        assert lower < low < value < high < upper
+    errors = np.array(list(fit.standard_errors.values()))
+    np.testing.assert_allclose(np.sqrt(np.diag(fit.covariance)), errors, rtol=1e-9)
+    np.testing.assert_allclose(np.diag(fit.correlations), 1.0)
+    np.testing.assert_allclose(fit.correlations, fit.correlations.T, rtol=1e-9)
+    assert fit.at_bound == () and isinstance(fit.agreements, tuple)
+    assert isinstance(fit.warnings, tuple) and all(warning in fit.report() for warning in fit.warnings)
+    with pytest.raises(InputError, match="level: must be between 0 and 1"):
+        fit.intervals(1.0)
+
+
+def test_a_profile_is_close_to_the_interval_to_first_order(case):
+    _, fit, *_ = case
+    name = list(fit.estimates)[0]
+    low, high = fit.intervals()[name]
+    assert fit.profile(name) == pytest.approx((low, high), abs=0.1 * (high - low))
+    with pytest.raises(InputError, match="no_such: is not estimated by this fit; it has"):
+        fit.profile("no_such")
+
+
+def test_a_prediction_of_the_same_law_has_small_errors_and_no_warning(case):
+    _, fit, _, record = case
+    prediction = fit.predict(record)
+    errors = np.ravel(list(getattr(prediction.relative_errors, "values", lambda: prediction.relative_errors)()))
+    assert np.abs(errors).max() < 0.2 and prediction.warnings == ()
+    assert prediction.report() and json.dumps(prediction.to_dict(), allow_nan=False)
+    assert png(prediction.figure()).startswith(b"\x89PNG")
+
+
+def test_another_fit_has_the_settings_of_the_first(case):
+    kind, fit, records, _ = case
+    other = pickle.loads(pickle.dumps(fit)).refit(records)
+    assert type(other) is type(fit) and other.kind == kind
+    assert list(other.estimates) == list(fit.estimates) and other.estimates != fit.estimates
+    assert other.refit(records).estimates == other.estimates
+    assert png(fit.figure(other, labels=["one", "other"])).startswith(b"\x89PNG")
+
+
+def test_the_scatter_of_synthetic_records_is_about_the_standard_error(case):
+    _, fit, *_ = case
+    study = monte_carlo(fit, runs=12, seed=1)
+    assert study.names == tuple(fit.estimates) and not study.failures
+    ratio = study.deviations / np.array(list(fit.standard_errors.values()))
+    assert ((ratio > 0.4) & (ratio < 2.0)).all()  # 12 runs: a standard deviation is known to 21 %
+    if not isinstance(fit, LeastSquaresResult):
+        with pytest.raises(InputError, match="method: finds no residuals to draw from in this FrequencyMatch"):
+            monte_carlo(fit, runs=2, method="bootstrap")
+
+
+def test_a_saved_result_states_the_same(case, tmp_path):
+    kind, fit, *_ = case
+    fit.save(tmp_path / "fit.json")
+    found = load_fit(tmp_path / "fit.json")
+    assert found.kind == kind and found.report() == fit.report() and found.to_dict()["kind"] == kind
+    assert (found.estimates, found.units, found.standard_errors) == (fit.estimates, fit.units, fit.standard_errors)
+    assert (found.at_bound, found.warnings) == (fit.at_bound, fit.warnings)
+    np.testing.assert_allclose(found.covariance, fit.covariance)
+    np.testing.assert_allclose(found.correlations, fit.correlations, atol=1e-12)
+    for level, close in ((0.95, 1e-9), (0.9, 0.05), (0.99, 0.05)):  # others than 95 % follow from that one
+        for name, ends in fit.intervals(level).items():
+            assert found.intervals(level)[name] == pytest.approx(ends, rel=0.0, abs=close * (ends[1] - ends[0]))
+    assert len(repr(fit)) < 200 and len(repr(found)) < 200 and found._repr_html_().startswith("<table>")
+    assert png(fit.figure()).startswith(b"\x89PNG") and png(found.figure(found)).startswith(b"\x89PNG")
+    assert Identification.of(fit).kind == Identification.of(found).kind == kind
+
+
+def saved() -> dict:
+    """Return a saved result as plain data."""
+    return json.loads(json.dumps(fit_rayleigh(PAIR, (0.01, 0.02, 0.04)).to_dict()))
+
+
+def changed(**changes) -> str:
+    return json.dumps({**saved(), **changes})
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "is empty"),
+        ("{", "is not the saved result of a fit"),
+        ("[]", "is not the saved result of a fit"),
+        ('{"kind": "modes"}', "is not the saved result of a fit: .*estimates"),
+        (b"\xff\xfe", "is not the saved result of a fit"),
+        ('{"a": ' * 5000 + "1" + "}" * 5000, "is not the saved result of a fit"),
+        (changed(estimates=[{"name": "a"}]), r"is not the saved result of a fit: .*estimates\[0\]"),
+        (changed(estimates=saved()["estimates"][:1] * 2), "is not the saved result of a fit: an estimate appears twice"),
+        (changed(covariance=[[1.0, 2.0], [1.0]]), "is not the saved result of a fit: the covariance is not 2 by 2"),
+        (changed(covariance=[[1.0]]), "is not the saved result of a fit: the covariance is not 2 by 2"),
+        (changed(degrees_of_freedom=-1.0), "is not the saved result of a fit: .*degrees_of_freedom"),
+        (changed(kind=3), "is not the saved result of a fit: .*kind"),
+        (changed(kind=""), "is not the saved result of a fit: .*kind"),
+        (changed().replace('"degrees_of_freedom": 1', '"degrees_of_freedom": 1e999'), "is not the saved result of a fit"),
+        (changed().replace('"degrees_of_freedom": 1', '"degrees_of_freedom": NaN'), "is not the saved result of a fit"),
+        (changed(report="\ud800"), "is not the saved result of a fit"),
+    ],
+)
+def test_other_files_are_refused(content, message, tmp_path):
+    path = tmp_path / "fit.json"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(InputError, match=message):
+        load_fit(path)
+
+
+def test_a_fit_with_nothing_to_spare_has_no_intervals_after_loading_either(tmp_path):
+    fit = fit_rayleigh(PAIR[:2], (0.01, 0.02))
+    fit.save(tmp_path / "fit.json")
+    found = load_fit(tmp_path / "fit.json")
+    assert found.estimates == fit.estimates
+    assert all(math.isnan(end) for ends in found.intervals(0.9).values() for end in ends)
+    with pytest.raises(InputError, match="fit: has no scatter"):
+        monte_carlo(fit, runs=2)

@@ -362,13 +362,13 @@ class TestRefusals:
         with pytest.raises(InputError, match="is not the result of a fit"):
             Identification.of({"a": 1})
         with pytest.raises(InputError, match=r"result.unknowns\[1\]: must be numbers"):
-            Identification.of({"unknowns": [1, object()]})
+            Identification.of({"kind": "beam", "estimates": [1, object()]})
         endless: dict = {"unknowns": 1}
         endless["self"] = endless
         with pytest.raises(InputError, match="levels"):
             Identification.of(endless)
         with pytest.raises(InputError, match="cannot be read"):
-            Identification.of({"unknowns": 1}, data=[tmp_path / "none.csv"])
+            Identification.of({"kind": "beam", "estimates": []}, data=[tmp_path / "none.csv"])
 
     def test_the_hash_is_that_of_the_content(self, tmp_path):
         """SHA-256 of "abc": FIPS 180-4, example 1."""
@@ -389,7 +389,7 @@ class TestParts:
             (lambda: Identification("decay", {"k" * 201: 2}), "result: has a key of 201 characters"),
             (lambda: Identification("decay", {"a": 10**5000}), "result.a: is beyond the range of numbers"),
             (lambda: Identification("decay", {}, ["x.csv"]), "data: must be a sequence of DataFile"),
-            (lambda: Identification.of({"unknowns": 1}, data="x.csv"), "data: must be a sequence of files"),
+            (lambda: Identification.of({"kind": "beam", "estimates": []}, data="x.csv"), "data: must be a sequence of files"),
             (lambda: Identification("", {}), "kind: expected `str` of length >= 1"),
             (lambda: Identification("decay", {"a": {1: 2}}), "result.a: must be a text, got 1"),
             (lambda: Identification("decay", {"a": "\ud800"}), "result.a: holds half a character"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from ancf_casadi.estimation.figures import criteria_figure, residual_figure, scatter_figure
+from ancf_casadi.estimation.figures import criteria_figure, scatter_figure
 from ancf_casadi.plot import rendered
 from ancf_casadi.records.figures import series_figure, spectra_figure
 from ancf_casadi.support.figures import literal_text, prefixed
@@ -48,8 +48,9 @@ def labels(figure: Figure) -> list[str]:
 
 
 def test_powers_of_ten_and_formulas_that_are_added_later_remain_formulas():
-    figure = residual_figure(WAVE)
-    above = figure.axes[0]
+    figure = literal_text(Figure)()
+    above = figure.subplots()
+    above.plot(TIME, WAVE)
     above.set(yscale="log", title=r"$\omega$")
     above.yaxis.set_major_formatter("$10^2$")
     figure.draw_without_rendering()

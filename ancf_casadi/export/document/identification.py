@@ -24,7 +24,6 @@ from ancf_casadi.support.files import opened
 from ancf_casadi.support.inputs import check_instance, is_sequence, shown
 from ancf_casadi.version import __version__
 
-KINDS = {"frequency_hz": "decay", "matched_hz": "frequency matching", "unknowns": "transient"}
 MOST_RESULT_LEVELS = MOST_LEVELS - 4  # of a result, which is four levels deep in a document
 CHUNK = 2**20  # bytes
 
@@ -86,7 +85,7 @@ class Identification:
     Parameters
     ----------
     kind : str
-        Kind of the fit: ``decay``, ``transient``, ``frequency matching``, or another word.
+        Kind of the fit, as its result states it: ``decay``, ``beam``, ``frequency matching``, or another word.
     result : mapping
         Values, standard errors, intervals, covariance and warnings, as ``to_dict`` of the fit returns them.  They are
         kept as plain data, with None for numbers that are not finite.
@@ -105,7 +104,7 @@ class Identification:
     >>> fit = fit_rayleigh([1.9, 10.6, 29.3], [0.010, 0.003, 0.003])
     >>> found = Identification("Rayleigh coefficients", fit.to_dict())
     >>> print(found.summary())
-    Rayleigh coefficients (alpha 0.236167 +- 0.0085, beta 2.68898e-05 +- 3.7e-06)
+    Rayleigh coefficients (alpha 0.236167 +- 0.0085 1/s, beta 2.68898e-05 +- 3.7e-06 s)
     """
 
     kind: str
@@ -147,18 +146,25 @@ class Identification:
         'decay'
         """
         found = result.to_dict() if hasattr(result, "to_dict") else result
-        kinds = [kind for key, kind in KINDS.items() if isinstance(found, Mapping) and key in found]
-        if not kinds:
-            raise InputError(f"is not the result of a fit: it has none of the keys {', '.join(KINDS)}", "result")
+        if not isinstance(found, Mapping) or not {"kind", "estimates"} <= found.keys():
+            raise InputError("is not the result of a fit: it does not state its kind and its estimates", "result")
         if not is_sequence(data):
             raise InputError(f"must be a sequence of files, got {shown(data)}", "data")
-        return cls(kinds[0], found, [DataFile.of(path) for path in data])
+        return cls(found["kind"], found, [DataFile.of(path) for path in data])
 
     def summary(self) -> str:
         """Return one line: the kind, the files with their hashes, and the values with standard errors."""
         files = [f"{file.name} SHA-256 {file.sha256}" for file in self.data]
-        values = [f"{name} {value:.6g} +- {error:.2g}" for name, value, error in _estimates(self.result)]
+        values = [f"{name} {value:.6g} +- {error:.2g} {unit}".rstrip() for name, value, error, unit in self._estimates]
         return f"{self.kind} ({', '.join([*files, *values])})" if files or values else self.kind
+
+    @property
+    def _estimates(self) -> list[tuple[Any, ...]]:
+        """Name, value, standard error and unit of each estimate for which all are known."""
+        listed = self.result.get("estimates")
+        rows = [one for one in listed if isinstance(one, Mapping)] if isinstance(listed, list) else []
+        found = [tuple(one.get(key) for key in ("name", "value", "standard_error", "unit")) for one in rows]
+        return [one for one in found if isinstance(one[1], int | float) and isinstance(one[2], int | float)]
 
 
 @dataclass(frozen=True)
@@ -240,18 +246,3 @@ def _plain(value: Any, where: str, level: int = 1) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(item, place(where, index), level + 1) for index, item in enumerate(value)]
     raise InputError(f"must be numbers, texts, lists and objects, got a {type(value).__name__}", where)
-
-
-def _estimates(result: Mapping[str, Any]) -> list[tuple[str, float, float]]:
-    """Return name, value and standard error of each quantity for which a result has both."""
-    errors = [key for key in result if "_stderr" in key]
-    listed = [(key.replace("_stderr", ""), result.get(key.replace("_stderr", "")), result[key]) for key in errors]
-    unknowns = result.get("unknowns")
-    for unknown in unknowns if isinstance(unknowns, list) else []:
-        if isinstance(unknown, Mapping):
-            listed.append((str(unknown.get("name")), unknown.get("value"), unknown.get("standard_error")))
-    return [
-        (name, value, error)
-        for name, value, error in listed
-        if isinstance(value, int | float) and isinstance(error, int | float)
-    ]

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from problems.decay.fitting import fit_decay, fit_decays
     from problems.decay.law_curve import law_curve
     from problems.decay.mode_separation import fit_modes
-    from problems.decay.proportional import RayleighFit, fit_rayleigh
     from problems.decay.result import DecayFit
     from problems.decay.takes import DecayFits
     from problems.frf.fitting import fit_frf
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
     from problems.matching.preference import LeastChange, Smoothness
     from problems.matching.result import FrequencyMatch
     from problems.matching.unknowns import Global, PerElement, Smooth
+    from problems.modal_damping.rayleigh import RayleighFit, fit_rayleigh
     from problems.study.study import StudyReport, run_study
 else:
     __getattr__, __dir__ = on_first_use(__name__)

@@ -17,7 +17,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, Index
 
 
 class Evaluation(Protocol):
@@ -108,7 +108,7 @@ class Block(ABC):
 
     @property
     @abstractmethod
-    def owners(self) -> Sequence[int]:
+    def owners(self) -> Index:
         """Record of each residual, from 0, (m,)."""
 
     @property

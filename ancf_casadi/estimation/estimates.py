@@ -307,7 +307,7 @@ class Estimates:
         return np.where(own.any(axis=1), errors, math.nan)
 
     def ends_of(self, values: Array, jacobian: Array, level: float) -> Array:
-        """Return the intervals (q, 2) of quantities from their values (q,) and Jacobian (q, n); nan for certain ones."""
+        """Return the intervals (q, 2) of quantities from values (q,) and Jacobian (q, n); nan for certain ones."""
         half = np.nan_to_num(self.quantile(level) * self.errors_of(jacobian))
         with np.errstate(invalid="ignore"):  # 0 times an infinite move is nan; np.fmax ignores it
             steps = jacobian @ self.moves(level)
@@ -344,8 +344,8 @@ class Coordinates:
             else (u.scale, u.guess, u.lower, u.upper)
             for u in unknowns
         ]
-        columns = np.array(rows).reshape(len(rows), 4).T
-        return cls(*columns, np.array([u.reciprocal for u in unknowns], dtype=bool))
+        scale, guess, lower, upper = np.array(rows).reshape(len(rows), 4).T
+        return cls(scale, guess, lower, upper, np.array([u.reciprocal for u in unknowns], dtype=bool))
 
     def symbols(self, y: Sequence[cs.MX]) -> list[cs.MX]:
         """Return the unknowns as expressions of the coordinates."""

@@ -21,6 +21,7 @@ D. J. Venzon, S. H. Moolgavkar, A method for computing profile-likelihood-based 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -75,7 +76,7 @@ def profile_interval(
     room = inflation * fit.dispersion(column) * t**2
     width = math.sqrt(towards @ gradient) or float(np.abs(gradient).max()) or 1.0
     lower, upper = (fit.lower - fit.values) / step, (fit.upper - fit.values) / step
-    options = {"ipopt.tol": 1e-8, "ipopt.bound_relax_factor": 0.0, "ipopt.max_iter": 300}
+    options: dict[str, Any] = {"ipopt.tol": 1e-8, "ipopt.bound_relax_factor": 0.0, "ipopt.max_iter": 300}
     if fit.settings.get("gauss_newton"):  # second derivatives are expensive or unknown
         options["ipopt.hessian_approximation"] = "limited-memory"
     ends = []

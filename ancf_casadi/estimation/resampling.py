@@ -315,7 +315,7 @@ def _noise(fit: FitResult, rng: np.random.Generator, method: Method, block: int)
     if method == "parametric":
         variance = one.noise.variance
         if math.isfinite(one.noise.freedom):
-            variance = max(variance, one.residuals @ one.residuals / one.degrees_of_freedom)
+            variance = max(variance, float(one.residuals @ one.residuals) / one.degrees_of_freedom)
         return math.sqrt(variance) * rng.standard_normal(m)
     centred = [part - part.mean() for part in np.split(one.residuals, np.cumsum(one.series)[:-1])]
     parts = [part[drawn(len(part), block, rng)] for part in centred]

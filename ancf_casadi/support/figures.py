@@ -13,11 +13,11 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, ParamSpec
+from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, SubFigure
     from matplotlib.text import Text
 
 MEASURED = "#222222"
@@ -34,6 +34,7 @@ SERIES: tuple[tuple[str, object, str], ...] = (  # colour, dash, marker
 PREFIXES = {0: "", -3: "m", -6: "µ", -9: "n", -12: "p", 3: "k", 6: "M"}
 
 P = ParamSpec("P")
+Drawn = TypeVar("Drawn", bound="Figure | SubFigure")
 
 
 def prefixed(largest: float, unit: str) -> tuple[float, str]:
@@ -50,14 +51,14 @@ def prefixed(largest: float, unit: str) -> tuple[float, str]:
     return 10.0**power, PREFIXES[power] + unit.replace("^2", "²")
 
 
-def literal_text(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+def literal_text(draw: Callable[P, Drawn]) -> Callable[P, Drawn]:
     """Return a function that draws the same figure, with its texts as they are: a $ starts no formula.
 
     Annotations, and numbers beside axes, remain formulas.  So do texts that the caller adds to the figure.
     """
 
     @functools.wraps(draw)
-    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
+    def drawn(*args: P.args, **kwargs: P.kwargs) -> Drawn:
         figure = draw(*args, **kwargs)
         _show_literally(figure)
         return figure
@@ -65,7 +66,7 @@ def literal_text(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     return drawn
 
 
-def _show_literally(figure: Figure) -> None:
+def _show_literally(figure: Figure | SubFigure) -> None:
     from matplotlib.ticker import FixedFormatter, FuncFormatter  # slow to import
 
     for text in _texts(figure):

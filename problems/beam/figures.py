@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure, SubFigure
 
@@ -15,6 +15,7 @@ from problems.beam.motions.block import MotionBlock
 from problems.beam.motions.figures import draw_motions, motion_size
 from problems.beam.values.block import ValueBlock
 from problems.beam.values.figures import draw_values, value_size
+from problems.beam.values.prediction import predicted
 
 if TYPE_CHECKING:
     from problems.beam.result import BeamFit
@@ -34,7 +35,7 @@ def beam_figure(fits: Mapping[str, BeamFit]) -> Figure:
     if len(parts) == 1:
         parts[0][1](figure)
         return figure
-    columns = figure.subfigures(1, len(parts), width_ratios=[size[0] for size, _ in parts])
+    columns: Any = figure.subfigures(1, len(parts), width_ratios=[size[0] for size, _ in parts])
     for column, (_, draw) in zip(columns, parts, strict=True):
         draw(column)
     return figure
@@ -42,10 +43,10 @@ def beam_figure(fits: Mapping[str, BeamFit]) -> Figure:
 
 def _parts(fit: BeamFit) -> list[tuple[tuple[float, float], Drawer]]:
     """Return the size in inches and the drawing of each kind of measurement."""
-    blocks, parts = fit.solution.problem.blocks, []
+    blocks, parts = fit.solution.problem.blocks, list[tuple[tuple[float, float], Drawer]]()
     motions = [record for block in blocks if isinstance(block, MotionBlock) for record in block.records]
     curves = [record for block in blocks if isinstance(block, CurveBlock) for record in block.records]
-    values = [fit.predict(block.record) for block in blocks if isinstance(block, ValueBlock)]
+    values = [predicted(block, fit.fit) for block in blocks if isinstance(block, ValueBlock)]
     if motions:
         parts.append((motion_size(motions), lambda figure: draw_motions(figure, motions, fit.residuals)))
     if curves:

@@ -36,6 +36,8 @@ from itertools import product
 from types import NoneType
 from typing import Any
 
+import numpy as np
+
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.estimation.block import Block
@@ -44,6 +46,7 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, flag, instances, is_sequence, positive, shown, whole
 from ancf_casadi.vibration.modes import natural_modes
 from problems.beam.curves.block import curve_block
@@ -176,11 +179,11 @@ def fit_beam(
     first = first_values(list(models.values()), [name for name in wanted if is_property(name)])
     for one in models.values():
         Owners.of(one.beam, tuple(first))  # check
-    frequencies = _frequencies(model) if curves else None
+    frequencies = _frequencies(model) if curves else np.zeros(0)
     listed = [
         *of_law(damping, fixed),
         *of_properties(first, list(models.values())),
-        *(of_curves(wanted, frequencies, curves) if frequencies is not None else []),
+        *of_curves(wanted, frequencies, curves),
         *of_motions(wanted, model, motions),
     ]
     if not listed:
@@ -272,7 +275,7 @@ def _configured(records: Sequence[Any], model: Model, models: Mapping[int, Model
     return [(models[key], numbered) for key, numbered in groups.items()]
 
 
-def _frequencies(model: Model) -> Any:
+def _frequencies(model: Model) -> Array:
     return natural_modes(model, count=min(MOST_MODES, model.size - model.free.start)).frequencies
 
 

@@ -181,7 +181,7 @@ class BeamFit(LeastSquaresResult):
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
         own = self.fit
-        notes = [self._rigid(note) for note in own.warnings]
+        notes: list[str | None] = [self._rigid(note) for note in own.warnings]
         notes += [
             colour_warning(own, noise_free=INTEGRATED * own.systematic),
             *(one.warning for one in self.agreements),

@@ -146,4 +146,4 @@ def _isolated(record: Measurement, mode: DecayFit, fits: Sequence[DecayFit]) -> 
 
 def _rate(fit: DecayFit) -> float:
     """Return the decay rate of a mode, 1/s."""
-    return fit.damping_ratio * 2 * math.pi * fit.frequency
+    return fit.values["damping_ratio"] * 2 * math.pi * fit.values["frequency"]

@@ -15,9 +15,9 @@ from ancf_casadi.plot import decay_figure, fit_figure
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 from problems.decay.law_curve import law_curve
-from problems.decay.proportional import RayleighFit, rayleigh_ratio
 from problems.decay.result import DecayFit
 from problems.decay.takes import DecayFits, DecayModes
+from problems.modal_damping.rayleigh import RayleighFit, rayleigh_ratio
 
 MOST_POINTS = 40  # windows, which are longer in a long record
 

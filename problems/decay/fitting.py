@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from numpy.typing import ArrayLike
 
@@ -184,7 +184,7 @@ def fit_decays(
     releases = [None] * len(records) if release_times is None else numbers(release_times, "release_times")
     if len(releases) != len(records):
         raise InputError(f"has {len(releases)} values for {len(records)} records", "release_times")
-    settings = {
+    settings: dict[str, Any] = {
         "law": law,
         "frequency_law": frequency_law,
         "offset": offset,

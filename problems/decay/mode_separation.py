@@ -107,7 +107,7 @@ def fit_modes(
     notes = [*merged, *([] if count is None or not ended else [ended])]
     t, y = modes[0].time, record.values[-modes[0].samples :]
     fit, columns = _together(modes, t, y)
-    settings = {"count": count, "offset": offset, "release_time": release_time}
+    settings: dict[str, Any] = {"count": count, "offset": offset, "release_time": release_time}
     fits = [
         DecayFit(
             fit, mode.model, indices, slice(0, len(t)), t, fit.residuals, RATIO_BOUNDS, modes[0].release_reason,

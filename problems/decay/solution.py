@@ -9,8 +9,8 @@ A long record with even times is reduced to the band of the mode by a projection
 before the projection, because the slope of the decay at the release would leave an error there.  Outliers would spread,
 so that a robust fit takes all samples.
 
-A robust fit replaces the squares by the pseudo-Huber loss (``ancf_casadi.estimation.solver.loss``).  The residuals of the
-previous fit give the noise that sets its threshold.
+A robust fit replaces the squares by the pseudo-Huber loss (``ancf_casadi.estimation.solver.loss``).  The residuals of
+the previous fit give the noise that sets its threshold.
 
 References
 ----------
@@ -97,7 +97,7 @@ def fit_from(
         residuals = [
             _curve(model, fit, own)(decay.time) - decay.values for own, decay in zip(columns, decays, strict=True)
         ]
-    settings = {
+    settings: dict[str, Any] = {
         "law": law,
         "frequency_law": frequency_law,
         "offset": offset,

@@ -29,7 +29,7 @@ import numpy as np
 import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.determination import product
-from ancf_casadi.estimation.nlp import solve_nlp
+from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.support.arrays import Array, Mask
 from problems.matching.design_space import DesignSpace
 from problems.matching.unknowns import Global

@@ -225,10 +225,10 @@ class FrequencyMatch(FitResult):
         tangents = response.jacobian(self.unknowns) * free
         errors = size * np.sqrt(np.einsum("ij,jk,ik->i", tangents, known.covariance, tangents))
         errors = errors if known.noisy else np.full(len(size), math.nan)
-        noise = float(np.sqrt(np.mean(np.square(measured.frequency_std)))) if one.noisy else math.nan
+        noise = float(np.sqrt(np.mean(np.square(measured.frequency_std or math.nan)))) if one.noisy else math.nan
         predicted = size * (1 + response.residuals(self.unknowns))
         channel = Channel("frequency", "Hz", size, predicted, errors, noise)
-        return RecordPrediction(self.kind, (channel,), 1.0 + np.arange(len(size)), "target")
+        return RecordPrediction(self.kind, (channel,), np.arange(1.0, len(size) + 1.0), "target")
 
     def resampled(self, noise: Array) -> Array:
         """Return the properties (p,) of the match to the modes of this beam plus noise of each residual (m,)."""

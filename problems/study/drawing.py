@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import SERIES, literal_text
 
 if TYPE_CHECKING:
@@ -209,12 +209,3 @@ def draw_band(axes: Axes, shown: Band, scale: float, *, filled: bool = False, **
     else:
         axes.plot(shown.time, scale * shown.high, **style)
         axes.plot(shown.time, scale * shown.low, **{**style, "label": None})
-
-
-def turning_points(displacement: Array) -> Index:
-    """Return the indices of the samples at which a vibration turns, on both sides of 0."""
-    size = np.abs(displacement)
-    steps = np.sign(np.diff(size))
-    changes = np.flatnonzero(steps)  # a top may be level: several equal samples
-    tops = np.flatnonzero((steps[changes][:-1] > 0) & (steps[changes][1:] < 0))
-    return (changes[tops] + 1 + changes[tops + 1]) // 2

@@ -389,7 +389,10 @@ class TestParts:
             (lambda: Identification("decay", {"k" * 201: 2}), "result: has a key of 201 characters"),
             (lambda: Identification("decay", {"a": 10**5000}), "result.a: is beyond the range of numbers"),
             (lambda: Identification("decay", {}, ["x.csv"]), "data: must be a sequence of DataFile"),
-            (lambda: Identification.of({"kind": "beam", "estimates": []}, data="x.csv"), "data: must be a sequence of files"),
+            (
+                lambda: Identification.of({"kind": "beam", "estimates": []}, data="x.csv"),
+                "data: must be a sequence of files",
+            ),
             (lambda: Identification("", {}), "kind: expected `str` of length >= 1"),
             (lambda: Identification("decay", {"a": {1: 2}}), "result.a: must be a text, got 1"),
             (lambda: Identification("decay", {"a": "\ud800"}), "result.a: holds half a character"),

@@ -174,7 +174,7 @@ def _unseen(residuals: Array, jacobian: Array, systematic: float) -> Array:
     """Return the distance (n,), in scales, by which an unknown may move without a visible change of the residuals."""
     deviation = max(math.sqrt(np.mean(residuals**2)), systematic)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.nan_to_num(UNSEEN * deviation / np.linalg.norm(jacobian, axis=0), posinf=0.0)
+        return np.asarray(np.nan_to_num(UNSEEN * deviation / np.linalg.norm(jacobian, axis=0), posinf=0.0))
 
 
 def _weight(jacobian: Array) -> float:

@@ -274,7 +274,8 @@ class MotionBlock(Block):
             inputs.append(cs.vertcat(*(given.get(load_name(name, number), cs.MX(p)) for name, p in loads(record))))
         if record.has_unknown_times:
             inputs.append(cs.vertcat(*shifts))
-        return motion(*inputs)
+        sampled: cs.MX = motion(*inputs)
+        return sampled
 
     def _law(self, given: Mapping[str, cs.MX]) -> cs.MX:
         """Return the parameters of the law."""
@@ -359,7 +360,8 @@ class MotionEvaluation:
             if channel.sensor.quantity == "slope":  # the same angle, however often the beam turned
                 rest = cs.atan2(cs.sin(rest), cs.cos(rest))
             parts.append(rest / deviation)
-        return cs.vertcat(*parts)
+        found: cs.MX = cs.vertcat(*parts)
+        return found
 
     def close(self) -> None:
         """Forget the last runs, which are large."""

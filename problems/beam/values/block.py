@@ -10,6 +10,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
+from ancf_casadi.support.arrays import Index
 from ancf_casadi.support.callbacks import Differentiable
 from problems.beam.properties import Owners
 from problems.beam.values.records import PropertyRecord
@@ -44,9 +45,9 @@ class ValueBlock(Block):
         return [1] * len(self.record.measured)
 
     @property
-    def owners(self) -> Sequence[int]:
+    def owners(self) -> Index:
         """Zeros: there is one record."""
-        return [0] * len(self.record.measured)
+        return np.zeros(len(self.record.measured), dtype=np.int64)
 
     @property
     def stated(self) -> bool:

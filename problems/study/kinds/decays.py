@@ -27,10 +27,10 @@ from ancf_casadi.support.tables import known
 from problems.decay.fitting import fit_decay
 from problems.decay.laws import Law
 from problems.decay.result import DecayFit
+from problems.modal_damping.combined_law import ModeCoefficients
 from problems.schema.motion import read_measured
 from problems.schema.table import HIDDEN, Positive, read
 from problems.study.data_table import Column, DataTable
-from problems.study.drag.combined_law import ModeCoefficients
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
 from problems.study.part import Effort, Finding, Found, Part, Task
 from problems.study.source import Printed, Source, printed_numbers

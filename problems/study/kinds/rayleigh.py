@@ -12,7 +12,7 @@ from msgspec import Meta, Struct
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import located
-from problems.decay.proportional import RayleighFit, fit_rayleigh, rayleigh_ratio
+from problems.modal_damping.rayleigh import RayleighFit, fit_rayleigh, rayleigh_ratio
 from problems.schema.table import Positive
 from problems.study.data_table import Column
 from problems.study.drawing import drawn, line, new_figure, plain_log_ticks

@@ -351,7 +351,7 @@ def result(four_modes):
 
 @pytest.mark.slow
 def test_the_result_is_reported_drawn_and_written(result):
-    assert isinstance(result, FitFitResult)
+    assert isinstance(result, FitResult)
     report = result.report()
     assert "Modes from 3 receptance functions at 785 frequencies, 2 to 100 Hz" in report
     assert all(warning in report for warning in result.warnings)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import find_peaks
 
-from problems.study.drawing import drawn, new_figure, only, turning_points
+from problems.modal_damping.effects import turning_points
+from problems.study.drawing import drawn, new_figure, only
 
 
 @pytest.mark.parametrize("formats", [("svg", "png"), ("svg",), ()])

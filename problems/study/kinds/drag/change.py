@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, TypedDict, final
 
 import numpy as np
 
+from problems.modal_damping.effects import Decay, RatiosOverTime, crossing, ratios_over_time
 from problems.study.data_table import Column, DataTable
-from problems.study.drag.effects import Decay, RatiosOverTime, crossing, ratios_over_time
 from problems.study.drawing import drawn, line, new_figure, plain_log_ticks, series
 from problems.study.kinds.drag.decays import DecayPart, decay_numbers
 from problems.study.part import Effort, Finding, Found, Task

@@ -18,11 +18,11 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.vibration.modes import Modes, natural_modes
+from problems.modal_damping.air import Air, DragCoefficient, implied_drag_coefficient, viscous_damping_ratios
+from problems.modal_damping.combined_law import CombinedLawFit, ModeCoefficients, fit_combined_law, ratio_curves
 from problems.schema.beam import law_of
 from problems.schema.table import Positive
 from problems.study.data_table import Column, DataTable
-from problems.study.drag.air import Air, DragCoefficient, implied_drag_coefficient, viscous_damping_ratios
-from problems.study.drag.combined_law import CombinedLawFit, ModeCoefficients, fit_combined_law, ratio_curves
 from problems.study.drawing import drawn, line, new_figure
 from problems.study.part import Effort, Finding, Found, Part
 from problems.study.source import LawChoice, Printed, Source, printed_numbers

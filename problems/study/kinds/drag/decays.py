@@ -13,9 +13,9 @@ from msgspec import Meta
 from ancf_casadi.damping import QuadraticDamping
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
+from problems.modal_damping.effects import RESOLVED, Decay, Envelope, simulate_decay
 from problems.schema.beam import law_of
 from problems.schema.table import HIDDEN, Positive
-from problems.study.drag.effects import RESOLVED, Decay, Envelope, simulate_decay
 from problems.study.part import Effort, Part, Task
 from problems.study.source import LawChoice, Source
 

@@ -13,9 +13,9 @@ import numpy as np
 from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
+from problems.modal_damping.effects import HORIZON, RESOLVED, Characteristics, Decay, characteristics
 from problems.schema.table import Positive
 from problems.study.data_table import Column, DataTable
-from problems.study.drag.effects import HORIZON, RESOLVED, Characteristics, Decay, characteristics
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure, plain_log_ticks, series
 from problems.study.kinds.drag.decays import DecayPart, Variant, amplitude_left, decay_numbers
 from problems.study.part import Effort, Finding, Found, Task

@@ -14,8 +14,9 @@ import numpy as np
 from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
+from problems.modal_damping.effects import turning_points
 from problems.study.data_table import Column, DataTable
-from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series, turning_points
+from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
 from problems.study.kinds.experiments.experiment import ExperimentResult
 from problems.study.kinds.experiments.runs import ExperimentPart, Run, results_of
 from problems.study.part import Effort, Finding, Found

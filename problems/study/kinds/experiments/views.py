@@ -16,9 +16,9 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.vibration.modes import Modes, natural_modes
+from problems.modal_damping.combined_law import ratio_curves
 from problems.schema.beam import law_of
 from problems.study.data_table import Column
-from problems.study.drag.combined_law import ratio_curves
 from problems.study.drawing import drawn, new_figure, plain_log_ticks, series
 from problems.study.kinds.experiments.experiment import FEWEST_MODES, ExperimentResult
 from problems.study.kinds.experiments.runs import ExperimentPart, Run, results_of, task_of

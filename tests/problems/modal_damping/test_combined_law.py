@@ -10,7 +10,7 @@ from ancf_casadi import InputError, Measurement, ModalDamping, QuadraticDamping,
 from ancf_casadi.decay.closed_forms import quadratic_decay
 from ancf_casadi.estimation.agreement import agreement
 from problems import fit_decay
-from problems.study.drag.combined_law import ModeCoefficients, drag_constants, fit_combined_law, ratio_curves
+from problems.modal_damping.combined_law import ModeCoefficients, drag_constants, fit_combined_law, ratio_curves
 
 RATIOS = np.array([0.006, 0.0025, 0.0026, 0.0022, 0.0027])
 ETA2 = 0.11

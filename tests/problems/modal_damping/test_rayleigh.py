@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi.exceptions import InputError
-from problems.decay.proportional import fit_rayleigh
+from problems.modal_damping.rayleigh import fit_rayleigh
 
 FREQUENCIES = (1.85, 10.19, 26.84, 53.20, 88.60)  # Hz, Table 2
 RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)

@@ -5,7 +5,7 @@ import pytest
 from scipy.special import kv
 
 from ancf_casadi import InputError, Model, QuadraticDamping, natural_modes
-from problems.study.drag.air import (
+from problems.modal_damping.air import (
     Air,
     circular_function,
     hydrodynamic_function,

@@ -44,11 +44,10 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import physical, positive
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
-from problems.study.drawing import turning_points
 
 SAMPLES = 40  # per period
 TOLERANCE, STEPS = 1e-5, 24  # tolerance of the integrator, and its least number of steps per period
@@ -355,3 +354,12 @@ def _words(rates: tuple[float, ...], left: tuple[float, ...], faster: float) -> 
         rates=rates,
         left=left,
     )
+
+
+def turning_points(displacement: Array) -> Index:
+    """Return the indices of the samples at which a vibration turns, on both sides of 0."""
+    size = np.abs(displacement)
+    steps = np.sign(np.diff(size))
+    changes = np.flatnonzero(steps)  # a top may be level: several equal samples
+    tops = np.flatnonzero((steps[changes][:-1] > 0) & (steps[changes][1:] < 0))
+    return (changes[tops] + 1 + changes[tops + 1]) // 2

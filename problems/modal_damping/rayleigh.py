@@ -103,9 +103,9 @@ class RayleighFit(LeastSquaresResult):
             missed = abs(self.ratios[k] - self.measured[k]) / deviation
             if missed > MISSED:
                 notes.append(
-                    f"mode {k + 1}, {self.frequencies[k]:.6g} Hz: the fitted damping ratio {self.ratios[k]:.3g} differs "
-                    f"from the measured {self.measured[k]:.3g} by {missed:.1f} standard deviations; use modal damping "
-                    "to match every mode"
+                    f"mode {k + 1}, {self.frequencies[k]:.6g} Hz: the fitted damping ratio {self.ratios[k]:.3g} "
+                    f"differs from the measured {self.measured[k]:.3g} by {missed:.1f} standard deviations; use modal "
+                    "damping to match every mode"
                 )
         return tuple(notes)
 
@@ -122,7 +122,7 @@ class RayleighFit(LeastSquaresResult):
         InputError
             If it is not a pair of sequences of equal length, or a value is unusable.
         """
-        f, ζ, _ = _checked(*_pair(record), None)
+        f, ζ, _ = _checked(*_pair(record), ratio_std=None)
         predicted, errors = self.fit.derived(lambda α, β: _ratios(2 * math.pi * f, α, β))
         noise = float(np.mean(self.ratio_std)) if self.ratio_std else self.fit.residual_rms
         channel = Channel("damping ratio", "", ζ, predicted, np.nan_to_num(errors), noise)
@@ -223,10 +223,11 @@ def _again(records: Any, ratio_std: float | Sequence[float] | None) -> RayleighF
     return fit_rayleigh(*_pair(records), ratio_std=ratio_std)
 
 
-def _pair(record: Any) -> Sequence[Any]:
+def _pair(record: Any) -> tuple[Any, Any]:
     if not is_sequence(record) or len(record) != 2:
         raise InputError(f"must be frequencies and damping ratios, got {shown(record)}", "records")
-    return tuple(record)
+    first, second = record
+    return first, second
 
 
 def _checked(frequencies: Any, ratios: Any, ratio_std: Any) -> tuple[Array, Array, Array | None]:

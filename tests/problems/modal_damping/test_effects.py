@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from ancf_casadi import InputError, Model, QuadraticDamping, natural_modes
 from ancf_casadi.decay.closed_forms import quadratic_envelope
-from problems.study.drag.effects import (
+from problems.modal_damping.effects import (
     Envelope,
     characteristics,
     crossing,

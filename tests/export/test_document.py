@@ -181,8 +181,9 @@ class TestRoundTrip:
         assert np.shape(decay.result["fit"]["covariance"]) == (len(decay.result["fit"]["unknowns"]),) * 2
 
     def test_infinite_numbers_of_a_result_become_null(self, tmp_path):
-        result = {"unknowns": np.array([1.5, np.inf]), "wide": (float("-inf"), np.float64(2.0)), "n": np.int64(3)}
-        assert Identification.of(result).result == {"unknowns": [1.5, None], "wide": [None, 2.0], "n": 3}
+        result = {"estimates": np.array([1.5, np.inf]), "wide": (float("-inf"), np.float64(2.0)), "n": np.int64(3)}
+        found = Identification.of({"kind": "beam", **result}).result
+        assert found == {"kind": "beam", "estimates": [1.5, None], "wide": [None, 2.0], "n": 3}
 
     @pytest.mark.parametrize(("stiffness", "written"), [(math.inf, None), (2.5, 2.5)])
     def test_the_stiffness_of_a_rigid_clamp_is_null(self, paper_beam, tmp_path, stiffness, written):
@@ -361,9 +362,9 @@ class TestRefusals:
     def test_objects_that_are_not_the_result_of_a_fit(self, tmp_path):
         with pytest.raises(InputError, match="is not the result of a fit"):
             Identification.of({"a": 1})
-        with pytest.raises(InputError, match=r"result.unknowns\[1\]: must be numbers"):
+        with pytest.raises(InputError, match=r"result.estimates\[1\]: must be numbers"):
             Identification.of({"kind": "beam", "estimates": [1, object()]})
-        endless: dict = {"unknowns": 1}
+        endless: dict = {"kind": "beam", "estimates": 1}
         endless["self"] = endless
         with pytest.raises(InputError, match="levels"):
             Identification.of(endless)

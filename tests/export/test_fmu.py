@@ -63,7 +63,8 @@ def document(paper_beam) -> Document:
         + QuadraticDamping(eta1=0.5, eta2=2.0)
         + RayleighDamping(beta=1e-5)
     )
-    result = {"frequency_hz": 1.85, "frequency_stderr_hz": 0.01, "drift_stderr_m_per_s": None}
+    known = {"name": "frequency", "value": 1.85, "unit": "Hz", "standard_error": 0.01}
+    result = {"kind": "decay", "estimates": [known, {**known, "name": "drift", "standard_error": None}]}
     found = Identification.of(result), Identification("decay", result, [DataFile("tip<&.csv", "0f" * 32)])
     return Document(model, law, found, Provenance.of_this(written="2025-01-31T12:00:00Z"))
 

@@ -495,7 +495,7 @@ class TestExport:
     )
     def test_refusals(self, files, capsys, arguments, what):
         (files / "bad.json").write_text('{"a": 1}')
-        (files / "good.json").write_text('{"unknowns": []}')
+        (files / "good.json").write_text('{"kind": "beam", "estimates": []}')
         (files / "bad.toml").write_text('[beam]\ndocument = "bad.json"\n')
         assert what in refused(["export", *arguments], files, capsys)
 

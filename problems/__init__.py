@@ -6,6 +6,7 @@ from ancf_casadi.support.lazy import on_first_use
 
 if TYPE_CHECKING:
     from ancf_casadi.estimation.comparison import LawComparison
+    from ancf_casadi.estimation.prediction import RecordPrediction
     from ancf_casadi.estimation.resampling import MonteCarlo, monte_carlo
     from ancf_casadi.estimation.saved import SavedFit, load_fit
     from problems.beam.comparison import compare_laws
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from problems.decay.law_curve import law_curve
     from problems.decay.mode_separation import fit_modes
     from problems.decay.result import DecayFit
-    from problems.decay.takes import DecayFits
+    from problems.decay.takes import DecayFits, DecayModes
     from problems.frf.fitting import fit_frf
     from problems.frf.record import FrfRecord
     from problems.frf.result import FrfFit
@@ -44,6 +45,7 @@ __all__ = [
     "Channel",
     "DecayFit",
     "DecayFits",
+    "DecayModes",
     "FrequencyMatch",
     "FrequencyRecord",
     "FrfFit",
@@ -59,6 +61,7 @@ __all__ = [
     "MotionRecord",
     "PerElement",
     "RayleighFit",
+    "RecordPrediction",
     "ResponsePrediction",
     "ResponseRecord",
     "SavedFit",

@@ -57,8 +57,9 @@ HOSTILE = {
 NOT_CALLED = frozenset(
     "BaseMotion DampingLaw TipLoad __version__"  # abstract
     " Backbone Equilibrium LinearFrf Modes PeriodicMotion ReducedModel ReducedTrajectory ResponseCurve Trajectory"
-    " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions DecayFit DecayFits FrequencyMatch FrfFit"
-    " IsolatedMode LawComparison MonteCarlo MotionPrediction RayleighFit SavedFit"
+    " DampingCurve LawCurve BeamFunctions MotionFunctions ReducedFunctions DecayFit DecayFits DecayModes"
+    " FrequencyMatch FrfFit"
+    " IsolatedMode LawComparison MonteCarlo MotionPrediction RayleighFit RecordPrediction SavedFit"
     " ResponsePrediction StudyReport ValuePrediction BeamFit".split()  # results, which the package makes
 )
 
@@ -235,9 +236,9 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         }),
         "write_fmu": (export.write_fmu, {"functions": functions, "path": folder / "a.fmu", "document": None}),
         "Camera": (p.Camera, {"scale": (0.9, 1.1), "rotation": (-0.1, 0.1), "origin": ((0.0, 1.0), (0.0, 1.0))}),
-        "Channel": (p.Channel, {"measurement": record, "noise": 1e-5, "offset": (-1.0, 1.0), "zero": (0.0, 1.0)}),
+        "Channel": (p.Channel, {"measurement": record, "std": 1e-5, "offset": (-1.0, 1.0), "zero": (0.0, 1.0)}),
         "FrequencyRecord": (p.FrequencyRecord, {
-            "model": model, "frequencies": frequencies, "standard_deviation": 0.01, "modes": (1, 2), "name": "a",
+            "model": model, "frequencies": frequencies, "std": 0.01, "modes": (1, 2), "name": "a",
         }),
         "FrfRecord": (p.FrfRecord, {
             "frequencies": grid, "values": frf, "kind": "receptance", "coherence": None, "std": None, "points": None,
@@ -264,7 +265,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "Smooth": (p.Smooth, {"name": "density", "terms": 2, "bounds": 0.1}),
         "Smoothness": (p.Smoothness, {"weight": 1.0}),
         "StaticRecord": (p.StaticRecord, {
-            "model": model, "loads": [point], "values": [1e-3], "sensors": a.Sensor(), "standard_deviation": 1e-5,
+            "model": model, "loads": [point], "values": [1e-3], "sensors": a.Sensor(), "std": 1e-5,
             "tared": True, "name": "a",
         }),
         "compare_decay_laws": (p.compare_decay_laws, {

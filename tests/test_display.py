@@ -41,6 +41,8 @@ from ancf_casadi import (
     simulate_reduced,
     static_equilibrium,
 )
+from ancf_casadi.estimation.prediction import RecordPrediction
+from ancf_casadi.estimation.result import FitResult
 from ancf_casadi.support.tables import Reported
 from problems import (
     Camera,
@@ -51,33 +53,39 @@ from problems import (
     LeastChange,
     MarkerRecord,
     MeasuredModes,
+    MotionPrediction,
     MotionRecord,
     PerElement,
+    ResponsePrediction,
     ResponseRecord,
+    SavedFit,
     Smooth,
     Smoothness,
     StaticRecord,
+    compare_decay_laws,
+    fit_beam,
     fit_decay,
+    fit_decays,
+    fit_frf,
+    fit_modes,
+    fit_rayleigh,
     isolate_mode,
     law_curve,
+    load_fit,
+    match_frequencies,
+    monte_carlo,
     run_study,
 )
 
-FIT = "a fit, or a prediction of one"
-LEFT_OUT = {
-    **dict.fromkeys(("BaseMotion", "DampingLaw", "TipLoad"), "abstract"),
-    **dict.fromkeys(
-        ("DecayFit", "DecayFits", "FrequencyMatch", "FrfFit", "LawComparison", "MonteCarlo", "MotionPrediction",
-         "BeamFit", "RayleighFit", "ResponsePrediction", "SavedFit", "ValuePrediction"), FIT,
-    ),
-}  # fmt: skip
+LEFT_OUT = dict.fromkeys(("BaseMotion", "DampingLaw", "TipLoad"), "abstract")
 CLASSES = {
     name: found
     for package in (ancf_casadi, problems)
     for name in package.__all__
     if isinstance(found := getattr(package, name), type)
 }
-COMPUTED = sorted(name for name, found in CLASSES.items() if issubclass(found, Reported))
+RESULTS = sorted(name for name, found in CLASSES.items() if issubclass(found, Reported) and name not in LEFT_OUT)
+COMPUTED = [name for name in RESULTS if not issubclass(CLASSES[name], FitResult | SavedFit | RecordPrediction)]
 TIME = np.arange(0.0, 4.0, 0.02)
 SWING = 0.05 * np.exp(-0.2 * TIME) * np.cos(12.0 * TIME) + 1e-4 * np.sin(300.0 * TIME**2)
 STUDY = """
@@ -129,10 +137,31 @@ def made(folder):
         ResponseRecord([1.8, 1.9, 2.0], [0.01, 0.02, 0.01], base=base), Global("thickness"), PerElement("thickness"),
         Smooth("thickness"), LeastChange(), Smoothness(), FrfRecord(np.arange(1.0, 9.0), np.ones(8), "receptance"),
         isolate_mode(record, band=(1.0, 3.0)), run_study(folder / "study.toml", folder / "results"),
+        *fits(folder, model, record, base),
         ancf_casadi.AncfError("no"), InputError("must be positive", "width"), *(error("no") for error in errors),
         ancf_casadi.SimulationError("no", time=1.0), ancf_casadi.ContinuationError("no", partial=rest),
     ]  # fmt: skip
     return {type(own).__name__: own for own in found}
+
+
+def fits(folder, model, record, base):
+    """Return the result of each fit, and predictions."""
+    decay, frequencies = fit_decay(record), FrequencyRecord(model, [1.9, 10.8])
+    decay.save(folder / "fit.json")
+    beam = fit_beam(model, frequencies, unknowns=["elastic_modulus"])
+    lines = np.linspace(1.0, 3.0, 41)
+    receptance = 1.0 / (2.0**2 - lines**2 + 0.04j * lines) + 0.05 * np.random.default_rng(1).standard_normal(41)
+    motion, curve = MotionRecord([record]), ResponseRecord([1.8, 1.9, 2.0], [0.01, 0.02, 0.01], base=base)
+    three, zeros = np.ones(3), np.zeros(len(TIME))
+    return [
+        decay, load_fit(folder / "fit.json"), decay.predict(record), beam, beam.predict(frequencies),
+        fit_decays([record, record]), fit_modes(record, count=1), fit_rayleigh((1.0, 5.0, 9.0), (0.01, 0.02, 0.04)),
+        fit_frf(FrfRecord(lines, receptance, "receptance"), frequencies=[2.0]), monte_carlo(decay, runs=2),
+        match_frequencies(model.beam, targets=(1.9, 10.4), unknowns=[Global("thickness"), Global("density")]),
+        compare_decay_laws(record, laws=("linear", "quadratic"), frequency_laws=("constant",)),
+        MotionPrediction(motion, (zeros,), (zeros,), (1e-4,)),
+        ResponsePrediction(curve, three, three, three, three, np.zeros(3, dtype=bool)),
+    ]  # fmt: skip
 
 
 def duffing():

@@ -17,7 +17,9 @@ ENTRIES = re.findall(r"^- `(.+)`$", PAGE, re.M)
 SOURCES = sorted(path for folder in ("ancf_casadi", "problems") for path in (ROOT / folder).rglob("*.py"))
 
 FIELDS = {"warnings", "warning", "notes", "note", "noted"}
-OUTPUT = set("table _table tables report to_dict _text _run _show_warning header".split())  # these print, and make none
+OUTPUT = set(
+    "table _table tables account report to_dict _text _run _show_warning header".split()
+)  # these print, and make none
 ERRORS = ("remove the row", "name another column", "is earlier than", "or nothing oscillates", "subtracted from")
 LONG = 13  # characters of a sentence that count as text
 

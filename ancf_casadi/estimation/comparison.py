@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from ancf_casadi.estimation.criteria import Candidate, Verdict, judge
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.result import LeastSquaresResult
-from ancf_casadi.support.tables import Table, known
+from ancf_casadi.support.tables import Displayed, Table, known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,7 +22,7 @@ F = TypeVar("F", bound=LeastSquaresResult)
 
 
 @dataclass(frozen=True, eq=False)
-class LawComparison(Generic[F]):
+class LawComparison(Displayed, Generic[F]):
     """Damping laws that were fitted to the same records.
 
     Parameters
@@ -125,6 +125,9 @@ class LawComparison(Generic[F]):
             best = f"the record does not settle the choice; {best}"
         notes = (*listed, best, *(f"note: {text}" for text in self._choice_warnings))
         return Table("laws", "Damping laws", columns, rows, notes)
+
+    def _summary(self) -> str:
+        return f"best {self.names[self.verdict.best]} of {', '.join(self.names)}"
 
     def report(self) -> str:
         """Return the table and the best fit as text."""

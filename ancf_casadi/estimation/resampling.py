@@ -49,7 +49,7 @@ from ancf_casadi.exceptions import AncfError, FitError, InputError
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import choice, number, whole
 from ancf_casadi.support.parallel import run_all
-from ancf_casadi.support.tables import Table, known
+from ancf_casadi.support.tables import Displayed, Table, known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,7 +63,7 @@ MOST_RUNS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class MonteCarlo:
+class MonteCarlo(Displayed):
     """Estimates from many synthetic records, made from one fit.
 
     Parameters

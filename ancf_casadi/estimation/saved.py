@@ -158,6 +158,14 @@ def load_fit(path: str | Path) -> SavedFit:
     ------
     InputError
         If the file cannot be read, or is not a saved result.
+
+    Examples
+    --------
+    >>> from problems import fit_rayleigh, load_fit
+    >>> fit = fit_rayleigh([1.9, 10.6, 29.3], [0.010, 0.003, 0.003])
+    >>> fit.save("rayleigh.json")
+    >>> load_fit("rayleigh.json").intervals() == fit.intervals()
+    True
     """
     content = read_bytes(path)
     try:

@@ -13,11 +13,9 @@ from ancf_casadi.estimation.figures import agreement_figure, saved_figure
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.plot import decay_figure, fit_figure
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 from problems.decay.law_curve import law_curve
 from problems.decay.result import DecayFit
 from problems.decay.takes import DecayFits, DecayModes
-from problems.modal_damping.rayleigh import RayleighFit, rayleigh_ratio
 
 MOST_POINTS = 40  # windows, which are longer in a long record
 
@@ -66,27 +64,6 @@ def modes_figure(fits: Mapping[str, DecayModes]) -> Figure:
     first = modes[0]
     fitted = np.sum([fit.displacement(first.time) for fit in modes], axis=0)
     return fit_figure(first.time, fitted - first.residuals, fitted, first.model.sensor.unit)
-
-
-@literal_text
-def rayleigh_figure(fits: Mapping[str, RayleighFit]) -> Figure:
-    """Draw measured damping ratios with their errors, and the fitted laws, Eq. (16), against frequency."""
-    figure = Figure(figsize=(6, 3.6), layout="constrained")
-    axes = figure.subplots()
-    for k, (label, fit) in enumerate(fits.items()):
-        colours = (COMPUTED, MEASURED) if not k else (f"C{k}", f"C{k}")
-        frequencies = np.geomspace(0.8 * fit.frequencies[0], 1.25 * fit.frequencies[-1], 200)
-        ratios = rayleigh_ratio(frequencies, fit.alpha, fit.beta)
-        axes.plot(frequencies, 100 * ratios, lw=1, color=colours[0], label=f"{label} fit".strip())
-        errors = None if fit.ratio_std is None else 100 * np.array(fit.ratio_std)
-        measured = 100 * np.array(fit.measured)
-        axes.errorbar(fit.frequencies, measured, errors, fmt="o", color=colours[1], label=f"{label} measured".strip())
-    axes.set(xscale="log", xlabel="frequency, Hz", ylabel="damping ratio, %")
-    ticks = sorted({frequency for fit in fits.values() for frequency in fit.frequencies})
-    axes.set_xticks(ticks, [f"{frequency:.4g}" for frequency in ticks])
-    axes.minorticks_off()
-    axes.legend(frameon=False)
-    return figure
 
 
 def _value(fit: DecayFit, name: str, scale: float, unit: str) -> str:

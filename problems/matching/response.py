@@ -14,7 +14,7 @@ displacements v = H phi of the measured points, so that
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -144,6 +144,19 @@ class Matching:
             self._last.clear()
             self._last[m.tobytes()] = follow(self.standard, self.space.properties(m))
         return self._last[m.tobytes()]
+
+    def synthetic(self, m: Array, noise: Array) -> MeasuredModes:
+        """Return the modes of the beam with the unknowns m, plus noise (R,) in units of the standard deviations."""
+        measured, state = self.measured, self.state(m)
+        frequencies = state.frequencies + np.array(measured.frequency_std) * noise[: measured.count]
+        shapes = np.array(measured.shapes)
+        if measured.shape_std is not None:
+            known, std, displacements = measured.measured, np.array(measured.shape_std), self.observer @ state.shapes
+            rest = np.split(noise[measured.count :], np.cumsum(known.sum(axis=1))[:-1])
+            for psi, σ, v, own, row in zip(shapes, std, displacements.T, known, rest, strict=True):
+                psi[own] = v[own] * ((v / σ**2)[own] @ psi[own]) / ((v / σ**2)[own] @ v[own]) + σ[own] * row
+        rows = tuple(map(tuple, shapes.tolist()))
+        return replace(measured, frequencies=tuple(frequencies.tolist()), shapes=rows)
 
     def response(self, objective: Objective | None = None) -> Response:
         """Return the residuals and their derivatives, for another objective if one is given."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -232,19 +232,7 @@ class FrequencyMatch(FitResult):
 
     def resampled(self, noise: Array) -> Array:
         """Return the properties (p,) of the match to the modes of this beam plus noise of each residual (m,)."""
-        measured, state = self.matching.measured, self.matching.state(self.unknowns)
-        count, std = measured.count, np.array(measured.frequency_std)
-        frequencies = np.array(self.frequencies) + std * noise[:count]
-        shapes = [*measured.shapes]
-        if measured.shape_std is not None:
-            rest = np.split(noise[count:], np.cumsum(measured.measured.sum(axis=1))[:-1])
-            for k, (row, known) in enumerate(zip(rest, measured.measured, strict=True)):
-                psi, deviation = np.array(measured.shapes[k]), np.array(measured.shape_std[k])
-                v = (self.matching.observer @ state.shapes)[:, k]
-                weight = v[known] / deviation[known] ** 2
-                psi[known] = v[known] * (weight @ psi[known]) / (weight @ v[known]) + deviation[known] * row
-                shapes[k] = tuple(psi.tolist())
-        found = self.again(replace(measured, frequencies=tuple(frequencies.tolist()), shapes=tuple(shapes)))
+        found = self.again(self.matching.synthetic(self.unknowns, noise))
         return np.array(list(found.estimates.values()))
 
     @property

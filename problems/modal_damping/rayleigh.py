@@ -71,7 +71,7 @@ class RayleighFit(LeastSquaresResult):
     """
 
     kind = "rayleigh"
-    _drawing = "problems.decay.figure.rayleigh_figure"
+    _drawing = "problems.modal_damping.figure.rayleigh_figure"
 
     frequencies: tuple[float, ...]
     measured: tuple[float, ...]

@@ -240,7 +240,7 @@ def test_the_description_names_beam_and_identifications(exported, document, tmp_
     assert about.generationTool.startswith("ancf-casadi ")
     assert about.generationDateAndTime == "2025-01-31T12:00:00Z"
     assert "4 elements, 0.5 m long, ModalDamping and QuadraticDamping and RayleighDamping" in about.description
-    assert f"decay (tip<&.csv SHA-256 {'0f' * 32}, frequency_hz 1.85 +- 0.01)" in about.description
+    assert f"decay (tip<&.csv SHA-256 {'0f' * 32}, frequency 1.85 +- 0.01 Hz)" in about.description
     with zipfile.ZipFile(exported) as archive:
         assert b'providesAdjointDerivatives="false" providesDirectionalDerivatives="true"' in archive.read(
             "modelDescription.xml"

@@ -151,14 +151,9 @@ class CurveBlock(Block):
             f"{self.modes} modes with {self.harmonics} harmonics; one mode and two harmonics more shift no "
             f"estimate by more than {np.abs(fitted.shifts).max():.2g} standard errors"
         )
-        notes = []
-        if worst.max() > ALLOWED:
-            notes.append(
-                f"one mode and two harmonics more shift {fitted.fit.names[int(worst.argmax())]} by {worst.max():.2g} "
-                "standard errors; give more (modes, harmonics)"
-            )
-        by_levels = self._level_shifts(fitted)
-        notes += [*self._of_levels(by_levels, fitted.fit.names), *self._of_branches(values, motions)]
+        names, by_levels = fitted.fit.names, self._level_shifts(fitted)
+        notes = [*_truncation_warnings(worst, names), *self._level_warnings(by_levels, names)]
+        notes += self._branch_warnings(values, motions)
         data = {
             "kind": "response",
             "records": [
@@ -180,7 +175,7 @@ class CurveBlock(Block):
         change[fitted.rows] = fitted.scale * LEVEL_ERROR * derivatives
         return fitted.fit.shifts(change)
 
-    def _of_levels(self, shifts: Array, names: Sequence[str]) -> list[str]:
+    def _level_warnings(self, shifts: Array, names: Sequence[str]) -> list[str]:
         """Return the warning about the effect of an error of the levels, if they count as exact."""
         worst = int(np.nanargmax(np.abs(shifts)))
         if any(map(self.excitation, (number for number, _ in self.numbered))) or not abs(shifts[worst]) > 1.0:
@@ -191,7 +186,7 @@ class CurveBlock(Block):
             "give it a prior"
         ]
 
-    def _of_branches(self, values: Mapping[str, float], found: Sequence[Sequence[Motion]]) -> list[str]:
+    def _branch_warnings(self, values: Mapping[str, float], found: Sequence[Sequence[Motion]]) -> list[str]:
         """Return warnings about points without a stable motion at their level."""
         notes = []
         for record, motions, points in zip(self.records, found, self.measured(values), strict=True):
@@ -270,6 +265,16 @@ class CurveBlock(Block):
             elif name in MODULUS and name not in self.of_model:
                 found.append((len(known), place, 1 / self.first[name]))
         return found
+
+
+def _truncation_warnings(shifts: Array, names: Sequence[str]) -> list[str]:
+    """Return the warning about the effect of more modes and harmonics."""
+    if shifts.max() <= ALLOWED:
+        return []
+    return [
+        f"one mode and two harmonics more shift {names[int(shifts.argmax())]} by {shifts.max():.2g} standard errors; "
+        "give more (modes, harmonics)"
+    ]
 
 
 def curve_block(

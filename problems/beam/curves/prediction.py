@@ -22,7 +22,7 @@ import numpy as np
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, Mask, root_mean_square
-from ancf_casadi.support.tables import Table, known
+from ancf_casadi.support.tables import Displayed, Table, known
 from problems.beam.curves.block import CurveBlock
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.residuals import FAILURES
@@ -36,7 +36,7 @@ TOO_LARGE = 3.0  # rms error over noise and standard error above which there is 
 
 
 @dataclass(frozen=True, eq=False)
-class ResponsePrediction:
+class ResponsePrediction(Displayed):
     """A measured response curve, and the amplitudes and phases that a fit to other records predicts for it.
 
     Parameters

@@ -193,7 +193,7 @@ class MotionBlock(Block):
         lines.append(f"the standard errors allow for a systematic error of {TRUST:.0e} of the travel of each channel")
         return Account(
             lines,
-            self._limitation(fitted, worst),
+            self._limitations(fitted, worst),
             {
                 "kind": "motion",
                 "channels": [
@@ -205,7 +205,7 @@ class MotionBlock(Block):
             },
         )
 
-    def _limitation(self, fitted: Fitted, worst: float) -> list[str]:
+    def _limitations(self, fitted: Fitted, worst: float) -> list[str]:
         """Return the warning about the integration error."""
         if math.isnan(worst):
             return [

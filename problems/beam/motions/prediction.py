@@ -20,7 +20,7 @@ from ancf_casadi.exceptions import FitError
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.interrupts import delayed_interrupts
-from ancf_casadi.support.tables import Table
+from ancf_casadi.support.tables import Displayed, Table
 from problems.beam.motions.block import MotionBlock
 from problems.beam.motions.record import MotionRecord, labels_of
 from problems.beam.motions.weights import Weights
@@ -32,7 +32,7 @@ BEYOND = 3.0  # rms error over noise and standard error above which there is a w
 
 
 @dataclass(frozen=True, eq=False)
-class MotionPrediction:
+class MotionPrediction(Displayed):
     """A record, and the readings that a fit to other records predicts for it.
 
     Parameters

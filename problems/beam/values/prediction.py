@@ -9,7 +9,7 @@ import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.support.arrays import Array, root_mean_square
-from ancf_casadi.support.tables import Table, known
+from ancf_casadi.support.tables import Displayed, Table, known
 from problems.beam.properties import Owners
 from problems.beam.values.block import ValueBlock
 from problems.beam.values.records import PropertyRecord
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class ValuePrediction:
+class ValuePrediction(Displayed):
     """Computed and measured values of a record.
 
     Parameters

@@ -242,10 +242,14 @@ class CurveBlock(Block):
 
     @property
     def of_model(self) -> tuple[str, ...]:
-        """The properties in the constants of the reduced model; the modulus only if the damping contains it."""
-        terms = self.law.laws if isinstance(self.law, SumOfLaws) else (self.law,)
-        free = all(isinstance(term, WITHOUT_MODULUS) for term in terms)
-        return tuple(name for name in self.first if not (free and name in MODULUS))
+        """The properties in the constants of the reduced model.
+
+        The modulus is one of them only if the damping contains it, or the clamp has strain energy of its own.
+        """
+        terms, beam = self.law.laws if isinstance(self.law, SumOfLaws) else (self.law,), self.model.beam
+        free = math.isinf(beam.clamp_stiffness) and all(isinstance(term, WITHOUT_MODULUS) for term in terms)
+        without = {*(MODULUS if free else ()), *(() if beam.tip_mass else ("tip_mass",))}
+        return tuple(name for name in self.first if name not in without)
 
     def shared(self, values: Mapping[str, float]) -> Array:
         """Return the unknowns s of the equation of motion (``driven``), for values by name."""

@@ -1,0 +1,207 @@
+"""Coverage of the 95 % intervals of ``fit_beam``: the same measurements with other noise, fitted again and again.
+
+    .venv/bin/python benchmarks/beam_coverage.py --case joint --seeds 200 --jobs 2
+
+    drag, no-drag     a large motion of a steel strip with and without quadratic damping beside a known modal law
+    strip             a large motion of a soft strip with viscous and quadratic damping
+    mode-1, mode-2    three response curves under modal and quadratic damping; those of mode 2 have jumps
+    joint             a decay, a static test, three frequencies with an added mass and a response curve of one beam
+
+The motions are integrated at 1e-10, so that their own error is negligible, and carry white noise.  Response curves carry
+1 % of the amplitude and 0.01 rad, and 0.1 % of the largest amplitude in both components, which the fits do not know.
+Each line has the exact limits (Clopper and Pearson) of the coverage.  The standardised errors, (estimate -
+truth)/standard error, are a sharper test: their mean should be 0 within 2/seeds^(1/2), their standard deviation 1.
+Without drag the truth is at a bound: half of the estimates should be there, without a standard error, and 97.5 % of the
+intervals, which begin there, should cover the truth.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from ancf_casadi import (
+    Beam,
+    DampingLaw,
+    HarmonicBase,
+    ModalDamping,
+    Model,
+    PointLoad,
+    QuadraticDamping,
+    Sensor,
+    natural_modes,
+    periodic_motion,
+    reduce_model,
+    run_all,
+    simulate,
+    static_equilibrium,
+)
+from problems import FrequencyRecord, MarkerRecord, ResponseRecord, StaticRecord, fit_beam
+
+STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
+STRIP = {"length": 0.2, "width": 0.01, "thickness": 2e-3, "density": 1070.0, "elastic_modulus": 264e3}
+RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
+NOISE, FLOOR = 0.01, 1e-3  # of response curves, relative to the amplitude and to the largest amplitude
+AROUND = np.concatenate([[0.96, 0.98], np.linspace(0.988, 1.012, 9), [1.02, 1.04]])
+
+
+@dataclass(frozen=True)
+class Case:
+    """A fit, the true values of its unknowns, and its records with noise from a random generator."""
+
+    model: Model
+    guess: DampingLaw
+    truth: Mapping[str, float]
+    records: Callable[[np.random.Generator], Any]
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+
+@lru_cache
+def case(name: str) -> Case:
+    """Return a case by name."""
+    return CASES[name]()
+
+
+def drag(eta2: float) -> Case:
+    """Return a motion of a steel strip at its resonance; only drag is unknown."""
+    model = Model(Beam.uniform(**STEEL, elements=5))
+    modes = natural_modes(model, count=5)
+    law, base = ModalDamping(modes, RATIOS), HarmonicBase(1e-3, modes.frequencies[0], stop=4.0)
+    records = motion(model, law + QuadraticDamping(eta2=eta2) if eta2 else law, base, 1.0, 500.0, 2e-5)
+    fixed = tuple(own.name for own in law.parameters)
+    return Case(model, law + QuadraticDamping(eta2=0.1), {"eta2": eta2}, records, {"fixed": fixed})
+
+
+def strip() -> Case:
+    """Return a motion of a soft strip."""
+    model = Model(Beam.uniform(**STRIP, elements=5))
+    records = motion(model, QuadraticDamping(0.6, 4.0), HarmonicBase(0.02, 2.0, stop=0.5), 1.5, 40.0, 0.5e-3)
+    return Case(model, QuadraticDamping(0.3, 8.0), {"eta1": 0.6, "eta2": 4.0}, records)
+
+
+def motion(
+    model: Model, law: DampingLaw, base: HarmonicBase, duration: float, sample_rate: float, noise: float
+) -> Callable[[np.random.Generator], MarkerRecord]:
+    """Return a measured motion of the tip as a function of a random generator."""
+    settings = {"duration": duration, "sample_rate": sample_rate, "tolerance": 1e-10}
+    run = simulate(model, damping=law, base=base, method="radau", **settings)
+    return lambda rng: MarkerRecord(run.time, run.tip + noise * rng.normal(size=run.tip.shape), base=base)
+
+
+def resonance(mode: int, ratio: float, eta2: float, levels: tuple[float, ...]) -> Case:
+    """Return response curves about a mode; of the ratios, only that of this mode is unknown."""
+    model = Model(Beam.uniform(**STEEL, elements=8))
+    modes = natural_modes(model, count=mode)
+    law = ModalDamping(modes, (0.01,) * (mode - 1) + (ratio,)) + QuadraticDamping(eta2=eta2)
+    truths = [response(model, law, modes.frequencies[-1] * AROUND, level) for level in levels]
+    truth = {f"ratio{mode}": ratio, "eta2": eta2, f"frequency_{mode}": 1.0}
+    fixed = tuple(f"ratio{k}" for k in range(1, mode))
+    settings = {"fixed": fixed, "modes": 4, "harmonics": 5}
+    return Case(model, law, truth, lambda rng: [one(rng) for one in truths], settings)
+
+
+def response(
+    model: Model, law: DampingLaw, frequencies: np.ndarray, level: float
+) -> Callable[[np.random.Generator], ResponseRecord]:
+    """Return a response curve of the tip for an amplitude of the base, m, as a function of a random generator."""
+    reduced = reduce_model(model, modes=4, damping=law)
+    motions = [periodic_motion(reduced, base=HarmonicBase(level, f)) for f in frequencies]
+    values = np.array([motion.harmonics(relative=False)[1] for motion in motions])
+    spread = np.hypot(NOISE, FLOOR * abs(values).max() / abs(values))
+
+    def record(rng: np.random.Generator) -> ResponseRecord:
+        size, angle = rng.standard_normal((2, len(values))) * spread
+        return ResponseRecord(frequencies, values * (1 + size) * np.exp(1j * angle), base=HarmonicBase(level, 1.0))
+
+    return record
+
+
+def joint() -> Case:
+    """Return four kinds of measurement of a strip in an elastic clamp, with a mass at the tip for the frequencies."""
+    truth = {"eta2": 1.0, "elastic_modulus": 210e9, "tip_mass": 0.5e-3, "clamp_stiffness": 0.4}
+    beam = Beam.uniform(**STEEL, elements=4, clamp_stiffness=truth["clamp_stiffness"])
+    first = beam.with_(elastic_modulus=[200e9] * 4, clamp_stiffness=0.5)
+    model, guess, law, pull = Model(beam), Model(first), QuadraticDamping(eta2=truth["eta2"]), (2e-3, 0.0)
+
+    run = simulate(
+        model, damping=law, start=static_equilibrium(model, tip_force=pull), duration=0.6, sample_rate=50.0,
+        method="radau", tolerance=1e-10,
+    )  # fmt: skip
+    weights = [PointLoad.hung(mass, point=0.4) for mass in (1e-3, 2e-3, 4e-3)]  # kg
+    down, level = Sensor("displacement", direction=(0.0, -1.0)), Model(beam.with_(axis=(1.0, 0.0)))
+    rest = level.interpolation(0.5) @ static_equilibrium(level).coordinates
+    held = [level.interpolation(0.5) @ static_equilibrium(level, loads=[one]).coordinates for one in weights]
+    sag = np.array([(rest - one)[1] for one in held])
+    frequencies = natural_modes(Model(beam.with_(tip_mass=truth["tip_mass"])), count=3).frequencies
+    resonant = natural_modes(model, count=1).frequencies[0] * np.array([0.97, 0.99, 1.0, 1.01, 1.03])
+    curve = response(model, law, resonant, 0.5e-3)
+
+    def records(rng: np.random.Generator) -> list[Any]:
+        noisy = frequencies * (1 + 1e-3 * rng.normal(size=3))
+        return [
+            MarkerRecord(
+                run.time, run.tip + 2e-4 * rng.normal(size=run.tip.shape), start=static_equilibrium(guess, tip_force=pull)
+            ),
+            StaticRecord(
+                Model(first.with_(axis=(1.0, 0.0))), weights, sag + 1e-4 * rng.normal(size=3), down,
+                standard_deviation=1e-4,
+            ),
+            FrequencyRecord(Model(first.with_(tip_mass=0.6e-3)), noisy, standard_deviation=1e-3 * frequencies),
+            curve(rng),
+        ]  # fmt: skip
+
+    names = ["elastic_modulus", "tip_mass", "clamp_stiffness"]
+    return Case(guess, QuadraticDamping(eta2=0.7), truth, records, {"unknowns": names, "modes": 3, "harmonics": 3})
+
+
+CASES: Mapping[str, Callable[[], Case]] = {
+    "drag": partial(drag, 0.2),
+    "no-drag": partial(drag, 0.0),
+    "strip": strip,
+    "mode-1": partial(resonance, 1, 0.006, 1.0, (0.5e-3, 2e-3, 6e-3)),
+    "mode-2": partial(resonance, 2, 0.003, 0.3, (0.05e-3, 0.1e-3, 0.2e-3)),
+    "joint": joint,
+}
+
+
+def study(name: str, seed: int) -> np.ndarray:
+    """Return whether the interval of each unknown covers the truth, and its standardised error, (n, 2)."""
+    one = case(name)
+    fit = fit_beam(one.model, one.records(np.random.default_rng(seed)), one.guess, **one.settings)
+    found, errors, intervals = fit.estimates, fit.standard_errors, fit.intervals()
+    return np.array([
+        (intervals[unknown][0] <= true <= intervals[unknown][1], (found[unknown] - true) / errors[unknown])
+        for unknown, true in one.truth.items()
+    ])  # fmt: skip
+
+
+def main() -> None:
+    """Run the study, and print a line for each unknown."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--case", choices=tuple(CASES), action="append", help="all if not given")
+    parser.add_argument("--seeds", type=int, default=200)
+    parser.add_argument("--jobs", type=int, default=1)
+    options = parser.parse_args()
+    for name in options.case or CASES:
+        tasks = [partial(study, name, seed) for seed in range(options.seeds)]
+        found = np.array(run_all(tasks, jobs=options.jobs, progress=True))
+        for k, unknown in enumerate(case(name).truth):
+            hits, scores = int(found[:, k, 0].sum()), found[:, k, 1]
+            low, high = binomtest(hits, options.seeds).proportion_ci()
+            known = scores[np.isfinite(scores)]
+            print(
+                f"{name}, {unknown}: {hits} of {options.seeds} intervals cover the truth, {100 * hits / options.seeds:.1f}"
+                f" % (exact limits {100 * low:.1f} to {100 * high:.1f} %); {options.seeds - len(known)} at the bound; "
+                f"standardised errors: mean {known.mean():.2f}, deviation {known.std(ddof=1):.2f}",
+                flush=True,
+            )
+
+
+if __name__ == "__main__":
+    main()

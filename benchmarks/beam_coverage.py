@@ -7,8 +7,9 @@
     mode-1, mode-2    three response curves under modal and quadratic damping; those of mode 2 have jumps
     joint             a decay, a static test, three frequencies with an added mass and a response curve of one beam
 
-The motions are integrated at 1e-10, so that their own error is negligible, and carry white noise.  Response curves carry
-1 % of the amplitude and 0.01 rad, and 0.1 % of the largest amplitude in both components, which the fits do not know.
+The motions are integrated at 1e-10, so that their own error is negligible, and carry white noise.  That of response
+curves is 1 % of the amplitude and 0.01 rad, and 0.1 % of the largest amplitude in both; the fits do not know it.
+
 Each line has the exact limits (Clopper and Pearson) of the coverage.  The standardised errors, (estimate -
 truth)/standard error, are a sharper test: their mean should be 0 within 2/seeds^(1/2), their standard deviation 1.
 Without drag the truth is at a bound: half of the estimates should be there, without a standard error, and 97.5 % of the
@@ -127,7 +128,7 @@ def joint() -> Case:
     truth = {"eta2": 1.0, "elastic_modulus": 210e9, "tip_mass": 0.5e-3, "clamp_stiffness": 0.4}
     beam = Beam.uniform(**STEEL, elements=4, clamp_stiffness=truth["clamp_stiffness"])
     first = beam.with_(elastic_modulus=[200e9] * 4, clamp_stiffness=0.5)
-    model, guess, law, pull = Model(beam), Model(first), QuadraticDamping(eta2=truth["eta2"]), (2e-3, 0.0)
+    model, guess, law, pull = Model(beam), Model(first), QuadraticDamping(0.5, truth["eta2"]), (2e-3, 0.0)
 
     run = simulate(
         model, damping=law, start=static_equilibrium(model, tip_force=pull), duration=0.6, sample_rate=50.0,
@@ -144,20 +145,20 @@ def joint() -> Case:
 
     def records(rng: np.random.Generator) -> list[Any]:
         noisy = frequencies * (1 + 1e-3 * rng.normal(size=3))
+        tip = run.tip + 2e-4 * rng.normal(size=run.tip.shape)
         return [
-            MarkerRecord(
-                run.time, run.tip + 2e-4 * rng.normal(size=run.tip.shape), start=static_equilibrium(guess, tip_force=pull)
-            ),
+            MarkerRecord(run.time, tip, start=static_equilibrium(guess, tip_force=pull)),
             StaticRecord(
                 Model(first.with_(axis=(1.0, 0.0))), weights, sag + 1e-4 * rng.normal(size=3), down,
-                standard_deviation=1e-4,
+                std=1e-4,
             ),
-            FrequencyRecord(Model(first.with_(tip_mass=0.6e-3)), noisy, standard_deviation=1e-3 * frequencies),
+            FrequencyRecord(Model(first.with_(tip_mass=0.6e-3)), noisy, std=1e-3 * frequencies),
             curve(rng),
         ]  # fmt: skip
 
     names = ["elastic_modulus", "tip_mass", "clamp_stiffness"]
-    return Case(guess, QuadraticDamping(eta2=0.7), truth, records, {"unknowns": names, "modes": 3, "harmonics": 3})
+    settings = {"unknowns": names, "fixed": ("eta1",), "modes": 3, "harmonics": 3}
+    return Case(guess, QuadraticDamping(0.5, 0.7), truth, records, settings)
 
 
 CASES: Mapping[str, Callable[[], Case]] = {
@@ -196,8 +197,9 @@ def main() -> None:
             low, high = binomtest(hits, options.seeds).proportion_ci()
             known = scores[np.isfinite(scores)]
             print(
-                f"{name}, {unknown}: {hits} of {options.seeds} intervals cover the truth, {100 * hits / options.seeds:.1f}"
-                f" % (exact limits {100 * low:.1f} to {100 * high:.1f} %); {options.seeds - len(known)} at the bound; "
+                f"{name}, {unknown}: {hits} of {options.seeds} intervals cover the truth: "
+                f"{100 * hits / options.seeds:.1f} % ({100 * low:.1f} to {100 * high:.1f} %); "
+                f"{options.seeds - len(known)} at the bound; "
                 f"standardised errors: mean {known.mean():.2f}, deviation {known.std(ddof=1):.2f}",
                 flush=True,
             )

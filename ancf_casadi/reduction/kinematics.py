@@ -33,7 +33,7 @@ import scipy.linalg
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.modes import Modes
 
 SNAPSHOTS = 200  # random bent shapes
@@ -57,12 +57,15 @@ class Slopes:
     shape : array (2 n + 2, k), or (2 n + 4, k) with an elastic clamp
         Matrix P from one component of the slopes to the same component of all nodal coordinates, relative to the
         clamp.
+    rows : array of int (k,)
+        Places of the points among the nodes and midpoints; the base of an elastic clamp comes first.
     """
 
     angles: Array
     lengths: Array
     rotations: Array
     shape: Array
+    rows: Index
 
     @property
     def at_rest(self) -> Array:
@@ -103,11 +106,12 @@ def nodal_slopes(modes: Modes) -> Slopes:
         lengths=np.concatenate([np.ones(root), np.sqrt(square)]),
         rotations=np.vstack([np.zeros((root, modes.count)), rotations]),
         shape=_simpson(model),
+        rows=np.arange(root + len(points)),
     )
 
 
-def select_points(slopes: Slopes, count: int) -> Slopes:
-    """Return the slopes at the ``count`` points that best determine all slopes; more points than modes."""
+def select_points(slopes: Slopes, count: int, rows: Index | None = None) -> Slopes:
+    """Return the slopes at the ``count`` points, or at given ones, that best determine all slopes; more than modes."""
     points, m = slopes.rotations.shape
     largest = LARGEST_ROTATION / np.sqrt(m) / np.abs(slopes.rotations).max(axis=0)
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (SNAPSHOTS, m)) * largest
@@ -116,12 +120,14 @@ def select_points(slopes: Slopes, count: int) -> Slopes:
     first_order = np.concatenate([slopes.at_rest[:, :, None], slopes.jacobian * largest], axis=2).reshape(points, -1)
     snapshots = np.column_stack([FIRST_ORDER_WEIGHT * first_order, bent.T])
     basis = scipy.linalg.svd(snapshots, full_matrices=False)[0][:, :count]
-    rows = np.sort(scipy.linalg.qr(basis.T, pivoting=True, mode="r")[1][:count])
+    if rows is None:
+        rows = np.sort(scipy.linalg.qr(basis.T, pivoting=True, mode="r")[1][:count])
     return Slopes(
         angles=slopes.angles[rows],
         lengths=slopes.lengths[rows],
         rotations=slopes.rotations[rows],
         shape=np.linalg.solve(basis[rows].T, (slopes.shape @ basis).T).T,
+        rows=rows,
     )
 
 

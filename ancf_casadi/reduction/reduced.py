@@ -197,9 +197,24 @@ def reduce_model(
     if modes.model != model:
         raise InputError("belong to another model", "modes")
     law = RayleighDamping() if damping is None else damping
-    markers = numbers(markers, "markers")
-    parameters = _parameters(model, law)
-    projection = _projection(modes, slope_points, drag_points)
+    return _assembled(modes, law, _projection(modes, slope_points, drag_points), numbers(markers, "markers"))
+
+
+def rebuilt(first: ReducedModel, model: Model) -> ReducedModel:
+    """Return the reduced model of a beam with other properties, of the size and at the points of a first one.
+
+    Points that ``reduce_model`` selects jump with the properties, and the equation of motion with them; at the same
+    points, the equation is a continuous function of the properties.
+    """
+    modes, slopes = natural_modes(model, count=first.count), first.projection.slopes
+    nodal = nodal_slopes(modes)
+    selected = select_points(nodal, len(slopes.rows), slopes.rows)
+    return _assembled(modes, first.law, project_model(modes, nodal, selected, len(first.projection.drag_mass)), ())
+
+
+def _assembled(modes: Modes, law: DampingLaw, projection: Projection, markers: Sequence[float]) -> ReducedModel:
+    """Return the reduced model with its Functions."""
+    parameters = _parameters(modes.model, law)
     functions = _functions(modes, law, projection, len(parameters), markers)
     return ReducedModel(
         modes=modes,

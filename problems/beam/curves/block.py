@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -20,7 +20,8 @@ from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
 from ancf_casadi.estimation.solve import ALLOWED, meaningful
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.reduction import reduce_model
+from ancf_casadi.reduction import ReducedModel, reduce_model
+from ancf_casadi.reduction.reduced import rebuilt
 from ancf_casadi.support.arrays import Array, Index, root_mean_square
 from ancf_casadi.support.tables import known
 from problems.beam.curves.balance import DrivenBalance
@@ -226,7 +227,8 @@ class CurveBlock(Block):
         """Return the driven beam of each record, for values of the unknowns by name."""
         factors = [values.get(name, one) / one if name in self.of_model else 1.0 for name, one in self.first.items()]
         model = self._owners.changed(self.model, np.array(factors))
-        reduced = reduce_model(model, modes=self.modes, damping=self.law)
+        first = _reduced(self.model, self.modes, self.law)
+        reduced = first if model is self.model else rebuilt(first, model)
         kinds: dict[Any, Driven] = {}  # records that differ in size alone share their Functions
         found = []
         for record in self.records:
@@ -279,6 +281,12 @@ def _truncation_warnings(shifts: Array, names: Sequence[str]) -> list[str]:
         f"one mode and two harmonics more shift {names[int(shifts.argmax())]} by {shifts.max():.2g} standard errors; "
         "give more (modes, harmonics)"
     ]
+
+
+@lru_cache(maxsize=4)
+def _reduced(model: Model, modes: int, law: DampingLaw) -> ReducedModel:
+    """Return the reduced model of a beam, which all others of the same block resemble."""
+    return reduce_model(model, modes=modes, damping=law)
 
 
 def curve_block(

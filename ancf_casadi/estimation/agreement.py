@@ -183,6 +183,8 @@ class Part:
 def agreement_of_parts(fit: Estimates, masks: Sequence[Mask]) -> tuple[Agreement, ...]:
     """Return the agreement of parts of the residuals of a fit on each unknown that two or more of them determine.
 
+    The noise of a part counts as no less than that of the fit: a few values may be near their curve by chance.
+
     Parameters
     ----------
     fit : Fit
@@ -192,7 +194,7 @@ def agreement_of_parts(fit: Estimates, masks: Sequence[Mask]) -> tuple[Agreement
     """
     if len(masks) < 2:
         return ()
-    found, y = parts(fit, masks), fit.coordinates
+    found, y = [_part(fit, mask, math.sqrt(fit.noise.variance)) for mask in masks], fit.coordinates
     values = np.array([y.unknowns(part.values) for part in found])
     steps = np.array([np.sqrt(np.diag(part.covariance)) for part in found])
     errors = steps * np.abs([y.slopes(part.values) for part in found])
@@ -209,7 +211,7 @@ def parts(fit: Estimates, masks: Sequence[Mask]) -> list[Part]:
     return [_part(fit, mask) for mask in masks]
 
 
-def _part(fit: Estimates, mask: Mask) -> Part:
+def _part(fit: Estimates, mask: Mask, least: float = 0.0) -> Part:
     n = len(fit.names)
     weights = row_weights(fit.residuals[mask], fit.huber)
     rows = fit.jacobian[mask] * fit.scale * weights[:, None]
@@ -227,7 +229,7 @@ def _part(fit: Estimates, mask: Mask) -> Part:
     values[free] = fit.values[free] - inverse @ (basis.T @ r)
     series = [int(np.count_nonzero(part)) for part in np.split(mask, np.cumsum(fit.series))[: len(fit.series)]]
     times = None if fit.times is None else fit.times[mask]
-    noise = estimated_noise(r - basis @ (basis.T @ r), basis, series, times)
+    noise = estimated_noise(r - basis @ (basis.T @ r), basis, series, times).at_least(least)
     allowance = len(rows) * fit.systematic**2 * np.eye(len(free))
     covariance[np.ix_(free, free)] = inverse @ (noise.form(basis) + allowance) @ inverse.T
     return Part(values, covariance)

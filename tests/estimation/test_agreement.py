@@ -92,6 +92,15 @@ def test_the_parts_of_a_fit_agree_or_not_on_what_several_of_them_determine():
     assert other.warning.startswith("the records do not agree on slope: ")
 
 
+def test_a_few_values_that_are_on_their_line_by_chance_agree():
+    """The mean of 40 values and of two, which are equal, and off by a standard deviation."""
+    noise = np.random.default_rng(5).standard_normal(40)
+    y = cs.DM(np.append(noise - noise.mean(), [1.0, 1.0]))
+    fit = least_squares(lambda a: cs.repmat(a, 42, 1) - y, [Unknown("a", 0.0)])
+    (found,) = agreement_of_parts(fit, [np.arange(42) < 40, np.arange(42) >= 40])
+    assert found.agrees and found.errors[1] == pytest.approx(0.7, abs=0.15)
+
+
 def test_parts_allow_for_a_systematic_error_as_the_whole_fit_does():
     """Without noise, the errors of a part are those of the systematic error alone."""
     x = np.linspace(0.0, 1.0, 60)

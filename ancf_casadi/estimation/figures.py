@@ -116,7 +116,7 @@ def saved_figure(fits: Mapping[str, Any]) -> Figure:
         values, low, high = np.array(list(own.values())).T
         reach = np.nan_to_num(np.array([values - low, high - values]), posinf=0.0).clip(0.0)
         axes.errorbar(range(len(own)), values, yerr=reach, fmt="o", ms=4, lw=1, color=COMPUTED)
-        axes.set(ylabel=f"{name}, {unit}".removesuffix(", "), xlim=(-0.5, len(own) - 0.5))
+        axes.set(ylabel=f"{name}, {unit}".removesuffix(", ").replace("_", " "), xlim=(-0.5, len(own) - 0.5))
         axes.set_xticks(range(len(own)), list(own))
         axes.ticklabel_format(axis="y", useOffset=False)
     return figure

@@ -44,7 +44,7 @@ class Fit(Estimates):
                     )
         return tuple(notes)
 
-    def facts(self) -> list[str]:
+    def lines(self) -> list[str]:
         """Return residuals, bounds and the status of the solver as text."""
         return [
             f"{len(self.residuals)} residuals, root mean square {self.residual_rms:.3g}; successive residuals "

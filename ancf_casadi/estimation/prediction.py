@@ -119,7 +119,7 @@ class RecordPrediction(Reported):
             if one.rms_error > BEYOND * expected:
                 notes.append(
                     f"{one.name}: the error {one.rms_error:.2g} is {one.rms_error / expected:.2g} times as large as "
-                    "noise and the uncertainty of the estimates explain; the law does not hold for this record"
+                    "noise and the uncertainty of the estimates explain; the model does not hold for this record"
                 )
         return tuple(notes)
 

@@ -303,7 +303,7 @@ class LeastSquaresResult(FitResult):
 
     def table(self) -> Table:
         """Return the estimates with units, standard errors and 95 % intervals."""
-        return replace(super().table(), notes=self.fit.facts())
+        return replace(super().table(), notes=self.fit.lines())
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values."""

@@ -175,9 +175,9 @@ def test_the_result_reads_as_text_and_as_json():
     assert b["interval_95"] == fit.intervals()[1].tolist()
     assert table["covariance"][1][1] == fit.covariance[1, 1]
     assert table["rank"] == 1
-    notes = fit.facts()
-    assert "1 of 2 unknowns free of bounds, condition number 1" in notes
-    assert notes[-1].startswith("Solve_Succeeded")
+    lines = fit.lines()
+    assert "1 of 2 unknowns free of bounds, condition number 1" in lines
+    assert lines[-1].startswith("Solve_Succeeded")
     assert fit.warnings[0].startswith("a is at its bound -0.5")
 
 

@@ -36,7 +36,7 @@ from ancf_casadi import (
     natural_modes,
     simulate,
 )
-from problems import MarkerRecord, fit_transient
+from problems import MarkerRecord, fit_beam
 from problems.study import paper
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9, "elements": 20}
@@ -80,7 +80,7 @@ def fit_call(seconds: float, **changes: Any) -> Callable[[], object]:
     os.environ["ANCF_CASADI_COMPILE"] = compilation
     noise = np.random.default_rng(0).normal(0.0, 0.5e-3, run.tip.shape)
     record = MarkerRecord(run.time, run.tip + noise, base=base)
-    return lambda: fit_transient(model, record, QuadraticDamping(0.3, 8.0), tolerance=1e-5)
+    return lambda: fit_beam(model, record, QuadraticDamping(0.3, 8.0), tolerance=1e-5)
 
 
 def processors() -> float:

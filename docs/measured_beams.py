@@ -17,16 +17,7 @@ from ancf_casadi import Beam, Model, PointLoad, RayleighDamping, Sensor, Traject
 from ancf_casadi.plot import png
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED
-from problems import (
-    FrequencyRecord,
-    MarkerRecord,
-    PropertyFit,
-    StaticRecord,
-    TransientFit,
-    fit_decay,
-    fit_properties,
-    fit_transient,
-)
+from problems import BeamFit, FrequencyRecord, MarkerRecord, StaticRecord, fit_beam, fit_decay
 
 HERE = Path(__file__).parent
 DOWN, UP = (0.0, -1.0), (0.0, 1.0)
@@ -132,21 +123,22 @@ def silicone_release(folder: Path, name: str) -> MarkerRecord:
     return MarkerRecord(time[first:last] - time[first], moved[first:last] + np.array([0.1, 0.0]), start="straight")
 
 
-def silicone_motion_fit(folder: Path) -> tuple[TransientFit, dict[str, tuple[MarkerRecord, Trajectory]]]:
+def silicone_motion_fit(folder: Path) -> tuple[BeamFit, dict[str, tuple[MarkerRecord, Trajectory]]]:
     """Return modulus and damping from the motion under gravity alone, and all motions computed with them."""
-    fit = fit_transient(
+    fit = fit_beam(
         silicone_beam(elements=6),
         silicone_release(folder, "gravity"),
         RayleighDamping(beta=1e-3),
-        properties=("elastic_modulus",),
-        bounds={"elastic_modulus": (0.7, 1.4)},
+        unknowns=["elastic_modulus"],
+        bounds={"elastic_modulus": (185e3, 370e3)},
     )
     runs = {}
     for name, hung in SILICONE.items():
         record = silicone_release(folder, name)
-        model = Model(fit.model.beam.with_(tip_mass=hung))
-        settings = {"start": "straight", "duration": record.duration, "sample_rate": record.sample_rate}
-        runs[name] = record, simulate(model, damping=fit.law, **settings)
+        model = fit.configured(silicone_beam(hung, elements=6))
+        time = np.asarray(record.time)
+        rate = (time.size - 1) / time[-1]
+        runs[name] = record, simulate(model, damping=fit.law, start="straight", duration=time[-1], sample_rate=rate)
     return fit, runs
 
 
@@ -154,7 +146,7 @@ def motion_table(folder: Path) -> Iterator[str]:
     """Silicone beam: a fit to the motion under gravity, and the motions with hung masses predicted from it."""
     fit, runs = silicone_motion_fit(folder)
     found, errors = fit.estimates, fit.standard_errors
-    modulus = f"E = {264 * found['elastic_modulus']:.1f} +- {264 * errors['elastic_modulus']:.1f} kPa"
+    modulus = f"E = {1e-3 * found['elastic_modulus']:.1f} +- {1e-3 * errors['elastic_modulus']:.1f} kPa"
     yield f"{modulus}, beta = {1e3 * found['beta']:.2f} +- {1e3 * errors['beta']:.2f} ms"
     yield ""
     yield row("record", "travel, mm", "rms error, mm", "error / travel, %", "lowest, measured, mm", "computed, mm")
@@ -208,10 +200,11 @@ def strip_fits() -> Iterator[str]:
     cases += [(THICKNESSES[1], HORIZONTAL_PLANE, names) for names in STRIP_UNKNOWNS[:2]]
     cases += [(THICKNESSES[0], place, STRIP_UNKNOWNS[1]) for place in list(ORIENTATIONS)[1:]]
     for thickness, place, names in cases:
-        fit = fit_properties(strip_records(thickness, place), names)
+        fit = property_fit(strip_records(thickness, place), names)
+        section = fit.combinations["bending_stiffness"][0] / fit.estimates["elastic_modulus"]
         yield row(
             f"{1e3 * thickness:g}", place, " and ".join(map(SHORT.get, names)), shown(fit, "elastic_modulus", 1e-9),
-            shown(fit, "bending_stiffness"), shown(fit, "tip_mass", 1e3), shown(fit, "clamp_stiffness"),
+            shown(fit, "elastic_modulus", section), shown(fit, "tip_mass", 1e3), shown(fit, "clamp_stiffness"),
             f"{100 * fit.scatter:.2f}",
         )  # fmt: skip
 
@@ -221,7 +214,7 @@ def composite_fits() -> Iterator[str]:
     yield row("unknowns", "mass, g/m", "loads up to, g", "E I, N m^2", "clamp, N m/rad", "scatter, %")
     yield rule(6)
     for names, mass, most in COMPOSITE_CASES:
-        fit = fit_properties(composite_record(mass, most), names)
+        fit = property_fit([composite_record(mass, most)], names)
         weight = f"{1e3 * mass:.0f}"
         cells = shown(fit, "bending_stiffness"), shown(fit, "clamp_stiffness"), f"{100 * fit.scatter:.2f}"
         yield row(" and ".join(map(SHORT.get, names)), weight, f"{most:g}", *cells)
@@ -233,8 +226,8 @@ def silicone_fits(folder: Path) -> Iterator[str]:
     yield row("records", "unknowns", "E, kPa", "density, kg/m^3", "residuals, %")
     yield rule(5)
     for words, records, names in silicone_cases(rest, tones):
-        fit = fit_properties(records, names)
-        errors = np.concatenate([prediction.relative_errors for prediction in fit.predictions])
+        fit = property_fit(records, names)
+        errors = np.concatenate([fit.predict(record).relative_errors for record in records])
         residuals = ", ".join(f"{100 * error:+.1f}" for error in errors.tolist()) if len(errors) > 1 else "–"
         yield row(
             words,
@@ -285,16 +278,21 @@ SHORT = {
 }
 
 
-def shown(fit: PropertyFit, name: str, scale: float = 1.0) -> str:
+def property_fit(records: Sequence[StaticRecord | FrequencyRecord], names: Sequence[str]) -> BeamFit:
+    """Return the fit of unknown properties; the beam of the first record has their first values."""
+    return fit_beam(records[0].model, records, unknowns=names)
+
+
+def shown(fit: BeamFit, name: str, scale: float = 1.0) -> str:
     """Return a value with its interval, or a dash if the fit did not change it."""
-    if name not in fit.values:
+    if name not in fit.estimates:
         return "–"
     low, high = (scale * end for end in fit.intervals(LEVEL)[name])
     if np.isinf(high):
         return f"above {low:.4g}"
     if np.isnan(low):
-        return f"{scale * fit[name]:.4g}"
-    return f"{scale * fit[name]:.4g} ({low:.4g} to {high:.4g})"
+        return f"{scale * fit.estimates[name]:.4g}"
+    return f"{scale * fit.estimates[name]:.4g} ({low:.4g} to {high:.4g})"
 
 
 def row(*cells: object) -> str:
@@ -310,8 +308,8 @@ def rule(columns: int) -> str:
 if __name__ == "__main__":
     tables = [strip_fits(), composite_fits()]
     figures = {
-        "strip": fit_properties(strip_records(), STRIP_UNKNOWNS[1]).figure(),
-        "composite": fit_properties(composite_record(), ("bending_stiffness",)).figure(),
+        "strip": property_fit(strip_records(), STRIP_UNKNOWNS[1]).figure(),
+        "composite": property_fit([composite_record()], ("bending_stiffness",)).figure(),
     }
     for folder in map(Path, sys.argv[1:2]):
         tables += [silicone_fits(folder), motion_table(folder)]

@@ -41,6 +41,7 @@ SLOW = (  # pages that take more than two seconds
     "how_to/many_runs.md",
     "how_to/own_optimiser.md",
     "how_to/response_curves.md",
+    "how_to/several_records.md",
     "how_to/steady_vibration.md",
     "how_to/studies.md",
     "how_to/videos.md",

@@ -8,6 +8,9 @@ of some unknowns, a fit minimises
 The common factor G, the geometric mean of all standard deviations that the blocks found in their data, keeps the
 likelihood of the normal distribution, so that fits of several laws can be compared by their sums of squares.
 
+The residuals that give better weights are divided by (1 - h)^1/2, with the leverage h, the part of the noise at a
+residual that the fit absorbs.  A few points that determine many unknowns would otherwise seem too certain.
+
 The steps are: check that the data determine the unknowns (``determination``); fit; fit again with the weights that the
 residuals give; compute the error of each block's discretisation, and the shifts of the estimates that it causes; if one
 is above ``ALLOWED`` standard errors, refine the block, and fit again from the estimates.
@@ -40,6 +43,7 @@ from ancf_casadi.support.arrays import Array, Mask
 
 ALLOWED = 0.1  # largest shift of an estimate by the error of the discretisation, in standard errors
 REFINEMENTS = 6  # of a block
+LEAST_SHARE = 0.01  # least share 1 - h of the noise that a residual may show
 DIFFERENT = 0.05  # relative difference of unknowns that belong to different optima
 ADVICE = "start from other guesses, set bounds, or fix some unknowns"
 OPTIONS: Mapping[str, Any] = {
@@ -273,7 +277,10 @@ def _reweighted(
 ) -> tuple[Problem, Fit, tuple[Fit, ...], tuple[Evaluation, ...]]:
     """Return the problem with the weights that residuals give, and its estimates."""
     fit, *others = optima
-    parts = [fit.residuals[rows] / problem.scale for rows in problem.rows]
+    own = fit.jacobian[:, ~fit.active_bounds] * fit.scale[~fit.active_bounds]
+    leverage = np.sum(np.linalg.qr(own)[0] ** 2, axis=1)
+    residuals = fit.residuals / problem.scale / np.sqrt(np.maximum(1 - leverage, LEAST_SHARE))
+    parts = [residuals[rows] for rows in problem.rows]
     better = [block.reweighted(part, robust=problem.robust) for block, part in zip(problem.blocks, parts, strict=True)]
     if not any(better):
         return problem, fit, tuple(others), evaluations

@@ -35,7 +35,7 @@ from problems.beam.motions.marker_record import motion_record
 from problems.beam.motions.prediction import MotionPrediction
 from problems.beam.motions.prediction import predicted as predicted_motion
 from problems.beam.names import load_name, loads
-from problems.beam.properties import CLAMP, POWERS, PROPERTY_UNITS, Owners, kind_of, unit_of, value_of
+from problems.beam.properties import CLAMP, POWERS, PROPERTY_UNITS, SAME, Owners, kind_of, unit_of, value_of
 from problems.beam.values.block import ValueBlock
 from problems.beam.values.prediction import ValuePrediction
 from problems.beam.values.prediction import predicted as predicted_values
@@ -112,10 +112,23 @@ class BeamFit(LeastSquaresResult):
         return np.array([self.estimates[name] / value for name, value in self.first.items()])
 
     def _started(self, model: Model) -> Model:
-        """Return a model with the first stiffness of the clamp, if that is unknown and the clamp of the model rigid."""
-        if CLAMP not in self.first or math.isfinite(model.beam.clamp_stiffness):
-            return model
-        return Model(model.beam.with_(clamp_stiffness=self.first[CLAMP]), model.measures)
+        """Return a model with the first stiffness of the clamp, if that is unknown and the clamp of the model rigid.
+
+        Raises
+        ------
+        InputError
+            If an unknown property has another value than the fit began with.
+        """
+        if CLAMP in self.first and not math.isfinite(model.beam.clamp_stiffness):
+            model = Model(model.beam.with_(clamp_stiffness=self.first[CLAMP]), model.measures)
+        for name, first in self.first.items():
+            own = value_of(model.beam, name)
+            if own and abs(own - first) > SAME * first:
+                raise InputError(
+                    f"is {own:g} {unit_of(name)} in this model; it is an unknown of the fit, which began at {first:g}",
+                    name,
+                )
+        return model
 
     @property
     def combinations(self) -> dict[str, tuple[float, float]]:

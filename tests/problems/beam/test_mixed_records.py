@@ -1,14 +1,18 @@
 """Fits to records of different kinds at once: each pair recovers the truth, and so do all together."""
 
 import itertools
+import math
 import pickle
+from dataclasses import dataclass, replace
 
+import casadi as cs
 import numpy as np
 import pytest
 
 from ancf_casadi import (
     Beam,
     HarmonicBase,
+    InputError,
     ModalDamping,
     Model,
     PointLoad,
@@ -17,6 +21,9 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
+from ancf_casadi.estimation.block import Account, Block
+from ancf_casadi.estimation.solve import Problem, solve
+from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.plot import png
 from problems import FrequencyRecord, MarkerRecord, ResponseRecord, StaticRecord, fit_beam
 from tests.problems.beam.response_curves import noisy, swept
@@ -139,3 +146,60 @@ def test_the_modulus_of_some_elements_is_an_unknown(first):
     fit = fit_beam(first, FrequencyRecord(first, frequencies, std=1e-4 * frequencies), unknowns=names)
     assert [fit.estimates[name] for name in names] == pytest.approx([1.2 * 205e9, 205e9], rel=1e-5)
     assert fit.model.beam.elastic_modulus == pytest.approx(beam.elastic_modulus, rel=1e-5)
+
+
+def test_a_configuration_with_another_value_of_an_unknown_property_is_refused(first):
+    record = FrequencyRecord(first, natural_modes(first, count=3).frequencies, std=0.01)
+    fit = fit_beam(first, record, unknowns=["tip_mass"])
+    other = Model(first.beam.with_(tip_mass=1e-3))
+    assert fit.configured(Model(first.beam.with_(tip_mass=0.0))).beam.tip_mass == 0.0
+    for call in (lambda: fit.configured(other), lambda: fit.predict(record.with_model(other))):
+        with pytest.raises(InputError, match=r"tip_mass: is 0\.001 kg in this model; it is an unknown of the fit"):
+            call()
+
+
+def test_weights_allow_for_the_noise_that_the_fit_absorbs():
+    """Two blocks of three values, each with a mean of its own, which absorbs a third of their noise."""
+    rng, ratios = np.random.default_rng(0), []
+    for _ in range(200):
+        noise = rng.standard_normal(6)
+        ratios.append(deviation_of(noise))
+    assert np.sqrt(np.mean(np.square(ratios))) == pytest.approx(1.0, abs=0.1)
+
+
+def deviation_of(noise):
+    """Return the standard deviation that a block of three values, with a mean of its own, finds in a fit of two."""
+    blocks = tuple(Mean(f"mean_{k}", part) for k, part in enumerate(np.split(noise, 2)))
+    unknowns = tuple(Unknown(block.name, 0.0) for block in blocks)
+    solution = solve(Problem(blocks, unknowns))
+    return solution.problem.blocks[0].scale
+
+
+@dataclass(frozen=True, eq=False)
+class Mean(Block):
+    """Values about an unknown mean."""
+
+    name: str
+    values: np.ndarray
+    scale: float = 1.0
+
+    records = property(lambda self: [self.values])
+    series = property(lambda self: [len(self.values)])
+    owners = property(lambda self: np.zeros(len(self.values), dtype=np.int64))
+    negligible = 0.0
+    failure = ""
+
+    def evaluation(self, before=None):
+        return self
+
+    def residuals(self, given):
+        return (given[self.name] - cs.DM(self.values)) / self.scale
+
+    def reweighted(self, residuals, *, robust):
+        return replace(self, scale=self.scale * math.sqrt(np.mean(residuals**2)))
+
+    def close(self):
+        pass
+
+    def account(self, fitted):
+        return Account()

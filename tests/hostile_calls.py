@@ -91,6 +91,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
     noise = 1e-5 * np.random.default_rng(1).standard_normal(200)
     record = a.Measurement(instants, values + noise)
     fit = p.fit_decay(record)
+    fit.save(folder / "fit.json")
     columns = np.column_stack([instants, values])
     np.savetxt(folder / "a.csv", columns, delimiter=",", header="t (s),x (mm)", comments="")
     recording = a.read_recording(folder / "a.csv")

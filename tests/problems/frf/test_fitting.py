@@ -235,7 +235,7 @@ def contained(f, modes, values, kind, seed):
     record = FrfRecord(f, values + noise_of(kind, np.random.default_rng(seed), values, f), "receptance")
     fit = fit_frf(record, frequencies=[mode[0] for mode in modes])
     truth = [value for mode in modes for value in mode[:2]]
-    return [low <= value <= high for (low, high), value in zip(fit.intervals.values(), truth, strict=True)]
+    return [low <= value <= high for (low, high), value in zip(fit.intervals().values(), truth, strict=True)]
 
 
 @pytest.mark.slow

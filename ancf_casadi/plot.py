@@ -28,12 +28,7 @@ from ancf_casadi.vibration.modes import Modes
 
 DATED = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}  # metadata that would change from run to run
 RESOLUTION = 130  # dots per inch
-FINE = 4000  # points of a drawn curve
 COLUMNS = 600  # of a record that is drawn by its extremes
-MOST_PERIODS, ZOOMED = 40, 8  # periods that are drawn in full, and that are drawn beside the extremes
-DRAWN_MODES = 10
-DRAWN_SHAPES, FINE_SHAPE = 12, 60  # shapes of a drawn motion, and points of each
-DRAWN_SWING = 0.15  # largest displacement in a drawn mode, relative to the length of the beam
 
 
 def rendered(figure: Figure, suffix: str = ".png") -> bytes:
@@ -127,7 +122,7 @@ def _draw_record(
     """Draw a record and a fit; if there are many periods, their extremes, and the first periods beside them."""
     fitted = curve(time)
     turns = np.flatnonzero(np.diff(np.sign(fitted - np.median(fitted))))
-    many = len(turns) > 2 * MOST_PERIODS
+    many = len(turns) > 2 * 40  # half periods; fewer are drawn in full
     size, name = prefixed(float(np.abs(measured).max()), unit)
     plots = figure.subplots(1, 2, width_ratios=(3, 2), sharey=True) if many else [figure.subplots()]
     if many:
@@ -137,9 +132,9 @@ def _draw_record(
         plots[0].fill_between(time[edges], low, high, color=MEASURED, alpha=0.35, lw=0, label="record, extremes")
         for extremes, label in ((np.minimum, None), (np.maximum, "fit, extremes")):
             plots[0].plot(time[edges], extremes.reduceat(fitted, edges) / size, lw=1, color=COMPUTED, label=label)
-    end = time[turns[2 * ZOOMED]] if many else time[-1]
+    end = time[turns[2 * 8]] if many else time[-1]  # the periods drawn beside the extremes
     shown = time <= end
-    fine = np.linspace(time[0], end, FINE)
+    fine = np.linspace(time[0], end, 4000)  # points of a drawn curve
     plots[-1].plot(time[shown], measured[shown] / size, ".", ms=3, color=MEASURED, label="record")
     plots[-1].plot(fine, curve(fine) / size, lw=1, color=COMPUTED, label="fit")
     for axes in plots:
@@ -203,7 +198,7 @@ def _draw_shapes(axes: Axes, runs: Mapping[str, Motion]) -> None:
     """Draw beams at equally spaced instants: the first dashed, the last bold, those between thin."""
     for (label, run), (colour, dash) in zip(runs.items(), _lines(runs), strict=False):
         last, alone = len(run.time) - 1, len(runs) == 1
-        rows = np.unique(np.linspace(0, last, DRAWN_SHAPES if alone else 2).astype(int)).tolist()
+        rows = np.unique(np.linspace(0, last, 12 if alone else 2).astype(int)).tolist()
         styles: dict[int, dict[str, Any]] = {row: {"lw": 0.6, "alpha": 0.5} for row in rows}
         styles |= {last: {"lw": 2.0, "ls": dash}, 0: {"lw": 1.2, "ls": "--"}}
         for row in rows:
@@ -219,7 +214,7 @@ def _draw_shapes(axes: Axes, runs: Mapping[str, Motion]) -> None:
 
 def _shape(model: Model, coordinates: Array) -> Array:
     """Return the positions (2, k) along a beam, mm."""
-    points = np.linspace(0.0, model.beam.length, FINE_SHAPE).tolist()
+    points = np.linspace(0.0, model.beam.length, 60).tolist()
     return 1e3 * np.array([model.interpolation(s) @ coordinates for s in points]).T
 
 
@@ -252,7 +247,7 @@ def modes_figure(results: Mapping[str, Modes]) -> Figure:
     first = next(iter(results.values()))
     rest = _shape(first.model, first.equilibrium.coordinates).T
     shown, lies = (
-        min(max(modes.count for modes in results.values()), DRAWN_MODES),
+        min(max(modes.count for modes in results.values()), 10),
         np.ptp(rest[:, 0]) > np.ptp(rest[:, 1]),
     )
     columns, width, height = (2, 4.2, 1.7) if lies else (5, 1.8, 3.2)
@@ -280,7 +275,8 @@ def _draw_mode(axes: Axes, k: int, results: Mapping[str, Modes]) -> None:
         if k >= modes.count:
             continue
         size = np.linalg.norm(_shape(modes.model, modes.shapes[:, k]), axis=0).max()
-        rest, swing = modes.equilibrium.coordinates, 1e3 * DRAWN_SWING * modes.model.beam.length / size
+        # largest displacement in a drawn mode, relative to the length of the beam
+        rest, swing = modes.equilibrium.coordinates, 1e3 * 0.15 * modes.model.beam.length / size
         axes.plot(*_shape(modes.model, rest), ls=":", lw=0.8, color=MEASURED)
         for side, width in ((1.0, 1.5), (-1.0, 0.5)):
             axes.plot(*_shape(modes.model, rest + side * swing * modes.shapes[:, k]), lw=width, color=colour, ls=dash,

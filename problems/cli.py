@@ -39,7 +39,6 @@ COMMANDS = {  # module in problems.command, and what the command does
     "study": ("study", "run a study and write its document: an HTML report"),
     "reproduce": ("study", "run the study of the paper: every table and figure"),
 }  # fmt: skip
-SIGNALLED = 128  # plus the number of the signal: the exit code that shells give
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -148,7 +147,8 @@ def _reported(error: Exception) -> int:
 
 
 def _stopped(noted: Sequence[int], written: str) -> int:
-    return _failed(f"stopped; {written}", SIGNALLED + (noted[0] if noted else signal.SIGINT))
+    # plus the number of the signal: the exit code that shells give
+    return _failed(f"stopped; {written}", 128 + (noted[0] if noted else signal.SIGINT))
 
 
 def _failed(reason: object, code: int) -> int:

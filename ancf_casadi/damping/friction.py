@@ -48,8 +48,6 @@ from ancf_casadi.support.inputs import positive
 from ancf_casadi.vibration.modes import Modes
 
 FRICTION_CONSTANT = 52 / 81  # exact: int S^2 dp / int S dp for the shape S of Eq. (21)
-PHASES = 48  # Gauss points in a quarter of a period, which resolve the turn of the motion
-LEAST_SPEED = 1e-6  # relative to the smoothing speed; below it, friction is linear in the velocity to 1e-12
 
 
 @final
@@ -120,8 +118,9 @@ class FrictionDamping(DampingLaw):
         tip, model = amplitude_of_each(modes, amplitudes), modes.model
         omega, shapes = modes.angular_frequencies, modes.shapes / modes.tip_amplitudes()
         modal_mass = (shapes * (model.mass(model.properties).sparse() @ shapes)).sum(axis=0)
-        speed = np.maximum(omega * tip, LEAST_SPEED * self.smoothing_speed)
-        points, weights = gauss(PHASES)
+        # relative to the smoothing speed; below it, friction is linear in the velocity to 1e-12
+        speed = np.maximum(omega * tip, 1e-6 * self.smoothing_speed)
+        points, weights = gauss(48)  # Gauss points in a quarter of a period, which resolve the turn of the motion
         phase = np.cos(math.pi / 2 * points)
         velocities = (shapes * speed)[:, :, None] * phase
         forces = model.friction_force(velocities.reshape(model.size, -1), model.properties, self.smoothing_speed)

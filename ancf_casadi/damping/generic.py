@@ -27,8 +27,6 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_sequence, number, physical, shown
 from ancf_casadi.vibration.modes import Modes
 
-LARGEST_RATIO = 1.0 - 1e-6  # usual upper bound of an estimated damping ratio
-
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -87,8 +85,9 @@ class ModalDamping(DampingLaw):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The damping ratios."""
+        # usual upper bound of an estimated damping ratio
         return tuple(
-            Parameter(f"ratio{k}", zeta, "1", f"damping ratio of mode {k}", upper=LARGEST_RATIO)
+            Parameter(f"ratio{k}", zeta, "1", f"damping ratio of mode {k}", upper=1.0 - 1e-6)
             for k, zeta in enumerate(self.ratios, start=1)
         )
 

@@ -37,7 +37,6 @@ from ancf_casadi.support.layout import Layout
 
 NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)
 EXCITATION = 3 * NODE + LOAD  # components of the excitation
-SAME_INSTANT = 1e-9  # of the time considered; pieces of base and load that end so close together end together
 
 
 def as_it_is(function: cs.Function) -> cs.Function:
@@ -312,7 +311,8 @@ def excitation_pieces(base: BaseMotion, load: TipLoad | None, begin: float, end:
     loading = (NO_LOAD if load is None else load).pieces_between(begin, end)
     instants = [begin]
     for instant in sorted(last for *_, last in (*moving, *loading)):
-        if instant - instants[-1] > SAME_INSTANT * (end - begin):
+        # of the time considered; pieces of base and load that end so close together end together
+        if instant - instants[-1] > 1e-9 * (end - begin):
             instants.append(instant)
     instants[-1] = end
     return [

@@ -28,7 +28,6 @@ from ancf_casadi.support.arrays import Array
 Method = Literal["auto", "idas", "radau"]
 
 SEGMENTS = 25  # per piece of the excitation; a restart of IDAS costs about a hundred small steps
-MOST_POINTS = 250  # samples per segment
 
 
 def chosen(setup: MotionSetup, method: Method, tolerance: float | None, options: Mapping[str, Any]) -> IntegratorUse:
@@ -98,7 +97,7 @@ def integrate(
 def _segments(setup: MotionSetup, piece: TimedPiece) -> list[Segment]:
     rate = setup.sample_rate
     points = max(1, math.ceil((piece.end - piece.begin) * rate / SEGMENTS))
-    return list(divide(piece.begin, piece.end, setup.pieces[0].begin, rate, min(points, MOST_POINTS)))
+    return list(divide(piece.begin, piece.end, setup.pieces[0].begin, rate, min(points, 250)))  # samples per segment
 
 
 def _with_impact(model: Model, solution: SegmentSolution, clamp: Array) -> SegmentSolution:

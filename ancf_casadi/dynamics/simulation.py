@@ -36,7 +36,6 @@ from ancf_casadi.support.inputs import check_instance, choice, flag, physical, p
 from ancf_casadi.support.interrupts import noted_interrupts
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
-MOST_STEPS = 5_000_000  # of IDAS, these take one or two minutes
 BAR = "{l_bar}{bar}| {n:.2f}/{total:.2f} s [{elapsed}<{remaining}]"
 
 
@@ -53,7 +52,7 @@ def simulate(
     tolerance: float | None = None,
     largest_step: float = math.inf,
     options: Mapping[str, Any] | None = None,
-    most_steps: int = MOST_STEPS,
+    most_steps: int = 5_000_000,  # of IDAS, these take one or two minutes
     progress: bool = False,
 ) -> Trajectory:
     """Integrate the motion of a beam.

@@ -40,8 +40,6 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 Start = Literal["equilibrium", "straight", "impact"]
 
 MOST_SAMPLES = 2e6  # coordinates and velocities take 2.7 GB at 20 elements
-CHECKED = 1001  # instants at which each piece of the excitation is checked
-LARGEST_STRAIN = 0.01  # largest axial strain of a given state; an equilibrium needs no check
 AGREEMENT = 1e-6  # deviation of a state from its base, relative to length, unit slope and largest velocity
 
 
@@ -205,7 +203,8 @@ def checked_excitation(model: Model, pieces: Sequence[TimedPiece]) -> Excitation
     InputError
         If the excitation is beyond all reason; see ``check_excitation``.
     """
-    every = [np.linspace(piece.begin, piece.end, CHECKED) for piece in pieces]
+    # instants at which each piece of the excitation is checked
+    every = [np.linspace(piece.begin, piece.end, 1001) for piece in pieces]
     found = [piece.excitation(times[None, :]).full().T for piece, times in zip(pieces, every, strict=True)]
     samples = ExcitationSamples(np.concatenate(every), np.vstack(found))
     check_excitation(model, samples.times, samples.values)
@@ -315,7 +314,7 @@ def _check_state(model: Model, excitation: Array, state: State) -> None:
         if given.shape != (model.size,) or not np.isfinite(given).all():
             raise InputError(f"the {name} must be {model.size} finite numbers", "start")
     strain = np.abs(axial_strain(model.gauss_slopes(state.coordinates), "engineering")).max()
-    if strain > LARGEST_STRAIN:
+    if strain > 0.01:  # largest axial strain of a given state; an equilibrium needs no check
         raise InputError(
             f"stretches the beam by {100 * strain:.1f} %, which sets off axial waves; bend it without stretching, "
             "as static_equilibrium with a tip load does",

@@ -34,8 +34,6 @@ from ancf_casadi.support.inputs import array, check_size, number, physical, posi
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
 LOAD = 3  # components of a load: force x and y, N, and moment, N m
-FAST = 0.1  # rate of change of a blow, relative to the largest of the record
-MOST_BLOWS = 50  # with more, the whole record is one piece
 
 
 class TipLoad(Piecewise):
@@ -284,11 +282,12 @@ def _marks(time: Array, rates: Array) -> list[float]:
     first, last = float(time[0]), float(time[-1])
     if not rates.any():
         return [first, last]
-    fast, margin = rates > FAST * rates.max(), 1 / rates.max()
+    # rate of change of a blow, relative to the largest of the record
+    fast, margin = rates > 0.1 * rates.max(), 1 / rates.max()
     begins, ends = time[:-1][fast] - margin, time[1:][fast] + margin
     apart = begins[1:] > ends[:-1]
     blows = [begins[np.r_[True, apart]], ends[np.r_[apart, True]]]
-    if blows[0].size > MOST_BLOWS:
+    if blows[0].size > 50:  # with more, the whole record is one piece
         return [first, last]
     inner = np.concatenate(blows)
     return [first, *np.sort(inner[(inner > first) & (inner < last)]).tolist(), last]

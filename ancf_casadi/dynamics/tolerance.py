@@ -37,7 +37,6 @@ IDAS_SMALLEST, RADAU_SMALLEST = 1e-10, 1e-12  # limits set by rounding
 NEGLIGIBLE = 1e-6  # A/L below which a cause is taken not to move the beam
 PART_OF_START = 0.1  # of the travel of a start that counts
 LEAST_OF_LARGEST = 0.1  # smallest expected travel, relative to the largest travel
-FIRST_ROOT = 1.8751040687  # beta_1 L of a cantilever
 MOST_LENGTHS = 1000.0  # of travel of the clamp, and of deflection under the load by the theory of small deflections
 MOST_WAVE_SPEEDS = 10.0  # of velocity; a body that meets another at one wave speed is stretched by its own length
 
@@ -167,7 +166,7 @@ def deflection(model: Model, times: Array, loads: Array) -> float:
 def _first_frequency(model: Model) -> float:
     """Return w_1 of the mean section, rad/s."""
     stiffness, line_density = _mean_section(model)
-    return FIRST_ROOT**2 * math.sqrt(stiffness / line_density) / model.beam.length**2
+    return 1.8751040687**2 * math.sqrt(stiffness / line_density) / model.beam.length**2  # beta_1 L of a cantilever
 
 
 def _mean_section(model: Model) -> tuple[float, float]:

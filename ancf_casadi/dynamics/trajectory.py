@@ -27,8 +27,6 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, number, whole
 from ancf_casadi.support.tables import Displayed, Reported, Table, counted
 
-AT_ONCE = 1000  # samples whose energy is computed together, to limit memory
-
 
 @dataclass(frozen=True, eq=False)
 class State(Displayed):
@@ -339,7 +337,8 @@ class Trajectory(Motion):
         """Strain energy U, (k,), J."""
         e = cs.MX.sym("e", self.model.size)
         energy = cs.Function("U", [e], [self.model.strain_energy(e, self.model.properties)])
-        parts = np.array_split(self.coordinates, len(self.time) // AT_ONCE + 1)
+        # samples whose energy is computed together, to limit memory
+        parts = np.array_split(self.coordinates, len(self.time) // 1000 + 1)
         return np.concatenate([np.empty(0), *(energy(part.T).full().ravel() for part in parts if len(part))])
 
     @cached_property

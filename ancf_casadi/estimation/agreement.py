@@ -46,7 +46,6 @@ from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.tables import known
 
 DISAGREE = 0.01  # probability of Q below which estimates do not agree
-DETERMINED = 1e-10  # part of a column that the other columns do not explain, relative, below which it is undetermined
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +221,8 @@ def _part(fit: Estimates, mask: Mask, least: float = 0.0) -> Part:
     length = np.linalg.norm(rows[:, free], axis=0)
     basis, triangle = np.linalg.qr(rows[:, free] / length)
     size = np.abs(np.diag(triangle))
-    if size.min() < DETERMINED * size.max():
+    # part of a column that the other columns do not explain, relative, below which it is undetermined
+    if size.min() < 1e-10 * size.max():
         return Part(values, covariance)
     inverse = (fit.scale[free] / length)[:, None] * np.linalg.inv(triangle)
     r = weights * fit.residuals[mask]

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-LONGEST_NAME = 32  # characters of a law in a table of 100 columns
-
 F = TypeVar("F", bound=LeastSquaresResult)
 
 
@@ -100,7 +98,7 @@ class LawComparison(Displayed, Generic[F]):
         Laws with long names are numbered in the rows.
         """
         verdict = self.verdict
-        numbered = max(map(len, self.names)) > LONGEST_NAME
+        numbered = max(map(len, self.names)) > 32  # characters of a law in a table of 100 columns
         labels = [str(k) if numbered else name for k, name in enumerate(self.names, start=1)]
         laws = zip(labels, self.fits, self.candidates, verdict.aicc, verdict.bic, strict=True)
         rows = [

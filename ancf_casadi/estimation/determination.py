@@ -37,8 +37,6 @@ from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array
 
 ABSENT = 1e-3  # exponent below which an unknown is not in a combination
-BESIDE = 0.5  # distance of the second point from the guess, in scales
-SIMPLE = 0.02  # largest deviation of an exponent from a simple fraction
 
 
 def check_determined(residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown], negligible: float) -> None:
@@ -63,7 +61,8 @@ def check_determined(residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown
     y = Coordinates.of(unknowns)
     evaluate = residual_function(residuals, y)
     signs = np.where(np.arange(len(y.guess)) % 2, -1.0, 1.0)
-    for point in (y.guess, np.clip(y.guess + BESIDE * signs * y.scale, y.lower, y.upper)):
+    # distance of the second point from the guess, in scales
+    for point in (y.guess, np.clip(y.guess + 0.5 * signs * y.scale, y.lower, y.upper)):
         _, jacobian = residuals_and_jacobian(evaluate, point / y.scale)
         logarithmic = np.where(y.reciprocal, -1.0, 1.0) * np.where(point == 0.0, 1.0, point / y.scale)
         found = undetermined(logarithmic * jacobian, negligible)
@@ -144,6 +143,7 @@ def _sentence(names: Sequence[str], exponents: Array) -> str:
 def _product(name: str, pivot: str, power: float) -> str:
     """Return ``name * pivot^power`` in plain notation: ``density/elastic_modulus``."""
     simple = Fraction(abs(power)).limit_denominator(4)
-    size = str(simple) if abs(float(simple) - abs(power)) < SIMPLE else f"{abs(power):.2f}"
+    # largest deviation of an exponent from a simple fraction
+    size = str(simple) if abs(float(simple) - abs(power)) < 0.02 else f"{abs(power):.2f}"
     exponent = "" if size == "1" else f"^({size})" if "/" in size else f"^{size}"
     return f"{name}{'/' if power < 0.0 else '*'}{pivot}{exponent}"

@@ -15,15 +15,12 @@ from ancf_casadi.estimation.solver.noise import autocorrelation
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 
-LAGS = 200  # of a drawn autocorrelation
 ACROSS = 4  # plots of estimates in a row
-MOST_SHOWN = 4  # channels of predictions
-FEW = 30  # values that are drawn as points
 
 
 def draw_autocorrelation(axes: Axes, residuals: Array, series: Sequence[int] = ()) -> None:
     """Draw the autocorrelation of residuals; for white noise, 95 % of the lags are between the dotted lines."""
-    correlation = np.nan_to_num(autocorrelation(residuals, series)[: LAGS + 1])
+    correlation = np.nan_to_num(autocorrelation(residuals, series)[:201])  # lags
     axes.plot(np.arange(len(correlation)), correlation, lw=1, color=COMPUTED)
     for edge in (-1.96, 1.96):
         axes.axhline(edge / len(residuals) ** 0.5, ls=":", lw=0.8, color=MEASURED)
@@ -125,11 +122,12 @@ def saved_figure(fits: Mapping[str, Any]) -> Figure:
 @literal_text
 def prediction_figure(predictions: Mapping[str, RecordPrediction]) -> Figure:
     """Draw measured and predicted values of each channel, amplitudes of complex ones, and their differences below."""
-    shown = [(label, one, channel) for label, one in predictions.items() for channel in one.channels][:MOST_SHOWN]
+    shown = [(label, one, channel) for label, one in predictions.items() for channel in one.channels][:4]
     figure = Figure(figsize=(4.0 * len(shown), 4.2), layout="constrained")
     plots = figure.subplots(2, len(shown), squeeze=False, sharex="col")
     for (upper, lower), (label, one, channel) in zip(plots.T, shown, strict=True):
-        style = {"marker": "o", "ms": 4, "ls": ""} if len(one.places) < FEW else {"lw": 0.8}
+        # few values are drawn as points
+        style = {"marker": "o", "ms": 4, "ls": ""} if len(one.places) < 30 else {"lw": 0.8}
         for values, colour, name in (
             (channel.measured, MEASURED, "measured"),
             (channel.predicted, COMPUTED, "predicted"),

@@ -56,10 +56,8 @@ if TYPE_CHECKING:
 
 Method = Literal["parametric", "bootstrap"]
 
-SIGNIFICANT = 2.0  # times (log10 m/m)^1/2: least correlation that is significant
 QUIET_LAGS = 5  # successive insignificant lags that end the sums
 MINIMUM_RUNS = 2
-MOST_RUNS = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,7 +243,7 @@ def monte_carlo(
     >>> bool(0.5 < deviations["damping_ratio"] / fit.standard_errors["damping_ratio"] < 2.0)
     True
     """
-    runs, seed = whole(runs, "runs", MINIMUM_RUNS, MOST_RUNS), whole(seed, "seed", 0)
+    runs, seed = whole(runs, "runs", MINIMUM_RUNS, 1_000_000), whole(seed, "seed", 0)
     choice(method, get_args(Method), "method")
     if not isinstance(fit, FitResult):
         raise InputError(f"must be the result of a fit, got a {type(fit).__name__}", "fit")
@@ -283,7 +281,8 @@ def block_length(fit: Fit) -> int:
     """Return the number of successive residuals to draw together; 1 if they do not correlate."""
     m, shortest = len(fit.residuals), min(fit.series, default=1)
     size = np.nan_to_num(np.abs(autocorrelation(fit.residuals, fit.series, fit.times)[1:]))
-    quiet = np.append(size < SIGNIFICANT * math.sqrt(math.log10(m) / m), np.ones(QUIET_LAGS, dtype=bool))
+    # times (log10 m/m)^1/2: least correlation that is significant
+    quiet = np.append(size < 2.0 * math.sqrt(math.log10(m) / m), np.ones(QUIET_LAGS, dtype=bool))
     last = int(np.argmax(np.lib.stride_tricks.sliding_window_view(quiet, QUIET_LAGS).all(axis=1)))
     lags = np.arange(1, min(2 * last, len(size)) + 1)
     size = np.clip(2 - lags / max(last, 1), 0.0, 1.0) * size[: len(lags)]

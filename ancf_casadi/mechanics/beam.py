@@ -38,7 +38,6 @@ UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modulus":
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error
 SMALLEST, LARGEST = 1e-100, 1e100  # bounds in SI units; products of values beyond them overflow or vanish
-UNIT_TOLERANCE = 1e-15  # largest deviation of the length of a unit vector from 1
 
 
 @dataclass(frozen=True)
@@ -152,7 +151,7 @@ class Beam(Displayed):
         norm = math.hypot(*axis)
         if norm == 0.0:
             raise InputError("must not be the zero vector", "axis")
-        if abs(norm - 1.0) > UNIT_TOLERANCE:  # a unit vector keeps all its digits
+        if abs(norm - 1.0) > 1e-15:  # a unit vector keeps all its digits
             axis = axis[0] / norm, axis[1] / norm
         object.__setattr__(self, "axis", axis)
         object.__setattr__(self, "gravity", gravity)

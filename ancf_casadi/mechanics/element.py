@@ -34,8 +34,6 @@ import casadi as cs
 from ancf_casadi.mechanics.shape import gauss_pairs, shape_matrix
 from ancf_casadi.mechanics.strain import StrainMeasures, axial_strains, bending_strains
 
-MASS_POINTS = 4  # exact: the integrand has degree 6
-DRAG_POINTS = 4  # of drag and friction; approximate: |v| v and v/|v| are not polynomials
 ELEMENT_PROPERTIES = 7  # width, thickness, density, elastic modulus, length, x and y of the axis
 STILL = 1e-9  # m/s; |v| is smoothed below this speed, because it has no derivative at rest
 
@@ -105,11 +103,12 @@ def element(measures: StrainMeasures) -> Element:
         *(elastic_modulus * area * thickness**2 / 12 * l * w for _, w in kappa),
     )
     unit_mass, unit_weight = cs.DM.zeros(8, 8), cs.DM.zeros(8, 2)
-    for xi, w in gauss_pairs(MASS_POINTS):
+    for xi, w in gauss_pairs(4):  # exact: the integrand has degree 6
         shape = shape_matrix(xi)
         unit_mass += w * shape.T @ shape
         unit_weight += w * shape.T
     mass = mu * l * (units @ units.T) * unit_mass
+    # of drag and friction; approximate: |v| v and v/|v| are not polynomials
     return derived_element(
         inputs=(e, e_t, p),
         straight=cs.vertcat(0, 0, *axis, *(l * component for component in axis), *axis),
@@ -118,7 +117,7 @@ def element(measures: StrainMeasures) -> Element:
         mass=mass,
         line_mass=mass,
         gravity=mu * l * cs.repmat(units, 1, 2) * unit_weight,
-        surface=[(shape_matrix(xi) @ cs.diag(units), w * mu * l) for xi, w in gauss_pairs(DRAG_POINTS)],
+        surface=[(shape_matrix(xi) @ cs.diag(units), w * mu * l) for xi, w in gauss_pairs(4)],
     )
 
 

@@ -26,9 +26,6 @@ from ancf_casadi.support.tables import Displayed
 AxialStrain = Literal["engineering", "green"]
 Curvature = Literal["material", "geometric", "small"]
 
-AXIAL_POINTS = 2
-BENDING_POINTS = 2
-
 
 @dataclass(frozen=True)
 class StrainMeasures(Displayed):
@@ -60,8 +57,8 @@ class StrainMeasures(Displayed):
 
     axial: AxialStrain = "engineering"
     curvature: Curvature = "material"
-    axial_points: int = AXIAL_POINTS
-    bending_points: int = BENDING_POINTS
+    axial_points: int = 2
+    bending_points: int = 2
 
     def __post_init__(self) -> None:
         """Validate."""

@@ -12,8 +12,6 @@ from matplotlib.figure import Figure
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 
-DENSE = 2000  # samples beyond which a line is clearer than points
-
 
 @literal_text
 def series_figure(series: Sequence[tuple[str, Array, Array]], title: str = "") -> Figure:
@@ -66,5 +64,5 @@ def spectra_figure(
 
 
 def _draw(axes: Axes, time: Array, values: Array) -> None:
-    dense = len(time) > DENSE
+    dense = len(time) > 2000  # samples beyond which a line is clearer than points
     axes.plot(time, values, color=MEASURED, lw=0.6 if dense else 0.4, marker="" if dense else ".", ms=2.5)

@@ -23,8 +23,6 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 
-KEPT = 0.8  # passband, relative to half the new sampling rate
-STOPPED = 80.0  # attenuation, dB
 UNEVEN = 0.1  # largest deviation of a time from the even grid, in steps
 
 
@@ -53,7 +51,7 @@ def decimated(values: Array, factor: int) -> Array:
     """Return every ``factor``-th value after the low-pass filter."""
     from scipy.signal import firwin, kaiserord, upfirdn  # slow to import
 
-    taps, beta = kaiserord(STOPPED, 2 * (1 - KEPT) / factor)
+    taps, beta = kaiserord(80.0, 2 * (1 - 0.8) / factor)  # attenuation (dB), and passband
     half = (taps // 2 // factor + 1) * factor  # a whole number of new steps, so that sample 0 stays a sample
     half = min(half, (len(values) - 1) // factor * factor)
     filter_ = firwin(2 * half + 1, 1 / factor, window=("kaiser", beta))

@@ -9,8 +9,6 @@ import numpy as np
 
 from ancf_casadi.support.arrays import Array
 
-GAP = 1.5  # steps; a longer step is a gap
-
 
 @dataclass(frozen=True)
 class Sampling:
@@ -52,7 +50,7 @@ def sampling(time: Array) -> Sampling:
         return Sampling(len(time), *edges, math.nan, 0, 0, math.nan, math.nan, math.nan)
     steps = np.diff(time)
     step = float(np.median(steps))
-    long = steps > GAP * step
+    long = steps > 1.5 * step  # a longer step is a gap
     regular = steps[~long]
     longest = int(np.argmax(steps))
     missing = np.rint(steps[long] / step) - 1

@@ -26,11 +26,7 @@ COUNTERS = re.compile(
     re.IGNORECASE,
 )
 MOSTLY = 0.9  # share of steps upwards, or of equal steps, that tells a column of times
-EQUAL = 0.05  # difference of equal steps, relative to the median
-EPOCH = 1e9  # s; times beyond it count from 1970
-LATEST = 1e11  # s; times beyond it must be in another unit
 DATED, LAST_DATE = 2e4, 1e6  # days since 1900 or since the year 0, as workbooks and MATLAB count
-ONE_HOUR = 1e-6  # span of such times relative to their size: a record of an hour at most
 RATE = "or give the sampling rate with --rate"
 
 
@@ -182,7 +178,8 @@ def _increases(values: Array) -> bool:
 def _is_even(values: Array) -> bool:
     steps = np.diff(values)
     usual = np.nanmedian(steps)
-    return bool(np.mean(np.abs(steps - usual) <= EQUAL * usual) >= MOSTLY)
+    # difference of equal steps, relative to the median
+    return bool(np.mean(np.abs(steps - usual) <= 0.05 * usual) >= MOSTLY)
 
 
 def _seconds(channel: Channel, unit: Unit | None, path: str) -> tuple[Array, tuple[str, ...]]:
@@ -198,15 +195,16 @@ def _seconds(channel: Channel, unit: Unit | None, path: str) -> tuple[Array, tup
             f"is in {given.symbol}, a unit of {given.quantity}, and is no time; choose another with --time", where
         )
     largest = float(np.nanmax(np.abs(channel.values), initial=0.0))
-    if given is None and largest > LATEST:
+    if given is None and largest > 1e11:  # s; times beyond it must be in another unit
         raise InputError("has no unit, and its numbers are too large for s; give the unit with --time-unit", where)
     span = float(np.nanmax(channel.values, initial=-np.inf) - np.nanmin(channel.values, initial=np.inf))
-    if given is None and DATED < largest < LAST_DATE and span < ONE_HOUR * largest:
+    # span of such times relative to their size: a record of an hour at most
+    if given is None and DATED < largest < LAST_DATE and span < 1e-6 * largest:
         raise InputError("has no unit, and may count days; give the unit with --time-unit", where)
     factor = given.factor if given else 1.0
     notes: tuple[str, ...] = () if given else (f"column {channel.label} has no unit; its times are taken in s",)
     values = channel.values
-    if largest * factor > EPOCH:
+    if largest * factor > 1e9:  # s; times beyond it count from 1970
         values = values - values[np.argmax(~np.isnan(values))]
         notes += ("times count from the first sample",)
     return np.asarray(factor * values), notes

@@ -15,7 +15,6 @@ from ancf_casadi.records.units import OVER, TOKENS, Unit, parse_unit, plain_text
 BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
 COUNTERS = {"min", "h", "in", "g", "gs", "grad", "mil"}  # as the whole name of a column, these are rarely units
 SILENT = " _.,·⋅*-"
-LONGEST = 5  # words of the longest spelling, such as m per second per second
 
 
 def unit_in_name(name: str) -> tuple[str, Unit | None]:
@@ -50,7 +49,8 @@ def _runs(tokens: list[str], items: list[int]) -> list[tuple[int, int]]:
     for n, begin in enumerate(items):
         if n == 0 or not powers(tokens[begin]) or (runs and begin < runs[-1][1]):
             continue
-        ends = [k + 1 for k in reversed(items[n : n + LONGEST]) if parse_unit("".join(tokens[begin : k + 1]))]
+        # words of the longest spelling, such as m per second per second
+        ends = [k + 1 for k in reversed(items[n : n + 5]) if parse_unit("".join(tokens[begin : k + 1]))]
         if not ends or (tokens[begin] == "in" and parse_unit("".join(tokens[begin + 1 : ends[0]]).lstrip(SILENT))):
             continue  # the preposition, as in Weg in mm
         certain = begin == items[-1] or (len(tokens[begin]) > 1 and tokens[begin] not in COUNTERS)

@@ -36,11 +36,6 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.modes import Modes
 
-SNAPSHOTS = 200  # random bent shapes
-LARGEST_ROTATION = 0.8  # rad, of the slope in a snapshot: root of the sum of squares over the modes
-FIRST_ORDER_WEIGHT = 1e4  # weight of the state at rest and of the first-order motion among the snapshots
-LARGEST_STRAIN = 0.1  # axial strain per unit rotation; a mode with more is not a bending mode
-
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
@@ -94,7 +89,8 @@ def nodal_slopes(modes: Modes) -> Slopes:
     (x, y), square = rest.T, (rest**2).sum(axis=1)
     rotations = (x[:, None] * change[:, 1] - y[:, None] * change[:, 0]) / square[:, None]
     strains = (x[:, None] * change[:, 0] + y[:, None] * change[:, 1]) / square[:, None]
-    axial = np.abs(strains).max(axis=0) > LARGEST_STRAIN * np.abs(rotations).max(axis=0)
+    # axial strain per unit rotation; a mode with more is not a bending mode
+    axial = np.abs(strains).max(axis=0) > 0.1 * np.abs(rotations).max(axis=0)
     if axial.any():
         raise InputError(
             f"mode {axial.argmax() + 1} stretches the beam, and the reduced model only bends; keep fewer modes", "modes"
@@ -113,12 +109,14 @@ def nodal_slopes(modes: Modes) -> Slopes:
 def select_points(slopes: Slopes, count: int, rows: Index | None = None) -> Slopes:
     """Return the slopes at the ``count`` points, or at given ones, that best determine all slopes; more than modes."""
     points, m = slopes.rotations.shape
-    largest = LARGEST_ROTATION / np.sqrt(m) / np.abs(slopes.rotations).max(axis=0)
-    q = np.random.default_rng(0).uniform(-1.0, 1.0, (SNAPSHOTS, m)) * largest
+    # rad, of the slope in a snapshot: root of the sum of squares over the modes
+    largest = 0.8 / np.sqrt(m) / np.abs(slopes.rotations).max(axis=0)
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (200, m)) * largest  # random bent shapes
     angles = slopes.angles + q @ slopes.rotations.T
     bent = np.vstack([slopes.lengths * np.cos(angles), slopes.lengths * np.sin(angles)])
     first_order = np.concatenate([slopes.at_rest[:, :, None], slopes.jacobian * largest], axis=2).reshape(points, -1)
-    snapshots = np.column_stack([FIRST_ORDER_WEIGHT * first_order, bent.T])
+    # weight of the state at rest and of the first-order motion among the snapshots
+    snapshots = np.column_stack([1e4 * first_order, bent.T])
     basis = scipy.linalg.svd(snapshots, full_matrices=False)[0][:, :count]
     if rows is None:
         rows = np.sort(scipy.linalg.qr(basis.T, pivoting=True, mode="r")[1][:count])

@@ -24,8 +24,6 @@ from ancf_casadi.reduction.kinematics import Slopes
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.modes import Modes
 
-ROUNDING = 1e-14  # of the mass, relative
-
 
 @dataclass(frozen=True, eq=False)
 class Projection:
@@ -85,7 +83,7 @@ def project_model(modes: Modes, nodal: Slopes, selected: Slopes, drag_points: in
     jacobian = np.kron(nodal.shape, np.eye(2)) @ nodal.jacobian.reshape(-1, modes.count)
     points, weights = gauss(drag_points)
     own_mass = selected.shape.T @ mass @ selected.shape
-    rounding = ROUNDING * float(own_mass.diagonal().max())  # of a mesh so coarse that it is singular
+    rounding = 1e-14 * float(own_mass.diagonal().max())  # of a mesh so coarse that it is singular
     return Projection(
         slopes=selected,
         mass_factor=np.linalg.cholesky(own_mass + rounding * np.eye(len(own_mass))).T,

@@ -39,11 +39,7 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 
 STEPS_PER_PERIOD = 20
 CHUNK = 1000  # steps per call of a CasADi Function, which nothing interrupts
-COMPILED_FROM = 0.25  # s of simulated time; a shorter run would end before the compiler does
-COMPILED_UP_TO = 20_000  # operations in the right-hand side; compiling more takes minutes
 MOST_STEPS = 100_000_000
-PROJECTION_ITERATIONS = 30
-PROJECTION_TOLERANCE = 1e-12  # largest last change of q, relative to the root of the mass times the length
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,12 +236,13 @@ def project(reduced: ReducedModel, state: State, base: Array) -> Array:
     m, mass = reduced.count, reduced.model.mass(reduced.model.properties).sparse()
     shape, shape_jacobian = reduced.coordinates, reduced.coordinates.jacobian()
     q, size = np.zeros(m), float(np.sqrt(mass.diagonal().sum())) * reduced.model.beam.length
-    for _ in range(PROJECTION_ITERATIONS):
+    for _ in range(30):
         e, e_t = shape(q, np.zeros(m), base)
         J = shape_jacobian(q, np.zeros(m), base, e, e_t)[0].full()
         change = np.linalg.solve(J.T @ mass @ J, J.T @ (mass @ (state.coordinates - e.full().ravel())))
         q += change
-        if not np.abs(change).max() > PROJECTION_TOLERANCE * size:
+        # largest last change of q, relative to the root of the mass times the length
+        if not np.abs(change).max() > 1e-12 * size:
             momenta = J.T @ (mass @ (state.velocities - e_t.full().ravel()))
             return np.concatenate([q, np.linalg.solve(J.T @ mass @ J, momenta)])
     raise InputError("is too far from any shape of the modes kept; keep more modes, or bend the beam less", "start")
@@ -310,7 +307,8 @@ def _stepper(reduced: ReducedModel, duration: float) -> Callable[[Array, Array, 
     symbols = [cs.MX.sym(name, *reduced.step.size_in(name)) for name in names]
     fixed = {"is_diff_in": [False] * len(names), "is_diff_out": [False, False]}
     step = cs.Function("reduced_advance", symbols, [*reduced.step(*symbols)], fixed)
-    worth_compiling = duration >= COMPILED_FROM and reduced.rhs.n_instructions() <= COMPILED_UP_TO
+    # a run of a shorter time (s) would end before the compiler does, which takes minutes for more operations
+    worth_compiling = duration >= 0.25 and reduced.rhs.n_instructions() <= 20_000
     step = compiled(step) if worth_compiling else interpreted(step)
     x, base, h = cs.MX.sym("x", 2 * m), cs.MX.sym("base", BASE_SIZE, STAGES), cs.MX.sym("h")
     one = cs.Function("one", [x, base, h], [cs.vertcat(*step(x[:m], x[m:], base, reduced.values, h))])

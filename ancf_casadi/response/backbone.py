@@ -46,10 +46,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import number, physical, positive, whole
 from ancf_casadi.support.tables import Reported, Table, counted, spread
 
-POINTS = 30
 MOST_POINTS = 1000
-FIRST_SHARE = 1e-3  # of the largest amplitude, at which the backbone begins
-FIRST_STEP = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +165,7 @@ def backbone(
     *,
     amplitude: float,
     damping: DampingLaw | None = None,
-    points: int = POINTS,
+    points: int = 30,
     tolerance: float = TOLERANCE,
 ) -> Backbone:
     """Return frequency and damping ratio of a mode against its amplitude, for a beam whose base is at rest.
@@ -223,7 +220,8 @@ def backbone(
     series = fourier(FIRST_HARMONICS, least_samples(FIRST_HARMONICS), subject.symmetric)
     balance = HarmonicBalance(subject.system, subject.drive, series)
     linear = _LinearMode.of(balance, mode)
-    first = _first(subject, balance, linear, FIRST_SHARE * amplitude, tolerance)
+    # of the largest amplitude, at which the backbone begins
+    first = _first(subject, balance, linear, 1e-3 * amplitude, tolerance)
     motions, frequency = [motion_of(subject, first)], linear.omega / (2 * math.pi)
     amplitude_of = partial(
         PeriodicMotion.amplitude, point=None if subject.model else int(np.abs(linear.shape).argmax())
@@ -237,7 +235,7 @@ def backbone(
 
     direction = _row(first.family, linear)
     try:
-        for step in follow(first, direction, tolerance, FIRST_STEP, longest):
+        for step in follow(first, direction, tolerance, 1.0, longest):
             motions.append(motion_of(subject, step.end))
             if amplitude_of(motions[-1]) >= amplitude:
                 break

@@ -13,9 +13,6 @@ from matplotlib.figure import Figure
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.figures import SERIES, literal_text
 
-MOST_NAMED = 12  # curves of a plot in its legend
-WIDE_RATIO = 8.0  # highest over lowest frequency, beyond which the axis is logarithmic
-
 
 @dataclass(frozen=True, eq=False)
 class Curve:
@@ -63,7 +60,7 @@ def bode_figure(columns: Sequence[Sequence[Curve]], label: str, titles: Sequence
         _draw(above, below, curves)
         if column < len(titles):
             above.set_title(titles[column], fontsize="medium")
-        if any(curve.name for curve in curves) and len(curves) <= MOST_NAMED:
+        if any(curve.name for curve in curves) and len(curves) <= 12:  # curves of a plot in its legend
             above.legend(frameon=False, fontsize="small")
         below.set(xlabel="frequency, Hz")
     plots[0, 0].set_ylabel(label)
@@ -82,7 +79,8 @@ def _draw(above: Axes, below: Axes, curves: Sequence[Curve]) -> None:
         if curve.phase:
             below.plot(curve.frequencies, _unbroken(np.degrees(np.angle(curve.values))), **line)
     f = np.concatenate([curve.frequencies for curve in curves])
-    if f.min() > 0.0 and f.max() > WIDE_RATIO * f.min():
+    # highest over lowest frequency, beyond which the axis is logarithmic
+    if f.min() > 0.0 and f.max() > 8.0 * f.min():
         below.set_xscale("log")
     below.set(ylim=(-190.0, 190.0), yticks=[-180, -90, 0, 90, 180])
     for axes in (above, below):

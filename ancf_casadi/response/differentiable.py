@@ -32,8 +32,6 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.callbacks import Differentiable, kept
 from ancf_casadi.support.inputs import check_instance, flag
 
-PARTS = (1, 4, 16)  # into which the way from the given motion is divided if Newton's method fails
-READ = 8  # samples per harmonic from which a displacement is read
 GRAVITY = 2  # first parameters of a beam, which do not vary
 
 
@@ -88,7 +86,7 @@ class Neighbourhood:
 
     def _solved(self, inputs: Array) -> Array:
         """Return the coefficients, on a way in parts if the given motion is not close enough."""
-        for parts in PARTS:
+        for parts in (1, 4, 16):  # into which the way from the given motion is divided if Newton's method fails
             try:
                 return self._along(inputs, parts)
             except NotFound:
@@ -160,7 +158,8 @@ def motion_function(
     values = cs.vertcat(*(cs.vec(own) for own in reversed(parameters.values())), frequency, amplitude)
     rows, columns = motion.coefficients.shape
     C = cs.reshape(near(values), columns, rows).T
-    series = fourier(motion.harmonic_count, READ * (motion.harmonic_count + 1))
+    # samples per harmonic from which a displacement is read
+    series = fourier(motion.harmonic_count, 8 * (motion.harmonic_count + 1))
     displacement = subject.symbolic_displacement(series, C, amplitude, point, direction, relative=relative)
     harmonic = cs.DM(series.analysis[[2, 1]]) @ displacement.T
     inputs = {**parameters, "frequency": frequency, "amplitude": amplitude}

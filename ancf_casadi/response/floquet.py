@@ -47,9 +47,6 @@ from ancf_casadi.response.harmonic_balance.fourier import basis_at
 from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
 
 STAGES = 7
-SMALL = 32  # degrees of freedom up to which all that N samples can excite is resolved within milliseconds
-ENTRIES = 2**22  # of the matrices that are solved at a time
-LEAST_RESOLVED, MOST_RESOLVED = 8, 64  # oscillations per period
 TOLERANCE = 1e-6  # of a magnitude; undamped vibrations stay on the unit circle only to rounding and truncation
 
 Bifurcation = Literal["fold", "branch point", "period doubling", "Neimark-Sacker"]
@@ -89,10 +86,11 @@ def floquet_multipliers(
     """
     samples, size, _ = K.shape
     if resolved is None:
-        resolved = max(LEAST_RESOLVED, samples / 4 if size <= SMALL else min(samples / 8, MOST_RESOLVED))
+        # degrees of freedom up to which all that N samples can excite is resolved within milliseconds
+        resolved = max(8, samples / 4 if size <= 32 else min(samples / 8, 64))  # oscillations per period
     steps = 2 * max(1, int(np.ceil(resolved)))
     taken = steps if mirror is None else steps // 2
-    at_once = max(1, ENTRIES // (STAGES * size) ** 2)
+    at_once = max(1, (2**22) // (STAGES * size) ** 2)  # of the matrices that are solved at a time
     matrices = [_series(A) for A in (K, D, M)]
     try:
         parts = [

@@ -41,10 +41,8 @@ UNITS = {
     "relative-transmissibility": "1",
 }
 DERIVATIVES = {"receptance": 0, "mobility": 1, "accelerance": 2}  # powers of i omega
-MODES = 5  # resonances in the frequencies that are chosen if none are given
 WIDE, SPREAD = (0.2, 1.3), 10.0  # these frequencies, relative to the first and last mode; half-widths about a resonance
 AMPLITUDE = 0.01  # of the tip, in lengths of the beam, at which the damping ratios are compared with those at rest
-DIFFERENT = 0.01  # relative difference of the damping ratios beyond which there is a warning
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +108,8 @@ class LinearFrf(Reported):
         """Limitations of small motion."""
         count, length = self.modes.count, self.modes.model.beam.length
         rest, moving = (self.damping.damping_ratios(self.modes, np.full(count, a)) for a in (0.0, AMPLITUDE * length))
-        if np.allclose(moving, rest, rtol=DIFFERENT, atol=0.0):
+        # relative difference of the damping ratios beyond which there is a warning
+        if np.allclose(moving, rest, rtol=0.01, atol=0.0):
             return ()
         return (
             "the damping depends on the amplitude, and these functions hold for very small motion only: at an "
@@ -233,7 +232,8 @@ def linear_frf(
     responding, loaded = _points(model, points, "points"), () if moved else _points(model, load_points, "load_points")
     law = damping or RayleighDamping()
     rest = equilibrium or static_equilibrium(model)
-    modes = natural_modes(model, count=min(MODES, model.size - NODE), equilibrium=rest)
+    # resonances in the frequencies that are chosen if none are given
+    modes = natural_modes(model, count=min(5, model.size - NODE), equilibrium=rest)
     f = _chosen(modes, law) if frequencies is None else _frequencies(frequencies)
 
     system = SmallMotion(rest, law)

@@ -35,12 +35,7 @@ from ancf_casadi.support.inputs import positive
 
 TOLERANCE = 1e-6
 FIRST_SHARE = 0.01  # of the amplitude of the excitation, at which the continuation begins
-FIRST_SIZE = 0.01  # largest size of the motion there, relative to the scale of the system
-SMALLEST_SHARE = 1e-9
-FIRST_STEP = 4.0
 MOST_STEPS = 300
-MOST_ITERATIONS = 50
-AT_REST = 1e-12
 
 
 def periodic_motion(
@@ -119,8 +114,9 @@ def grown(subject: Excited, omega: float, amplitude: float, tolerance: float) ->
         change[balance.allowed] = -np.linalg.solve(linear.by_coefficients, linear.by_amplitude)
     except np.linalg.LinAlgError:
         raise _undamped(omega) from None
-    first = amplitude * min(FIRST_SHARE, FIRST_SIZE / max(size_of(balance, amplitude * change), SMALLEST_SIZE))
-    if first < SMALLEST_SHARE * amplitude:
+    # largest size of the motion there, relative to the scale of the system
+    first = amplitude * min(FIRST_SHARE, 0.01 / max(size_of(balance, amplitude * change), SMALLEST_SIZE))
+    if first < 1e-9 * amplitude:
         raise _undamped(omega)
     size = max(size_of(balance, first * change), SMALLEST_SIZE)
     family = Family(balance, setting, ("amplitude",), (amplitude,), size)
@@ -146,7 +142,7 @@ def reached(point: Point, amplitude: float, tolerance: float) -> Point:
         If the curve does not reach it within 300 steps.
     """
     direction = np.sign(amplitude - point.setting.amplitude) * unit(point.family, "amplitude")
-    for count, step in enumerate(follow(point, direction, tolerance, FIRST_STEP)):
+    for count, step in enumerate(follow(point, direction, tolerance, 4.0)):
         before, after = (end.setting.amplitude - amplitude for end in (step.start, step.end))
         if (before < 0.0) != (after < 0.0):
             return set_to(step, "amplitude", amplitude, tolerance)
@@ -191,7 +187,7 @@ def rest(balance: HarmonicBalance, omega: float) -> Array:
     C = np.zeros((balance.fourier.size, balance.system.size))
     C[0] = balance.system.rest
     setting = Setting(omega, 0.0)
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(50):
         linear = balance.linearised(C, setting)
         K = balance.system.matrix(linear.matrices[0][0])
         try:
@@ -199,7 +195,7 @@ def rest(balance: HarmonicBalance, omega: float) -> Array:
         except np.linalg.LinAlgError:
             break
         C[0] += change
-        if (np.abs(change) / balance.system.scale).max() <= AT_REST:
+        if (np.abs(change) / balance.system.scale).max() <= 1e-12:
             return C
     raise NumericsError(
         "the system has no equilibrium near its state of rest, or may drift; give another state of rest, or a stiffness"

@@ -40,9 +40,6 @@ from ancf_casadi.support.inputs import LARGEST, check_instance, choice, physical
 
 POINTS = 60
 MOST_POINTS = 2000
-FIRST_STEP = 0.1
-LEAST_CLOSED = 5  # points of a closed curve
-CLOSED = 0.1  # distance of the first point from a step, relative to its length, at which a curve has closed
 
 Free = Literal["omega", "amplitude", "value"]
 RANGES: Mapping[Free, str] = {"omega": "frequencies", "amplitude": "amplitudes", "value": "values"}
@@ -276,7 +273,7 @@ def _traced(
                 found.append(BifurcationPoint(kind, len(motions), motion))
                 motions.append(motion)
             motions.append(motion_of(subject, step.end))
-            closed = len(motions) > LEAST_CLOSED and _passes(step, point)
+            closed = len(motions) > 5 and _passes(step, point)  # points of a closed curve
             if closed:
                 break
             if len(motions) >= MOST_POINTS:
@@ -297,7 +294,7 @@ def _steps(point: Point, name: Free, ends: tuple[float, float], points: int, tol
         rate = abs(tangent[place]) * at.family.scale[place]
         return float(most / rate) if rate else math.inf
 
-    for step in follow(point, direction, tolerance, FIRST_STEP, longest):
+    for step in follow(point, direction, tolerance, 0.1, longest):
         value = getattr(step.end.setting, name)
         if lowest < value < highest:
             yield step
@@ -341,4 +338,5 @@ def _passes(step: Step, first: Point) -> bool:
     begin, end, point = (own.family.resized(own.z, harmonics) / family.scale for own in (step.start, step.end, first))
     along, towards = end - begin, point - begin
     share = along @ towards / (along @ along)
-    return bool(0.0 < share <= 1.0 and np.linalg.norm(towards - share * along) <= CLOSED * np.linalg.norm(along))
+    # distance of the first point from a step, relative to its length, at which a curve has closed
+    return bool(0.0 < share <= 1.0 and np.linalg.norm(towards - share * along) <= 0.1 * np.linalg.norm(along))

@@ -19,7 +19,6 @@ from ancf_casadi.support.inputs import check_instance, shown
 from ancf_casadi.support.interrupts import delayed_interrupts
 
 MOST_BYTES = 64 * 2**20  # of a file that is read as a whole
-LONGEST_NAME = 4096  # characters of a path; systems allow no more
 MOST_PARTS = 50  # of a dotted key; tomllib takes a time that grows with their square
 DOTTED_KEY = re.compile(rb"""(?:\.[ \t]*(?:[\w-]+|'[^'\n]*'|"(?:[^"\\\n]|\\.)*")[ \t]*){%d}""" % MOST_PARTS)
 
@@ -128,7 +127,7 @@ def check_path(path: Any, where: str) -> None:
     """
     check_instance(path, where, str, os.PathLike)
     name = os.fspath(path)
-    if not isinstance(name, str) or "\0" in name or len(name) > LONGEST_NAME:
+    if not isinstance(name, str) or "\0" in name or len(name) > 4096:  # characters of a path; systems allow no more
         raise InputError(f"{shown(name)} cannot be the name of a file", where)
 
 

@@ -35,7 +35,6 @@ from ancf_casadi.support.compilation import Buffered
 from ancf_casadi.vibration.element_balance import ElementBalance, element_balance, load_balance
 
 BAND = 2 * NODE - 1  # diagonals on either side of the main one
-REFINEMENTS = 12  # largest number for one solution
 ROUNDING = float(np.finfo(float).eps)
 
 
@@ -204,7 +203,7 @@ def refined(solve: Callable[[Array], Array], product: Callable[[Array], Array], 
     """
     x = solve(right)
     last = float(np.linalg.norm(x))
-    for _ in range(REFINEMENTS):
+    for _ in range(12):  # most refinements of one solution
         change = solve(right - product(x))
         size = float(np.linalg.norm(change))
         if not size < last:

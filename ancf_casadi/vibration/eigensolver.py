@@ -34,8 +34,6 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import sparse
 from ancf_casadi.vibration.assembly import BAND, ROUNDING, Position, Structure, refined
 
-SHIFT = 10.0  # c in the shift a
-
 
 def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array, Array] | None:
     """Return the lowest eigenvalues and mass-normalised mode shapes; None if the equilibrium is not stable.
@@ -85,7 +83,7 @@ def _vectors(stiffness: Array, mass: Array, product: Callable[[Array], Array], c
     size, inertia = mass.shape[1], sparse(mass).tocsr()
     translation = np.resize([1.0, 0.0, 0.0, 0.0], size)
     total_mass = translation @ (inertia @ translation)
-    shift = SHIFT * ROUNDING * stiffness[BAND].reshape(-1, NODE)[:, :2].sum() / total_mass
+    shift = 10.0 * ROUNDING * stiffness[BAND].reshape(-1, NODE)[:, :2].sum() / total_mass  # c in the shift a
     shifted = stiffness + shift * mass
     factors = scipy.linalg.cholesky_banded(shifted[BAND:], lower=True), True
     if 2 * count + 1 >= size:  # too many for Lanczos' method

@@ -39,11 +39,7 @@ from ancf_casadi.support.tables import Reported, Table, counted
 from ancf_casadi.vibration.assembly import Position, Structure, refined
 from ancf_casadi.vibration.eigensolver import lowest_modes
 
-NEWTON_ITERATIONS = 12
-NEWTON_TOLERANCE = 1e-11  # of a correction, relative to the beam's length (positions) and to 1/2 (slopes)
 LARGEST_ROTATION = 0.5  # norm of the change of a slope vector in one load step; about the angle, rad
-SMALLEST_STEP = 1e-5  # of the load factor, which is 1 at full load
-MOST_TRIALS = 500  # load steps tried in all; a path that needs more is close to a fold
 
 
 @dataclass(frozen=True)
@@ -203,7 +199,8 @@ def static_equilibrium(
         trial = neighbour(loaded, rest, (1.0 - s) * weight)
         if trial is None:
             step /= 2
-            if step < SMALLEST_STEP or trials > MOST_TRIALS:
+            # a path that needs smaller steps of the load factor, or more of them, is close to a fold
+            if step < 1e-5 or trials > 500:
                 raise EquilibriumError(
                     f"no static equilibrium was found beyond {factor:.4g} of the load ({_described(acting)}, "
                     f"gravity {model.beam.gravity} m/s^2). Either an element bends by more than half a "
@@ -248,7 +245,7 @@ def neighbour(structure: Structure, near: Position, support: Array | float = 0.0
     free, scale = model.free, model.scale[model.free]
     slopes = np.arange(model.size).reshape(-1, NODE)[:, 2:]
     converged = False
-    for _ in range(NEWTON_ITERATIONS):
+    for _ in range(12):
         at = Position.of(at.coordinates)
         force, stiffness, _ = structure.linearisation(at)
         update = np.zeros(model.size)
@@ -264,7 +261,8 @@ def neighbour(structure: Structure, near: Position, support: Array | float = 0.0
         rotation = np.linalg.norm(at.coordinates[slopes] - near.coordinates[slopes], axis=1).max()
         if rotation > 2 * LARGEST_ROTATION:
             return None
-        converged = np.abs(update[free] / scale).max() < NEWTON_TOLERANCE
+        # of a correction, relative to the beam's length (positions) and to 1/2 (slopes)
+        converged = np.abs(update[free] / scale).max() < 1e-11
         if converged and rotation > LARGEST_ROTATION:
             return None
     return None

@@ -27,8 +27,6 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.modal_state import ModalState, modes_near
 from ancf_casadi.vibration.modes import Modes
 
-SPARE = 4  # additional modes computed above the highest one followed
-UNIQUE = 0.5  # MAC above which the assignment is unique
 SMALLEST_STEP = 1e-3  # relative to the whole change of the properties
 
 
@@ -73,14 +71,16 @@ def follow(start: ModalState, properties: Array) -> ModalState:
 def _step(here: ModalState, properties: Array, smallest: bool) -> ModalState | None:
     """Return the modes of a neighbouring state; None if there is none, or the step is ambiguous and not smallest."""
     model = here.model
-    count = min(model.size - model.free.start, int(here.numbers.max()) + 1 + SPARE)
+    # additional modes computed above the highest one followed
+    count = min(model.size - model.free.start, int(here.numbers.max()) + 1 + 4)
     state = modes_near(replace(here.structure, properties=properties), here.at, count)
     if state is None:
         return None
     correlations = _correlations(here, state)
     modes, targets = scipy.optimize.linear_sum_assignment(-(correlations**2))
     order = modes[np.argsort(targets)]
-    if not smallest and (correlations[order, np.arange(len(order))] ** 2).min() <= UNIQUE:
+    # MAC above which the assignment is unique
+    if not smallest and (correlations[order, np.arange(len(order))] ** 2).min() <= 0.5:
         return None
     return _selected(state, order, correlations)
 

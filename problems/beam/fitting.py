@@ -72,8 +72,6 @@ from problems.beam.unknowns import (
 from problems.beam.values.block import ValueBlock
 from problems.beam.values.records import FrequencyRecord, PropertyRecord, StaticRecord
 
-MODES_ABOVE = 2  # modes of the reduced model above the highest that a response curve is about
-MOST_MODES = 12  # modes among which those of the response curves are sought
 OTHER_START = 0.02  # second start of a tip mass, and of the compliance of a clamp, relative to the first
 
 Record = Measurement | MotionRecord | MarkerRecord | ResponseRecord | StaticRecord | FrequencyRecord
@@ -196,7 +194,8 @@ def fit_beam(
         blocks.append(motion_block(one, numbered, law, first, load=load, tolerance=tolerance, robust=robust))
     for one, numbered in _configured(curves, model, models):
         number, most = whole(harmonics, "harmonics", 1), one.size - one.free.start
-        enough = max(mode_of(record, frequencies) for record in curves) + 1 + MODES_ABOVE
+        # modes of the reduced model above the highest that a response curve is about
+        enough = max(mode_of(record, frequencies) for record in curves) + 1 + 2
         count = min(enough, most) if modes is None else whole(modes, "modes", 1, most)
         blocks.append(curve_block(one, numbered, law, shared, first, modes=count, harmonics=number))
     blocks += [ValueBlock(record.with_model(models[id(record.model)]), first) for record in values]
@@ -276,7 +275,8 @@ def _configured(records: Sequence[Any], model: Model, models: Mapping[int, Model
 
 
 def _frequencies(model: Model) -> Array:
-    return natural_modes(model, count=min(MOST_MODES, model.size - model.free.start)).frequencies
+    # modes among which those of the response curves are sought
+    return natural_modes(model, count=min(12, model.size - model.free.start)).frequencies
 
 
 def _known_to_curves(unknowns: Sequence[Unknown], law: DampingLaw, first: Mapping[str, float]) -> tuple[str, ...]:

@@ -41,10 +41,6 @@ STIFFNESSES = (CLAMP, "elastic_modulus", "bending_stiffness")
 GROUP = re.compile(rf"({'|'.join(PROPERTIES)})\[(\d+)(?::(\d+))?\]")
 
 WIDEST = 10.0  # factor on a property, either way, without other bounds
-HEAVIEST = 100.0  # factor on a tip mass without other bounds
-STIFF = 10.0  # first clamp stiffness if the clamp is rigid, in units of E I/L
-RIGID, LOOSE = 1e5, 1e-2  # largest and least clamp stiffness without other bounds, in units of E I/L
-SAME = 1e-9  # relative difference of properties that are the same
 
 
 def is_property(name: str) -> bool:
@@ -162,7 +158,8 @@ class Owners:
 def with_clamp(models: Sequence[Model]) -> list[Model]:
     """Return the models with a first stiffness for each clamp that is rigid: that of another one, or 10 E I/L."""
     elastic = [one.beam.clamp_stiffness for one in models if math.isfinite(one.beam.clamp_stiffness)]
-    first = elastic[0] if elastic else STIFF * _clamp_unit(models)
+    # first clamp stiffness if the clamp is rigid, in units of E I/L
+    first = elastic[0] if elastic else 10.0 * _clamp_unit(models)
     return [
         one if math.isfinite(one.beam.clamp_stiffness) else Model(one.beam.with_(clamp_stiffness=first), one.measures)
         for one in models
@@ -183,7 +180,7 @@ def first_values(models: Sequence[Model], names: Sequence[str]) -> dict[str, flo
         values = [value for value in values if not (name == "tip_mass" and value == 0.0)]
         if not values:
             raise InputError("no beam has a tip mass to estimate; give one of the models a first value", name)
-        if max(values) - min(values) > SAME * max(values):
+        if max(values) - min(values) > 1e-9 * max(values):  # relative difference of properties that are the same
             raise InputError(
                 f"the records must be of the same beam, but their models have a {name} from {min(values):g} to "
                 f"{max(values):g} {unit_of(name)}",
@@ -200,9 +197,10 @@ def property_unknown(name: str, first: float, models: Sequence[Model]) -> Unknow
     shortest beam for a clamp.
     """
     if name == "tip_mass":
-        lower, upper = 0.0, HEAVIEST * first
+        lower, upper = 0.0, 100.0 * first  # factor on a tip mass without other bounds
     elif name == CLAMP:
-        lower, upper = (bound * _clamp_unit(models) for bound in (LOOSE, RIGID))
+        # largest and least clamp stiffness without other bounds, in units of E I/L
+        lower, upper = (bound * _clamp_unit(models) for bound in (1e-2, 1e5))
     else:
         lower, upper = first / WIDEST, first * WIDEST
     inverse = name.partition("[")[0] in STIFFNESSES

@@ -41,10 +41,6 @@ from problems.beam.values.prediction import ValuePrediction
 from problems.beam.values.prediction import predicted as predicted_values
 from problems.beam.values.records import PropertyRecord
 
-INTEGRATED = 3.0  # systematic errors of a record, up to which residuals may be integration errors
-SCATTER = 2.0  # residuals, in stated standard deviations, beyond which model or records do not fit
-CERTAIN = 1.0  # relative standard error from which the data leave a product of properties open
-
 
 @dataclass(frozen=True, eq=False)
 class BeamFit(LeastSquaresResult):
@@ -195,8 +191,9 @@ class BeamFit(LeastSquaresResult):
         """Limitations of the estimates, one sentence each."""
         own = self.fit
         notes: list[str | None] = [self._rigid(note) for note in own.warnings]
+        # systematic errors of a record, up to which residuals may be integration errors
         notes += [
-            colour_warning(own, noise_free=INTEGRATED * own.systematic),
+            colour_warning(own, noise_free=3.0 * own.systematic),
             *(one.warning for one in self.agreements),
         ]
         notes += [note for account in self.accounts for note in account.warnings]
@@ -211,7 +208,8 @@ class BeamFit(LeastSquaresResult):
             )
         if not own.noise.freedom or not own.degrees_of_freedom:
             notes.append("there are no more values than unknowns, so nothing shows their uncertainty; measure more")
-        if all(block.stated for block in self.solution.problem.blocks) and self.scatter > SCATTER:
+        # residuals, in stated standard deviations, beyond which model or records do not fit
+        if all(block.stated for block in self.solution.problem.blocks) and self.scatter > 2.0:
             notes.append(
                 f"the residuals are {self.scatter:.2g} times the stated standard deviations: the model or the records "
                 "are less accurate than stated, and the standard errors allow for it"
@@ -219,7 +217,7 @@ class BeamFit(LeastSquaresResult):
         notes += [
             f"the records leave {name} open: the relative standard error of this product of powers is {error:.2g}"
             for name, error in self._products
-            if error > CERTAIN
+            if error > 1.0  # relative standard error from which the data leave a product of properties open
         ]
         return tuple(note for note in notes if note)
 

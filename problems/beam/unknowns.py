@@ -42,10 +42,7 @@ from problems.beam.names import base_name, frequency_name, load_name, loads
 from problems.beam.properties import property_unknown
 
 SLIGHT = 0.1  # scale of a load, relative to one that bends a beam by about its length
-FIRST_MODE = 3.516  # angular frequency of a cantilever over (E I/(mu L^4))^1/2
 FREQUENCY_RANGE = 0.10  # distance of the bounds of a frequency from its guess, relative
-TYPICAL_FREQUENCY = 1e-3  # scale of a frequency, relative
-TYPICAL_EXCITATION = 0.01  # scale of an excitation without a prior
 EXCITATION_RANGE = 0.5  # distance of the bounds of an excitation from 1
 
 FREQUENCIES, BASE = "natural_frequencies", "base_amplitude"
@@ -80,7 +77,7 @@ def of_curves(wanted: Sequence[str], frequencies: Array, records: Sequence[Respo
     names = [COMMON] if COMMON in wanted else []
     names += [f"excitation_{k}" for k in range(1, len(records) + 1)] if EACH in wanted else []
     limits = 1.0 - EXCITATION_RANGE, 1.0 + EXCITATION_RANGE
-    return found + [Unknown(name, 1.0, TYPICAL_EXCITATION, *limits) for name in names]
+    return found + [Unknown(name, 1.0, 0.01, *limits) for name in names]  # scale of an excitation without a prior
 
 
 def of_motions(wanted: Sequence[str], model: Model, records: Sequence[MotionRecord]) -> list[Unknown]:
@@ -149,7 +146,7 @@ def _frequencies(frequencies: Array, records: Sequence[ResponseRecord]) -> list[
         own = [record for record, one in zip(records, modes, strict=True) if one == mode]
         guess = _peak(min(own, key=lambda record: float(record.amplitudes.max()))) / float(frequencies[mode])
         limits = (1.0 - FREQUENCY_RANGE) * guess, (1.0 + FREQUENCY_RANGE) * guess
-        found.append(Unknown(frequency_name(mode), guess, TYPICAL_FREQUENCY, *limits))
+        found.append(Unknown(frequency_name(mode), guess, 1e-3, *limits))  # scale of a frequency, relative
     return found
 
 
@@ -224,5 +221,6 @@ def _load_scales(model: Model) -> dict[str, float]:
     stiffness = float(np.mean(modulus * width * thickness**3 / 12))
     length, mass = model.beam.length, float(np.mean(density * width * thickness))
     sizes = SLIGHT * stiffness / length**2 * np.array([1.0, 1.0, length])
-    rate = FIRST_MODE * math.sqrt(stiffness / (mass * length**4))
+    # angular frequency of a cantilever over (E I/(mu L^4))^1/2
+    rate = 3.516 * math.sqrt(stiffness / (mass * length**4))
     return dict(zip(START, [*sizes.tolist(), *(rate * sizes).tolist()], strict=True))

@@ -31,9 +31,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_SHOWN = 40  # channels in the table
-MOST_DRAWN = 6  # channels in the figure
-SPARSE = 4  # instants of the even grid per sample, beyond which no spectrum is computed
-SLOW = 3.0  # periods in a record, below which a peak of the spectrum is a step or a drift
 FEWEST = 10  # samples of a spectrum
 
 
@@ -122,7 +119,8 @@ def _peak(time: Array, values: Array) -> float:
         return math.nan
     swing = values - values.mean()
     frequency = peak_frequencies(time, swing)[0]
-    slow = frequency * (time[-1] - time[0]) < SLOW
+    # periods in a record, below which a peak of the spectrum is a step or a drift
+    slow = frequency * (time[-1] - time[0]) < 3.0
     return step_frequency(time, swing) if slow else frequency
 
 
@@ -135,7 +133,8 @@ def _even(channel: Channel) -> tuple[Array, Array] | None:
     if len(time) < FEWEST or not np.isfinite(values).all():
         return None
     step = float(np.median(np.diff(time)))
-    if not (time[-1] - time[0]) / step < SPARSE * len(time):
+    # instants of the even grid per sample, beyond which no spectrum is computed
+    if not (time[-1] - time[0]) / step < 4 * len(time):
         return None
     grid = np.linspace(time[0], time[-1], round((time[-1] - time[0]) / step) + 1)
     return grid, np.interp(grid, time, values)
@@ -278,7 +277,7 @@ def _figure(recording: Recording, plan: FitPlan) -> Figure:
     series: list[tuple[str, Array, Array, tuple[Array, Array]]] = []
     for channel in recording.channels:
         even = None if channel.fault or is_time(channel) else _even(channel)
-        if even is not None and channel.time is not None and len(series) < MOST_DRAWN:
+        if even is not None and channel.time is not None and len(series) < 6:  # channels in the figure
             label = f"{channel.name}, {channel.symbol}" if channel.symbol not in channel.name else channel.name
             series.append((label, channel.time, channel.values, even))
     if not series:

@@ -23,8 +23,6 @@ from ancf_casadi.support.tables import Displayed
 from problems.decay.mode_separation import MOST_MODES, fit_modes
 from problems.decay.result import DecayFit
 
-CORRELATED = 0.3  # correlation of two modes beyond which there is a warning; the errors are then 5 % too small
-
 
 @dataclass(frozen=True, eq=False)
 class IsolatedMode(Displayed):
@@ -135,11 +133,12 @@ def _isolated(record: Measurement, mode: DecayFit, fits: Sequence[DecayFit]) -> 
     others = tuple(fit for fit in fits if fit is not mode)
     values = record.values[-mode.samples :] - np.sum([fit.displacement(mode.time) for fit in others], axis=0)
     rest = Measurement(mode.time, values, record.name, record.sensor)
+    # correlation of two modes beyond which there is a warning; the errors are then 5 % too small
     close = [
         f"the modes at {mode.frequency:.4g} and {other.frequency:.4g} Hz are close, and the latter is subtracted as if "
         "it were known: the standard errors are too small; fit all modes at once"
         for other in others
-        if _rate(mode) + _rate(other) > CORRELATED * 2 * math.pi * abs(mode.frequency - other.frequency)
+        if _rate(mode) + _rate(other) > 0.3 * 2 * math.pi * abs(mode.frequency - other.frequency)
     ]
     return IsolatedMode(mode, others, rest, tuple(close))
 

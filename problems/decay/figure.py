@@ -17,8 +17,6 @@ from problems.decay.law_curve import law_curve
 from problems.decay.result import DecayFit
 from problems.decay.takes import DecayFits, DecayModes
 
-MOST_POINTS = 40  # windows, which are longer in a long record
-
 
 def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
     """Draw record and fit, the residuals, and damping ratio and frequency against amplitude, by law and by windows.
@@ -30,7 +28,7 @@ def decay_fit_figure(fits: Mapping[str, DecayFit]) -> Figure:
     (fit,) = fits.values()
     measured = fit.displacement(fit.time) - fit.residuals
     try:
-        periods = fit.frequency * (fit.time[-1] - fit.time[0]) / MOST_POINTS
+        periods = fit.frequency * (fit.time[-1] - fit.time[0]) / 40  # windows, which are longer in a long record
         longer = periods if periods > PERIODS else None
         record = Measurement(fit.time, measured, sensor=fit.model.sensor)
         points = damping_curve(record, periods=longer, release_time=fit.release_time)

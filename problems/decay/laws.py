@@ -53,7 +53,6 @@ Symbols = Sequence[cs.MX]
 Interval = tuple[float, float]
 
 EXPONENTS = (0.0, 4.0)  # bounds of the exponent
-LEAST_RATIO = 1e-9  # of the power law; at 0, no record would determine the exponent
 
 
 @dataclass(frozen=True)
@@ -185,7 +184,8 @@ def _friction_flow(time: Array, e0: cs.MX, _: float, ω: cs.MX, η1: cs.MX, η2:
 
 def _power_damping(guess: DecayGuess, _: Interval) -> list[Unknown]:
     lower, upper = EXPONENTS
-    return [_ratio_unknown(guess, (LEAST_RATIO, math.inf)), Unknown("exponent", 1.0, lower=lower, upper=upper)]
+    # of the power law; at 0, no record would determine the exponent
+    return [_ratio_unknown(guess, (1e-9, math.inf)), Unknown("exponent", 1.0, lower=lower, upper=upper)]
 
 
 def _power_flow(time: Array, e0: cs.MX, reference: float, ω: cs.MX, ζ: cs.MX, p: cs.MX) -> Flow[cs.MX]:
@@ -215,7 +215,6 @@ LAWS: Mapping[Law, DecayLaw] = {
 }
 
 DISPLACEMENT = Sensor()
-AT_REST = 1e-12  # amplitude relative to the one of reference, below which rates are those of this amplitude
 POWERS: Mapping[FrequencyLaw, int] = {"constant": 0, "linear": 1, "quadratic": 2}  # of the amplitude
 
 
@@ -326,7 +325,8 @@ class DecayModel:
         rate = -LAWS[self.law].ratio(A, self.reference, ω, *damping) * ω * A
         turn = self._damped(ω, damping) * (1 + k * A**self.power)
         second, turn_rate = cs.jtimes(rate, A, one) * rate, cs.jtimes(turn, A, one) * rate
-        held = cs.fmax(amplitude, AT_REST * self.reference)  # friction divides by the amplitude
+        # amplitude relative to the one of reference, below which rates are those of this amplitude
+        held = cs.fmax(amplitude, 1e-12 * self.reference)  # friction divides by the amplitude
         rate, turn, second, turn_rate = cs.substitute([rate, turn, second, turn_rate], [A], [held])
         if self.sensor.derivatives == 1:
             return rate * cs.cos(phase) - amplitude * turn * cs.sin(phase)

@@ -35,7 +35,6 @@ from problems.decay.laws import DecayModel
 ROUNDING = 1e-6  # residual relative to the amplitude, below which there is no noise
 FEW_PERIODS = 5  # of free decay, below which there is a warning
 IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
-LASTS, DECAYS = 0.1, 1.0  # decay rate times length, below which an oscillation lasts, and beyond which it decays
 DAMPING = ("zeta", "eta1", "eta2", "eta0")  # unknowns whose information divides the record, the first that is free
 RELEASE = ("r0", "v0", "e0", "phase", "offset", "drift")  # unknowns of a release, which belong to no mode
 
@@ -93,13 +92,13 @@ def _short(time: Array, values: Mapping[str, float]) -> str | None:
 def _lasting(time: Array, residuals: Array, values: Mapping[str, float]) -> str | None:
     """Return a warning if the fitted oscillation lasts, as hum does, and another one in the residuals decays."""
     length = float(time[-1] - time[0])
-    if values["damping_ratio"] * 2 * math.pi * values["frequency"] * length > LASTS:
+    if values["damping_ratio"] * 2 * math.pi * values["frequency"] * length > 0.1:  # otherwise the oscillation lasts
         return None
     try:
         other = first_guess(Measurement(time, residuals), release_time=float(time[0]))
     except InputError:
         return None
-    if other.ζ * other.ω * length < DECAYS:
+    if other.ζ * other.ω * length < 1.0:  # otherwise it decays
         return None
     return (
         f"the fitted oscillation of {values['frequency']:.4g} Hz hardly decays, but another one beside it, of "

@@ -52,7 +52,6 @@ INTEGRATIONS = 3  # most fits of an integrated law, until its step settles
 REFINED = 0.7  # ratio of the required step to the last one, below which the fit is repeated
 FEWEST = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
 PER_PERIOD = 12  # samples that this band needs
-ROBUST_ROUNDS = 3  # robust fits, in which the estimate of the noise settles
 ADVICE = "check the time of the release, or fit a law with fewer terms"
 
 
@@ -243,7 +242,7 @@ def _match(
         "advice": ADVICE,
     }
     fit = _first_fit(problem, starts, settings)
-    for _ in range(ROBUST_ROUNDS * robust):
+    for _ in range(3 * robust):  # robust fits, in which the estimate of the noise settles
         noise = noise_of(fit.residuals)
         if noise <= ROUNDING * max(guess.amplitude * guess.ω**model.sensor.derivatives for guess in guesses):
             break

@@ -24,8 +24,6 @@ from ancf_casadi.decay.track import Track, track
 from ancf_casadi.support.arrays import Array
 from problems.decay.laws import EXPONENTS, LAWS, DecayModel
 
-LEAST_SHARE = 0.02  # of the damping, with which a term starts that the regression finds negative
-
 
 def of_motion(guess: DecayGuess, derivatives: int) -> DecayGuess:
     """Return the guess of the motion from that of its velocity or acceleration, with offset and drift as measured."""
@@ -105,7 +103,8 @@ def _terms(found: Track, losses: Mapping[str, Array]) -> tuple[float, dict[str, 
         values[lowest] = 0.0
         del chosen[lowest]
     total = sum(values[name] * loss[-1] for name, loss in losses.items())
-    return math.exp(level), {name: max(values[name], LEAST_SHARE * total / loss[-1]) for name, loss in losses.items()}
+    # of the damping, with which a term starts that the regression finds negative
+    return math.exp(level), {name: max(values[name], 0.02 * total / loss[-1]) for name, loss in losses.items()}
 
 
 def _power(found: Track, reference: float, ω: float) -> tuple[float, dict[str, float]]:

@@ -12,7 +12,6 @@ from ancf_casadi.response.bode import Curve, bode_figure
 from ancf_casadi.support.figures import COMPUTED, MEASURED
 from problems.frf.result import FrfFit
 
-MOST_DRAWN = 4  # functions; of more, those with the largest residuals
 GREY = "#b0b0b0"
 
 
@@ -25,7 +24,7 @@ def frf_figure(fits: Mapping[str, FrfFit]) -> Figure:
     measured = record.values.reshape(-1, len(record.frequencies))
     fitted = fit.synthesised().reshape(measured.shape)
     misfit = np.linalg.norm(fitted - measured, axis=1) / np.linalg.norm(measured, axis=1)
-    drawn = np.sort(np.argsort(misfit)[::-1][:MOST_DRAWN]).tolist()
+    drawn = np.sort(np.argsort(misfit)[::-1][:4]).tolist()  # functions; of more, those with the largest residuals
     columns = [
         [
             Curve("measured", record.frequencies, measured[k], MEASURED),

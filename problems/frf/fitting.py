@@ -21,8 +21,6 @@ from problems.frf.selection import MOST_MODES, Selection, select_modes
 from problems.frf.trial import Trial
 from problems.frf.weights import first_deviations, given_deviations
 
-WEIGHTINGS = 3  # rounds in which weights and estimates settle
-
 
 def fit_frf(
     record: FrfRecord,
@@ -103,7 +101,7 @@ def fit_frf(
 
 def _settled(selection: Selection, best: Trial) -> Trial:
     """Return the fit with the weights that follow from its residuals."""
-    for _ in range(WEIGHTINGS):
+    for _ in range(3):  # rounds in which weights and estimates settle
         best = selection.weighted(best)
     return best
 

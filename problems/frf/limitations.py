@@ -9,7 +9,6 @@ from problems.frf.modal_sum import POWERS
 from problems.frf.record import FrfRecord
 from problems.frf.refinement import Refinement
 
-FEW_LINES = 3.0  # in the half-power bandwidth of a mode
 HIDDEN = 0.1  # relative standard error of a damping ratio beyond which there is a warning
 
 
@@ -21,7 +20,7 @@ def limitations(record: FrfRecord, refinement: Refinement) -> list[str]:
         width = 2 * ζ * own
         place = int(np.clip(np.searchsorted(f, own), 1, len(f) - 1))
         spacing = float(f[place] - f[place - 1])
-        if width < FEW_LINES * spacing:
+        if width < 3.0 * spacing:  # fewer than three lines in the half-power bandwidth
             notes.append(
                 f"mode {k}: its half-power bandwidth of {width:.3g} Hz holds few frequencies, which are {spacing:.3g} "
                 "Hz apart; leakage in the measurement may add to the damping, and a finer resolution would show it"

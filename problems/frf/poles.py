@@ -18,14 +18,9 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from problems.frf.modal_sum import ModalSum, stacked
 
-MOST_ORDER = 40
-LINES_PER_ORDER = 3  # at least
 RATIOS = (1e-5, 0.6)  # least and largest damping ratio of a candidate
 GRID = (3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25)  # damping ratios to try at a given frequency
-SWEEPS = 2  # over the modes, in the choice of these damping ratios
 NEAR, DRIFT = 0.3, 2e-3  # distance of equal poles, relative to their half-width, and to their frequency
-LEAST_TIMES, OFTEN = 4, 0.25  # orders at which a recurring pole occurs: number, and share of all
-UNEVEN = 1e-3  # largest deviation of lines from equal spacing, relative to the spacing
 MODULE, MISSING = "sdypy.EMA", "sdypy-EMA"
 
 
@@ -65,7 +60,7 @@ def candidate_poles(frequencies: Array, values: ComplexArray) -> Candidates:
     """
     ema = _library()
     f, rows = _equally_spaced(frequencies, values.T)
-    order = max(2, min(MOST_ORDER, len(f) // LINES_PER_ORDER))
+    order = max(2, min(40, len(f) // 3))  # at least three lines per order
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -91,7 +86,8 @@ def _recurring(frequencies: Array, ratios: Array, orders: Index) -> Index:
     times = np.array([len(np.unique(orders[row])) for row in near])
     found: list[int] = []
     for k in np.argsort(-times, kind="stable").tolist():
-        if times[k] < max(LEAST_TIMES, OFTEN * (orders.max() + 1)):
+        # a recurring pole occurs at four orders, and at a quarter of all
+        if times[k] < max(4, 0.25 * (orders.max() + 1)):
             break
         if all(distance[k, other] > width[k] + DRIFT * frequencies[k] for other in found):
             found.append(k)
@@ -111,7 +107,7 @@ def poles_near(model: ModalSum, values: ComplexArray, frequencies: Array) -> Can
         Approximate natural frequencies, Hz.
     """
     measured, ratios = stacked(values), np.full(len(frequencies), GRID[len(GRID) // 2])
-    for k in list(range(len(frequencies))) * SWEEPS:
+    for k in list(range(len(frequencies))) * 2:  # two sweeps over the modes
         rests = []
         for ζ in GRID:
             ratios[k] = ζ
@@ -149,7 +145,8 @@ def _library() -> Any:
 def _equally_spaced(frequencies: Array, rows: ComplexArray) -> tuple[Array, ComplexArray]:
     """Return equally spaced lines, interpolated if those given are not."""
     even = np.linspace(frequencies[0], frequencies[-1], len(frequencies))
-    if np.abs(frequencies - even).max() <= UNEVEN * (even[1] - even[0]):
+    # largest deviation of lines from equal spacing, relative to the spacing
+    if np.abs(frequencies - even).max() <= 1e-3 * (even[1] - even[0]):
         return frequencies, rows
     step = float(np.median(np.diff(frequencies)))
     even = np.linspace(frequencies[0], frequencies[-1], 1 + round((frequencies[-1] - frequencies[0]) / step))

@@ -15,7 +15,6 @@ from ancf_casadi.support.inputs import array, check_instance, choice, complex_ar
 from ancf_casadi.support.tables import Displayed, counted, spread
 
 LEAST_LINES = 8
-SMOOTHED = 12  # lines on either side over which the scatter of repeated measurements is averaged
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +139,8 @@ class FrfRecord(Displayed):
                 raise InputError("differ in frequencies, kind or shape", "records")
         values = np.array([run.values for run in runs])
         variance = (np.abs(values - values.mean(axis=0)) ** 2).sum(axis=0) / (len(runs) - 1) / len(runs)
-        smooth = np.apply_along_axis(moving_mean, 2, variance, SMOOTHED)
+        # lines on either side over which the scatter of repeated measurements is averaged
+        smooth = np.apply_along_axis(moving_mean, 2, variance, 12)
         if not (smooth > 0.0).all():
             raise InputError("are equal, so their scatter is zero; give one of them", "records")
         return cls(first.frequencies, values.mean(axis=0), first.kind, std=np.sqrt(smooth), points=first.points)

@@ -46,7 +46,6 @@ from problems.frf.modal_sum import stacked
 from problems.frf.trial import LARGEST_RATIO, LEAST_SCALE, Trial
 from problems.frf.weights import ROOM
 
-SHARED = 8.0  # squared size of alpha and beta, in their standard errors, from which they count; 1 in 3000 by chance
 ADVICE = "give approximate frequencies, ask for fewer modes, or choose a band"
 
 
@@ -101,7 +100,8 @@ class Refinement:
                 relative = fitted[:, first] * fitted[:, second].conj()
                 q = np.linalg.qr(np.column_stack([np.ones(k), relative / np.linalg.norm(relative)]))[0]
                 share = q.conj().T @ product
-                share[np.abs(share) ** 2 < SHARED] = 0.0
+                # squared size of alpha and beta, in their standard errors, from which they count; 1 in 3000 by chance
+                share[np.abs(share) ** 2 < 8.0] = 0.0
                 if share.any():
                     x += 2 * ((columns[first].conj() * (q @ share)[:, None]).T @ columns[second]).real
         eigenvalues, vectors = np.linalg.eigh((x + x.T) / 2)

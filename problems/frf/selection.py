@@ -34,13 +34,7 @@ from problems.frf.trial import Trial, quick_fit
 from problems.frf.weights import fitted_deviations
 
 CLEAR = 10.0  # difference of BIC that leaves no doubt
-TRIALS = 3  # candidates that are tried before the modes count as complete
-APART = 1.0  # distance of two different candidates, in sums of half-power half-widths
-SAME = 0.2  # distance of two modes, in half-power half-widths, below which they are one
-NARROW = 0.1  # least half-power bandwidth, relative to the distance of two lines
-HEAVY = 0.5  # largest damping ratio of a mode that is found without being asked for
 MOST_MODES = 20
-LARGEST_SHARE = 0.5  # of the residuals that parameters may be
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +75,7 @@ class Selection:
         """Return whether there are enough residuals for some modes."""
         count: int = self.values.shape[1]
         parameters = 2 * modes + count * (2 * modes + len(model.powers))
-        return parameters <= LARGEST_SHARE * 2 * self.values.size
+        return parameters <= 0.5 * 2 * self.values.size  # share of the residuals that parameters may be
 
     def weighted(self, fit: Trial) -> Trial:
         """Return the fit with the weights that follow from its residuals; the fit itself if that fails."""
@@ -120,10 +114,12 @@ class Selection:
         kept = (f >= lines[0]) & (f <= lines[-1])
         if self.strict:
             place = np.clip(np.searchsorted(lines, f), 1, len(lines) - 1)
-            kept &= (2 * ζ * f > NARROW * (lines[place] - lines[place - 1])) & (ζ < HEAVY)
+            # a mode has a tenth of the distance of two lines as half-power bandwidth, and no heavy damping
+            kept &= (2 * ζ * f > 0.1 * (lines[place] - lines[place - 1])) & (ζ < 0.5)
         poles = f * (-ζ + 1j * np.sqrt(1 - ζ**2))
         width = np.maximum(f * ζ, np.finfo(float).tiny)
-        close = np.abs(poles[:, None] - poles) < SAME * np.minimum(width[:, None], width)
+        # distance of two modes, in half-power half-widths, below which they are one
+        close = np.abs(poles[:, None] - poles) < 0.2 * np.minimum(width[:, None], width)
         return np.asarray(kept & ~np.tril(close, -1).any(axis=1))
 
 
@@ -222,8 +218,9 @@ def _ranked(fit: Trial, candidates: Candidates) -> list[tuple[float, float]]:
     found: list[tuple[float, float]] = []
     for k in np.argsort(explained)[::-1].tolist():
         f, ζ = float(candidates.frequencies[k]), float(candidates.ratios[k])
-        if all(abs(f - other) > APART * (f * ζ + other * own) for other, own in found):
+        # distance of two different candidates, in sums of half-power half-widths
+        if all(abs(f - other) > 1.0 * (f * ζ + other * own) for other, own in found):
             found.append((f, ζ))
-        if len(found) == TRIALS:
+        if len(found) == 3:  # candidates that are tried before the modes count as complete
             break
     return found

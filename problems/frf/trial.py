@@ -23,7 +23,6 @@ from problems.frf.modal_sum import ModalSum, stacked
 
 LARGEST_RATIO = 0.999
 LEAST_SCALE = 1e-4  # damping ratio that sets the scale of nearly undamped modes
-ROUNDING = 1e-10  # least relative norm of a column beside the others
 TOLERANCE = 1e-9
 
 
@@ -158,4 +157,5 @@ def quick_fit(model: ModalSum, values: ComplexArray, weights: Array, frequencies
         return None
     fit = at(found.x)
     columns = [np.abs(np.diag(triangle)) / np.linalg.norm(triangle, axis=0) for _, triangle in fit.factors]
-    return fit if np.min(columns) > ROUNDING and np.linalg.norm(fit.jacobian, axis=0).all() else None
+    # least relative norm of a column beside the others
+    return fit if np.min(columns) > 1e-10 and np.linalg.norm(fit.jacobian, axis=0).all() else None

@@ -31,9 +31,6 @@ from ancf_casadi.support.arrays import Array, ComplexArray
 from problems.frf.record import FrfRecord, moving_mean
 
 EXTREMES = (-30.0, 30.0)  # of the logarithms of A and B, relative to their first guesses
-POOLED = 100  # complex values that a mean in g contains at least
-CHANCE = 1e-4  # probability of means in g that differ so much by chance
-MEASURED_HALF = 4  # lines on either side over which a variance from the coherence is averaged
 LEAST = 1e-6  # standard deviation, relative to the median of the function
 ROOM = 0.05  # least 1 - h
 
@@ -47,7 +44,8 @@ def given_deviations(record: FrfRecord) -> Array | None:
     coherence = np.clip(record.coherence, 1e-6, 1.0)
     variance = np.abs(record.values) ** 2 * (1 - coherence) / coherence
     rows = variance.reshape(-1, len(record.frequencies))
-    smooth = np.sqrt(np.array([moving_mean(row, MEASURED_HALF) for row in rows]).T)
+    # lines on either side over which a variance from the coherence is averaged
+    smooth = np.sqrt(np.array([moving_mean(row, 4) for row in rows]).T)
     floor = np.median(smooth, axis=0)
     floor = np.where(floor > 0.0, floor, 1.0)
     return np.asarray(np.maximum(smooth, 1e-3 * floor))
@@ -105,10 +103,11 @@ def _slow_factor(ratio: Array) -> Array:
     scatter = float(np.var(ratio / ratio.mean())) if ratio.any() else 0.0
     if not scatter:
         return np.ones(len(ratio))
-    half = max(math.ceil(POOLED * min(scatter, 1.0) / 2), 3)
+    half = max(math.ceil(100 * min(scatter, 1.0) / 2), 3)  # complex values that a mean in g contains at least
     blocks = len(ratio) // (2 * half + 1)
     if blocks < 2:
         return np.ones(len(ratio))
     means = np.array([block.mean() for block in np.array_split(ratio, blocks)])
     excess = float(np.sum((means / ratio.mean() - 1) ** 2)) * len(ratio) / blocks / scatter
-    return moving_mean(ratio, half) if excess > chdtri(blocks - 1, CHANCE) else np.ones(len(ratio))
+    # probability of means in g that differ so much by chance
+    return moving_mean(ratio, half) if excess > chdtri(blocks - 1, 1e-4) else np.ones(len(ratio))

@@ -40,10 +40,6 @@ from problems.matching.response import Matching, Objective
 from problems.matching.result import FrequencyMatch
 from problems.matching.unknowns import PAPER, PropertyUnknown
 
-MOST_STARTS = 10_000
-SAME_VALUE = 1e-3  # largest relative difference of objectives that count as the same optimum
-SPARE = 2  # modes above the highest followed mode that the MAC includes
-
 
 def match_frequencies(
     beam: Beam,
@@ -120,7 +116,7 @@ def match_frequencies(
     space = DesignSpace(beam, unknowns, bounds)  # type: ignore[arg-type]
     choice(objective, get_args(Objective), "objective")
     check_instance(preference, "preference", LeastChange, Smoothness, NoneType)
-    starts, jobs, seed = whole(starts, "starts", 1, MOST_STARTS), whole(jobs, "jobs", 1), whole(seed, "seed", 0)
+    starts, jobs, seed = whole(starts, "starts", 1, 10_000), whole(jobs, "jobs", 1), whole(seed, "seed", 0)
     first = space.check_guess(guess)
     began = time.perf_counter()
     matching = Matching(space, measured, preference or LeastChange(), objective)
@@ -134,7 +130,8 @@ def match_frequencies(
     if not optima:
         raise next(attempt for attempt in attempts if isinstance(attempt, NumericsError))
     best = min(optima, key=lambda optimum: optimum.value)
-    reached = sum(optimum.value - best.value <= SAME_VALUE * best.value + 1e-6 for optimum in optima)
+    # largest relative difference of objectives that count as the same optimum
+    reached = sum(optimum.value - best.value <= 1e-3 * best.value + 1e-6 for optimum in optima)
     settings = {"unknowns": space.unknowns, "bounds": bounds, "preference": preference, "objective": objective}
     again = partial(_again, beam, guess=guess, starts=starts, seed=seed, **settings)
     return _result(matching, best, build_seconds, (starts, reached, starts - len(optima)), again)
@@ -192,6 +189,7 @@ def _result(
 def _mac(matching: Matching, state: ModalState) -> Array:
     """Return the MAC of the measured shapes with all of the lowest modes at the optimum, followed or not."""
     free = matching.model.size - matching.model.free.start
-    lowest = modes_near(state.structure, state.at, min(int(state.numbers.max()) + 1 + SPARE, free))
+    # modes above the highest followed mode that the MAC includes
+    lowest = modes_near(state.structure, state.at, min(int(state.numbers.max()) + 1 + 2, free))
     assert lowest is not None  # the equilibrium of the optimum is stable
     return matching.measured.mac(matching.observer @ lowest.shapes)

@@ -35,7 +35,6 @@ from problems.matching.design_space import DesignSpace
 from problems.matching.unknowns import Global
 
 RANK = 1e-6  # times the largest singular value; smaller ones count as zero
-NULL = 1e-6  # relative part of a factor in the null space, below which the data determine the factor
 TOUCH = 1e-9  # excess over a bound that may be due to rounding
 ORDER = (
     "elastic_modulus",
@@ -175,7 +174,8 @@ class Identifiability:
         found = rows @ self.covariance @ rows.T
         values, directions = self._information
         loose = directions[:, values <= RANK**2 * values[-1]]
-        known = np.linalg.norm(rows @ loose, axis=1) < NULL * np.linalg.norm(rows, axis=1)
+        # relative part of a factor in the null space, below which the data determine the factor
+        known = np.linalg.norm(rows @ loose, axis=1) < 1e-6 * np.linalg.norm(rows, axis=1)
         return np.where(np.outer(known, known) & self.noisy, found, math.nan)
 
     @property

@@ -34,7 +34,6 @@ from problems.matching.unknowns import PerElement
 
 WEIGHT = 1e-8  # a change of 1 in one factor costs as much as a relative frequency error of 1e-4
 PATCHES = 20.0  # c of PerElement: a fraction 1/c of the beam counts as a global property
-SMOOTH = 50.0  # default weight of smoothness relative to that of least change
 
 
 @dataclass(frozen=True)
@@ -117,7 +116,8 @@ class Smoothness(Displayed):
     def matrix(self, space: DesignSpace, default: float) -> Array:
         """Return the matrix of the quadratic form, (N, N), with the given or else the default weight."""
         steps = np.concatenate([np.diff(space.map[space.rows_of(name)], axis=0) for name in PROPERTIES])
-        weight = SMOOTH * default if self.weight is None else self.weight
+        # default weight of smoothness relative to that of least change
+        weight = 50.0 * default if self.weight is None else self.weight
         return np.asarray(weight * space.beam.elements * steps.T @ steps + LeastChange().matrix(space, default))
 
 

@@ -37,9 +37,6 @@ from problems.matching.preference import WEIGHT, LeastChange, Preference
 
 Objective = Literal["least-squares", "worst-error"]
 
-LEAST_MAC = 0.5  # MAC below which a mode of the beam is not the measured one
-MORE_MODES = 6  # modes searched for a measured shape, beyond twice the number of shapes
-
 
 @dataclass(frozen=True)
 class Matching:
@@ -77,7 +74,8 @@ class Matching:
         model = Model(self.space.beam)
         count = self.measured.count
         if self.measured.shapes:
-            count = min(2 * count + MORE_MODES, model.size - model.free.start)
+            # modes searched for a measured shape, beyond twice the number of shapes
+            count = min(2 * count + 6, model.size - model.free.start)
         return natural_modes(model, count=count)
 
     @cached_property
@@ -104,7 +102,7 @@ class Matching:
         mac = self.measured.mac(self.observer @ self.standard_modes.shapes)
         targets, modes = scipy.optimize.linear_sum_assignment(-mac)
         for target, mode in zip(targets.tolist(), modes.tolist(), strict=True):
-            if mac[target, mode] < LEAST_MAC:
+            if mac[target, mode] < 0.5:  # MAC below which a mode of the beam is not the measured one
                 raise InputError(
                     f"no mode of the beam has the shape of target {target + 1} "
                     f"({self.measured.frequencies[target]:g} Hz): the largest MAC is {mac[target].max():.2f}. Check "

@@ -22,10 +22,6 @@ from problems.matching.identifiability import Identifiability
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.response import Matching
 
-MET = 1e-5  # largest relative error that a preference leaves if the targets can be met
-NOISE = 3.0  # error in standard deviations beyond which a target is out of reach
-CLEAR_MAC = 0.9  # MAC below which two shapes differ visibly
-HOLDING = 0.01  # least multiplier of a limiting bound, relative to the largest
 MOST_NAMES = 6  # largest number of bounds that a warning names
 
 
@@ -123,8 +119,10 @@ class FrequencyMatch(FitResult):
     def out_of_reach(self) -> bool:
         """True if no beam within the bounds has the measured frequencies."""
         if not self.matching.noisy:
-            return self.max_relative_error > MET
-        return bool(np.abs(self.relative_errors / self.matching.measured.relative_std).max() > NOISE)
+            # largest relative error that a preference leaves if the targets can be met
+            return self.max_relative_error > 1e-5
+        # error in standard deviations beyond which a target is out of reach
+        return bool(np.abs(self.relative_errors / self.matching.measured.relative_std).max() > 3.0)
 
     @cached_property
     def at_bound(self) -> tuple[str, ...]:
@@ -240,7 +238,8 @@ class FrequencyMatch(FitResult):
         """Active bounds that keep the beam from fitting better, with their multipliers in descending order."""
         costs = dict(zip(self.matching.space.bounded_names, self.multipliers.tolist(), strict=True))
         active = sorted(((name, costs[name]) for name in self.at_bound), key=lambda pair: -pair[1])
-        return tuple((name, cost) for name, cost in active if cost > HOLDING * active[0][1])
+        # least multiplier of a limiting bound, relative to the largest
+        return tuple((name, cost) for name, cost in active if cost > 0.01 * active[0][1])
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -286,7 +285,7 @@ class FrequencyMatch(FitResult):
                     f"the shape of target {target} is closer to mode {best} than to mode {mode}, which was followed "
                     f"(MAC {row.max():.2f} and {own:.2f})"
                 )
-            elif own < CLEAR_MAC:
+            elif own < 0.9:  # MAC below which two shapes differ visibly
                 notes.append(f"the shape of target {target} differs from mode {mode}: their MAC is only {own:.2f}")
         return notes
 

@@ -45,7 +45,6 @@ from ancf_casadi.support.inputs import check_instance, number, positive
 from ancf_casadi.vibration.modes import Modes
 
 LEAST_REYNOLDS, LARGEST_REYNOLDS = 1e-6, 1e4  # range of the correction
-GAUSS_POINTS = 4  # of an element, exact for the square of a cubic shape
 
 
 @dataclass(frozen=True)
@@ -139,7 +138,7 @@ def viscous_damping_ratios(modes: Modes, air: Air | None = None) -> Array:
     width = np.array(model.beam.width)[:, None]
     Re = reynolds_numbers(modes.angular_frequencies, width, air)
     coefficients = math.pi / 4 * air.density * modes.angular_frequencies * width**2 * hydrodynamic_function(Re).imag
-    points, weights = gauss(GAUSS_POINTS)
+    points, weights = gauss(4)  # of an element, exact for the square of a cubic shape
     places = l * (np.arange(model.beam.elements)[:, None] + points)
     shapes = np.array([[model.interpolation(s) @ modes.shapes for s in row] for row in places.tolist()])
     squares = l * np.einsum("g,egdm->em", weights, shapes**2)  # int phi^2 dp of each element and mode

@@ -49,7 +49,6 @@ from ancf_casadi.support.inputs import physical, positive
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
-SAMPLES = 40  # per period
 TOLERANCE, STEPS = 1e-5, 24  # tolerance of the integrator, and its least number of steps per period
 LARGEST_START = 0.6  # tip displacement relative to the length, beyond which the load hardly moves the tip across
 HORIZON = 5.0  # s, after which the paper finds the vibration under eta1 to have disappeared
@@ -181,7 +180,7 @@ def simulate_decay(
         damping=law,
         start=start,
         duration=duration + 1 / frequency,  # so that the last peak lies beyond the end
-        sample_rate=SAMPLES * frequency,
+        sample_rate=40 * frequency,  # samples per period
         tolerance=TOLERANCE,
         largest_step=1 / (steps_per_period * frequency),
     )

@@ -44,8 +44,6 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, shown
 from ancf_casadi.support.tables import Table, known
 
-MISSED = 3.0  # difference from a measured ratio, in standard deviations, beyond which there is a warning
-
 
 @dataclass(frozen=True, eq=False)
 class RayleighFit(LeastSquaresResult):
@@ -101,7 +99,8 @@ class RayleighFit(LeastSquaresResult):
         ]
         for k, deviation in enumerate(self.ratio_std or ()):
             missed = abs(self.ratios[k] - self.measured[k]) / deviation
-            if missed > MISSED:
+            # difference from a measured ratio, in standard deviations, beyond which there is a warning
+            if missed > 3.0:
                 notes.append(
                     f"mode {k + 1}, {self.frequencies[k]:.6g} Hz: the fitted damping ratio {self.ratios[k]:.3g} "
                     f"differs from the measured {self.measured[k]:.3g} by {missed:.1f} standard deviations; use modal "

@@ -26,9 +26,7 @@ MARKERS_KEYS = """\
   [markers]     NAME = arc length from the clamp (m): points in the output
 """
 SIMULATION_HELP = DAMPED_HELP + MOTION_KEYS + KEYS + MARKERS_KEYS
-SAMPLE_RATE = 1000.0  # 1/s, the default of ``simulate``
 SETTINGS = {"sample_rate", "start", "method", "tolerance"}
-MOST_BYTES = 5e8  # of the coordinates and velocities of a motion
 TAKEN = ("time", "tip", "base")  # names of columns that are always there
 
 
@@ -86,10 +84,10 @@ def read_simulation(given: str | StudyFile) -> Simulation:
 
 def _check_size(settings: Mapping[str, Any], model: Model, where: str) -> None:
     """Refuse a motion that would fill the memory."""
-    rate = settings.get("sample_rate", SAMPLE_RATE)
+    rate = settings.get("sample_rate", 1000.0)  # 1/s, the default of ``simulate``
     with located(where):
         samples = physical(settings["duration"], "duration") * physical(rate, "sample_rate")
-    if 2 * 8 * model.size * samples > MOST_BYTES:
+    if 2 * 8 * model.size * samples > 5e8:  # bytes of the coordinates and velocities
         raise InputError(
             f"{samples:.3g} samples of {model.beam.elements} elements would take {16 * model.size * samples / 1e9:.2g} "
             "GB; lower sample_rate or duration, or use fewer elements",

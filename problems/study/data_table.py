@@ -12,10 +12,6 @@ from dataclasses import dataclass
 
 from ancf_casadi.support.tables import Cell, Table
 
-DIGITS = 4  # of a value without a standard error
-ERROR_DIGITS = 2  # of a standard error
-SAME = 5e-7  # relative difference that counts as none
-
 
 @dataclass(frozen=True)
 class Column:
@@ -107,7 +103,7 @@ class DataTable:
         return Table(self.name, self.title, heads, list(zip(*cells, strict=True)), self.notes)
 
 
-def shown(value: Cell, error: float | None = None, digits: int = DIGITS) -> str:
+def shown(value: Cell, error: float | None = None, digits: int = 4) -> str:
     """Return a cell as text: a number with the digits that its standard error supports."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return "–"
@@ -115,7 +111,7 @@ def shown(value: Cell, error: float | None = None, digits: int = DIGITS) -> str:
         return str(value)
     if error is None or not math.isfinite(error) or error <= 0.0:
         return _plain(f"{value:.{digits}g}")
-    decimals = ERROR_DIGITS - 1 - math.floor(math.log10(error))
+    decimals = 1 - math.floor(math.log10(error))  # two digits of a standard error
     if -3 <= math.log10(max(abs(value), error)) < 6:
         return f"{value:.{max(0, decimals)}f} ± {error:.{max(0, decimals)}f}"
     power = math.floor(math.log10(max(abs(value), error)))
@@ -130,7 +126,7 @@ def difference(value: Cell, printed: float | None) -> str:
     if printed == 0.0:
         return "0" if value == 0.0 else f"{value:+.2g}"
     relative = value / printed - 1
-    if abs(relative) < SAME:
+    if abs(relative) < 5e-7:  # relative difference that counts as none
         return "0"
     return f"{100 * relative:+.2g} %" if abs(relative) < 0.995 else f"{100 * relative:+.0f} %"
 

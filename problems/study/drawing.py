@@ -23,9 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH = 5.2  # inches
-SHORT_AXIS = 8.0  # ratio of the ends of a logarithmic axis below which its labels are closer
-FEW_PERIODS = 25  # of a vibration that is drawn in full
-MOST_SAMPLES, COLUMNS = 1000, 300  # of a drawn vibration, and of its extremes
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 9,
@@ -140,7 +137,7 @@ def plain_log_ticks(axes: Axes, axis: str) -> None:
 
     part = axes.xaxis if axis == "x" else axes.yaxis
     low, high = axes.get_xlim() if axis == "x" else axes.get_ylim()
-    short = high < SHORT_AXIS * low
+    short = high < 8.0 * low  # ratio of the ends of a logarithmic axis below which its labels are closer
     part.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]) if short else LogLocator(subs=(1.0, 2.0, 5.0)))
     part.set_minor_locator(NullLocator())
     part.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -176,10 +173,10 @@ def band(time: Array, values: Array, frequency: float) -> Band:
         Frequency, Hz.
     """
     periods = float(time[-1] - time[0]) * frequency
-    if periods < FEW_PERIODS:
-        step = max(1, len(time) // MOST_SAMPLES)
+    if periods < 25:  # so few are drawn in full
+        step = max(1, len(time) // 1000)
         return Band(time[::step], values[::step], values[::step])
-    columns = int(min(periods, COLUMNS))
+    columns = int(min(periods, 300))
     edges = np.searchsorted(time, np.linspace(time[0], time[-1], columns, endpoint=False))
     edges = np.unique(edges)
     return Band(time[edges], np.minimum.reduceat(values, edges), np.maximum.reduceat(values, edges))

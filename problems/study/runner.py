@@ -21,7 +21,6 @@ from problems.study.drawing import only
 from problems.study.part import Effort, Finding, Found, Part, Study, Task
 from problems.study.store import Store, key_of, run_task
 
-DRAWING = 0.2  # s, to draw a figure
 STEPS = "steps"  # folder with the kept results
 
 
@@ -111,7 +110,8 @@ class _Runner:
         for part in parts:
             of_part = tasks[part.name]
             inputs = (part.kind, part, [next(own) for _ in of_part], found[part.name], effort)
-            drawings.append(Task(_finding, inputs, DRAWING * (1 + len(of_part))))  # most have a figure for each task
+            # s, to draw a figure
+            drawings.append(Task(_finding, inputs, 0.2 * (1 + len(of_part))))  # most have a figure for each task
         drawn, drawing_times = self._run(drawings, "drawing")
         spent = iter(times)
         for part, (seconds, kept) in zip(parts, drawing_times, strict=True):

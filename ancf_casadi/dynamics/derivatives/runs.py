@@ -24,7 +24,6 @@ from ancf_casadi.support.progress import step
 
 FEW_STEPS = 2000  # a motion of at most so many steps is never given up, however few the first run took
 OPTIONAL = ("lumped", "start", "shifts")  # inputs of a motion that has such values
-SAME_INPUTS = 1e-14  # relative difference that a solver may cause by rounding; such inputs are the same
 
 
 class Runs:
@@ -66,7 +65,8 @@ class Runs:
             If there is no motion.
         """
         values = np.concatenate([part.full().ravel(order="F") for part in inputs])
-        if self._last is None or not np.allclose(self._last[0], values, rtol=SAME_INPUTS, atol=0.0):
+        # relative difference that a solver may cause by rounding; such inputs are the same
+        if self._last is None or not np.allclose(self._last[0], values, rtol=1e-14, atol=0.0):
             self._last = values, self._solve(values)
         found = self._last[1]
         if isinstance(found, AncfError):

@@ -23,7 +23,6 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 
 TOLERANCE = 0.001  # relative to the tolerance of the step; with a larger one, the errors of many steps add up
-LARGEST_CONTRACTION = 2.0  # theta above which the iteration is given up
 MIDDLE = STAGES // 2  # stage in which the matrices are taken
 
 
@@ -78,7 +77,7 @@ class Newton:
                 contraction = 0.0 if size < TOLERANCE else 1.0
             else:
                 contraction = self.contraction = size / before
-            if not math.isfinite(size) or contraction > LARGEST_CONTRACTION:
+            if not math.isfinite(size) or contraction > 2.0:  # theta above which the iteration is given up
                 return 0
             if contraction < 1.0 and contraction / (1.0 - contraction) * size < TOLERANCE:
                 return iteration

@@ -27,7 +27,6 @@ SAFETY = 0.9
 GROWTH = (0.2, 5.0)  # smallest and largest factor of the length
 AFTER_FAILURE = 1.05  # largest factor of the length after Newton's method has failed
 RECOVERY = 1.02  # factor by which each step relaxes the limit set by a failure
-FIRST_STEP = 1e-5  # s
 LEAST_ERROR, LEAST_TREND = 1e-10, 1e-2  # lower limits of err and err_last
 
 
@@ -47,7 +46,7 @@ class StepControl:
         Length of the last step, s, and its error relative to the tolerance; length 0 before the first step.
     """
 
-    proposal: float = FIRST_STEP
+    proposal: float = 1e-5  # s
     keep: bool = False
     largest_growth: float = GROWTH[1]
     length: float = 0.0

@@ -38,8 +38,6 @@ from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 
-SMALLEST_STEP = 1e-11  # s; after the first second, relative to the time
-MOST_STEPS_BETWEEN_SAMPLES = 200_000
 AT_ONCE = 8  # largest number of samples evaluated in one call
 
 
@@ -169,7 +167,7 @@ class Stepper:
         before = self.steps
         while self.steps == 0 or self.now < instant - CLOSE * self._control.length:
             self.advance()
-            if self.steps - before > MOST_STEPS_BETWEEN_SAMPLES:
+            if self.steps - before > 200_000:
                 raise SimulationError(_failure("took too many steps", self.now, self._control.length), self.now)
 
     def sample(self, instants: Array) -> tuple[Array, Array, Array, Array]:
@@ -196,7 +194,7 @@ class Stepper:
         control, newton, buffers = self._control, self.newton, self._buffers
         while True:
             h = control.trial_length(self._end - self.now, self._largest_step)
-            if not h > SMALLEST_STEP * max(1.0, self.now):
+            if not h > 1e-11 * max(1.0, self.now):  # s; after the first second, relative to the time
                 raise SimulationError(_failure("could not continue", self.now, h), self.now)
             kept = control.keep and h == control.length
             self._begin(h)

@@ -38,10 +38,7 @@ TIGHT: Mapping[str, Any] = {
     "ipopt.bound_relax_factor": 0.0,
     "ipopt.max_iter": 300,
 }
-LEAST_BARRIER, MOST_BARRIER = 1e-12, 0.1  # the tolerance, and the default of IPOPT
 AT_BOUND = 1e-6  # distance, in scales, that an interior-point method leaves between an unknown and its active bound
-UNSEEN = 0.01  # change of the residuals, in standard deviations, by which an unknown at its bound may miss it
-WEAK = 0.1  # component of an unknown in an undetermined direction above which the error message names it
 
 
 def least_squares(
@@ -174,7 +171,8 @@ def _unseen(residuals: Array, jacobian: Array, systematic: float) -> Array:
     """Return the distance (n,), in scales, by which an unknown may move without a visible change of the residuals."""
     deviation = max(math.sqrt(np.mean(residuals**2)), systematic)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.nan_to_num(UNSEEN * deviation / np.linalg.norm(jacobian, axis=0), posinf=0.0))
+        # change of the residuals, in standard deviations, by which an unknown at its bound may miss it
+        return np.asarray(np.nan_to_num(0.01 * deviation / np.linalg.norm(jacobian, axis=0), posinf=0.0))
 
 
 def _weight(jacobian: Array) -> float:
@@ -191,7 +189,7 @@ def _barrier(residuals: Array, weight: float) -> float:
 
     At a good guess the residuals are small: the default of IPOPT, 0.1, would outweigh them and drive the unknowns away.
     """
-    return float(np.clip(np.mean(residuals**2) / (2 * weight), LEAST_BARRIER, MOST_BARRIER))
+    return float(np.clip(np.mean(residuals**2) / (2 * weight), 1e-12, 0.1))  # the tolerance, and the default of IPOPT
 
 
 def _inverse_root(jacobian: Array) -> tuple[Array, float, Mask]:
@@ -208,7 +206,8 @@ def _inverse_root(jacobian: Array) -> tuple[Array, float, Mask]:
     triangle = np.linalg.qr(jacobian / np.where(length > 0.0, length, 1.0), mode="r")
     _, singular, directions = np.linalg.svd(triangle, full_matrices=False)
     if singular[-1] < m * np.finfo(float).eps:
-        return np.empty((0, 0)), math.inf, np.abs(directions[-1]) > WEAK
+        # component of an unknown in an undetermined direction above which the error message names it
+        return np.empty((0, 0)), math.inf, np.abs(directions[-1]) > 0.1
     root = (directions.T / singular) / length[:, None]
     return root, float(singular[0] / singular[-1]), np.zeros(n, dtype=bool)
 

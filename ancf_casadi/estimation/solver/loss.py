@@ -32,7 +32,6 @@ import numpy as np
 from ancf_casadi.support.arrays import Array
 
 HUBER = 1.345  # threshold d over the standard deviation of the noise
-NORMAL = 1.4826  # standard deviation over the median of |residual|, for normal residuals
 
 
 def loss(residuals: cs.MX, huber: float) -> cs.MX:
@@ -67,4 +66,5 @@ def dispersion(residuals: Array, freedom: int, huber: float, systematic: float) 
 
 def noise_of(residuals: Array) -> float:
     """Return the standard deviation of the noise in residuals with outliers."""
-    return NORMAL * float(np.median(np.abs(residuals)))
+    # standard deviation over the median of |residual|, for normal residuals
+    return 1.4826 * float(np.median(np.abs(residuals)))

@@ -25,7 +25,6 @@ from ancf_casadi.support.inputs import check_instance, is_sequence, shown
 from ancf_casadi.version import __version__
 
 MOST_RESULT_LEVELS = MOST_LEVELS - 4  # of a result, which is four levels deep in a document
-CHUNK = 2**20  # bytes
 
 
 @dataclass(frozen=True)
@@ -72,7 +71,7 @@ class DataFile:
         """
         digest = hashlib.sha256()
         with opened(path) as file:
-            while chunk := file.read(CHUNK):
+            while chunk := file.read(2**20):  # bytes
                 digest.update(chunk)
         name = os.fsencode(Path(path).name).decode(errors="replace")
         return cls(name, digest.hexdigest())

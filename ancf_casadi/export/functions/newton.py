@@ -11,7 +11,6 @@ import math
 
 import casadi as cs
 
-EXPANDED = 40  # unknowns up to which scalar operations are three times as fast as loops over the elements
 OPTIONS = {"error_on_fail": False, "max_iter": 12, "abstol": 0.0, "abstolStep": 1e-9}
 
 
@@ -19,7 +18,8 @@ def newton(name: str, inputs: list[cs.MX], jacobian: cs.MX, equations: cs.MX) ->
     """Return (start, parameters) -> solution of the equations for the first input."""
     derivative = cs.Function(f"{name}_jacobian", inputs, [jacobian, equations])
     function = cs.Function(f"{name}_equations", inputs, [equations])
-    if inputs[0].numel() <= EXPANDED:
+    # unknowns up to which scalar operations are three times as fast as loops over the elements
+    if inputs[0].numel() <= 40:
         derivative, function = (f.expand(f.name(), {"cse": True}) for f in (derivative, function))
     return cs.rootfinder(name, "fast_newton", function, {**OPTIONS, "jacobian_function": derivative})
 

@@ -38,9 +38,7 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
 
 LOAD_STEPS = 8  # m, from the parameters of the model to p
-INVERSE_ITERATIONS = 10
 CERTAIN = 1e-9  # largest change in a further Newton step (relative to length and slope), and largest residual of a mode
-JUST_ABOVE = 1e-6  # relative distance of sigma from the highest mode
 
 
 def equilibrium_function(rest: Equilibrium, equations: Equations, start: Array) -> cs.Function:
@@ -94,7 +92,7 @@ def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Fun
 
     start = cs.MX(cs.DM(modes.shapes[free]) / cs.repmat(scale, 1, modes.count))
     iterate = _inverse_iteration(K.sparsity(), M.sparsity(), modes.count)
-    for _ in range(INVERSE_ITERATIONS):
+    for _ in range(10):
         start = iterate(start, K, M)
     solve = _eigenpair(K.sparsity(), M.sparsity())
     squares, residuals = [], []
@@ -107,7 +105,8 @@ def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Fun
     found = cs.vertcat(*squares)
     converged = cs.mmax(cs.vertcat(*residuals)) < CERTAIN
     ascending = cs.mmin(cs.vertcat(found[0], cs.diff(found))) > 0
-    complete = _negative_pivots(K - (1 + JUST_ABOVE) * found[-1] * M) == modes.count
+    # relative distance of sigma from the highest mode
+    complete = _negative_pivots(K - (1 + 1e-6) * found[-1] * M) == modes.count
     sure = certain(cs.logic_and(cs.logic_and(complete, ascending), converged))
     return cs.Function("frequencies", [p], [cs.sqrt(found) / (2 * math.pi) * sure], ["p"], ["f"])
 

@@ -26,7 +26,6 @@ from ancf_casadi.vibration.modes import Modes
 
 GAMMA = 1 - 1 / math.sqrt(2)
 STAGES = (GAMMA, 1.0)  # instants of a step at which the base motion is needed, in steps
-BALANCED = 1e-8  # largest residual of the scaled equations
 
 
 def step_function(residual: cs.Function, jacobians: cs.Function, modes: Modes) -> cs.Function:
@@ -58,7 +57,7 @@ def step_function(residual: cs.Function, jacobians: cs.Function, modes: Modes) -
     solve = newton("step_newton", [x, *known], scaled(dr_dq + s * dr_dv + s**2 * dr_da, rows, shift), unbalance)
     found = solve(cs.MX(x.numel(), 1), *known)
     *ends, left = cs.graph_substitute([*state, unbalance], [x], [found])
-    sure = certain(cs.norm_inf(left) < BALANCED)
+    sure = certain(cs.norm_inf(left) < 1e-8)  # largest residual of the scaled equations
     stage = cs.Function("stage", known, [end * sure for end in ends])
 
     _, v1, a1 = stage(q, v, motion[:, 0], p, h)

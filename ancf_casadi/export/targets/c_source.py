@@ -17,7 +17,6 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.functions.step import GAMMA
 from ancf_casadi.support.arrays import Array, Index
 
-LARGEST_ON_STACK = 65536  # numbers, half a megabyte
 TABLE_NAMES = ("parameters", "rest")
 QUIET = """#if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-parameter"
@@ -135,7 +134,7 @@ def _call(called: str, function: cs.Function, raw: cs.Function) -> str:
 
 
 def _is_static(function: cs.Function) -> bool:
-    return bool(function.sz_w() > LARGEST_ON_STACK)
+    return bool(function.sz_w() > 65536)  # numbers, half a megabyte
 
 
 def _output_names(function: cs.Function) -> list[str]:

@@ -17,14 +17,13 @@ from ancf_casadi.reduction.stepping import STEPS_PER_PERIOD
 from ancf_casadi.support.arrays import Array
 
 SAMPLE, SAMPLES = 5e-3, 400  # seconds between two lines of output, and number of lines after the first
-FULL_STEPS = 10  # of the full beam per sample
 DEFLECTION = 0.1  # of the tip before the release, to first order, per distance from clamp to tip
 
 
 def decay_program(name: str, functions: MotionFunctions) -> str:
     """Return the program for the Functions that ``write_c`` writes under a name, from within its first comment."""
     if isinstance(functions, BeamFunctions):
-        every, start = FULL_STEPS, _pull(name, functions)
+        every, start = 10, _pull(name, functions)  # steps of the full beam per sample
     else:
         every, start = math.ceil(SAMPLE * STEPS_PER_PERIOD * _highest_frequency(functions)), _deflection(functions)
     upper, stages = name.upper(), functions.step.size2_in("base")

@@ -20,7 +20,6 @@ from ancf_casadi.records.reading.uff import read_uff
 from ancf_casadi.support.files import opened
 from ancf_casadi.support.inputs import LARGEST
 
-MOST_BYTES = 2**30
 START = 1024  # bytes looked at
 HDF5 = b"\x89HDF\r\n\x1a\n"
 UNIVERSAL = re.compile(rb"\s*\r?\n? {4}-1 *\r?\n *\d+", re.ASCII)
@@ -41,7 +40,7 @@ def read_contents(path: str | Path, *, progress: bool = False) -> Contents:
     InputError
         If the file cannot be read, is larger than 1 GiB, or is in no known format.
     """
-    with opened(path, MOST_BYTES) as file:
+    with opened(path, 2**30) as file:
         found = _read(Path(path), file.read(START), progress)
     if not found.channels:
         raise InputError("has no channels of numbers", str(path))

@@ -17,7 +17,6 @@ from ancf_casadi.records.reading import worker
 from ancf_casadi.records.reading.libraries import check_installed
 from ancf_casadi.support.arrays import Array
 
-WAIT, BYTES_PER_SECOND = 60.0, 2**20  # s: what a loaded machine may take, and what it reads at least
 ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # threads reserve memory
 
 
@@ -43,9 +42,10 @@ def read_isolated(kind: str, module: str, path: Path, format_name: str) -> tuple
     check_installed(module, format_name)
     command = [sys.executable, "-P", "-W", "ignore", worker.__file__, kind, os.path.abspath(path)]
     try:
+        # s: what a loaded machine may take, and 1 MB/s, which it reads at least
         run = subprocess.run(
             command, stdin=subprocess.DEVNULL, capture_output=True, check=False, env=os.environ | ONE_THREAD,
-            timeout=WAIT + path.stat().st_size / BYTES_PER_SECOND,
+            timeout=60.0 + path.stat().st_size / (2**20),
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise InputError(f"takes too long to read, and is probably no {format_name} file", str(path)) from None

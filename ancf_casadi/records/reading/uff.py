@@ -17,9 +17,7 @@ from ancf_casadi.records.channel import Channel, Contents
 from ancf_casadi.records.reading.libraries import library, readable
 from ancf_casadi.records.units import Unit, parse_unit
 
-TIME_RESPONSE = 1  # function type
 DATA_TYPES = {8: ("length", "m"), 9: ("force", "N"), 11: ("velocity", "m/s"), 12: ("acceleration", "m/s^2")}
-MOST_SETS = 10_000
 
 
 def read_uff(path: Path) -> Contents:
@@ -40,9 +38,9 @@ def read_uff(path: Path) -> Contents:
         for number in [k for k, kind in enumerate(types) if kind == 164][:1]:
             units = file.read_sets(number)
             length, force = 1 / float(units["length"]), 1 / float(units["force"])
-        for number in [k for k, kind in enumerate(types) if kind == 58][:MOST_SETS]:
+        for number in [k for k, kind in enumerate(types) if kind == 58][:10_000]:
             function = file.read_sets(number)
-            if int(function["func_type"]) != TIME_RESPONSE or np.iscomplexobj(function["data"]):
+            if int(function["func_type"]) != 1 or np.iscomplexobj(function["data"]):  # function type
                 notes.append(f"data set {number + 1} is no response over time, and is left out")
                 continue
             channels.append(_channel(len(channels) + 1, function, length, force, str(path)))

@@ -20,11 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGEST = 2**30  # bytes that the data of a file may take
-MOST_PACKED = 1100  # unpacked bytes per byte of a compressed file; deflate reaches 1032
 MOST_ITEMS = 10_000
-MEMORY = 2**30  # bytes for the library, beside 64 per byte of the file
-MOST_MEMORY = 6 * 2**30
-SECONDS, BYTES_PER_SECOND = 3, 2**21  # processor time: a base, and what a slow library reads
 NUMERIC = {
     "double": 8, "single": 4, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int32": 4, "uint32": 4, "int64": 8,
     "uint64": 8,
@@ -44,7 +40,7 @@ def check_unpacked(size: int, packed: int) -> None:
     Unusable
         If they cannot, or take more than 1 GiB.
     """
-    if size > MOST_PACKED * packed:
+    if size > 1100 * packed:  # unpacked bytes per byte of a compressed file; deflate reaches 1032
         raise Unusable(f"declares {size} bytes of data, which its {packed} bytes cannot hold; it is damaged")
     if size > LARGEST:
         raise Unusable(f"unpacks to more than {LARGEST >> 20} MB; shorten the record")
@@ -122,8 +118,8 @@ def limit(path: str) -> None:
     except ImportError:
         return
     size = os.path.getsize(path)
-    memory = min(MEMORY + 64 * size, MOST_MEMORY)
-    seconds = SECONDS + size // BYTES_PER_SECOND
+    memory = min((2**30) + 64 * size, 6 * 2**30)  # bytes for the library, beside 64 per byte of the file
+    seconds = 3 + size // (2**21)  # processor time: a base, and 2 MB/s, which a slow library reads
     for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, seconds), (resource.RLIMIT_CORE, 0)):
         hard = resource.getrlimit(kind)[1]
         resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))

@@ -22,7 +22,6 @@ from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Linea
 from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
 from ancf_casadi.support.arrays import Array
 
-CHECKED = 3  # harmonics of the residual are checked up to this multiple of H
 FIRST_HARMONICS = 5
 MOST_HARMONICS = 199
 MOST_SAMPLES = 4096
@@ -76,7 +75,8 @@ def errors_of(
         Returns the change of the coefficients, (2 H + 1, n), due to a residual (2 H + 1, n).
     """
     series, system = balance.fourier, balance.system
-    most = min(CHECKED * series.harmonics, series.samples - 1)
+    # harmonics of the residual are checked up to this multiple of H
+    most = min(3 * series.harmonics, series.samples - 1)
     finer = replace(balance, fourier=fourier(series.harmonics, 2 * series.samples, series.half))
     whole = fourier(most, 2 * series.samples, series.half)
     r = np.where(whole.allowed(system.mirror), whole.analysis @ finer.sampled_residual(C, setting).T, 0.0)

@@ -39,15 +39,8 @@ from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.response.harmonic_balance.newton import Condition, Factors, Jacobian, NotFound, jacobian_at, solve
 from ancf_casadi.support.arrays import Array, ComplexArray
 
-SMALLEST_STEP = 1e-7
-LARGEST_STEP = 4.0
-STALLED, ROUNDING = 0.5, 1e-6  # an error below the latter that does not decrease by the former is due to rounding
 SMALLEST_SIZE = 1e-12  # of a motion, relative to the scale of the system
-ANGLE = 0.25  # rad between successive tangents that the steps aim at
-LARGEST_ANGLE = 0.6  # rad; beyond it, a step may have left the curve
-SPARE = 2e-2  # size of the two highest harmonics, relative to the tolerance, at which they are dropped
 LOCATED = 1e-9  # width of the interval around a located point, relative to the step
-MOST_TRIALS = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +164,8 @@ def point_at(
         errors = point.errors
         if not np.isfinite(errors.largest):
             raise NotFound
-        if coarser and STALLED * coarser.errors.largest < errors.largest <= ROUNDING:
+        # an error below 1e-6 that does not decrease by half is due to rounding
+        if coarser and 0.5 * coarser.errors.largest < errors.largest <= 1e-6:
             return coarser
         coarser = point
         if errors.largest <= tolerance:
@@ -234,9 +228,9 @@ def follow(
             before = carried(tangent, point, new)
             after = new.tangent(before)
             angle = 2 * np.arcsin(min(float(np.linalg.norm(after - before)) / 2, 1.0))
-        if angle > LARGEST_ANGLE:
+        if angle > 0.6:  # rad; beyond it, a step may have left the curve
             length /= 2
-            if length < SMALLEST_STEP:
+            if length < 1e-7:
                 raise NumericsError(
                     f"the curve cannot be followed beyond {described(point)}: no step is short enough there"
                 )
@@ -244,7 +238,8 @@ def follow(
         yield Step(point, tangent, length, new, after)
         point = _lean(new, after, tolerance)
         tangent = carried(after, new, point)
-        length = min(length * min(2.0, max(0.5, ANGLE / max(angle, 1e-3))), LARGEST_STEP)
+        # rad between successive tangents that the steps aim at
+        length = min(length * min(2.0, max(0.5, 0.25 / max(angle, 1e-3))), 4.0)
 
 
 def stepped(point: Point, tangent: Array, length: float, tolerance: float) -> Point:
@@ -276,7 +271,7 @@ def located(step: Step, test: Callable[[Point, Array], float], tolerance: float)
     """
     at_start, at_end = test(step.start, step.tangent), test(step.end, step.end_tangent)
     size, shortest, kept = max(abs(at_start), abs(at_end)), LOCATED * step.length, ""
-    for _ in range(MOST_TRIALS):
+    for _ in range(30):
         length = step.length * at_start / (at_start - at_end)
         found = stepped(step.start, step.tangent, length, tolerance)
         tangent = found.tangent(carried(step.tangent, step.start, found))
@@ -308,7 +303,8 @@ def _lean(point: Point, tangent: Array, tolerance: float) -> Point:
     """Return the point, with two harmonics less if they are far below the tolerance."""
     balance, series = point.family.balance, point.family.balance.fourier
     highest = float((np.abs(point.coefficients[-4:]) / balance.system.scale).max()) / point.family.size
-    if series.harmonics <= FIRST_HARMONICS or highest > SPARE * tolerance:
+    # size of the two highest harmonics, relative to the tolerance, at which they are dropped
+    if series.harmonics <= FIRST_HARMONICS or highest > 2e-2 * tolerance:
         return point
     harmonics = series.harmonics - 2
     family = point.family.with_series(harmonics, max(least_samples(harmonics), series.samples // 2))

@@ -25,8 +25,6 @@ from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
 from ancf_casadi.response.systems.system import PLAIN
 from ancf_casadi.support.arrays import Array
 
-SMALL = 400  # unknowns
-
 Constraint = Callable[[Array], tuple[float, Array]]  # C -> g and dg/dC
 
 
@@ -68,7 +66,7 @@ class Family:
     @property
     def cheap(self) -> bool:
         """True if the matrices are small."""
-        return len(self.scale) <= SMALL
+        return len(self.scale) <= 400  # unknowns
 
     def place(self, name: str) -> int:
         """Return the place of a free entry of the setting among the unknowns."""

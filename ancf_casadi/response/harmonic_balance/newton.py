@@ -21,12 +21,7 @@ from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.support.arrays import Array
 
 CONVERGED = 1e-11  # error of the unknowns relative to their scales
-ROUNDING, NEAR = 1e-6, 1e-3  # a step below the former stagnates by rounding, with derivatives from within the latter
-CONTRACTION = 0.2  # with a slower decrease, the Jacobian matrix is evaluated anew
-SLOW_CONTRACTION = 0.5  # the same, where its factors are expensive
 FAR = 100.0  # largest step, relative to the scales
-MOST_ITERATIONS = 30
-MOST_JACOBIANS = 10
 
 
 class NotFound(Exception):
@@ -125,11 +120,12 @@ def solve(family: Family, guess: Array, condition: Condition, jacobian: Jacobian
         If the iteration does not converge.
     """
     scale, z, evaluations, last = family.scale, guess, 1, np.inf
-    contraction = CONTRACTION if family.cheap else SLOW_CONTRACTION
+    # with a slower decrease, the Jacobian matrix is evaluated anew
+    contraction = 0.2 if family.cheap else 0.5  # the same, where its factors are expensive
     fresh, distance = jacobian is None, np.inf
     used = jacobian_at(family, z) if jacobian is None else jacobian
     factors = used.factorised(condition.row, scale)
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(30):
         gap = condition.row @ ((z - condition.origin) / scale) - condition.distance
         residual = family.back(used.z, z, family.residual(z))
         step = -family.forth(used.z, z, scale * factors.solve(np.append(residual, gap))) / scale
@@ -137,9 +133,10 @@ def solve(family: Family, guess: Array, condition: Condition, jacobian: Jacobian
         if not np.isfinite(length) or (fresh and length > FAR):
             raise NotFound
         if length > min(FAR, contraction * last):
-            if distance <= NEAR and last <= ROUNDING and length > last / 2:
+            # a step below 1e-6 stagnates by rounding, with derivatives from within 1e-3
+            if distance <= 1e-3 and last <= 1e-6 and length > last / 2:
                 return z
-            if evaluations == MOST_JACOBIANS:
+            if evaluations == 10:
                 raise NotFound
             used, evaluations, last, fresh = jacobian_at(family, z), evaluations + 1, np.inf, True
             factors = used.factorised(condition.row, scale)

@@ -38,7 +38,6 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.vibration.equilibrium import static_equilibrium
 
-LARGEST_GROWTH = 5.0  # logarithm of the factor by which a correction stretches a slope at most
 KEPT = 8  # systems whose Functions are kept
 STRAIGHT = 1e-9  # of the length of the beam, or of a direction
 
@@ -210,7 +209,8 @@ class Turning(Corrections):
         x, y = pairs[: self.slopes].transpose(1, 0, 2)
         u, v = turn[: self.slopes].transpose(1, 0, 2)
         square = x**2 + y**2
-        angle, growth = (x * v - y * u) / square, np.exp(np.minimum((x * u + y * v) / square, LARGEST_GROWTH))
+        # logarithm of the factor by which a correction stretches a slope at most
+        angle, growth = (x * v - y * u) / square, np.exp(np.minimum((x * u + y * v) / square, 5.0))
         cosine, sine = growth * np.cos(angle), growth * np.sin(angle)
         moved = pairs + turn
         moved[: self.slopes] = np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=1)

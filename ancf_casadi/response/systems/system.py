@@ -28,8 +28,6 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import array, check_instance, instances
 from ancf_casadi.support.tables import Displayed, counted
 
-MOST_KEPT = 32  # numbers of samples for which the Functions of a system are kept
-
 
 class Corrections:
     """Corrections (n, N) of coordinates (n, N): how they are added, and carried from one motion to another.
@@ -251,7 +249,8 @@ class Derived:
 
     def __init__(self, derive: Callable[..., SampledFunctions], *of: object) -> None:
         self._derive, self._of = derive, of
-        self._kept = lru_cache(maxsize=MOST_KEPT)(lambda samples: derive(samples, *of))
+        # numbers of samples for which the Functions of a system are kept
+        self._kept = lru_cache(maxsize=32)(lambda samples: derive(samples, *of))
 
     def __call__(self, samples: int) -> SampledFunctions:
         """Return the Functions for a number of samples."""

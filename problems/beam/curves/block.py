@@ -37,11 +37,8 @@ MODULUS = (
     "elastic_modulus",
     "bending_stiffness",
 )  # unknowns to which the strain energy of all elements is proportional
-REPEATED = 2  # refinements
-BEYOND = 5.0  # standard deviations of a level beyond which the level of a point has no motion
 LEVEL_ERROR = 0.01  # relative error of the levels whose effect the result states
 MEANINGFUL = 1e-4  # relative shift of an estimate that is worth more modes and harmonics
-UNDETERMINED = 1e-6  # accuracy of the computed points, in standard deviations
 WITHOUT_MODULUS = (FrictionDamping, ModalDamping, QuadraticDamping)  # laws whose forces do not contain the modulus
 
 
@@ -102,7 +99,7 @@ class CurveBlock(Block):
     @property
     def negligible(self) -> float:
         """Norm of the error of the computation."""
-        return UNDETERMINED * math.sqrt(sum(self.series))
+        return 1e-6 * math.sqrt(sum(self.series))  # accuracy of the computed points, in standard deviations
 
     @property
     def meaningful(self) -> float:
@@ -126,7 +123,7 @@ class CurveBlock(Block):
 
     def refined(self, shift: float) -> Self | None:
         """Return the block with one mode and two harmonics more, twice at most."""
-        return self.finer() if self.refinements < REPEATED else None
+        return self.finer() if self.refinements < 2 else None
 
     def finer(self) -> Self:
         """Return the block with one mode and two harmonics more."""
@@ -193,7 +190,8 @@ class CurveBlock(Block):
         for record, motions, points in zip(self.records, found, self.measured(values), strict=True):
             if record.control == "response":
                 continue
-            away = [abs(p.distance(m.values)[2]) > BEYOND for m, p in zip(motions, points, strict=True)]
+            # standard deviations of a level beyond which the level of a point has no motion
+            away = [abs(p.distance(m.values)[2]) > 5.0 for m, p in zip(motions, points, strict=True)]
             between = [m.slopes[2] < 0.0 and not far for m, far in zip(motions, away, strict=True)]
             if any(away):
                 notes.append(

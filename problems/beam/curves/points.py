@@ -46,14 +46,6 @@ from problems.beam.curves.balance import DrivenBalance, Linearised
 
 CONVERGED = 1e-9  # Newton step, relative to the coefficients
 SETTLED = 1e-6  # step along the curve, in standard deviations
-STEPS = 12  # Newton steps at a given amplitude
-SEARCH = 60  # steps along the curve to the closest point
-LONGEST, TURN = 0.2, 0.3  # longest step along the curve, relative to the amplitude, and as a phase, rad
-QUICK, QUICK_STEP = 8, 0.05  # steps of the quick search, and the largest of them relative to the coefficients
-HALVINGS = 12  # of a step along the curve
-ROUNDING = 1e-12  # relative increase of a squared distance that counts as none
-ASTRAY = 0.3  # largest change of a motion by Newton's method on the way from rest, relative; twice this for its level
-SHORTEST = 1e-4  # least increase of the amplitude on the way from rest, relative to the measured one
 
 
 class NoMotionError(NumericsError):
@@ -176,7 +168,7 @@ def motion_at(
         If Newton's method does not converge, or moves too far.
     """
     C, level = near
-    for _ in range(STEPS):
+    for _ in range(12):  # Newton steps at a given amplitude
         at = balance.at(C, level, omega, s)
         step = _solved(at, np.append(-at.forces, amplitude - at.polar[0]))[0]
         C, level = C + step[:-1], level + float(step[-1])
@@ -210,10 +202,12 @@ def motion_from_rest(balance: DrivenBalance, measured: Measured, s: Array) -> Mo
         ahead = trial - here[2]
         expected = here[0] + ahead * slope[0], here[1] + ahead * slope[1]
         try:
-            found = motion_at(balance, omega, trial, s, expected, ASTRAY)
+            # largest change of a motion by Newton's method on the way from rest, relative; twice this for its level
+            found = motion_at(balance, omega, trial, s, expected, 0.3)
         except (NoMotionError, np.linalg.LinAlgError):
             step = min(step, ahead) / 2
-            if step < SHORTEST * goal:
+            # least increase of the amplitude on the way from rest, relative to the measured one
+            if step < 1e-4 * goal:
                 raise NoMotionError(
                     f"the response cannot be followed beyond the amplitude {here[2]:.3g} of {goal:.3g}"
                 ) from None
@@ -251,14 +245,14 @@ def closest(balance: DrivenBalance, measured: Measured, s: Array, near: Motion) 
 def _quickly(balance: DrivenBalance, measured: Measured, s: Array, near: Motion) -> Motion | None:
     """Return the closest motion by Newton's method for motion and amplitude at once; None if steps are not small."""
     C, level, last = near.coefficients, near.level, None
-    for _ in range(QUICK):
+    for _ in range(8):  # steps of the quick search
         at = balance.at(C, level, measured.omega, s)
         correction, tangent = _solved(at, np.append(-at.forces, 0.0), _along(len(C)))
         values, slopes = np.append(at.polar, level), _slopes(at, tangent)
         along, size = _step(measured, values, slopes, last)
         last = values[0], slopes
         moved = float(np.linalg.norm(correction[:-1] + along * tangent[:-1]) / np.linalg.norm(C))
-        if not moved <= QUICK_STEP:
+        if not moved <= 0.05:  # relative to the coefficients
             return None
         step = correction + along * tangent
         C, level = C + step[:-1], level + float(step[-1])
@@ -271,13 +265,14 @@ def _carefully(balance: DrivenBalance, measured: Measured, s: Array, near: Motio
     """Return the closest motion by steps along the curve, each of which reduces the distance."""
     here = motion_at(balance, measured.omega, float(near.values[0]), s, (near.coefficients, near.level))
     last: tuple[float, Array] | None = None
-    for _ in range(SEARCH):
+    for _ in range(60):  # steps along the curve to the closest point
         values, slopes = here.values, here.slopes
         along, size = _step(measured, values, slopes, last)
         if abs(along) * size <= SETTLED:
             return here
         last = float(values[0]), slopes
-        farthest = min(LONGEST * values[0], TURN / max(abs(slopes[1]), np.finfo(float).tiny))
+        # longest step along the curve, relative to the amplitude, and as a phase, rad
+        farthest = min(0.2 * values[0], 0.3 / max(abs(slopes[1]), np.finfo(float).tiny))
         along = math.copysign(min(abs(along), farthest), along)
         here = _nearer(balance, measured, s, here, along)
     raise NoMotionError("the motion closest to the measured point is not found")
@@ -286,13 +281,14 @@ def _carefully(balance: DrivenBalance, measured: Measured, s: Array, near: Motio
 def _nearer(balance: DrivenBalance, measured: Measured, s: Array, here: Motion, along: float) -> Motion:
     """Return the motion after a step of the amplitude, which is halved until the distance decreases."""
     distance = float(np.sum(measured.distance(here.values) ** 2))
-    for _ in range(HALVINGS):
+    for _ in range(12):  # halvings of a step along the curve
         near = here.coefficients + along * here.tangent[:-1], here.level + along * float(here.tangent[-1])
         try:
             found = motion_at(balance, measured.omega, float(here.values[0]) + along, s, near)
         except (NoMotionError, np.linalg.LinAlgError):
             found = None
-        if found is not None and float(np.sum(measured.distance(found.values) ** 2)) <= distance * (1 + ROUNDING):
+        # relative increase of a squared distance that counts as none
+        if found is not None and float(np.sum(measured.distance(found.values) ** 2)) <= distance * (1 + 1e-12):
             return found
         along /= 2
     raise NoMotionError("the curve cannot be followed to the measured point")

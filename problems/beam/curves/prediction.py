@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FREE = 1e4  # factor on the standard deviations of amplitude and phase: the level decides
-SAME = 1e-4  # relative difference of levels that are the same
 TOO_LARGE = 3.0  # rms error over noise and standard error above which there is a warning
 
 
@@ -185,7 +184,7 @@ def predicted(block: CurveBlock, fit: Fit) -> ResponsePrediction:
         jacobian[:, places] = slopes * np.array([by_amplitude, change[1] + slope[1] * by_amplitude])
         errors.append(np.nan_to_num(fit.errors_of(jacobian)))
     levels = record.a * values.get(block.excitation(block.numbered[0][0]) or "", 1.0)
-    beyond = np.abs(found[:, 2] / levels - 1) > SAME
+    beyond = np.abs(found[:, 2] / levels - 1) > 1e-4  # relative difference of levels that are the same
     amplitude_errors, phase_errors = np.array(errors).T
     return ResponsePrediction(
         record, found[:, 0], found[:, 1], np.where(beyond, math.nan, amplitude_errors),

@@ -47,7 +47,6 @@ Control = Literal["excitation", "response"]
 
 ERROR = 0.01  # default standard deviation, relative; in rad for a phase
 FLOOR = 1e-3  # default standard deviation of an amplitude, relative to the largest of the record
-CONTROLLED = 0.1  # default standard deviation of what is controlled, relative to that of what is measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +202,7 @@ class ResponseRecord(Displayed):
     @cached_property
     def deviations(self) -> Array:
         """Standard deviations of amplitudes, phases and levels, given or proportional, (3, m)."""
-        held = CONTROLLED * ERROR
+        held = 0.1 * ERROR  # default standard deviation of what is controlled, relative to that of what is measured
         floor = FLOOR * self.amplitudes.max()
         amplitude = np.hypot(ERROR * self.amplitudes, floor) if self.control == "excitation" else held * self.amplitudes
         level = (held if self.control == "excitation" else ERROR) * self.a

@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from problems.beam.curves.block import CurveBlock
 
 DIFFERENCE = 1e-4  # relative change of a property for its derivative
-OPPOSITE = -0.5  # u . e below which -u takes the place of u
 FAILURES = (NumericsError, np.linalg.LinAlgError)
 
 
@@ -222,7 +221,7 @@ def across(slope: Array, response_controlled: bool, has_phase: bool) -> Array:
     e = np.array([1.0, 0.0, 0.0]) if response_controlled else np.array([0.0, 0.0, 1.0])
     u = slope * np.array([1.0, float(has_phase), 1.0])
     u = u / np.linalg.norm(u)
-    u = -u if u @ e < OPPOSITE else u
+    u = -u if u @ e < -0.5 else u  # u . e below which -u takes the place of u
     rotation = np.eye(3) - np.outer(u + e, u + e) / (1 + u @ e) + 2 * np.outer(e, u)
     return np.asarray(rotation[[row for row in rows if has_phase or row != 1]])
 

@@ -21,8 +21,6 @@ import numpy as np
 from ancf_casadi.support.arrays import Array
 from problems.beam.curves.record import ResponseRecord
 
-LEAST = 1e-6  # least factor: below it, residuals are those of the computation
-
 
 @dataclass(frozen=True, eq=False)
 class CurveWeights:
@@ -77,7 +75,8 @@ class CurveWeights:
             ]
             if own:
                 size = math.sqrt(float(np.mean(np.concatenate(own) ** 2)))
-                factors[place] = max(self.factors[place] * size, LEAST)
+                # least factor: below it, residuals are those of the computation
+                factors[place] = max(self.factors[place] * size, 1e-6)
         return replace(self, factors=factors)
 
     @property

@@ -44,7 +44,6 @@ from problems.beam.names import base_name, load_name, loads
 from problems.beam.properties import Owners
 
 PATIENCE = 20.0  # most steps of a run, relative to the first run
-ZERO = 3.0  # effect of an undetermined combination of unknowns, in units of the tolerance times the travel
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +122,8 @@ class MotionBlock(Block):
     @property
     def negligible(self) -> float:
         """Norm of the integration error of all readings."""
-        return ZERO * self.tolerance * self.weights.travel
+        # effect of an undetermined combination of unknowns, in units of the tolerance times the travel
+        return 3.0 * self.tolerance * self.weights.travel
 
     def evaluation(self, before: Evaluation | None = None) -> MotionEvaluation:
         """Return the motions as differentiable Functions; those of ``before`` serve other weights too."""

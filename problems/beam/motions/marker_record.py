@@ -24,8 +24,6 @@ from ancf_casadi.support.tables import Displayed, counted, spread
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.beam.motions.record import FEWEST, Bounds, Camera, Channel, MotionRecord
 
-DIRECTIONS = ((1.0, 0.0), (0.0, 1.0))
-
 
 @dataclass(frozen=True, eq=False)
 class MarkerRecord(Displayed):
@@ -101,7 +99,7 @@ class MarkerRecord(Displayed):
         places = (None,) if self.points is None else self.points
         channels = []
         for k, place in enumerate(places):
-            for direction, values in zip(DIRECTIONS, np.asarray(self.positions)[:, k].T, strict=True):
+            for direction, values in zip(((1.0, 0.0), (0.0, 1.0)), np.asarray(self.positions)[:, k].T, strict=True):
                 sensor = Sensor("position", place, direction)
                 channels.append(Channel(Measurement(self.time, values, sensor=sensor)))
         return MotionRecord(channels, self.base, self.start, self.release, self.camera, self.load, self.model)

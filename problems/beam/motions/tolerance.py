@@ -44,7 +44,6 @@ CHECK = 30.0
 GAIN = 0.1
 SWING = 0.1  # usual travel of a beam over its length
 COARSEST, TIGHTEST = 1e-6, 1e-10  # tolerances; the latter is checked at 3e-12, where rounding sets in
-MARGIN = 2.0  # additional factor by which a tolerance is tightened
 LENGTHS = ("position", "displacement")
 
 
@@ -60,4 +59,4 @@ def first_tolerance(records: Sequence[MotionRecord], weights: Weights, length: f
 
 def tighter(tolerance: float, shift: float) -> float:
     """Return the tolerance that is expected to reduce a shift, in standard errors, to the allowed one."""
-    return max(tolerance * ALLOWED / (MARGIN * shift), TIGHTEST)
+    return max(tolerance * ALLOWED / (2.0 * shift), TIGHTEST)  # additional factor by which a tolerance is tightened

@@ -31,7 +31,6 @@ from ancf_casadi.support.arrays import Array
 from problems.beam.motions.record import FEWEST, Channel, MotionRecord
 
 TRUST = 2e-5  # systematic error of a record, relative to its travel
-EVEN = 1.5  # largest duration of four successive samples, relative to the median: no gap is among them
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +141,8 @@ def third_differences(channel: Channel) -> Array:
         return np.zeros(0)
     times, samples = (np.lib.stride_tricks.sliding_window_view(part, 4) for part in (time, values))
     span = times[:, 3] - times[:, 0]
-    kept = span <= EVEN * np.median(span)
+    # largest duration of four successive samples, relative to the median: no gap is among them
+    kept = span <= 1.5 * np.median(span)
     times, samples = times[kept], samples[kept]
     gaps = (times[:, :, None] - times[:, None, :]) / span[kept][:, None, None] + np.eye(4)
     weights = 1 / gaps.prod(axis=2)

@@ -16,7 +16,6 @@ from problems.beam.properties import Owners
 from problems.beam.values.records import PropertyRecord
 
 ACCURACY = 1e-6  # relative accuracy of computed values; in standard deviations if these are given
-UNDETERMINED = 3e-6  # relative change of all values that counts as none; the stretching of a beam causes less
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +66,8 @@ class ValueBlock(Block):
     @property
     def negligible(self) -> float:
         """Norm of a small relative change of all values."""
-        return UNDETERMINED * float(np.linalg.norm(self.record.measured / self.record.scatter))
+        # relative change of all values that counts as none; the stretching of a beam causes less
+        return 3e-6 * float(np.linalg.norm(self.record.measured / self.record.scatter))
 
     def account(self, fitted: Fitted) -> Account:
         """Return measured and computed values."""

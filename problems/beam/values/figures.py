@@ -14,7 +14,6 @@ from problems.beam.values.prediction import ValuePrediction
 from problems.beam.values.records import StaticRecord
 
 MARKERS = "osD^v<>P"
-WIDE = 10.0  # ratio of the frequencies beyond which their axis is logarithmic
 
 
 def value_size(predictions: Sequence[ValuePrediction]) -> tuple[float, float]:
@@ -50,7 +49,8 @@ def draw_values(figure: Figure | SubFigure, predictions: Sequence[ValuePredictio
             modes = sorted({int(mode) for prediction in group for mode in _modes(prediction.record.labels)})
             lower.set(xticks=modes, xlim=(modes[0] - 0.5, modes[-1] + 0.5))
             values = np.concatenate([prediction.record.measured for prediction in group])
-            upper.set_yscale("log" if values.max() > WIDE * values.min() else "linear")
+            # ratio of the frequencies beyond which their axis is logarithmic
+            upper.set_yscale("log" if values.max() > 10.0 * values.min() else "linear")
         upper.legend(frameon=False, fontsize=9)
         for axes in (upper, lower):
             axes.spines[["top", "right"]].set_visible(False)

@@ -40,10 +40,7 @@ if TYPE_CHECKING:
 
 PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
 NOISE = 0.2e-3  # m, of synthetic decays
-ZOOMED, SHORT_ZOOM = 12, 3  # periods drawn in detail, and of a record with many samples per period
 MOST_SAMPLES = 10_000_000  # of a synthetic decay
-MOST_ZOOMED = 300  # samples drawn in detail
-WINDOWS = 300  # of the drawn residuals
 
 
 class DecayRecord(Struct, frozen=True, rename={"begin": "from", "end": "to"}):
@@ -156,7 +153,7 @@ def fit_plain(decay: Decay, law: str, offset: bool) -> FittedDecay:
         fit: DecayFit = fit_decay(record, law=law, offset=offset, release_time=release)  # type: ignore[arg-type]
     names = ("frequency", "damping_ratio", "eta1", "eta2", "amplitude", "correlation")
     per_period = len(fit.time) / max(1.0, fit.frequency * float(fit.time[-1] - fit.time[0]))
-    periods = min(ZOOMED, max(SHORT_ZOOM, MOST_ZOOMED / per_period), len(fit.time) / per_period)
+    periods = min(12, max(3, 300 / per_period), len(fit.time) / per_period)  # drawn in detail
     fine_time = fit.release_time + np.linspace(0.0, periods / fit.frequency, int(40 * periods))
     return FittedDecay(
         quantities={name: float(getattr(fit, name)) for name in names},
@@ -359,7 +356,7 @@ def _decay_figure(decay: Decay, fit: FittedDecay, title: str) -> Figure:
     first.plot(fit.fine_time, fit.fine / size, **line(1), lw=1, label="fit")
     rest = fit.measured - fit.fitted
     rest_size, rest_unit = prefixed(float(np.abs(rest).max()), decay.sensor.unit)
-    windows = np.unique(np.linspace(0, len(rest) - 1, min(WINDOWS, len(rest))).astype(int))
+    windows = np.unique(np.linspace(0, len(rest) - 1, min(300, len(rest))).astype(int))  # of the drawn residuals
     low, high = (extreme.reduceat(rest, windows) / rest_size for extreme in (np.minimum, np.maximum))
     remainder.vlines(fit.time[windows], low, high, color="black", lw=0.7)
     remainder.set(xlabel="time, s", ylabel=f"residual, {rest_unit}" if rest_unit else "residual")

@@ -30,14 +30,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-LENGTH = 4.0  # l, in the units of the drawing
 ENDS = np.array([[0.9, 1.9], [4.3, 1.7]])  # r0 and rl
 SLOPES = np.array([[0.75, 0.66], [0.80, -0.60]])  # tau0 and taul
-DRAWN_SLOPE = 1.3  # length of a drawn slope
 NAMES = ("0", "l")
-MARKED = 0.55  # p/l of the marked point
-SMALL = 1e-3  # deflection of the tip relative to the length
-POINTS = 51
 
 
 class DrawingNumbers(TypedDict, total=False):
@@ -115,7 +110,7 @@ class Omitted(Part):
 
 def centre_line(ξ: Array) -> Array:
     """Return the points r(p) of the element at ξ = p/l, (k, 2), Eq. (2)."""
-    return np.asarray(np.column_stack(hermite(ξ, LENGTH)) @ np.array([ENDS[0], SLOPES[0], ENDS[1], SLOPES[1]]))
+    return np.asarray(np.column_stack(hermite(ξ, 4.0)) @ np.array([ENDS[0], SLOPES[0], ENDS[1], SLOPES[1]]))
 
 
 def element_figure() -> Figure:
@@ -123,13 +118,13 @@ def element_figure() -> Figure:
     figure, (axes,) = new_figure(3.3)
     axes.plot(*centre_line(np.linspace(0.0, 1.0, 60)).T, **{**line(0), "lw": 3.0})
     for end, slope, name, offset in zip(ENDS, SLOPES, NAMES, ((-18, 2), (6, -12)), strict=True):
-        tip = end + DRAWN_SLOPE * slope / np.linalg.norm(slope)
+        tip = end + 1.3 * slope / np.linalg.norm(slope)  # length of a drawn slope
         _arrow(axes, (0.0, 0.0), end, "--")
         _arrow(axes, end, tip, "-")
         axes.plot(*end, "ko", ms=6)
         axes.annotate(rf"$\mathbf{{r}}_{name}$", 0.45 * end, xytext=offset, textcoords="offset points", fontsize=11)
         axes.annotate(rf"$\boldsymbol{{\tau}}_{name}$", tip, xytext=(5, 0), textcoords="offset points", fontsize=11)
-    middle = centre_line(np.array([MARKED]))[0]
+    middle = centre_line(np.array([0.55]))[0]  # p/l of the marked point
     _arrow(axes, (0.0, 0.0), middle, ":")
     axes.plot(*middle, "o", ms=5, mfc="white", mec="black")
     axes.annotate(r"$\mathbf{r}(p)$", middle, xytext=(-6, 8), textcoords="offset points", fontsize=11)
@@ -181,10 +176,11 @@ def deflections(beam: Beam) -> Deflection:
     across = np.array([-y, x])
     weightless = beam.with_(gravity=(0.0, 0.0))
     stiffness = min(np.array(beam.elastic_modulus) * np.array([s.second_moment for s in beam.sections]))
-    acceleration = SMALL * 8 * stiffness / (beam.mass * beam.length**2)  # w = mu g L^4/(8 E I)
+    # deflection of the tip relative to the length
+    acceleration = 1e-3 * 8 * stiffness / (beam.mass * beam.length**2)  # w = mu g L^4/(8 E I)
     loaded = static_equilibrium(Model(beam.with_(gravity=tuple(acceleration * across))))
     modes = natural_modes(Model(weightless), count=1)
-    places = np.linspace(0.0, 1.0, POINTS)
+    places = np.linspace(0.0, 1.0, 51)
     points = [modes.model.interpolation(float(s)) for s in places * beam.length]
     bent, mode = (np.array([point @ e for point in points]) @ across for e in (loaded.coordinates, modes.shapes[:, 0]))
     return Deflection(places, bent / bent[-1], ASSUMED_SHAPE(places), mode / mode[-1])

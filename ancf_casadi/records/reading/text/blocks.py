@@ -20,7 +20,6 @@ MARKS = (
     (codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF32_LE, "utf-32-le"), (codecs.BOM_UTF32_BE, "utf-32-be"),
     (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"),
 )  # fmt: skip
-WIDE = 0.8  # share of zero bytes in every other place that tells UTF-16 without a byte-order mark
 
 
 def text_blocks(path: Path, *, progress: bool = False) -> Iterator[bytes]:
@@ -72,7 +71,8 @@ def _encoding(start: bytes) -> tuple[str, int]:
             return encoding, len(mark)
     half = len(start) // 2
     for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
-        if half > 3 and start[first::2].count(0) > WIDE * half and not start[1 - first :: 2].count(0):
+        # share of zero bytes in every other place that tells UTF-16 without a byte-order mark
+        if half > 3 and start[first::2].count(0) > 0.8 * half and not start[1 - first :: 2].count(0):
             return encoding, 0
     return "utf-8", 0
 

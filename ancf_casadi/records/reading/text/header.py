@@ -20,7 +20,6 @@ from ancf_casadi.records.unit_names import unit_in_name
 from ancf_casadi.records.units import Unit, parse_unit
 from ancf_casadi.support.inputs import shown
 
-MOST_ROWS = 4
 BRACKETED = re.compile(r"[(\[{<][^()\[\]{}<>]*[)\]}>]")
 NONE = frozenset({"", "-", "--", "[]", "()", "[-]", "(-)", "1", "none"})
 ABOUT_UNITS = re.compile(r"\b(?:units?|einheit(?:en)?|unités?|unidad(?:es)?)\b", re.IGNORECASE)
@@ -56,7 +55,7 @@ def read_heading(above: Sequence[tuple[int, str]], table: Table, path: str) -> H
     filled = [(number, line) for number, line in above if line.strip()]
     rows: list[list[str]] = []
     below = 0
-    while filled and len(rows) < MOST_ROWS:
+    while filled and len(rows) < 4:
         number, line = filled[-1]
         cells = _cells(line, table)
         if cells is None or (rows and number < below - 1):

@@ -26,9 +26,6 @@ from ancf_casadi.records.reading.text.stamps import clock_seconds, iso_nanosecon
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array, Index
 
-HEAD_LINES, HEAD_CHARACTERS = 1000, 200_000  # looked at to recognise the table
-LEAST_LINES = 4
-MOST_JOINED = 3  # lines of one row with quoted line breaks
 CLOCKS = "; write times as 2024-05-17T09:30:00.125, as 09:30:00.125, or in s"
 DIGITS = b"0123456789+-eE \t\n"
 NUMBERS = {".": DIGITS + b".", ",": DIGITS + b","}
@@ -59,16 +56,17 @@ def read_text(path: Path, *, progress: bool = False) -> Contents:
 
 def _head(block: bytes) -> tuple[list[str], list[int]]:
     """Return the first lines as text, with their numbers; a line break within quotes does not end a line."""
-    start = block[:HEAD_CHARACTERS]
+    start = block[:200_000]  # looked at to recognise the table
     if len(start) < len(block):
-        end = max(start.rfind(b"\n"), _end_of_line(block, LEAST_LINES))
+        end = max(start.rfind(b"\n"), _end_of_line(block, 4))
         start = block[:end]
-    physical = decoded(start).split("\n")[:HEAD_LINES]
+    physical = decoded(start).split("\n")[:1000]
     lines: list[str] = []
     numbers: list[int] = []
     k = 0
     while k < len(physical):
-        count = next((n for n in range(1, MOST_JOINED + 1) if "\n".join(physical[k : k + n]).count('"') % 2 == 0), 1)
+        # up to three lines may form one row with quoted line breaks
+        count = next((n for n in (1, 2, 3) if "\n".join(physical[k : k + n]).count('"') % 2 == 0), 1)
         lines.append(" ".join(physical[k : k + count]))
         numbers.append(k + 1)
         k += count

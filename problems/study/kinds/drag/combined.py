@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NAME = "modal + quadratic"
-POINTS = 3  # of a drawn law, which is straight in the amplitude
 
 
 class CombinedNumbers(TypedDict):
@@ -199,7 +198,7 @@ def _ratios(laws: Mapping[str, DampingLaw], modes: Modes, limits: Sequence[float
     """Draw the damping ratio of each mode against its amplitude, up to a limit (m) of its own."""
     figure, panels = new_figure(1.0 + 1.5 * len(limits), len(limits))
     for n, (axes, limit) in enumerate(zip(panels, limits, strict=True)):
-        amplitudes, top = np.linspace(0.0, limit, POINTS), 0.0
+        amplitudes, top = np.linspace(0.0, limit, 3), 0.0  # of a drawn law, which is straight in the amplitude
         for k, (title, law) in enumerate(laws.items()):
             ratios = 100 * ratio_curves(law, modes, amplitudes)[:, n]
             axes.plot(1e3 * amplitudes, ratios, **line(k), lw=1.6, label=title)

@@ -19,8 +19,6 @@ from problems.schema.table import HIDDEN, Positive
 from problems.study.part import Effort, Part, Task
 from problems.study.source import LawChoice, Source
 
-SECONDS, SECONDS_PER_PERIOD = 0.3, 0.006  # computing time of a decay, and of each of its periods
-
 
 @dataclass(frozen=True)
 class Variant:
@@ -65,7 +63,8 @@ class DecayPart(Part, ABC):
         """Return the simulation of a decay as a task."""
         duration = effort.window * self.duration
         inputs = (beam, law, frequency, self.amplitude, duration, effort.steps_per_period)
-        return Task(simulate_decay, inputs, SECONDS + SECONDS_PER_PERIOD * frequency * duration)
+        # computing time of a decay, and of each of its periods
+        return Task(simulate_decay, inputs, 0.3 + 0.006 * frequency * duration)
 
 
 def decay_numbers(variant: Variant, decay: Decay, times: Sequence[float]) -> dict[str, Any]:

@@ -24,8 +24,6 @@ from problems.study.source import Source
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MARKED = 8  # markers of a drawn envelope
-
 
 class EffectNumbers(TypedDict):
     """Decays under each law at each frequency, and the words of Table 6."""
@@ -209,7 +207,7 @@ def _frequencies(variant: Variant, decays: Sequence[Decay], end: float) -> Figur
             axes.plot(decay.formula.time, side * decay.formula.amplitude, "k--", lw=0.8)
         axes.set(ylabel="tip, mm", xlim=(0.0, end))
         axes.set_title(f"{variant.title}, {decay.frequency:g} Hz")
-        some = np.unique(np.linspace(0, len(decay.envelope.time) - 1, MARKED).astype(int))
+        some = np.unique(np.linspace(0, len(decay.envelope.time) - 1, 8).astype(int))  # markers of a drawn envelope
         some = some[decay.envelope.amplitude[some] > RESOLVED]
         style = series(k)
         envelopes.plot(decay.envelope.time[some], 1e3 * decay.envelope.amplitude[some], **{**style, "linestyle": ""},

@@ -44,13 +44,8 @@ from problems.schema.beam import law_of
 from problems.study.drawing import Band, band
 
 TOLERANCE = 1e-4  # of the integrator, over the tip amplitude relative to the length
-LOOSEST = 1e-5  # largest tolerance
 IDAS = 0.04  # tolerance of IDAS relative to that of Radau, for errors of the same size
-SETTLING = 2  # periods between the stop and the fit
 SAMPLES = 40  # per period
-LONGEST_WINDOW, SHORTEST_WINDOW = 70, 8  # periods of a fitted decay
-AROUND_STOP = 6  # periods before and after the stop that are drawn in detail
-SHAPES, POINTS = 13, 41  # deformed shapes over one period, points of each
 FEWEST_MODES = 5
 
 
@@ -169,10 +164,10 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
 
     base, window = _excitation(experiment, modes, ratio(experiment.amplitude))
     size = experiment.amplitude / experiment.beam.length
-    tolerance = min(TOLERANCE * size, LOOSEST) * (IDAS if experiment.method == "idas" else 1.0)
+    tolerance = min(TOLERANCE * size, 1e-5) * (IDAS if experiment.method == "idas" else 1.0)  # largest tolerance
     run = simulate(
         modes.model,
-        duration=base.stop_time + SETTLING / base.frequency + window,
+        duration=base.stop_time + 2 / base.frequency + window,  # two periods between the stop and the fit
         damping=law,
         base=base,
         sample_rate=SAMPLES * base.frequency,
@@ -196,7 +191,8 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
     end = int(np.searchsorted(run.time, base.stop_time))
     across = (run.tip - run.base)[:, 0]
     across = across - across[0]
-    near = np.abs(run.time - base.stop_time) <= AROUND_STOP / base.frequency
+    # six periods before and after the stop are drawn in detail
+    near = np.abs(run.time - base.stop_time) <= 6 / base.frequency
     return ExperimentResult(
         natural_frequency=float(modes.frequencies[mode]),
         base_amplitude=base.amplitude,
@@ -228,8 +224,8 @@ def _excitation(experiment: Experiment, modes: Modes, ratio: float) -> tuple[Har
     growth = -math.expm1(-ratio * ω * driven) / (2 * ratio) if ratio else ω * driven / 2
     base = replace(unit, amplitude=experiment.amplitude / (participation(modes, mode) * growth))
     halving = math.log(2) * base.frequency / (ratio * ω) if ratio else math.inf  # periods
-    periods = experiment.window * base.frequency or min(halving, LONGEST_WINDOW)
-    return base, max(experiment.shortening * periods, SHORTEST_WINDOW) / base.frequency
+    periods = experiment.window * base.frequency or min(halving, 70)  # periods of a fitted decay
+    return base, max(experiment.shortening * periods, 8) / base.frequency
 
 
 def participation(modes: Modes, mode: int) -> float:
@@ -252,7 +248,7 @@ def _curve(decay: Measurement) -> Array:
 
 
 def _shapes(run: Trajectory, end: int) -> Array:
-    arcs = np.linspace(0.0, run.model.beam.length, POINTS).tolist()
-    rows = np.linspace(max(0, end - SAMPLES), end, SHAPES).astype(int)
+    arcs = np.linspace(0.0, run.model.beam.length, 41).tolist()  # deformed shapes over one period, points of each
+    rows = np.linspace(max(0, end - SAMPLES), end, 13).astype(int)
     points = [run.model.interpolation(arc) for arc in arcs]
     return np.array([[point @ run.coordinates[row] for point in points] for row in rows])

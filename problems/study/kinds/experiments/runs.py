@@ -19,8 +19,6 @@ from problems.study.kinds.experiments.experiment import Experiment, ExperimentRe
 from problems.study.part import Effort, Found, Part, Task
 from problems.study.source import LawChoice, Source
 
-SECONDS_PER_PERIOD = 0.01  # computing time
-
 
 @dataclass(frozen=True)
 class Run:
@@ -71,7 +69,7 @@ class Run:
 def task_of(experiment: Experiment) -> Task:
     """Return an experiment as a task."""
     periods = max(experiment.frequency, 2.0) * (experiment.stop + max(experiment.window, 1.0))
-    return Task(run_experiment, (experiment,), SECONDS_PER_PERIOD * periods)
+    return Task(run_experiment, (experiment,), 0.01 * periods)  # computing time
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TAKEN = {"experiment", "runs"}  # other keys of its numbers
-MISSED = 0.05  # relative difference from the requested amplitude that the table explains
 
 
 class RunNumbers(TypedDict):
@@ -166,7 +165,8 @@ class Transients(ExperimentPart):
             Column("at the stop", tuple(1e3 * result.reached for *_, result in rows), "mm"),
             Column("frequency in the decay", tuple(result.frequency for *_, result in rows), "Hz"),
         )
-        short = any(result.reached < (1 - MISSED) * run.amplitude for _, run, _, result in rows)
+        # relative difference from the requested amplitude that the table explains
+        short = any(result.reached < (1 - 0.05) * run.amplitude for _, run, _, result in rows)
         reason = (
             "Where the amplitude at the stop is smaller than requested, the frequency of the mode falls with the "
             "amplitude by more than the width of the resonance, so that a drive at constant frequency reaches no more."

@@ -26,7 +26,6 @@ from problems.schema.response import ResponseTask
 from problems.study.data_table import Column
 
 TIP = "tip"
-MODES = 10  # of the full beam, among which the nearest is sought
 
 
 class BifurcationNumbers(TypedDict):
@@ -178,7 +177,8 @@ def level_titles(levels: Sequence[float], unit: str) -> tuple[str, ...]:
 
 def _damping_ratio(body: Model | ReducedModel, motion: PeriodicMotion) -> float:
     """Return the equivalent damping ratio of a motion."""
-    modes = body.modes if isinstance(body, ReducedModel) else natural_modes(body, count=MODES)
+    # the nearest mode is sought among ten of the full beam
+    modes = body.modes if isinstance(body, ReducedModel) else natural_modes(body, count=10)
     nearest = int(np.argmin(np.abs(np.log(modes.frequencies / motion.frequency))))
     speed = 2 * math.pi * motion.frequency * motion.amplitude() / modes.tip_amplitudes()[nearest]
     return float(motion.dissipated_energy / (2 * math.pi * speed**2))

@@ -36,12 +36,8 @@ from problems.study.source import LawChoice, Source
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SECONDS = 4.0  # expected computing time of a curve
-SAMPLES = 64  # of a period
-POINTS = 24  # least number on a curve
 WIDTH = 5.0  # half-width of the range of frequencies relative to that of the resonance
 MARGIN = 1.3  # of the expected change of frequency
-FARTHEST = 0.03  # of the last frequency below the natural one, relative to it
 
 Resonance = tuple[CurveData, Array]  # a curve, and the amplitude of the driven mode at the tip at each point, m
 
@@ -88,14 +84,14 @@ def resonance(
     """
     model = Model(beam)
     law, count = law_of(terms, model, "damping"), max(modes, mode)
-    task = ResponseTask(model, law, frequencies, (amplitude,), "base", (1.0, 0.0), count, POINTS, TOLERANCE, {})
+    task = ResponseTask(model, law, frequencies, (amplitude,), "base", (1.0, 0.0), count, 24, TOLERANCE, {})
     curve = task.curve(amplitude)
     return curve_data(task, curve), np.array([_amplitude(motion, mode) for motion in curve.motions])
 
 
 def _amplitude(motion: PeriodicMotion, mode: int) -> float:
     """Return the amplitude of a mode at the tip in the motion relative to the clamp, m."""
-    period = motion.trajectory(SAMPLES)
+    period = motion.trajectory(64)
     assert isinstance(period, ReducedTrajectory)
     modes = period.reduced.modes
     return float(np.ptp(modes.modal_coordinate(period.relative_coordinates, mode - 1)) / 2)
@@ -128,7 +124,7 @@ class Resonances(Part):
             Task(
                 resonance,
                 (beam, terms[run["law"]], run["base_amplitude_m"], range_of(run), run["mode"], self.modes),
-                SECONDS,
+                4.0,  # expected computing time of a curve
             )
             for run in self._runs(found)
         )
@@ -212,5 +208,6 @@ def range_of(run: Mapping[str, Any]) -> tuple[float, float]:
                          "laws")  # fmt: skip
     amplitude = run["requested_amplitude_m"] / -math.expm1(-2 * math.pi * natural * ratio * run["stop_s"])
     change = (run["frequency_hz"] / natural - 1) * (amplitude / run["amplitude_m"]) ** 2
-    lowest = 1 - min(WIDTH * ratio - MARGIN * min(change, 0.0), FARTHEST)
+    # least distance of the last frequency below the natural one, relative to it
+    lowest = 1 - min(WIDTH * ratio - MARGIN * min(change, 0.0), 0.03)
     return natural * (1 + WIDTH * ratio + MARGIN * max(change, 0.0)), natural * lowest

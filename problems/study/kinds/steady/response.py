@@ -31,10 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SECONDS = 5.0  # expected computing time of a curve
 TABLES = {"beam", "damping", "response", "markers"}
-UNSTABLE = (0, (3, 2))  # dash
-MARKED = 8  # of a curve, which tell the curves apart in grey
 
 
 def level_curve(given: StudyFile, level: float) -> CurveData:
@@ -69,7 +66,8 @@ class Response(Part):
 
     def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the curve of each level."""
-        return tuple(Task(level_curve, (self.given, level), SECONDS) for level in self.levels)
+        # expected computing time of a curve
+        return tuple(Task(level_curve, (self.given, level), 5.0) for level in self.levels)
 
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the curves with their peaks and jumps."""
@@ -124,9 +122,9 @@ def draw_curve(axes: Axes, curve: CurveData, values: Array, number: int, label: 
         Name in the legend.
     """
     style: dict[str, Any] = {**series(number), "ms": 4, "lw": 1.4, "linestyle": "-"}
-    span = max(1, len(values) // MARKED)
+    span = max(1, len(values) // 8)  # markers, which tell the curves apart in grey
     for first, last, stable in _parts(curve.stable):
-        dash = {} if stable else {"linestyle": UNSTABLE, "marker": ""}
+        dash = {} if stable else {"linestyle": (0, (3, 2)), "marker": ""}
         axes.plot(curve.frequency[first:last], values[first:last], markevery=(span // 2, span),
                   label=label if first == 0 else None, **style | dash)  # fmt: skip
 

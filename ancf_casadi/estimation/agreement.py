@@ -164,7 +164,7 @@ def agreement(name: str, unit: str, values: Array, errors: Array) -> Agreement:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class PartEstimate:
     """Estimates from a part of the residuals of a fit, to first order.
 
     Parameters
@@ -205,25 +205,25 @@ def agreement_of_parts(fit: Estimates, masks: Sequence[Mask]) -> tuple[Agreement
     )
 
 
-def parts(fit: Estimates, masks: Sequence[Mask]) -> list[Part]:
+def parts(fit: Estimates, masks: Sequence[Mask]) -> list[PartEstimate]:
     """Return the estimates from each part of the residuals of a fit, a mask (m,) of its rows."""
     return [_part(fit, mask) for mask in masks]
 
 
-def _part(fit: Estimates, mask: Mask, least: float = 0.0) -> Part:
+def _part(fit: Estimates, mask: Mask, least: float = 0.0) -> PartEstimate:
     n = len(fit.names)
     weights = row_weights(fit.residuals[mask], fit.huber)
     rows = fit.jacobian[mask] * fit.scale * weights[:, None]
     free = np.flatnonzero(~fit.active_bounds & (np.linalg.norm(rows, axis=0) > 0.0))
     values, covariance = np.full(n, math.nan), np.full((n, n), math.nan)
     if not 0 < len(free) < len(rows):
-        return Part(values, covariance)
+        return PartEstimate(values, covariance)
     length = np.linalg.norm(rows[:, free], axis=0)
     basis, triangle = np.linalg.qr(rows[:, free] / length)
     size = np.abs(np.diag(triangle))
     # part of a column that the other columns do not explain, relative, below which it is undetermined
     if size.min() < 1e-10 * size.max():
-        return Part(values, covariance)
+        return PartEstimate(values, covariance)
     inverse = (fit.scale[free] / length)[:, None] * np.linalg.inv(triangle)
     r = weights * fit.residuals[mask]
     values[free] = fit.values[free] - inverse @ (basis.T @ r)
@@ -232,4 +232,4 @@ def _part(fit: Estimates, mask: Mask, least: float = 0.0) -> Part:
     noise = estimated_noise(r - basis @ (basis.T @ r), basis, series, times).at_least(least)
     allowance = len(rows) * fit.systematic**2 * np.eye(len(free))
     covariance[np.ix_(free, free)] = inverse @ (noise.form(basis) + allowance) @ inverse.T
-    return Part(values, covariance)
+    return PartEstimate(values, covariance)

@@ -15,7 +15,7 @@ BEYOND = 3.0  # rms error over noise and standard error above which there is a w
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class PredictedChannel:
     """Measured and predicted values of one kind.
 
     Parameters
@@ -67,7 +67,7 @@ class RecordPrediction(Reported):
     ----------
     kind : str
         Kind of the fit.
-    channels : tuple of Channel
+    channels : tuple of PredictedChannel
         Measured and predicted values.
     places : ndarray
         Times, frequencies or numbers (m,) of the values.
@@ -86,7 +86,7 @@ class RecordPrediction(Reported):
     _drawing = "ancf_casadi.estimation.figures.prediction_figure"
 
     kind: str
-    channels: tuple[Channel, ...]
+    channels: tuple[PredictedChannel, ...]
     places: Array
     label: str
 

@@ -58,7 +58,7 @@ OPTIONS: Mapping[str, Any] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class FitProblem:
     """Blocks and unknowns of a fit.
 
     Parameters
@@ -167,12 +167,12 @@ class Problem:
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class FitSolution:
     """The solution of a problem.
 
     Parameters
     ----------
-    problem : Problem
+    problem : FitProblem
         The problem, with the weights and the discretisation of the fit.
     fit : Fit
         The estimates.
@@ -184,7 +184,7 @@ class Solution:
         The blocks as they were fitted.
     """
 
-    problem: Problem
+    problem: FitProblem
     fit: Fit
     shifts: Array
     others: tuple[Fit, ...]
@@ -208,18 +208,18 @@ class Solution:
         )
 
 
-def _restored(problem: Problem, fit: Fit, shifts: Array, others: tuple[Fit, ...]) -> Solution:
+def _restored(problem: FitProblem, fit: Fit, shifts: Array, others: tuple[Fit, ...]) -> FitSolution:
     evaluations = tuple(block.evaluation() for block in problem.blocks)
     fits = [problem.at_last(evaluations, one) for one in (fit, *others)]
-    return Solution(problem, fits[0], shifts, tuple(fits[1:]), evaluations)
+    return FitSolution(problem, fits[0], shifts, tuple(fits[1:]), evaluations)
 
 
-def solve(problem: Problem, starts: Sequence[Mapping[str, float]] = ({},)) -> Solution:
+def solve(problem: FitProblem, starts: Sequence[Mapping[str, float]] = ({},)) -> FitSolution:
     """Estimate the unknowns of a problem.
 
     Parameters
     ----------
-    problem : Problem
+    problem : FitProblem
         Blocks and unknowns.
     starts : sequence of mapping
         Starting values of some unknowns, by name, instead of their guesses; the best optimum counts.
@@ -244,7 +244,7 @@ def solve(problem: Problem, starts: Sequence[Mapping[str, float]] = ({},)) -> So
                 one.close()
 
 
-def _optima(problem: Problem, evaluations: Sequence[Evaluation], starts: Sequence[Mapping[str, float]]) -> list[Fit]:
+def _optima(problem: FitProblem, evaluations: Sequence[Evaluation], starts: Sequence[Mapping[str, float]]) -> list[Fit]:
     """Return the best fit, and others that fit as well."""
     fits: list[Fit] = []
     failures: list[FitError] = []
@@ -273,8 +273,8 @@ def _differ(fit: Fit, other: Fit) -> bool:
 
 
 def _reweighted(
-    problem: Problem, optima: Sequence[Fit], evaluations: tuple[Evaluation, ...]
-) -> tuple[Problem, Fit, tuple[Fit, ...], tuple[Evaluation, ...]]:
+    problem: FitProblem, optima: Sequence[Fit], evaluations: tuple[Evaluation, ...]
+) -> tuple[FitProblem, Fit, tuple[Fit, ...], tuple[Evaluation, ...]]:
     """Return the problem with the weights that residuals give, and its estimates."""
     fit, *others = optima
     own = fit.jacobian[:, ~fit.active_bounds] * fit.scale[~fit.active_bounds]
@@ -290,7 +290,9 @@ def _reweighted(
     return problem, problem.fitted(evaluations, first=False), (), evaluations
 
 
-def _refined(problem: Problem, fit: Fit, others: tuple[Fit, ...], evaluations: tuple[Evaluation, ...]) -> Solution:
+def _refined(
+    problem: FitProblem, fit: Fit, others: tuple[Fit, ...], evaluations: tuple[Evaluation, ...]
+) -> FitSolution:
     """Return the solution with blocks so fine that their errors shift no estimate by much."""
     for _ in range(REFINEMENTS + 1):
         shifts = np.zeros((len(problem.blocks), len(fit.names)))
@@ -312,7 +314,7 @@ def _refined(problem: Problem, fit: Fit, others: tuple[Fit, ...], evaluations: t
         problem = replace(problem, blocks=blocks, unknowns=tuple(started(problem.unknowns, fit.estimates)))
         evaluations = _continued(blocks, evaluations)
         fit, others = problem.fitted(evaluations, first=False), ()
-    return Solution(problem, fit, shifts, others, evaluations)
+    return FitSolution(problem, fit, shifts, others, evaluations)
 
 
 def meaningful(shifts: Array, fit: Fit, least: float) -> Array:

@@ -11,7 +11,7 @@ from ancf_casadi.support.tables import Displayed, counted
 
 
 @dataclass(frozen=True, eq=False)
-class Channel(Displayed):
+class RecordedChannel(Displayed):
     """One column of a file, or one channel of a measuring system.
 
     Parameters
@@ -55,7 +55,7 @@ class Contents:
 
     Parameters
     ----------
-    channels : tuple of Channel
+    channels : tuple of RecordedChannel
         All columns, in their order.
     notes : tuple of str
         Decisions of the reader that the user should know.
@@ -63,7 +63,7 @@ class Contents:
         Line of each row in a text file.
     """
 
-    channels: tuple[Channel, ...]
+    channels: tuple[RecordedChannel, ...]
     notes: tuple[str, ...] = ()
     lines: Index | None = None
 

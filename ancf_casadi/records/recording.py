@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.time_axis import find_channel, is_counter, is_time, listed, time_axis, with_times
 from ancf_casadi.support.arrays import Array
@@ -24,7 +24,7 @@ class Recording(Displayed):
     ----------
     path : str
         Path of the file.
-    channels : tuple of Channel
+    channels : tuple of RecordedChannel
         The channels without the time, each with its values as written, its unit and its times.
     notes : tuple of str
         Decisions of the reader that the user should know.
@@ -45,7 +45,7 @@ class Recording(Displayed):
     """
 
     path: str
-    channels: tuple[Channel, ...]
+    channels: tuple[RecordedChannel, ...]
     notes: tuple[str, ...] = ()
 
     @property
@@ -67,7 +67,7 @@ class Recording(Displayed):
             raise InputError("its channels have times of their own; use the time of a channel", self.path)
         return times[0]
 
-    def channel(self, column: str | int | None = None) -> Channel:
+    def channel(self, column: str | int | None = None) -> RecordedChannel:
         """Return the channel with a name or number, or the only one with measured values.
 
         Raises
@@ -161,13 +161,13 @@ def recording_of(
     return Recording(str(path), channels, contents.notes + axis.notes + _assumed(channels))
 
 
-def _assumed(channels: Sequence[Channel]) -> tuple[str, ...]:
+def _assumed(channels: Sequence[RecordedChannel]) -> tuple[str, ...]:
     """Return a note on the channels without a unit."""
     bare = [channel for channel in channels if not (channel.symbol or channel.fault or is_counter(channel))]
     return (f"no unit is given for {listed(bare)}; SI units are assumed",) if bare else ()
 
 
-def _timed(channel: Channel) -> Channel:
+def _timed(channel: RecordedChannel) -> RecordedChannel:
     """Return a channel of a file that gives times, with a fault if its own times cannot be used."""
     if channel.time is None:
         return replace(channel, fault=channel.fault or "has no times; give the sampling rate with --rate")

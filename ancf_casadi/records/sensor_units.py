@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Channel
+from ancf_casadi.records.channel import RecordedChannel
 from ancf_casadi.records.sensor import Quantity, Sensor
 from ancf_casadi.records.units import Unit
 from ancf_casadi.support.inputs import shown
@@ -24,12 +24,12 @@ QUANTITIES: Mapping[str, tuple[Quantity, ...]] = MappingProxyType(
 )  # quantity of a unit -> quantities of sensors, the usual one first
 
 
-def sensor_of(channel: Channel, given: Unit | None, sensor: Sensor | None) -> tuple[float, Sensor]:
+def sensor_of(channel: RecordedChannel, given: Unit | None, sensor: Sensor | None) -> tuple[float, Sensor]:
     """Return the factor of a channel to SI units, and its sensor.
 
     Parameters
     ----------
-    channel : Channel
+    channel : RecordedChannel
         The channel.
     given : Unit or None
         Unit that the caller gives in place of that in the file.

@@ -14,7 +14,7 @@ from numbers import Integral
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.time_names import names_time
 from ancf_casadi.records.units import Unit, known_unit
 from ancf_casadi.support.arrays import Array, Index
@@ -40,7 +40,7 @@ class TimeAxis:
         Time of each row that has one, s, increasing.
     rows : ndarray or None
         Indices of these rows; None if all have one.
-    channel : Channel or None
+    channel : RecordedChannel or None
         Column that holds the time.
     notes : tuple of str
         Decisions that the user should know.
@@ -48,11 +48,11 @@ class TimeAxis:
 
     time: Array
     rows: Index | None
-    channel: Channel | None
+    channel: RecordedChannel | None
     notes: tuple[str, ...] = ()
 
 
-def find_channel(channels: Sequence[Channel], wanted: object, option: str, path: str) -> Channel:
+def find_channel(channels: Sequence[RecordedChannel], wanted: object, option: str, path: str) -> RecordedChannel:
     """Return the channel with a name or number.
 
     Raises
@@ -72,18 +72,18 @@ def find_channel(channels: Sequence[Channel], wanted: object, option: str, path:
     raise InputError(f"{option} {shown(wanted)}: {fault}; there are {listed(channels)}", path)
 
 
-def listed(channels: Sequence[Channel]) -> str:
+def listed(channels: Sequence[RecordedChannel]) -> str:
     """Return numbers and names of channels, for messages."""
     shortened = ", ".join(channel.label for channel in channels[:8])
     return f"{shortened}, ... ({len(channels)} in all)" if len(channels) > 8 else shortened
 
 
-def is_time(channel: Channel) -> bool:
+def is_time(channel: RecordedChannel) -> bool:
     """Return whether the name or the unit of a channel tells that it holds times."""
     return bool(channel.unit and channel.unit.quantity == "time") or names_time(channel.name)
 
 
-def is_counter(channel: Channel) -> bool:
+def is_counter(channel: RecordedChannel) -> bool:
     """Return whether a channel counts the samples or the frames."""
     whole = COUNTERS.fullmatch(channel.name.strip()) is not None and not channel.symbol
     return whole and bool(np.all(channel.values == np.floor(channel.values)))
@@ -139,7 +139,7 @@ def _from_rate(contents: Contents, path: str, rate: float, time: str | int | Non
     return TimeAxis(np.arange(count) / rate, None, None, (f"times from the sampling rate, {rate:g} 1/s",))
 
 
-def _chosen(contents: Contents, path: str) -> Channel:
+def _chosen(contents: Contents, path: str) -> RecordedChannel:
     """Return the column that must be the time."""
     channels = contents.channels
     named = [channel for channel in channels if is_time(channel)]
@@ -182,7 +182,7 @@ def _is_even(values: Array) -> bool:
     return bool(np.mean(np.abs(steps - usual) <= 0.05 * usual) >= MOSTLY)
 
 
-def _seconds(channel: Channel, unit: Unit | None, path: str) -> tuple[Array, tuple[str, ...]]:
+def _seconds(channel: RecordedChannel, unit: Unit | None, path: str) -> tuple[Array, tuple[str, ...]]:
     """Return the numbers of a time column in s, and notes."""
     where = f"{path}: column {channel.label}"
     given = unit or channel.unit
@@ -210,7 +210,9 @@ def _seconds(channel: Channel, unit: Unit | None, path: str) -> tuple[Array, tup
     return np.asarray(factor * values), notes
 
 
-def _checked(contents: Contents, channel: Channel, seconds: Array, notes: tuple[str, ...], path: str) -> TimeAxis:
+def _checked(
+    contents: Contents, channel: RecordedChannel, seconds: Array, notes: tuple[str, ...], path: str
+) -> TimeAxis:
     """Return the times of all rows that have one, if these increase."""
     present = np.isfinite(seconds)
     rows = None
@@ -235,7 +237,7 @@ def _checked(contents: Contents, channel: Channel, seconds: Array, notes: tuple[
     return TimeAxis(seconds, rows, channel, notes)
 
 
-def with_times(contents: Contents, axis: TimeAxis) -> tuple[Channel, ...]:
+def with_times(contents: Contents, axis: TimeAxis) -> tuple[RecordedChannel, ...]:
     """Return all channels but the time itself, each with the times of its samples."""
     channels = []
     for channel in contents.channels:

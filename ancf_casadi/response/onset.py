@@ -18,8 +18,8 @@ from ancf_casadi.response.harmonic_balance.accuracy import FIRST_HARMONICS, leas
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
 from ancf_casadi.response.harmonic_balance.continuation import (
     SMALLEST_SIZE,
+    ContinuationStep,
     Point,
-    Step,
     follow,
     located,
     point_at,
@@ -154,7 +154,7 @@ def reached(point: Point, amplitude: float, tolerance: float) -> Point:
     )
 
 
-def set_to(step: Step, name: str, value: float, tolerance: float) -> Point:
+def set_to(step: ContinuationStep, name: str, value: float, tolerance: float) -> Point:
     """Return the point of a step at which a free entry of the setting has a value.
 
     Raises

@@ -37,7 +37,7 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import LOAD
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.banded import Factors
+from ancf_casadi.support.banded import BandedFactors
 from ancf_casadi.vibration.assembly import BAND
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
@@ -80,7 +80,7 @@ class SmallMotion:
         solutions = [self.factors(ω).solve(ω**2 * moved - 1j * ω * resisted) for ω in 2 * np.pi * frequencies]
         return np.stack([outputs @ x for x in solutions], axis=1)[:, None, :]
 
-    def factors(self, ω: float) -> Factors:
+    def factors(self, ω: float) -> BandedFactors:
         """Return the factors of K + i omega D - omega^2 M of the free coordinates."""
         stiffness, damping, mass = self._bands
         storage = np.zeros((3 * BAND + 1, stiffness.shape[1]), dtype=complex, order="F")
@@ -88,7 +88,7 @@ class SmallMotion:
         free = self.equilibrium.model.free
         projection, coefficients = self._modal
         left = (1j * ω * projection[free] * coefficients).astype(complex)
-        return Factors.of(storage, BAND, left, projection[free])
+        return BandedFactors.of(storage, BAND, left, projection[free])
 
     @cached_property
     def _modal(self) -> tuple[Array, Array]:

@@ -29,7 +29,15 @@ from ancf_casadi.response.curve import BifurcationPoint, ResponseCurve
 from ancf_casadi.response.excited import Body, Excited, excited
 from ancf_casadi.response.floquet import Bifurcation, bifurcations
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance
-from ancf_casadi.response.harmonic_balance.continuation import Point, Step, carried, follow, located, point_at, unit
+from ancf_casadi.response.harmonic_balance.continuation import (
+    ContinuationStep,
+    Point,
+    carried,
+    follow,
+    located,
+    point_at,
+    unit,
+)
 from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.response.harmonic_balance.newton import Condition, NotFound, jacobian_at
 from ancf_casadi.response.onset import TOLERANCE, grown, motion_of, reached, set_to
@@ -284,7 +292,9 @@ def _traced(
     return ResponseCurve(name, tuple(motions), tuple(found), closed)
 
 
-def _steps(point: Point, name: Free, ends: tuple[float, float], points: int, tolerance: float) -> Iterator[Step]:
+def _steps(
+    point: Point, name: Free, ends: tuple[float, float], points: int, tolerance: float
+) -> Iterator[ContinuationStep]:
     """Yield the steps along a curve from its first point; the last ends at a limit of the range."""
     lowest, highest = min(ends), max(ends)
     direction = np.sign(ends[1] - ends[0]) * unit(point.family, name)
@@ -305,7 +315,7 @@ def _steps(point: Point, name: Free, ends: tuple[float, float], points: int, tol
 
 
 def _bifurcations(
-    subject: Excited, step: Step, name: Free, tolerance: float
+    subject: Excited, step: ContinuationStep, name: Free, tolerance: float
 ) -> Iterator[tuple[Bifurcation, PeriodicMotion]]:
     """Yield the bifurcations in a step."""
     along = [tangent[point.family.place(name)] for point, tangent in
@@ -332,7 +342,7 @@ def _test(kind: Bifurcation, name: Free) -> Callable[[Point, Array], float]:
     return lambda point, _: float(np.abs(point.multipliers[point.multipliers.imag != 0.0]).max(initial=0.0)) - 1.0
 
 
-def _passes(step: Step, first: Point) -> bool:
+def _passes(step: ContinuationStep, first: Point) -> bool:
     """Return whether a step passes the first point of the curve."""
     family, harmonics = step.start.family, step.start.family.balance.fourier.harmonics
     begin, end, point = (own.family.resized(own.z, harmonics) / family.scale for own in (step.start, step.end, first))

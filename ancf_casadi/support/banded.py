@@ -40,7 +40,7 @@ def lapack_storage(values: NDArray[Any], width: int) -> NDArray[Any]:
     return values.reshape(-1, 3 * width + 1).T
 
 
-def factorised(banded: Array) -> Factors:
+def factorised(banded: Array) -> BandedFactors:
     """Return the factors of a matrix stored by diagonals, (2 w + 1, N).
 
     Raises
@@ -51,14 +51,14 @@ def factorised(banded: Array) -> Factors:
     width, size = len(banded) // 2, banded.shape[1]
     storage = np.zeros((3 * width + 1, size), order="F")
     storage[width:] = banded
-    factors = Factors.of(storage, width)
+    factors = BandedFactors.of(storage, width)
     if not factors.band[2 * width].all():
         raise np.linalg.LinAlgError("singular matrix")
     return factors
 
 
 @dataclass(frozen=True, eq=False)
-class Factors:
+class BandedFactors:
     """The factors of a matrix A + U V^T with banded A; they contain infinite values or NaN if A is singular.
 
     Parameters
@@ -82,16 +82,16 @@ class Factors:
     @staticmethod
     def of(
         band: NDArray[Any], width: int, left: NDArray[Any] | None = None, right: NDArray[Any] | None = None
-    ) -> Factors:
+    ) -> BandedFactors:
         """Factorise A, given in LAPACK's storage (3 w + 1, N) and overwritten; ``left`` is U, ``right`` is V."""
         factorise, substitute = ROUTINES[band.dtype.char]
         factors, pivots, _ = factorise(band, width, width, overwrite_ab=1)
         if left is None or right is None or not right.size:
             none = np.empty((0, band.shape[1]))
-            return Factors(factors, pivots, width, none, none.T)
+            return BandedFactors(factors, pivots, width, none, none.T)
         x, rows = substitute(factors, width, width, left, pivots)[0], right.T.astype(band.dtype)
         correction = x @ np.linalg.inv(np.eye(len(rows)) + rows @ x)
-        return Factors(factors, pivots, width, rows, correction)
+        return BandedFactors(factors, pivots, width, rows, correction)
 
     def solve(self, right: NDArray[Any], *, overwrite: bool = False) -> NDArray[Any]:
         """Return the solutions for right-hand sides, a vector or columns."""

@@ -60,7 +60,7 @@ class Position:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class EqualElements:
     """Equal elements of a structure, and the places of their coordinates and properties.
 
     Parameters
@@ -84,14 +84,14 @@ def structure_properties(model: Model) -> Array:
     return np.concatenate([model.properties.ravel(), lumped])
 
 
-def beam_parts(model: Model) -> tuple[Part, ...]:
+def beam_parts(model: Model) -> tuple[EqualElements, ...]:
     """Return the groups of a model as parts with the properties of ``structure_properties``."""
     places, parts = np.arange(model.properties.size).reshape(model.properties.shape), []
     for group in model.groups:
         balance = element_balance(group.element, group.constants, len(group.lumped), model.beam.gravity)
         own = places[:, : group.columns].T.reshape(group.count, -1)
         lumped = np.array([places.size + LUMPED.index(name) for name in group.lumped], dtype=np.int64)
-        parts.append(Part(balance, group.coordinates, np.hstack([own, np.tile(lumped, (group.count, 1))])))
+        parts.append(EqualElements(balance, group.coordinates, np.hstack([own, np.tile(lumped, (group.count, 1))])))
     return tuple(parts)
 
 
@@ -103,14 +103,14 @@ class Structure:
     ----------
     model : Model
         The beam; ``properties`` override the properties of ``model.beam``.
-    parts : tuple of Part
+    parts : tuple of EqualElements
         The parts.
     properties : array (properties,)
         The properties of all parts.
     """
 
     model: Model
-    parts: tuple[Part, ...]
+    parts: tuple[EqualElements, ...]
     properties: Array
 
     @classmethod
@@ -131,10 +131,10 @@ class Structure:
             places = NODE * (index + model.root) + np.arange(2 * NODE)
             acting.setdefault(load_balance(s / l - index, l), []).append((places, given))
             properties.append(np.array(load.values))
-        parts += [Part(balance, *map(np.array, zip(*rows, strict=True))) for balance, rows in acting.items()]
+        parts += [EqualElements(balance, *map(np.array, zip(*rows, strict=True))) for balance, rows in acting.items()]
         return cls(model, tuple(parts), np.concatenate(properties))
 
-    def inputs(self, part: Part, at: Position) -> tuple[Array, Array]:
+    def inputs(self, part: EqualElements, at: Position) -> tuple[Array, Array]:
         """Return coordinates, with positions relative to the first node, and properties, one row per element."""
         return relative(at.coordinates[part.coordinates]), self.properties[part.properties]
 

@@ -15,8 +15,8 @@ import scipy.sparse
 
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.banded import Factors, factorised, sparse
-from ancf_casadi.vibration.assembly import BAND, Part, Position, Structure, per_element
+from ancf_casadi.support.banded import BandedFactors, factorised, sparse
+from ancf_casadi.vibration.assembly import BAND, EqualElements, Position, Structure, per_element
 from ancf_casadi.vibration.eigensolver import lowest_modes
 from ancf_casadi.vibration.equilibrium import neighbour
 from ancf_casadi.vibration.pencil import Pencil
@@ -72,7 +72,7 @@ class ModalState:
         return sparse(self._matrices[1]).tocsr()
 
     @cached_property
-    def stiffness_factors(self) -> Factors:
+    def stiffness_factors(self) -> BandedFactors:
         """Factors of the stiffness K of the free coordinates."""
         return factorised(self._matrices[0])
 
@@ -86,12 +86,12 @@ class ModalState:
         ]
 
     @cached_property
-    def force_jacobians(self) -> list[tuple[Part, Array]]:
+    def force_jacobians(self) -> list[tuple[EqualElements, Array]]:
         """dR/dp of the elements of each part, (elements, d, k)."""
         return [(part, per_element(part.balance.linearisation, *self.inputs(part))[2]) for part in self.structure.parts]
 
     @cached_property
-    def pencil_jacobians(self) -> list[tuple[Part, Array, Array, Array]]:
+    def pencil_jacobians(self) -> list[tuple[EqualElements, Array, Array, Array]]:
         """Outputs of ``ElementBalance.pencil_jacobians`` for each part, (m, elements, rows, columns)."""
         found = []
         for part in self.structure.parts:
@@ -101,11 +101,11 @@ class ModalState:
             found.append((part, by_coordinate, by_property, of_norm))
         return found
 
-    def inputs(self, part: Part) -> tuple[Array, Array]:
+    def inputs(self, part: EqualElements) -> tuple[Array, Array]:
         """Return coordinates and properties, one row per element."""
         return self.structure.inputs(part, self.at)
 
-    def inputs_of_modes(self, part: Part) -> tuple[Array, Array, Array, Array]:
+    def inputs_of_modes(self, part: EqualElements) -> tuple[Array, Array, Array, Array]:
         """Return coordinates, properties, shapes and eigenvalues, one row per element, mode by mode."""
         m, elements = len(self.eigenvalues), len(part.coordinates)
         e, p = self.inputs(part)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.banded import Factors, factorised
+from ancf_casadi.support.banded import BandedFactors, factorised
 from ancf_casadi.vibration.assembly import BAND
 
 
@@ -26,7 +26,7 @@ class Pencil:
 
     Parameters
     ----------
-    factors : Factors
+    factors : BandedFactors
         The factors.
     scale : array (free,)
         Multipliers of the rows and columns, 1/K_ii^1/2.
@@ -34,7 +34,7 @@ class Pencil:
         Index of the coordinate that is held at zero.
     """
 
-    factors: Factors
+    factors: BandedFactors
     scale: Array
     held: int
 

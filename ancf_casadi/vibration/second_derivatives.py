@@ -22,7 +22,7 @@ import numpy as np
 import scipy.sparse
 
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.vibration.assembly import Part, per_element, scatter
+from ancf_casadi.vibration.assembly import EqualElements, per_element, scatter
 from ancf_casadi.vibration.modal_state import ModalState
 from ancf_casadi.vibration.sensitivities import Sensitivities, multipliers, sensitivities
 
@@ -70,7 +70,7 @@ def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
     return half + half.T + normalisation
 
 
-def _lagrangian_hessians(state: ModalState, a: Array, beta: Array, z: Array) -> list[tuple[Part, Array]]:
+def _lagrangian_hessians(state: ModalState, a: Array, beta: Array, z: Array) -> list[tuple[EqualElements, Array]]:
     """Return 1/2 L_uu and L_uv of the elements of each part side by side, (elements, d + k, d + k + m (d + 1))."""
     m, found = len(beta), []
     for part in state.structure.parts:
@@ -84,7 +84,7 @@ def _lagrangian_hessians(state: ModalState, a: Array, beta: Array, z: Array) -> 
     return found
 
 
-def _b_of_all_properties(state: ModalState, first: Sensitivities, blocks: list[tuple[Part, Array]]) -> Array:
+def _b_of_all_properties(state: ModalState, first: Sensitivities, blocks: list[tuple[EqualElements, Array]]) -> Array:
     """Return B with all properties as its rows and the directions of ``first`` as its columns."""
     free, N = state.model.free, first.directions.shape[1]
     by_coordinate, by_property = np.zeros_like(first.coordinates), np.zeros_like(first.directions)

@@ -41,7 +41,7 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.estimation.block import Block
-from ancf_casadi.estimation.solve import Problem, solve
+from ancf_casadi.estimation.solve import FitProblem, solve
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
@@ -199,7 +199,7 @@ def fit_beam(
         count = min(enough, most) if modes is None else whole(modes, "modes", 1, most)
         blocks.append(curve_block(one, numbered, law, shared, first, modes=count, harmonics=number))
     blocks += [ValueBlock(record.with_model(models[id(record.model)]), first) for record in values]
-    solution = solve(Problem(tuple(blocks), own, robust), _starts(own, only_values=not motions and not curves))
+    solution = solve(FitProblem(tuple(blocks), own, robust), _starts(own, only_values=not motions and not curves))
     again = partial(_again, model, damping, {
         "unknowns": unknowns, "fixed": fixed, "bounds": bounds, "priors": priors, "robust": robust,
         "tolerance": tolerance, "modes": modes, "harmonics": harmonics,

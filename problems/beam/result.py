@@ -20,7 +20,7 @@ from ancf_casadi.estimation.block import Account
 from ancf_casadi.estimation.determination import certainty
 from ancf_casadi.estimation.fit import colour_warning
 from ancf_casadi.estimation.result import LeastSquaresResult
-from ancf_casadi.estimation.solve import Solution
+from ancf_casadi.estimation.solve import FitSolution
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
@@ -54,7 +54,7 @@ class BeamFit(LeastSquaresResult):
         The law with the first values of its parameters; a sum of no laws if there is none.
     first : mapping
         First values of the unknown properties by name, SI units.
-    solution : Solution
+    solution : FitSolution
         The blocks of measurements, the estimates, and what the fit found out about them.
 
     Examples
@@ -79,7 +79,7 @@ class BeamFit(LeastSquaresResult):
     given: Model
     guess: DampingLaw
     first: Mapping[str, float]
-    solution: Solution
+    solution: FitSolution
 
     @property
     def law(self) -> DampingLaw:
@@ -353,7 +353,9 @@ class BeamFit(LeastSquaresResult):
         }
 
 
-def _restored(given: Model, guess: DampingLaw, first: Mapping[str, float], solution: Solution, again: Any) -> BeamFit:
+def _restored(
+    given: Model, guess: DampingLaw, first: Mapping[str, float], solution: FitSolution, again: Any
+) -> BeamFit:
     return BeamFit(solution.fit, given=given, guess=guess, first=first, solution=solution, again=again)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from ancf_casadi.decay.release import find_release
 from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Channel
+from ancf_casadi.records.channel import RecordedChannel
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import Recording, recording_of
@@ -96,7 +96,7 @@ def _run(options: argparse.Namespace) -> Output:
     return Output(_text(options, recording, summaries, plan), files)
 
 
-def _summary(channel: Channel) -> ChannelSummary:
+def _summary(channel: RecordedChannel) -> ChannelSummary:
     present = ~np.isnan(channel.values)
     values = channel.values[present]
     usable = bool(len(values)) and not channel.fault
@@ -107,7 +107,7 @@ def _summary(channel: Channel) -> ChannelSummary:
     )  # fmt: skip
 
 
-def _strongest(channel: Channel) -> float:
+def _strongest(channel: RecordedChannel) -> float:
     """Return the frequency of the highest peak of the spectrum, Hz; nan if there is none."""
     even = _even(channel)
     return math.nan if even is None else _peak(*even)
@@ -124,7 +124,7 @@ def _peak(time: Array, values: Array) -> float:
     return step_frequency(time, swing) if slow else frequency
 
 
-def _even(channel: Channel) -> tuple[Array, Array] | None:
+def _even(channel: RecordedChannel) -> tuple[Array, Array] | None:
     """Return the samples of a channel at even times, across gaps by linear interpolation; None if too few."""
     if channel.time is None:
         return None

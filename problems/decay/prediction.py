@@ -19,7 +19,7 @@ import numpy as np
 
 from ancf_casadi.decay.first_guess import first_guess
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.prediction import Channel, RecordPrediction
+from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
@@ -76,7 +76,7 @@ def predicted(fit: Fit, modes: Sequence[tuple[DecayModel, Sequence[int]]], recor
     A = cs.Function("tangents", [mode], [tangents])(fit.values).full()
     basis = np.linalg.qr(found.jacobian)[0]
     errors = fit.errors_of(A - basis @ (basis.T @ A))
-    channel = Channel(
+    channel = PredictedChannel(
         record.name or sensor.quantity,
         sensor.unit,
         measured,

@@ -18,7 +18,7 @@ from problems.frf.record import FrfRecord, as_record
 from problems.frf.refinement import ADVICE, refine
 from problems.frf.result import FrfFit
 from problems.frf.selection import MOST_MODES, Selection, select_modes
-from problems.frf.trial import Trial
+from problems.frf.trial import TrialFit
 from problems.frf.weights import first_deviations, given_deviations
 
 
@@ -99,14 +99,14 @@ def fit_frf(
     return FrfFit(refined.corrected, record, refined, tuple(notes), again=again)
 
 
-def _settled(selection: Selection, best: Trial) -> Trial:
+def _settled(selection: Selection, best: TrialFit) -> TrialFit:
     """Return the fit with the weights that follow from its residuals."""
     for _ in range(3):  # rounds in which weights and estimates settle
         best = selection.weighted(best)
     return best
 
 
-def _ascending(fit: Trial) -> Trial:
+def _ascending(fit: TrialFit) -> TrialFit:
     """Return a fit with its modes in ascending order."""
     order = np.argsort(fit.frequencies)
     return replace(fit, frequencies=fit.frequencies[order], ratios=fit.ratios[order])

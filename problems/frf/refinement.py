@@ -43,7 +43,7 @@ from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.support.arrays import Array
 from problems.frf.modal_sum import stacked
-from problems.frf.trial import LARGEST_RATIO, LEAST_SCALE, Trial
+from problems.frf.trial import LARGEST_RATIO, LEAST_SCALE, TrialFit
 from problems.frf.weights import ROOM
 
 ADVICE = "give approximate frequencies, ask for fewer modes, or choose a band"
@@ -55,13 +55,13 @@ class Refinement:
 
     Parameters
     ----------
-    trial : Trial
+    trial : TrialFit
         The modes that were fitted, and all that follows from them.
     fit : Fit
         Frequencies, Hz, and damping ratios, in turn.
     """
 
-    trial: Trial
+    trial: TrialFit
     fit: Fit
 
     @property
@@ -131,7 +131,7 @@ class Refinement:
         return np.asarray(self.inflation * inverse @ scatter @ inverse.T + shared)
 
 
-def refine(start: Trial) -> Refinement:
+def refine(start: TrialFit) -> Refinement:
     """Fit all parameters, from a start.
 
     Raises
@@ -157,7 +157,7 @@ def refine(start: Trial) -> Refinement:
     return Refinement(replace(start, frequencies=fit.values[::2], ratios=fit.values[1::2]), fit)
 
 
-def _projection(start: Trial) -> Callable[..., cs.MX]:
+def _projection(start: TrialFit) -> Callable[..., cs.MX]:
     """Return the function x -> residuals."""
     x = cs.MX.sym("x", 2 * len(start.frequencies))
     parts = cs.vertsplit(x)

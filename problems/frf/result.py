@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.estimation.estimates import LEVEL
-from ancf_casadi.estimation.prediction import Channel, RecordPrediction
+from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.exceptions import FitError, InputError
@@ -21,7 +21,7 @@ from problems.frf.limitations import limitations
 from problems.frf.modal_sum import DERIVATIVES, ModalSum
 from problems.frf.record import FrfRecord, as_record
 from problems.frf.refinement import ADVICE, Refinement
-from problems.frf.trial import Trial, quick_fit
+from problems.frf.trial import TrialFit, quick_fit
 from problems.frf.weights import first_deviations, given_deviations
 from problems.matching.measured_modes import MeasuredModes
 
@@ -177,12 +177,12 @@ class FrfFit(LeastSquaresResult):
             raise InputError(f"has too few frequencies, {len(values)}, for {len(trial.frequencies)} modes", "record")
         given = given_deviations(record)
         deviations = first_deviations(values) if given is None else given
-        found = Trial(model, values, 1 / deviations, trial.frequencies, trial.ratios)
+        found = TrialFit(model, values, 1 / deviations, trial.frequencies, trial.ratios)
         parts = self.fit.errors_of(found.jacobian).reshape(values.shape[1], 2, -1)
         errors = np.hypot(*np.nan_to_num(parts).swapaxes(0, 1)).T * deviations
         noise = np.sqrt(np.mean(first_deviations(values) ** 2, axis=0))
         columns = zip(record.names(), values.T, found.fitted.T, errors.T, noise.tolist(), strict=True)
-        channels = tuple(Channel(name, record.unit, *rest) for name, *rest in columns)
+        channels = tuple(PredictedChannel(name, record.unit, *rest) for name, *rest in columns)
         return RecordPrediction(self.kind, channels, record.frequencies, "frequency, Hz")
 
     def resampled(self, noise: Array) -> Array:

@@ -9,7 +9,7 @@ are not needed are removed.  After each change all parameters are refined.  The 
 
 with the weights that follow from its residuals and the larger amplitude of the two (``weights``), the sums of squares
 S_1 of the smaller and S_2 of the larger fit, K parameters, and s^2 = S_2/(N - K_2): a clear difference of BIC.  The N
-residuals are worth n independent ones (``Trial.effective_samples``).  Modes out of the band, narrower than the lines
+residuals are worth n independent ones (``TrialFit.effective_samples``).  Modes out of the band, narrower than the lines
 can show, overdamped or equal are dropped.
 
 References
@@ -30,7 +30,7 @@ from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, ComplexArray, Mask
 from problems.frf.modal_sum import POWERS, ModalSum, stacked
 from problems.frf.poles import Candidates
-from problems.frf.trial import Trial, quick_fit
+from problems.frf.trial import TrialFit, quick_fit
 from problems.frf.weights import fitted_deviations
 
 CLEAR = 10.0  # difference of BIC that leaves no doubt
@@ -58,7 +58,7 @@ class Selection:
     estimated: bool
     strict: bool = True
 
-    def fit(self, model: ModalSum, f: Array, ζ: Array, deviations: Array | None = None) -> Trial | None:
+    def fit(self, model: ModalSum, f: Array, ζ: Array, deviations: Array | None = None) -> TrialFit | None:
         """Return the fit of some modes, without those that are dropped; None if it fails."""
         weights = 1 / (self.deviations if deviations is None else deviations)
         while self.has_room(model, len(f)):
@@ -77,11 +77,11 @@ class Selection:
         parameters = 2 * modes + count * (2 * modes + len(model.powers))
         return parameters <= 0.5 * 2 * self.values.size  # share of the residuals that parameters may be
 
-    def weighted(self, fit: Trial) -> Trial:
+    def weighted(self, fit: TrialFit) -> TrialFit:
         """Return the fit with the weights that follow from its residuals; the fit itself if that fails."""
         return self.fit(fit.model, fit.frequencies, fit.ratios, self.deviations_of(fit)) or fit
 
-    def deviations_of(self, fit: Trial, amplitude: Array | None = None) -> Array:
+    def deviations_of(self, fit: TrialFit, amplitude: Array | None = None) -> Array:
         """Return the standard deviations that follow from the residuals of a fit, or those given.
 
         The amplitudes on which they depend are those of the fit, if not given.
@@ -90,7 +90,7 @@ class Selection:
             return self.deviations
         return fitted_deviations(fit.residuals, np.abs(fit.fitted) if amplitude is None else amplitude, fit.leverage)
 
-    def needed(self, larger: Trial, model: ModalSum, f: Array, ζ: Array) -> bool:
+    def needed(self, larger: TrialFit, model: ModalSum, f: Array, ζ: Array) -> bool:
         """Return whether a fit is clearly better than the smaller one with this model and these modes."""
         smaller = self.fit(model, f, ζ, self.deviations_of(larger))
         if smaller is None:
@@ -108,7 +108,7 @@ class Selection:
         threshold = (refined.parameters - smaller.parameters) * math.log(effective) + CLEAR
         return bool(gain > threshold)
 
-    def _kept(self, fit: Trial) -> Mask:
+    def _kept(self, fit: TrialFit) -> Mask:
         """Return which modes of a fit are not dropped."""
         f, ζ, lines = fit.frequencies, fit.ratios, fit.model.frequencies
         kept = (f >= lines[0]) & (f <= lines[-1])
@@ -123,7 +123,7 @@ class Selection:
         return np.asarray(kept & ~np.tril(close, -1).any(axis=1))
 
 
-def select_modes(selection: Selection, model: ModalSum, candidates: Candidates, count: int | None) -> Trial:
+def select_modes(selection: Selection, model: ModalSum, candidates: Candidates, count: int | None) -> TrialFit:
     """Return the fit of the modes that the functions show, or of ``count`` modes.
 
     Raises
@@ -148,7 +148,7 @@ def select_modes(selection: Selection, model: ModalSum, candidates: Candidates, 
     return best
 
 
-def _beginning(selection: Selection, model: ModalSum, candidates: Candidates) -> Trial:
+def _beginning(selection: Selection, model: ModalSum, candidates: Candidates) -> TrialFit:
     """Return the fit of the recurring poles, of as many as can be fitted."""
     chosen = candidates.recurring[:MOST_MODES]
     while len(chosen):
@@ -156,10 +156,10 @@ def _beginning(selection: Selection, model: ModalSum, candidates: Candidates) ->
         if fit is not None:
             return selection.weighted(fit)
         chosen = chosen[:-1]
-    return Trial(model, selection.values, 1 / selection.deviations, np.empty(0), np.empty(0))
+    return TrialFit(model, selection.values, 1 / selection.deviations, np.empty(0), np.empty(0))
 
 
-def _reduced(selection: Selection, best: Trial, count: int | None) -> Trial:
+def _reduced(selection: Selection, best: TrialFit, count: int | None) -> TrialFit:
     """Return the fit without the modes that it does not need, or with the ``count`` most important ones."""
     while len(best.frequencies) > (count or 0):
         least = int(np.argmin(_importance(best)))
@@ -173,7 +173,7 @@ def _reduced(selection: Selection, best: Trial, count: int | None) -> Trial:
     return best
 
 
-def _importance(fit: Trial) -> Array:
+def _importance(fit: TrialFit) -> Array:
     """Return the sum of squares of the residuals that each mode explains, beside the others."""
     found = np.zeros(len(fit.frequencies))
     for (_, triangle), own in zip(fit.factors, fit.coefficients.T, strict=True):
@@ -185,10 +185,10 @@ def _importance(fit: Trial) -> Array:
     return found
 
 
-def _extended(selection: Selection, best: Trial, candidates: Candidates, count: int | None) -> Trial:
+def _extended(selection: Selection, best: TrialFit, candidates: Candidates, count: int | None) -> TrialFit:
     """Return the fit with the candidates that it needs, or that make up ``count`` modes."""
     while len(best.frequencies) < (MOST_MODES if count is None else count):
-        found: Trial | None = None
+        found: TrialFit | None = None
         for f, ζ in _ranked(best, candidates):
             trial = selection.fit(best.model, np.append(best.frequencies, f), np.append(best.ratios, ζ))
             if trial is None or len(trial.frequencies) <= len(best.frequencies):
@@ -203,7 +203,7 @@ def _extended(selection: Selection, best: Trial, candidates: Candidates, count: 
     return best
 
 
-def _ranked(fit: Trial, candidates: Candidates) -> list[tuple[float, float]]:
+def _ranked(fit: TrialFit, candidates: Candidates) -> list[tuple[float, float]]:
     """Return the candidates that explain most of the residuals, best first, each apart from those before."""
     level = np.sqrt(np.median(fit.weights**2, axis=0))
     rest = stacked(fit.residuals * level)

@@ -27,7 +27,7 @@ TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class TrialFit:
     """A fit of some modes.
 
     Parameters
@@ -118,7 +118,9 @@ class Trial:
         return np.linalg.qr(self.jacobian / np.linalg.norm(self.jacobian, axis=0))[0]
 
 
-def quick_fit(model: ModalSum, values: ComplexArray, weights: Array, frequencies: Array, ratios: Array) -> Trial | None:
+def quick_fit(
+    model: ModalSum, values: ComplexArray, weights: Array, frequencies: Array, ratios: Array
+) -> TrialFit | None:
     """Return the fit from a start; None if the functions do not determine the modes.
 
     Parameters
@@ -133,12 +135,12 @@ def quick_fit(model: ModalSum, values: ComplexArray, weights: Array, frequencies
     ratios = np.clip(ratios, 0.1 * LEAST_SCALE, 0.99 * LARGEST_RATIO)
     scale = np.column_stack([frequencies, np.ones_like(ratios)]) * np.maximum(ratios, LEAST_SCALE)[:, None]
     start = np.column_stack([frequencies, ratios]).ravel()
-    last: dict[bytes, Trial] = {}
+    last: dict[bytes, TrialFit] = {}
 
-    def at(x: Array) -> Trial:
+    def at(x: Array) -> TrialFit:
         if x.tobytes() not in last:
             last.clear()
-            last[x.tobytes()] = Trial(model, values, weights, x[::2], x[1::2])
+            last[x.tobytes()] = TrialFit(model, values, weights, x[::2], x[1::2])
         return last[x.tobytes()]
 
     def residuals(x: Array) -> Array:

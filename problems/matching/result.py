@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.estimation.estimates import LEVEL, quantile
-from ancf_casadi.estimation.prediction import Channel, RecordPrediction
+from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import FitResult, Interval
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import UNITS, Beam
@@ -225,7 +225,7 @@ class FrequencyMatch(FitResult):
         errors = errors if known.noisy else np.full(len(size), math.nan)
         noise = float(np.sqrt(np.mean(np.square(measured.frequency_std or math.nan)))) if one.noisy else math.nan
         predicted = size * (1 + response.residuals(self.unknowns))
-        channel = Channel("frequency", "Hz", size, predicted, errors, noise)
+        channel = PredictedChannel("frequency", "Hz", size, predicted, errors, noise)
         return RecordPrediction(self.kind, (channel,), np.arange(1.0, len(size) + 1.0), "target")
 
     def resampled(self, noise: Array) -> Array:

@@ -86,7 +86,7 @@ class Envelope:
 
 
 @dataclass(frozen=True, eq=False)
-class Decay:
+class SimulatedDecay:
     """A simulated free decay beside Eq. (27).
 
     Parameters
@@ -147,7 +147,7 @@ def simulate_decay(
     amplitude: float = 0.076,
     duration: float = 15.0,
     steps_per_period: int = STEPS,
-) -> Decay:
+) -> SimulatedDecay:
     """Simulate the free decay of a beam in its first mode, and compute it by Eq. (27).
 
     Parameters
@@ -190,7 +190,7 @@ def simulate_decay(
     φ = -math.atan(slowing)
     coefficients = cs.DM(ω), cs.DM(law.eta1), cs.DM(law.eta2), cs.DM(amplitude)
     amplitudes = quadratic_envelope(cs.DM(run.time), *coefficients).full().ravel()
-    return Decay(
+    return SimulatedDecay(
         law=law,
         frequency=frequency,
         time=run.time,
@@ -256,7 +256,7 @@ def peaks(time: Array, displacement: Array) -> Envelope:
     return Envelope(np.append(time[0], time[at] + shift * (time[1] - time[0])), np.append(size[0], top))
 
 
-def ratios_over_time(decay: Decay) -> RatiosOverTime:
+def ratios_over_time(decay: SimulatedDecay) -> RatiosOverTime:
     """Return the damping ratio along a decay, in windows of the simulated motion and by the formula.
 
     Raises

@@ -34,7 +34,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.prediction import Channel, RecordPrediction
+from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.noise import Noise
@@ -124,7 +124,7 @@ class RayleighFit(LeastSquaresResult):
         f, ζ, _ = _checked(*_pair(record), ratio_std=None)
         predicted, errors = self.fit.derived(lambda α, β: _ratios(2 * math.pi * f, α, β))
         noise = float(np.mean(self.ratio_std)) if self.ratio_std else self.fit.residual_rms
-        channel = Channel("damping ratio", "", ζ, predicted, np.nan_to_num(errors), noise)
+        channel = PredictedChannel("damping ratio", "", ζ, predicted, np.nan_to_num(errors), noise)
         return RecordPrediction("rayleigh", (channel,), f, "frequency, Hz")
 
     def table(self) -> Table:

@@ -17,7 +17,7 @@ import msgspec
 
 from problems.study.document.labels import Shown
 from problems.study.part import Study
-from problems.study.runner import Step
+from problems.study.runner import PartTime
 
 
 class PartNumbers(TypedDict):
@@ -42,7 +42,7 @@ class StudyNumbers(TypedDict):
 
 
 def results(
-    study: Study, shown: Sequence[Shown], steps: Sequence[Step], versions: Mapping[str, str], *, quick: bool
+    study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], versions: Mapping[str, str], *, quick: bool
 ) -> dict[str, Any]:
     """Return the numbers of a study as plain data.
 
@@ -52,7 +52,7 @@ def results(
         The study.
     shown : sequence of Shown
         Its parts with labels.
-    steps : sequence of Step
+    steps : sequence of PartTime
         Time of each part.
     versions : mapping of str to str
         Versions of the programs.

@@ -25,7 +25,7 @@ STEPS = "steps"  # folder with the kept results
 
 
 @dataclass(frozen=True)
-class Step:
+class PartTime:
     """Time of a finished part.
 
     Parameters
@@ -48,7 +48,7 @@ class Step:
 
 def run_parts(
     study: Study, folder: Path, *, effort: Effort, jobs: int, executor: Executor | None, progress: bool
-) -> tuple[dict[str, Finding], tuple[Step, ...]]:
+) -> tuple[dict[str, Finding], tuple[PartTime, ...]]:
     """Run all parts of a study, and return their findings by name with the time of each.
 
     Parameters
@@ -90,7 +90,7 @@ class _Runner:
     def __init__(self, store: Store, start: Callable[[], Executor | None], progress: bool) -> None:
         self.store = store
         self.keys: list[str] = []
-        self.steps: dict[str, Step] = {}
+        self.steps: dict[str, PartTime] = {}
         self._start, self._progress = start, progress
 
     @cached_property
@@ -118,7 +118,7 @@ class _Runner:
             name = part.name
             of_tasks = [next(spent) for _ in tasks[name]]
             total = seconds + sum(time for time, _ in of_tasks)
-            self.steps[name] = Step(name, total, len(of_tasks), sum(was for _, was in of_tasks) + kept)
+            self.steps[name] = PartTime(name, total, len(of_tasks), sum(was for _, was in of_tasks) + kept)
         return {part.name: finding for part, finding in zip(parts, drawn, strict=True)}
 
     def _run(self, tasks: Sequence[Task], title: str) -> tuple[list[Any], list[tuple[float, bool]]]:

@@ -31,7 +31,7 @@ from problems.study.document.page import page
 from problems.study.part import FULL, QUICK, Study
 from problems.study.reading import read_study
 from problems.study.results import results, schema
-from problems.study.runner import Step, run_parts
+from problems.study.runner import PartTime, run_parts
 
 PAPER = Path(str(files("problems.study").joinpath("paper.toml")))  # the study of the paper
 NUMBERED = re.compile(r"(table|figure)_a?\d+\.(csv|svg|png)")  # names of files of tables and figures
@@ -50,7 +50,7 @@ class StudyReport(Displayed):
         The numbers, as in ``results.json``.
     parts : tuple of Shown
         The parts with their tables and figures.
-    steps : tuple of Step
+    steps : tuple of PartTime
         Time of each part.
 
     Examples
@@ -68,7 +68,7 @@ class StudyReport(Displayed):
     page: Path
     results: Mapping[str, Any]
     parts: tuple[Shown, ...]
-    steps: tuple[Step, ...]
+    steps: tuple[PartTime, ...]
 
     @property
     def warnings(self) -> tuple[str, ...]:

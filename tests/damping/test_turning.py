@@ -23,7 +23,7 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
 from ancf_casadi.dynamics.semi_explicit import SemiExplicit
 from ancf_casadi.export import Document, beam_functions, read_document, write_document
-from ancf_casadi.support.banded import Factors, lapack_storage
+from ancf_casadi.support.banded import BandedFactors, lapack_storage
 
 RATIOS = (0.03, 0.01)
 BOTH = pytest.mark.parametrize("method", ["idas", "radau"])
@@ -254,7 +254,7 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
 
     band = tangent.matrix(Z.T, h, np.concatenate([q, v, excitations.ravel(), p])).full().ravel()
     low_rank = tangent.low_rank(excitations, h, rates)
-    factors = Factors.of(lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *low_rank)
+    factors = BandedFactors.of(lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *low_rank)
     ordered = np.empty_like(jacobian)
     ordered[np.ix_(tangent.order, tangent.order)] = jacobian
     for matrix, solve in ((ordered, factors.solve), (ordered.T, factors.solve_transposed)):
@@ -263,7 +263,7 @@ def test_the_linearised_step_is_that_of_the_residual_where_the_clamp_turns_withi
         np.testing.assert_allclose(solve(right.copy(order="F")), expected, atol=1e-9 * abs(expected).max())
     band = tangent.matrix(Z.T, h, np.concatenate([q, v, excitations.ravel(), p])).full().ravel()
     none = (0 * part for part in tangent.low_rank(excitations, h, rates))
-    plain = Factors.of(lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *none)
+    plain = BandedFactors.of(lapack_storage(band, tangent.bandwidth), tangent.bandwidth, *none)
     assert (
         abs(plain.solve(right.copy(order="F")) - factors.solve(right.copy(order="F"))).max()
         > 1e-6 * abs(expected).max()

@@ -7,7 +7,7 @@ import pytest
 from ancf_casadi import Beam, HarmonicBase, ModalDamping, Model, QuadraticDamping, natural_modes, static_equilibrium
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion
 from ancf_casadi.dynamics.derivatives.runs import Runs
-from ancf_casadi.dynamics.derivatives.sensitivity import Problem
+from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.records.sensor import Sensor
 
@@ -36,7 +36,7 @@ def readings(model):
     """A Function (theta, b, P, lumped, load, shift) -> readings of all sensors at ``TIMES``, and the values."""
     law = ModalDamping(natural_modes(model, count=2), (0.05, 0.03)) + QuadraticDamping(eta2=2.0)
     equations = Equations(model, law)
-    problem = Problem(
+    problem = SensitivityProblem(
         equations=equations,
         base=BASE,
         start=static_equilibrium(model, tip_force=(0.001, 0.0)),

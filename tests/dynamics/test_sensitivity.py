@@ -22,8 +22,8 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.derivatives import runs as module
-from ancf_casadi.dynamics.derivatives.run import Run
-from ancf_casadi.dynamics.derivatives.sensitivity import Problem
+from ancf_casadi.dynamics.derivatives.run import MotionRun
+from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.exceptions import SimulationError
@@ -161,7 +161,7 @@ def test_settings_that_make_no_sense_are_refused(model, settings, message):
 
 def runs_alive():
     gc.collect()
-    return sum(isinstance(one, Run) for one in gc.get_objects())
+    return sum(isinstance(one, MotionRun) for one in gc.get_objects())
 
 
 @pytest.mark.slow
@@ -199,8 +199,8 @@ def test_a_function_of_derivatives_alone_keeps_the_motion_alive(model):
 
 
 def test_a_motion_is_integrated_once_for_its_value_and_all_its_derivatives(model, law, monkeypatch):
-    solve, seen = Problem.solve, []
-    monkeypatch.setattr(Problem, "solve", lambda *given: (seen.append(1), solve(*given))[1])
+    solve, seen = SensitivityProblem.solve, []
+    monkeypatch.setattr(SensitivityProblem, "solve", lambda *given: (seen.append(1), solve(*given))[1])
     function = motion(model, damping=law, base=BASE, start="equilibrium", **SETTINGS | {"duration": 0.05})
     symbols = [cs.MX.sym(name, *function.size_in(k)) for k, name in enumerate("abc")]
     tip = function(*symbols)[-4:-2, :]
@@ -223,7 +223,7 @@ def test_a_motion_of_too_many_steps_is_given_up(model, monkeypatch):
 def test_a_trial_is_given_up_by_the_steps_of_the_first_run(model, monkeypatch):
     """If the clamp moves 100 times as far, the same tolerance takes more than twice the steps."""
     monkeypatch.setattr(module, "FEW_STEPS", 1)
-    problem = Problem(
+    problem = SensitivityProblem(
         equations=Equations(model, RayleighDamping(alpha=0.1)),
         base=BASE,
         start="equilibrium",
@@ -246,9 +246,9 @@ def test_no_step_is_longer_than_the_largest(model):
     settings = {"base": BASE, "start": "equilibrium", "times": np.arange(6) / 100, "tolerance": 1e-7}
     at = np.array([0.1, 0.02, *model.properties.ravel(order="F")])
     equations = Equations(model, RayleighDamping(alpha=0.1))
-    free = Problem(equations=equations, **settings).solve(at)
+    free = SensitivityProblem(equations=equations, **settings).solve(at)
     largest = max(step.length for step in free.passages[0].steps) / 10
-    limited = Problem(equations=equations, **settings, largest_step=largest).solve(at)
+    limited = SensitivityProblem(equations=equations, **settings, largest_step=largest).solve(at)
     assert max(step.length for step in limited.passages[0].steps) <= largest * (1 + 1e-12)
     assert abs(limited.samples - free.samples).max() < 1e-6 * model.beam.length
     with pytest.raises(InputError, match="largest_step: must be positive"):
@@ -267,7 +267,7 @@ def lumped_problem(model, start="equilibrium", base=BASE, damping="local", lumpe
     if start == "held":
         start = static_equilibrium(heavy, tip_force=(0.002, 0.0))
     options = {"times": np.arange(13) / 100, "tolerance": 1e-9, "lumped": True} | settings
-    problem = Problem(equations=Equations(heavy, law), base=base, start=start, **options)
+    problem = SensitivityProblem(equations=Equations(heavy, law), base=base, start=start, **options)
     theta, b = ([own.value for own in owner.parameters] for owner in (law, base))
     return problem, np.array([*theta, *b, *heavy.properties.T.ravel(), *lumped.values(), *[0.0] * problem.held * 6])
 

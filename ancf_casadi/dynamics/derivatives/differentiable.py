@@ -15,7 +15,7 @@ import casadi as cs
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.derivatives.runs import Runs
-from ancf_casadi.dynamics.derivatives.sensitivity import MOST_KEPT_STEPS, Problem
+from ancf_casadi.dynamics.derivatives.sensitivity import MOST_KEPT_STEPS, SensitivityProblem
 from ancf_casadi.dynamics.start import Start, set_up
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import radau_tolerance
@@ -93,7 +93,7 @@ def motion(
     start_load = flag(start_load, "start_load")
     if start_load and not (isinstance(start, Equilibrium) or start == "equilibrium"):
         raise InputError("has no load; with start_load it must be 'equilibrium' or an Equilibrium", "start")
-    problem = Problem(
+    problem = SensitivityProblem(
         equations=setup.equations,
         base=setup.base,
         load=setup.load,

@@ -11,22 +11,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from ancf_casadi.dynamics.derivatives.linearised import Linearisation
-from ancf_casadi.dynamics.derivatives.run import Run
+from ancf_casadi.dynamics.derivatives.linearised import LinearisedSteps
+from ancf_casadi.dynamics.derivatives.run import MotionRun
 from ancf_casadi.dynamics.derivatives.sampling import clamp_jacobians, sample_weights
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 
 
-def forward(linearisation: Linearisation, run: Run, start: Array, b: Array, parameters: Array) -> Array:
+def forward(linearisation: LinearisedSteps, run: MotionRun, start: Array, b: Array, parameters: Array) -> Array:
     """Return the derivatives of the samples along d directions, (k, orders, 4 n + 4, d), at fixed instants.
 
     Parameters
     ----------
-    linearisation : Linearisation
+    linearisation : LinearisedSteps
         The Functions of linearised steps.
-    run : Run
+    run : MotionRun
         The motion.
     start, b, parameters : array (..., d)
         Directions of the first q and v, the parameters of the base motion and those of the equation of motion.

@@ -9,12 +9,12 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.derivatives.run import Passage, Run, stop_if_interrupted
+from ancf_casadi.dynamics.derivatives.run import MotionRun, Passage, stop_if_interrupted
 from ancf_casadi.dynamics.derivatives.tangent import Tangent
 from ancf_casadi.dynamics.radau.collocation import Collocation
-from ancf_casadi.dynamics.radau.stepper import Step
+from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.banded import Factors, lapack_storage
+from ancf_casadi.support.banded import BandedFactors, lapack_storage
 from ancf_casadi.support.compilation import Buffered
 
 
@@ -24,22 +24,22 @@ class LinearisedStep:
 
     Parameters
     ----------
-    step : Step
+    step : RadauStep
         The step.
     samples : array
         Indices of the samples in the step.
-    factors : Factors
+    factors : BandedFactors
         The factors of G, with the unknowns in the order of ``Tangent.order``.
-    linearisation : Linearisation
+    linearisation : LinearisedSteps
         The Functions.
     parameters : array
         The parameters of the equation of motion.
     """
 
-    step: Step
+    step: RadauStep
     samples: Index
-    factors: Factors
-    linearisation: Linearisation
+    factors: BandedFactors
+    linearisation: LinearisedSteps
     parameters: Array
 
     def increments(self, du: Array) -> Array:
@@ -56,7 +56,7 @@ class LinearisedStep:
 
 
 @dataclass(frozen=True, eq=False)
-class Linearisation:
+class LinearisedSteps:
     """The Functions of linearised steps.
 
     Parameters
@@ -82,7 +82,7 @@ class Linearisation:
         """R_u^T dR."""
         return StepFunction(self.tangent.reverse)
 
-    def steps(self, run: Run, passage: Passage, *, backwards: bool = False) -> Iterator[LinearisedStep]:
+    def steps(self, run: MotionRun, passage: Passage, *, backwards: bool = False) -> Iterator[LinearisedStep]:
         """Go through the steps of a piece.
 
         Raises
@@ -96,7 +96,9 @@ class Linearisation:
         for step, samples in zip(passage.steps[::order], passage.samples[::order], strict=True):
             stop_if_interrupted()
             band = lapack_storage(self._matrix(step, run.parameters), width)
-            factors = Factors.of(band, width, *self.tangent.low_rank(step.excitations, step.length, modal_coefficients))
+            factors = BandedFactors.of(
+                band, width, *self.tangent.low_rank(step.excitations, step.length, modal_coefficients)
+            )
             yield LinearisedStep(step, samples, factors, self, run.parameters)
 
     @cached_property
@@ -116,7 +118,7 @@ class StepFunction:
         self._inputs = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
         self._call = Buffered(function, *self._inputs)
 
-    def __call__(self, step: Step, parameters: Array, vector: Array | None = None) -> Array:
+    def __call__(self, step: RadauStep, parameters: Array, vector: Array | None = None) -> Array:
         """Evaluate for a step."""
         self._inputs[0][:] = step.increments.ravel()
         self._inputs[1][:] = step.length

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ancf_casadi.dynamics.derivatives.linearised import Linearisation, LinearisedStep
-from ancf_casadi.dynamics.derivatives.run import Passage, Run
+from ancf_casadi.dynamics.derivatives.linearised import LinearisedStep, LinearisedSteps
+from ancf_casadi.dynamics.derivatives.run import MotionRun, Passage
 from ancf_casadi.dynamics.derivatives.sampling import clamp_jacobians, sample_weights
 from ancf_casadi.dynamics.equations import EXCITATION
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
@@ -18,16 +18,16 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.layout import Layout
 
 
-def reverse(linearisation: Linearisation, run: Run, weights: Array) -> tuple[Array, Array, Array]:
+def reverse(linearisation: LinearisedSteps, run: MotionRun, weights: Array) -> tuple[Array, Array, Array]:
     """Return the derivatives of d sums of the samples with respect to the first q and v, b, and the parameters.
 
     Each is an array (..., d).  The instants of the samples are fixed.
 
     Parameters
     ----------
-    linearisation : Linearisation
+    linearisation : LinearisedSteps
         The Functions of linearised steps.
-    run : Run
+    run : MotionRun
         The motion.
     weights : array (k, orders, 4 n + 4, d)
         Weights of the samples in the sums.
@@ -64,7 +64,7 @@ def reverse(linearisation: Linearisation, run: Run, weights: Array) -> tuple[Arr
     return np.vstack([q + still[NODE:], v]), b, p
 
 
-def _sampled(run: Run, passage: Passage, linear: LinearisedStep, weights: Array, b: Array) -> Array:
+def _sampled(run: MotionRun, passage: Passage, linear: LinearisedStep, weights: Array, b: Array) -> Array:
     """Return the weights (6, N, d) of q, v and a at both ends of a step from its samples; add those of b to ``b``."""
     samples = linear.samples
     if not samples.size:

@@ -9,7 +9,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.equations import ExcitationPiece
-from ancf_casadi.dynamics.radau.stepper import Step
+from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.dynamics.radau.tableau import RADAU
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.model import NODE, Model
@@ -83,7 +83,7 @@ class Passage:
     acceleration_jacobian : array (N, ...)
         Derivatives of the first accelerations with respect to q, v, the excitation and the parameters of the equation
         of motion.
-    steps : list of Step
+    steps : list of RadauStep
         The steps.
     samples : list of array
         Indices of the samples in each step.
@@ -92,12 +92,12 @@ class Passage:
     excitation: Excitation
     begin: float
     acceleration_jacobian: Array
-    steps: list[Step]
+    steps: list[RadauStep]
     samples: list[Index]
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class MotionRun:
     """A computed motion.
 
     Parameters
@@ -135,7 +135,7 @@ class Run:
         return sum(len(passage.steps) for passage in self.passages)
 
 
-def end_of(step: Step) -> tuple[Array, Array, Array]:
+def end_of(step: RadauStep) -> tuple[Array, Array, Array]:
     """Return q, v and a at the end of a step."""
     velocities = RADAU.inverse @ step.increments / step.length
     return step.q + step.increments[-1], velocities[-1], RADAU.inverse[-1] @ (velocities - step.v) / step.length

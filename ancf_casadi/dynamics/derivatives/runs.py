@@ -14,8 +14,8 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.derivatives.run import Run
-from ancf_casadi.dynamics.derivatives.sensitivity import Problem
+from ancf_casadi.dynamics.derivatives.run import MotionRun
+from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.exceptions import AncfError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import kept
@@ -31,17 +31,17 @@ class Runs:
 
     Parameters
     ----------
-    problem : Problem
+    problem : SensitivityProblem
         The motion.
     patience : float
         A run is given up after this many times the steps of the first run, but not before ``FEW_STEPS``.
     """
 
-    def __init__(self, problem: Problem, patience: float = math.inf) -> None:
+    def __init__(self, problem: SensitivityProblem, patience: float = math.inf) -> None:
         self.problem = problem
         self._patience, self._most_steps = patience, problem.most_steps
-        self._last: tuple[Array, Run | AncfError] | None = None
-        self._last_forward: tuple[Run, Array, Array] | None = None
+        self._last: tuple[Array, MotionRun | AncfError] | None = None
+        self._last_forward: tuple[MotionRun, Array, Array] | None = None
 
     def function(self) -> cs.Function:
         """Return the motion as a Function (damping, base, properties, *OPTIONAL) -> samples (orders N, k)."""
@@ -56,7 +56,7 @@ class Runs:
         shapes.append((self.problem.orders * model.size, self.problem.times.size))
         return [cs.Sparsity.dense(*shape) for shape in shapes]
 
-    def run(self, inputs: Sequence[cs.DM]) -> Run:
+    def run(self, inputs: Sequence[cs.DM]) -> MotionRun:
         """Return the run for some inputs; if they equal the last inputs up to rounding, the run that is kept.
 
         Raises
@@ -79,7 +79,7 @@ class Runs:
         found = self._last[1] if self._last else None
         return found if isinstance(found, AncfError) else None
 
-    def forward(self, run: Run, directions: Array) -> Array:
+    def forward(self, run: MotionRun, directions: Array) -> Array:
         """Return the derivatives along some directions; if these equal the last ones, the derivatives that are kept."""
         last = self._last_forward
         if last is None or last[0] is not run or not np.array_equal(last[1], directions):
@@ -90,7 +90,7 @@ class Runs:
         """Drop the last run and its steps."""
         self._last = self._last_forward = None
 
-    def _solve(self, values: Array) -> Run | AncfError:
+    def _solve(self, values: Array) -> MotionRun | AncfError:
         self.forget()
         try:
             run = self.problem.solve(values, self._most_steps)
@@ -196,12 +196,12 @@ class _Derivative(_Callback):
             return [cs.DM.nan(shape) for shape in self.outputs]
         return [self._stacked(part) for part in found]
 
-    def _along(self, run: Run, seeds: Sequence[Array]) -> list[Array]:
+    def _along(self, run: MotionRun, seeds: Sequence[Array]) -> list[Array]:
         """Return the derivatives of the samples along directions of the inputs."""
         directions = np.vstack([part.reshape(-1, self._count) for part in seeds])
         return [self.runs.forward(run, directions).reshape(len(run.samples), -1, self._count)]
 
-    def _of_sums(self, run: Run, weights: Array) -> list[Array]:
+    def _of_sums(self, run: MotionRun, weights: Array) -> list[Array]:
         """Return the derivatives of weighted sums of the samples with respect to the inputs."""
         problem = self.runs.problem
         found = problem.reverse(run, weights.reshape(*run.samples.shape, self._count))

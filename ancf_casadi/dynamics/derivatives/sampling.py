@@ -16,15 +16,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from ancf_casadi.dynamics.derivatives.run import Excitation, Passage, Run, end_of
-from ancf_casadi.dynamics.radau.stepper import Step
+from ancf_casadi.dynamics.derivatives.run import Excitation, MotionRun, Passage, end_of
+from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.dynamics.radau.tableau import QUINTIC
 from ancf_casadi.dynamics.segments import CLOSE
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array, Index
 
 
-def sample_weights(step: Step, times: Array, orders: int = 1) -> Array:
+def sample_weights(step: RadauStep, times: Array, orders: int = 1) -> Array:
     """Return the weights (s, orders, 6) of q, v and a at both ends of a step in the time derivatives at s instants."""
     h, power = step.length, np.arange(6)
     place, factor, parts = (times - step.start) / h, np.ones(6), []
@@ -50,7 +50,7 @@ def before(times: Array, begin: float, end: float) -> Index:
     return np.flatnonzero(times < begin - CLOSE * (end - begin))
 
 
-def samples_of(times: Array, steps: list[Step], begin: float, end: float, *, first: bool) -> list[Index]:
+def samples_of(times: Array, steps: list[RadauStep], begin: float, end: float, *, first: bool) -> list[Index]:
     """Return the indices of the samples in each step of a piece; the ``first`` piece has its first instant too."""
     ends = np.array([step.start + step.length for step in steps])
     slack = CLOSE * (end - begin)
@@ -74,12 +74,12 @@ def sampled(passages: list[Passage], times: Array, rest: Index, size: int, order
     return result
 
 
-def shifted(run: Run, shifts: Array) -> Array:
+def shifted(run: MotionRun, shifts: Array) -> Array:
     """Return the derivatives (k, orders, 4 n + 4, d) of the samples along directions (c, d) of the shifts."""
     return np.asarray(run.rates[..., None] * shifts[run.clocks][:, None, None, :])
 
 
-def shift_weights(run: Run, weights: Array, count: int) -> Array:
+def shift_weights(run: MotionRun, weights: Array, count: int) -> Array:
     """Return the derivatives (c, d), by the shifts, of d sums of the samples with weights (k, orders, 4 n + 4, d)."""
     result = np.zeros((count, weights.shape[-1]))
     np.add.at(result, run.clocks, np.einsum("kon,kond->kd", run.rates, weights))

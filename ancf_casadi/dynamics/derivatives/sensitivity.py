@@ -31,14 +31,14 @@ import scipy.sparse.linalg
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.derivatives.differentiable_start import DifferentiableStart
 from ancf_casadi.dynamics.derivatives.forward import forward
-from ancf_casadi.dynamics.derivatives.linearised import Linearisation
+from ancf_casadi.dynamics.derivatives.linearised import LinearisedSteps
 from ancf_casadi.dynamics.derivatives.release_load import START
 from ancf_casadi.dynamics.derivatives.reverse import reverse
-from ancf_casadi.dynamics.derivatives.run import Excitation, Passage, Run, stop_if_interrupted
+from ancf_casadi.dynamics.derivatives.run import Excitation, MotionRun, Passage, stop_if_interrupted
 from ancf_casadi.dynamics.derivatives.sampling import before, sampled, samples_of, shift_weights, shifted
 from ancf_casadi.dynamics.equations import EXCITATION, Equations, ExcitationPiece, excitation_pieces
 from ancf_casadi.dynamics.radau.collocation import Collocation
-from ancf_casadi.dynamics.radau.stepper import Step, Stepper
+from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
 from ancf_casadi.dynamics.segments import CLOSE, InitialValueProblem, Segment
 from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.tip_load import TipLoad
@@ -56,7 +56,7 @@ MOST_KEPT_STEPS = 100_000  # these take a minute or two, and 0.4 GB at 20 elemen
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class SensitivityProblem:
     """A motion that depends on theta, b, P, m, s and d.
 
     Parameters
@@ -131,7 +131,7 @@ class Problem:
             shifts=int(self.clocks.max(initial=-1)) + 1,
         )
 
-    def solve(self, values: Array, most_steps: int | None = None) -> Run:
+    def solve(self, values: Array, most_steps: int | None = None) -> MotionRun:
         """Compute the motion for the values of theta, b, P, m, s and d.
 
         Raises
@@ -160,7 +160,7 @@ class Problem:
         rest = before(times, first, last)
         orders = self.orders + bool(shifts.size)
         found = sampled(passages, times, rest, model.size, orders)
-        return Run(
+        return MotionRun(
             parameters=parameters,
             times=times,
             clocks=self.clocks,
@@ -171,14 +171,14 @@ class Problem:
             rates=found[:, 1:] if shifts.size else np.zeros(0),
         )
 
-    def forward(self, run: Run, directions: Array) -> Array:
+    def forward(self, run: MotionRun, directions: Array) -> Array:
         """Return the derivatives of the samples, (k, orders, 4 n + 4, d), along directions of the values, (..., d)."""
         b, shifts = (directions[self.layout[name]] for name in ("base", "shifts"))
         parameters = self.equations.layout.join(directions.shape[1], **self._parts(directions))
         found = forward(self._linearisation, run, run.start_jacobian @ directions, b, parameters)
         return found + shifted(run, shifts) if shifts.size else found
 
-    def reverse(self, run: Run, weights: Array) -> Array:
+    def reverse(self, run: MotionRun, weights: Array) -> Array:
         """Return the derivatives (..., d), by the values, of d sums of the samples, weights (k, orders, 4 n + 4, d)."""
         start, b, parameters = reverse(self._linearisation, run, weights)
         direct = self.layout.join(weights.shape[3], base=b)
@@ -193,8 +193,8 @@ class Problem:
         return Collocation(replace(self.equations, make=partial(compiled, derivatives=True)))
 
     @cached_property
-    def _linearisation(self) -> Linearisation:
-        return Linearisation(self._form)
+    def _linearisation(self) -> LinearisedSteps:
+        return LinearisedSteps(self._form)
 
     @cached_property
     def _start(self) -> DifferentiableStart:
@@ -230,7 +230,7 @@ class Problem:
             largest_step=min(self.largest_step, excitation.piece.largest_step),
         )
         stepper = Stepper(self._form, parameters, problem)
-        steps: list[Step] = []
+        steps: list[RadauStep] = []
         while not steps or stepper.now < end - CLOSE * steps[-1].length:
             if len(steps) >= most_steps:
                 raise SimulationError(
@@ -244,7 +244,7 @@ class Problem:
         jacobian = self._acceleration_jacobian(steps[0], excitation.at(begin), parameters)
         return Passage(excitation, begin, jacobian, steps, []), stepper.state
 
-    def _acceleration_jacobian(self, first: Step, excitation: Array, parameters: Array) -> Array:
+    def _acceleration_jacobian(self, first: RadauStep, excitation: Array, parameters: Array) -> Array:
         """Return the derivatives of the first accelerations as in ``Passage``, under an excitation (15,)."""
         jacobian = self._force_jacobian(first.q, first.v, first.a, excitation, parameters).full()
         return np.asarray(-scipy.sparse.linalg.splu(self._form.mass(parameters)).solve(jacobian))

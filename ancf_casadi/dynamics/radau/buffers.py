@@ -34,7 +34,7 @@ class LastStep:
 
 
 @dataclass(frozen=True, eq=False)
-class Trial:
+class TrialStep:
     """The step being tried, from the end of the last one; after acceptance, the last step.
 
     ``Stepper`` writes all but the corrections and the turns, and predicts the increments; ``Newton`` corrects them.
@@ -87,7 +87,7 @@ class Buffers:
     """All arrays of a run, and the parameters of the equation of motion, which nothing overwrites."""
 
     last: LastStep
-    trial: Trial
+    trial: TrialStep
     reference: Reference
     parameters: Array
 
@@ -97,7 +97,7 @@ class Buffers:
         size, free = form.equations.model.size, form.equations.free
         return Buffers(
             last=LastStep(np.zeros((3, free)), np.zeros((3, free)), np.zeros((STAGES + 1, size))),
-            trial=Trial(
+            trial=TrialStep(
                 time=np.zeros(1),
                 length=np.zeros(1),
                 ratio=np.zeros(1),

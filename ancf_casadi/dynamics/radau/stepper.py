@@ -83,7 +83,7 @@ def integrate_by_radau(problem: InitialValueProblem, form: Collocation) -> Itera
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class RadauStep:
     """A step that was taken.
 
     Parameters
@@ -150,11 +150,11 @@ class Stepper:
         return State(last.nodes[-1].copy(), np.concatenate([clamp_velocity, last.end[1]]), self.now)
 
     @property
-    def last_step(self) -> Step:
+    def last_step(self) -> RadauStep:
         """The last step."""
         last, h = self._buffers.last, self._control.length
         q, v, a = last.start.copy()
-        return Step(self.now - h, h, q, v, a, last.nodes[1:, NODE:] - q, self._buffers.trial.excitations.copy())
+        return RadauStep(self.now - h, h, q, v, a, last.nodes[1:, NODE:] - q, self._buffers.trial.excitations.copy())
 
     def reach(self, instant: float) -> None:
         """Take steps until an instant is passed.

@@ -43,7 +43,7 @@ ADVICE = {
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class NlpSolution:
     """Solution of a nonlinear program.
 
     Parameters
@@ -83,7 +83,7 @@ def solve_nlp(
     constraint_upper: Array | float = 0.0,
     options: Mapping[str, Any] | None = None,
     advice: str = "",
-) -> Solution:
+) -> NlpSolution:
     """Solve a nonlinear program with IPOPT, silently.
 
     Parameters
@@ -126,7 +126,7 @@ def solve_nlp(
         status = stats["return_status"]
         advice = advice or ADVICE.get(status, "start elsewhere, or check scales and bounds")
         raise FitError(f"no minimum was found after {stats['iter_count']} iterations ({status}): {advice}", stats)
-    return Solution(
+    return NlpSolution(
         x=result["x"].full().ravel(),
         objective=float(result["f"]),
         iterations=stats["iter_count"],

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.unit_names import unit_in_name
 from ancf_casadi.records.units import parse_unit
 
@@ -21,7 +21,7 @@ def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[s
 
     Anything else is left out, with a note.
     """
-    channels: list[Channel] = []
+    channels: list[RecordedChannel] = []
     remarks = list(notes)
     for name, array in arrays:
         values = np.squeeze(array)
@@ -48,5 +48,5 @@ def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[s
         symbol, unit = ("s", parse_unit("s")) if stamps else unit_in_name(name)
         for k, column in enumerate(columns.T, 1):
             own = name if columns.shape[1] == 1 else f"{name}[{k}]"
-            channels.append(Channel(len(channels) + 1, own, np.array(column, dtype=float), symbol, unit))
+            channels.append(RecordedChannel(len(channels) + 1, own, np.array(column, dtype=float), symbol, unit))
     return Contents(tuple(channels), tuple(remarks))

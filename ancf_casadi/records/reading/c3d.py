@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.isolated import read_isolated
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array
@@ -33,7 +33,7 @@ def read_c3d(path: Path) -> Contents:
     _check_sizes(path)
     arrays, properties = read_isolated("c3d", "ezc3d", path, "C3D")
     points, analogs = arrays["points"], arrays["analogs"]
-    channels: list[Channel] = []
+    channels: list[RecordedChannel] = []
     if points.size:
         time = _time(points.shape[2], properties["POINT RATE"], str(path))
         symbol = next((str(text).strip() for text in properties["POINT UNITS"]), "")
@@ -41,13 +41,13 @@ def read_c3d(path: Path) -> Contents:
         for j, label in enumerate(labels):
             for axis, values in zip("xyz", points[:, j], strict=True):
                 number = len(channels) + 1
-                channels.append(Channel(number, f"{label} {axis}", values, symbol, parse_unit(symbol), time))
+                channels.append(RecordedChannel(number, f"{label} {axis}", values, symbol, parse_unit(symbol), time))
     if analogs.size:
         time = _time(analogs.shape[1], properties["ANALOG RATE"], str(path))
         labels = _labels(properties["ANALOG LABELS"], len(analogs), "analog")
         symbols = [*(str(text).strip() for text in properties["ANALOG UNITS"]), *[""] * len(analogs)]
         for label, values, symbol in zip(labels, analogs, symbols[: len(analogs)], strict=True):
-            channels.append(Channel(len(channels) + 1, label, values, symbol, parse_unit(symbol), time))
+            channels.append(RecordedChannel(len(channels) + 1, label, values, symbol, parse_unit(symbol), time))
     return Contents(tuple(channels))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.c3d import read_c3d
 from ancf_casadi.records.reading.lvm import read_lvm
 from ancf_casadi.records.reading.matlab import read_hdf5, read_matlab
@@ -47,7 +47,7 @@ def read_contents(path: str | Path, *, progress: bool = False) -> Contents:
     return replace(found, channels=tuple(map(_within_range, found.channels)))
 
 
-def _within_range(channel: Channel) -> Channel:
+def _within_range(channel: RecordedChannel) -> RecordedChannel:
     """Return a channel, with a fault if a number has no finite square."""
     largest = np.abs(channel.values).max(initial=0.0, where=np.isfinite(channel.values))
     beyond = f"has numbers beyond {LARGEST:g}, such as {largest:g}" if largest > LARGEST else ""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.libraries import library, readable
 from ancf_casadi.records.reading.text.blocks import decoded
 from ancf_casadi.records.unit_names import unit_in_name
@@ -36,7 +36,7 @@ def read_lvm(path: Path) -> Contents:
         return Contents(tuple(_channels(found, found[0])))
 
 
-def _channels(header: Mapping[str, Any], segment: Mapping[str, Any]) -> list[Channel]:
+def _channels(header: Mapping[str, Any], segment: Mapping[str, Any]) -> list[RecordedChannel]:
     names = [str(name) for name in segment["Channel names"]]
     data = np.asarray(segment["data"], dtype=float)
     if data.ndim != 2:
@@ -44,7 +44,7 @@ def _channels(header: Mapping[str, Any], segment: Mapping[str, Any]) -> list[Cha
     columns = {name: data[:, k] for k, name in enumerate(names[: data.shape[1]]) if name != "Comment"}
     layout = str(header.get("X_Columns", "One"))
     symbols = [str(text).strip() for text in segment.get("Y_Unit_Label", [])]
-    channels: list[Channel] = []
+    channels: list[RecordedChannel] = []
     shared: Array | None = None
     own: Array | None = None
     for k, name in enumerate(names[: data.shape[1]]):
@@ -60,7 +60,7 @@ def _channels(header: Mapping[str, Any], segment: Mapping[str, Any]) -> list[Cha
             time = _even(segment, place, len(data))
         written = symbols[place] if place < len(symbols) else ""
         symbol, unit = (written, parse_unit(written)) if written else unit_in_name(name)
-        channels.append(Channel(place + 1, name, columns[name], symbol, unit, time))
+        channels.append(RecordedChannel(place + 1, name, columns[name], symbol, unit, time))
     return channels
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.arrays import MOST_CHANNELS
 from ancf_casadi.records.reading.libraries import library, readable
 from ancf_casadi.records.reading.worker import LARGEST
@@ -26,7 +26,7 @@ def read_tdms(path: Path) -> Contents:
     """
     nptdms = library("nptdms", "TDMS")
     notes: list[str] = []
-    channels: list[Channel] = []
+    channels: list[RecordedChannel] = []
     with readable(str(path), "TDMS"), open(path, "rb") as stream, nptdms.TdmsFile.open(stream) as file:
         found = [channel for group in file.groups() for channel in group.channels()]
         size = path.stat().st_size
@@ -43,11 +43,11 @@ def read_tdms(path: Path) -> Contents:
     return Contents(tuple(channels), tuple(notes))
 
 
-def _channel(number: int, name: str, item: Any) -> Channel:
+def _channel(number: int, name: str, item: Any) -> RecordedChannel:
     values = np.asarray(item[:])
     if values.dtype.kind == "M":
         seconds = (values - values[0]) / np.timedelta64(1, "s") if len(values) else values.astype(float)
-        return Channel(number, name, np.asarray(seconds, dtype=float), "s", parse_unit("s"))
+        return RecordedChannel(number, name, np.asarray(seconds, dtype=float), "s", parse_unit("s"))
     written = str(item.properties.get("unit_string", "")).strip()
     symbol, unit = (written, parse_unit(written)) if written else unit_in_name(item.name)
     step = item.properties.get("wf_increment")
@@ -56,4 +56,4 @@ def _channel(number: int, name: str, item: Any) -> Channel:
         offset = item.properties.get("wf_start_offset", 0.0)
         start = float(offset) if isinstance(offset, float | int) and np.isfinite(offset) else 0.0
         time = start + float(step) * np.arange(len(values), dtype=float)
-    return Channel(number, name, np.array(values, dtype=float), symbol, unit, time)
+    return RecordedChannel(number, name, np.array(values, dtype=float), symbol, unit, time)

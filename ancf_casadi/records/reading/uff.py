@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.libraries import library, readable
 from ancf_casadi.records.units import Unit, parse_unit
 
@@ -30,7 +30,7 @@ def read_uff(path: Path) -> Contents:
     """
     pyuff = library("pyuff", "UFF")
     notes: list[str] = []
-    channels: list[Channel] = []
+    channels: list[RecordedChannel] = []
     with readable(str(path), "UFF"):
         file = pyuff.UFF(str(path))
         types = [int(kind) for kind in file.get_set_types()]
@@ -49,7 +49,7 @@ def read_uff(path: Path) -> Contents:
     return Contents(tuple(channels), tuple(notes))
 
 
-def _channel(number: int, function: Mapping[str, Any], length: float, force: float, path: str) -> Channel:
+def _channel(number: int, function: Mapping[str, Any], length: float, force: float, path: str) -> RecordedChannel:
     name = str(function.get("id1", "")).strip()
     node, direction = function.get("rsp_node", 0), function.get("rsp_dir", 0)
     name = f"node {node} direction {direction}" if name in ("", "NONE") else name
@@ -68,4 +68,4 @@ def _channel(number: int, function: Mapping[str, Any], length: float, force: flo
         factor = force if quantity == "force" else length
         symbol = plain if factor == 1.0 else f"{factor:g} {plain}"
         unit = Unit(symbol, quantity, factor)
-    return Channel(number, name, values, symbol, unit, np.array(function["x"], dtype=float))
+    return RecordedChannel(number, name, values, symbol, unit, np.array(function["x"], dtype=float))

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Linearisation, Setting
+from ancf_casadi.response.harmonic_balance.balance import BalanceDerivatives, HarmonicBalance, Setting
 from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
 from ancf_casadi.support.arrays import Array
 
@@ -57,7 +57,7 @@ def errors_of(
     balance: HarmonicBalance,
     C: Array,
     setting: Setting,
-    linear: Linearisation,
+    linear: BalanceDerivatives,
     size: float,
     shift: Callable[[Array], Array],
 ) -> Errors:
@@ -67,7 +67,7 @@ def errors_of(
     ----------
     balance, C, setting
         The motion.
-    linear : Linearisation
+    linear : BalanceDerivatives
         Derivatives at the motion.
     size : float
         Size of the motion.

@@ -61,7 +61,7 @@ class Setting:
 
 
 @dataclass(frozen=True, eq=False)
-class Linearisation:
+class BalanceDerivatives:
     """Derivatives of the equations at a motion.
 
     Parameters
@@ -128,7 +128,7 @@ class HarmonicBalance:
         inputs = (q, v, a - setting.growth * v, u, self.parameters(setting))
         return evaluated(self._functions.balance, *inputs)[0]
 
-    def linearised(self, C: Array, setting: Setting) -> Linearisation:
+    def linearised(self, C: Array, setting: Setting) -> BalanceDerivatives:
         """Return the derivatives of F."""
         system, series, omega, growth = self.system, self.fourier, setting.omega, setting.growth
         q, v, a, u = self.motion(C, setting)
@@ -143,7 +143,7 @@ class HarmonicBalance:
         by_value = np.zeros_like(by_omega)
         if self.varied is not None:
             by_value = self.by_parameters(C, setting, np.eye(len(system.parameters))[:, [self.varied]])[:, 0]
-        return Linearisation(J, by_omega, by_amplitude, by_growth, by_value, (k.T, d.T, m.T))
+        return BalanceDerivatives(J, by_omega, by_amplitude, by_growth, by_value, (k.T, d.T, m.T))
 
     def by_parameters(self, C: Array, setting: Setting, directions: Array) -> Array:
         """Return dF/dp times directions (l, k) in the space of the parameters, (c, k)."""

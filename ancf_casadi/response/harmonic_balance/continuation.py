@@ -36,7 +36,14 @@ from ancf_casadi.response.harmonic_balance.accuracy import (
 )
 from ancf_casadi.response.harmonic_balance.balance import Setting
 from ancf_casadi.response.harmonic_balance.family import Family
-from ancf_casadi.response.harmonic_balance.newton import Condition, Factors, Jacobian, NotFound, jacobian_at, solve
+from ancf_casadi.response.harmonic_balance.newton import (
+    Condition,
+    Jacobian,
+    NotFound,
+    ScaledFactors,
+    jacobian_at,
+    solve,
+)
 from ancf_casadi.support.arrays import Array, ComplexArray
 
 SMALLEST_SIZE = 1e-12  # of a motion, relative to the scale of the system
@@ -101,13 +108,13 @@ class Point:
         return np.asarray(np.copysign(1.0, t @ along) * t / np.linalg.norm(t))
 
     @cached_property
-    def factors(self) -> Factors:
+    def factors(self) -> ScaledFactors:
         """LU factors of the derivatives with the row."""
         return self.jacobian.factorised(self.row, self.family.scale)
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class ContinuationStep:
     """A step of the continuation.
 
     Parameters
@@ -183,7 +190,7 @@ def point_at(
         family = family.with_series(harmonics, samples)
 
 
-def _shift(family: Family, factors: Factors, residual: Array) -> Array:
+def _shift(family: Family, factors: ScaledFactors, residual: Array) -> Array:
     """Return the change of the coefficients due to a residual of harmonic balance, (2 H + 1, n)."""
     right = np.zeros(len(family.scale))
     right[: family.balance.allowed.sum()] = residual[family.balance.allowed]
@@ -196,7 +203,7 @@ def follow(
     tolerance: float,
     first_step: float,
     longest: Callable[[Point, Array], float] = endless,
-) -> Iterator[Step]:
+) -> Iterator[ContinuationStep]:
     """Yield the steps along a curve.
 
     Parameters
@@ -235,7 +242,7 @@ def follow(
                     f"the curve cannot be followed beyond {described(point)}: no step is short enough there"
                 )
             continue
-        yield Step(point, tangent, length, new, after)
+        yield ContinuationStep(point, tangent, length, new, after)
         point = _lean(new, after, tolerance)
         tangent = carried(after, new, point)
         # rad between successive tangents that the steps aim at
@@ -261,7 +268,7 @@ def stepped(point: Point, tangent: Array, length: float, tolerance: float) -> Po
         return point_at(family, guess, condition, tolerance)
 
 
-def located(step: Step, test: Callable[[Point, Array], float], tolerance: float) -> Point:
+def located(step: ContinuationStep, test: Callable[[Point, Array], float], tolerance: float) -> Point:
     """Return the point of a step at which a test function of point and tangent, of opposite signs at its ends, is zero.
 
     Raises
@@ -283,7 +290,7 @@ def located(step: Step, test: Callable[[Point, Array], float], tolerance: float)
             step = replace(step, length=length, end=found, end_tangent=tangent)
         else:
             at_start, at_end, kept = value, at_end / (2 if kept == "end" else 1), "end"
-            step = Step(found, tangent, _ahead(found, tangent, step.end), step.end, step.end_tangent)
+            step = ContinuationStep(found, tangent, _ahead(found, tangent, step.end), step.end, step.end_tangent)
     return found
 
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Linearisation, Setting
+from ancf_casadi.response.harmonic_balance.balance import BalanceDerivatives, HarmonicBalance, Setting
 from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
 from ancf_casadi.response.systems.system import PLAIN
 from ancf_casadi.support.arrays import Array
@@ -141,7 +141,7 @@ class Family:
         F = self.balance.residual(C, setting)[self.balance.allowed]
         return np.concatenate([F, [g(C)[0] for g in self.constraints]])
 
-    def jacobian(self, z: Array) -> tuple[Array, Linearisation]:
+    def jacobian(self, z: Array) -> tuple[Array, BalanceDerivatives]:
         """Return the derivatives of all equations, with one column more than rows, and those of harmonic balance."""
         C, setting = self.split(z)
         linear = self.balance.linearised(C, setting)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from ancf_casadi.response.harmonic_balance.balance import Linearisation
+from ancf_casadi.response.harmonic_balance.balance import BalanceDerivatives
 from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.support.arrays import Array
 
@@ -55,28 +55,28 @@ class Jacobian:
     ----------
     matrix : array (k - 1, k)
         Derivatives with respect to the unknowns.
-    linear : Linearisation
+    linear : BalanceDerivatives
         Derivatives of harmonic balance.
     z : array
         Unknowns at which they were evaluated.
     """
 
     matrix: Array
-    linear: Linearisation
+    linear: BalanceDerivatives
     z: Array
 
-    def factorised(self, row: Array, scale: Array) -> Factors:
+    def factorised(self, row: Array, scale: Array) -> ScaledFactors:
         """Return the LU factors in scaled unknowns, with a last row; other rows are divided by their largest entry."""
         scaled = self.matrix * scale
         rows = np.abs(scaled).max(axis=1)
         with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
             warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # steps from a singular matrix are not finite
             factors = scipy.linalg.lu_factor(np.vstack([scaled / rows[:, None], row]), check_finite=False)
-        return Factors(factors, np.append(rows, 1.0))
+        return ScaledFactors(factors, np.append(rows, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
-class Factors:
+class ScaledFactors:
     """The LU factors of a matrix whose rows were divided by numbers.
 
     Parameters

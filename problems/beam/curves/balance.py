@@ -16,7 +16,7 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Linearisation, Setting
+from ancf_casadi.response.harmonic_balance.balance import BalanceDerivatives, HarmonicBalance, Setting
 from ancf_casadi.response.harmonic_balance.fourier import Fourier, fourier
 from ancf_casadi.support.arrays import Array
 from problems.beam.curves.driven import Driven
@@ -134,7 +134,7 @@ class Linearised:
         return self.coefficients.reshape(-1, self.driven.driven.modes)
 
     @cached_property
-    def _linear(self) -> Linearisation:
+    def _linear(self) -> BalanceDerivatives:
         return self.balance.linearised(self._C, self.setting)
 
     @cached_property

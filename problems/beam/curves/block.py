@@ -26,7 +26,7 @@ from ancf_casadi.support.arrays import Array, Index, root_mean_square
 from ancf_casadi.support.tables import known
 from problems.beam.curves.balance import DrivenBalance
 from problems.beam.curves.driven import Driven, driven
-from problems.beam.curves.points import Measured, Motion
+from problems.beam.curves.points import Measured, PointMotion
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.residuals import Responses
 from problems.beam.curves.weights import CurveWeights, first_weights
@@ -184,7 +184,7 @@ class CurveBlock(Block):
             "give it a prior"
         ]
 
-    def _branch_warnings(self, values: Mapping[str, float], found: Sequence[Sequence[Motion]]) -> list[str]:
+    def _branch_warnings(self, values: Mapping[str, float], found: Sequence[Sequence[PointMotion]]) -> list[str]:
         """Return warnings about points without a stable motion at their level."""
         notes = []
         for record, motions, points in zip(self.records, found, self.measured(values), strict=True):

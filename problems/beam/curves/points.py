@@ -83,7 +83,7 @@ class Measured:
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class PointMotion:
     """A steady motion at the frequency of a measured point.
 
     Parameters
@@ -115,12 +115,12 @@ class Motion:
         """Derivatives of amplitude, phase and level by the amplitude, (3,): 1, phi', l'."""
         return _slopes(self.at, self.tangent)
 
-    def padded(self, modes: int, more_modes: int, harmonics: int) -> Motion:
+    def padded(self, modes: int, more_modes: int, harmonics: int) -> PointMotion:
         """Return the motion with zeros for modes and harmonics that it does not have, to start from."""
         own = resized(self.coefficients.reshape(-1, modes), harmonics)
         more = np.zeros((len(own), more_modes))
         more[:, :modes] = own
-        return Motion(more.ravel(), self.level, self.at)
+        return PointMotion(more.ravel(), self.level, self.at)
 
     def sensitivities(self, forces: Array, polar: Array) -> Array:
         """Return the derivatives of amplitude, phase and level by unknowns, at the same amplitude, (3, k).
@@ -144,7 +144,7 @@ def motion_at(
     s: Array,
     near: tuple[Array, float],
     farthest: float = math.inf,
-) -> Motion:
+) -> PointMotion:
     """Return the motion with a given amplitude of the reading.
 
     Parameters
@@ -175,11 +175,11 @@ def motion_at(
         if not np.isfinite(step).all() or not _near(C, level, near, farthest):
             break
         if np.linalg.norm(step[:-1]) <= CONVERGED * np.linalg.norm(C):
-            return Motion(C, level, balance.at(C, level, omega, s))
+            return PointMotion(C, level, balance.at(C, level, omega, s))
     raise NoMotionError("Newton's method does not converge to a steady motion")
 
 
-def motion_from_rest(balance: DrivenBalance, measured: Measured, s: Array) -> Motion:
+def motion_from_rest(balance: DrivenBalance, measured: Measured, s: Array) -> PointMotion:
     """Return the motion with the measured amplitude, on the curve that begins at rest.
 
     Raises
@@ -223,14 +223,14 @@ def _near(C: Array, level: float, expected: tuple[Array, float], farthest: float
     return moved and abs(level - expected[1]) <= 2 * farthest * max(abs(level), abs(expected[1]))
 
 
-def _half_period_later(balance: DrivenBalance, motion: Motion, omega: float, s: Array) -> Motion:
+def _half_period_later(balance: DrivenBalance, motion: PointMotion, omega: float, s: Array) -> PointMotion:
     """Return the same motion with a level of the other sign: the time begins half a period later."""
     signs = (-1.0) ** balance.fourier.orders
     C, level = (signs[:, None] * motion.coefficients.reshape(len(signs), -1)).ravel(), -motion.level
-    return Motion(C, level, balance.at(C, level, omega, s))
+    return PointMotion(C, level, balance.at(C, level, omega, s))
 
 
-def closest(balance: DrivenBalance, measured: Measured, s: Array, near: Motion) -> Motion:
+def closest(balance: DrivenBalance, measured: Measured, s: Array, near: PointMotion) -> PointMotion:
     """Return the motion closest to a measured point, from one nearby.
 
     Raises
@@ -242,7 +242,7 @@ def closest(balance: DrivenBalance, measured: Measured, s: Array, near: Motion) 
     return quick or _carefully(balance, measured, s, near)
 
 
-def _quickly(balance: DrivenBalance, measured: Measured, s: Array, near: Motion) -> Motion | None:
+def _quickly(balance: DrivenBalance, measured: Measured, s: Array, near: PointMotion) -> PointMotion | None:
     """Return the closest motion by Newton's method for motion and amplitude at once; None if steps are not small."""
     C, level, last = near.coefficients, near.level, None
     for _ in range(8):  # steps of the quick search
@@ -257,11 +257,11 @@ def _quickly(balance: DrivenBalance, measured: Measured, s: Array, near: Motion)
         step = correction + along * tangent
         C, level = C + step[:-1], level + float(step[-1])
         if np.linalg.norm(correction[:-1]) <= CONVERGED * np.linalg.norm(C) and abs(along) * size <= SETTLED:
-            return Motion(C, level, balance.at(C, level, measured.omega, s))
+            return PointMotion(C, level, balance.at(C, level, measured.omega, s))
     return None
 
 
-def _carefully(balance: DrivenBalance, measured: Measured, s: Array, near: Motion) -> Motion:
+def _carefully(balance: DrivenBalance, measured: Measured, s: Array, near: PointMotion) -> PointMotion:
     """Return the closest motion by steps along the curve, each of which reduces the distance."""
     here = motion_at(balance, measured.omega, float(near.values[0]), s, (near.coefficients, near.level))
     last: tuple[float, Array] | None = None
@@ -278,7 +278,7 @@ def _carefully(balance: DrivenBalance, measured: Measured, s: Array, near: Motio
     raise NoMotionError("the motion closest to the measured point is not found")
 
 
-def _nearer(balance: DrivenBalance, measured: Measured, s: Array, here: Motion, along: float) -> Motion:
+def _nearer(balance: DrivenBalance, measured: Measured, s: Array, here: PointMotion, along: float) -> PointMotion:
     """Return the motion after a step of the amplitude, which is halved until the distance decreases."""
     distance = float(np.sum(measured.distance(here.values) ** 2))
     for _ in range(12):  # halvings of a step along the curve

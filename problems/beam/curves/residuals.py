@@ -38,7 +38,7 @@ from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import Differentiable
 from problems.beam.curves.balance import DrivenBalance
-from problems.beam.curves.points import Measured, Motion, NoMotionError, closest, motion_from_rest
+from problems.beam.curves.points import Measured, NoMotionError, PointMotion, closest, motion_from_rest
 
 if TYPE_CHECKING:
     from problems.beam.curves.block import CurveBlock
@@ -83,7 +83,7 @@ class Responses:
     def __init__(self, block: CurveBlock) -> None:
         self.block = block
         self.failure = ""
-        self._last: list[list[Motion]] = []
+        self._last: list[list[PointMotion]] = []
         self._constant: list[DrivenBalance] = []
 
     def continued(self, before: Responses) -> Responses:
@@ -106,7 +106,7 @@ class Responses:
         """The residuals as a CasADi Function of the unknowns, nan where a motion is not found."""
         return Differentiable(self._or_nan, sum(self.block.weights.lengths), len(self.block.names))
 
-    def motions(self, values: Mapping[str, float]) -> list[list[Motion]]:
+    def motions(self, values: Mapping[str, float]) -> list[list[PointMotion]]:
         """Return the motion closest to each point, record by record, for values of the unknowns by name.
 
         Raises
@@ -116,7 +116,7 @@ class Responses:
         """
         s, balances, found = self.block.shared(values), self._balances(values), []
         for k, (record, points) in enumerate(zip(self.block.records, self.block.measured(values), strict=True)):
-            own: list[Motion] = []
+            own: list[PointMotion] = []
             for j, point in enumerate(points):
                 try:
                     own.append(_motion(balances[k], point, s, self._last[k][j] if self._last else None))
@@ -172,7 +172,7 @@ class Responses:
 
     def _change(
         self,
-        motion: Motion,
+        motion: PointMotion,
         omega: float,
         s: Array,
         neighbours: Sequence[tuple[int, float, DrivenBalance, DrivenBalance]],
@@ -226,7 +226,7 @@ def across(slope: Array, response_controlled: bool, has_phase: bool) -> Array:
     return np.asarray(rotation[[row for row in rows if has_phase or row != 1]])
 
 
-def _motion(balance: DrivenBalance, point: Measured, s: Array, last: Motion | None) -> Motion:
+def _motion(balance: DrivenBalance, point: Measured, s: Array, last: PointMotion | None) -> PointMotion:
     """Return the motion closest to a point, from the last one or, if there is none or that fails, from rest."""
     if last is not None:
         try:

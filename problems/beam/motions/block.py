@@ -26,7 +26,7 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion, orders_of
 from ancf_casadi.dynamics.derivatives.runs import Runs
-from ancf_casadi.dynamics.derivatives.sensitivity import Problem
+from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
 from ancf_casadi.estimation.solve import ALLOWED
@@ -231,10 +231,10 @@ class MotionBlock(Block):
         """Whether a lumped property that the beam has is unknown."""
         return bool(set(self.first) & set(self.model.lumped))
 
-    def _motion(self, record: MotionRecord) -> Problem:
+    def _motion(self, record: MotionRecord) -> SensitivityProblem:
         clocks = Clocks.of(record)
         times = np.concatenate(clocks.times)
-        return Problem(
+        return SensitivityProblem(
             equations=self.equations,
             base=record.own_base,
             load=record.load,

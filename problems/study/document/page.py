@@ -12,14 +12,14 @@ from markupsafe import Markup
 from problems.study.data_table import DataTable
 from problems.study.document.labels import Shown, file_name
 from problems.study.part import Study
-from problems.study.runner import Step
+from problems.study.runner import PartTime
 
 NO_BREAK = "\u00a0"  # a space where no line ends
 INK = re.compile(r"((?:fill|stroke|stop-color)(?:: *|=\"))(?:#000000|#222222|black)\b")  # of axes, text and records
 NUMBER = re.compile(r"^[(]?[-+–]?\d")
 
 
-def page(study: Study, shown: Sequence[Shown], steps: Sequence[Step], **about: Any) -> str:
+def page(study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], **about: Any) -> str:
     """Return the document as HTML.
 
     Parameters
@@ -28,7 +28,7 @@ def page(study: Study, shown: Sequence[Shown], steps: Sequence[Step], **about: A
         The study.
     shown : sequence of Shown
         Its parts with labels.
-    steps : sequence of Step
+    steps : sequence of PartTime
         Time of each part.
     **about
         The circumstances: ``command``, ``versions`` of the programs, ``quick`` for shortened simulations, and

@@ -15,11 +15,12 @@ from problems.study.kinds.motion import Comparison, MotionFit
 from problems.study.kinds.rayleigh import Rayleigh
 from problems.study.kinds.simulation import SimulationPart
 from problems.study.kinds.steady.resonances import Resonances
-from problems.study.kinds.steady.response import Response
+from problems.study.kinds.steady.response import ResponsePart
 from problems.study.part import Part
 
 USUAL: tuple[type[Part], ...] = (
-    BeamProperties, ModesOfBeam, Decays, Rayleigh, Match, SimulationPart, Response, MotionFit, Comparison, Transients,
+    BeamProperties, ModesOfBeam, Decays, Rayleigh, Match, SimulationPart, ResponsePart, MotionFit, Comparison,
+    Transients,
 )  # fmt: skip
 OF_PAPER: tuple[type[Part], ...] = (
     Amplitudes, Shapes, Integrators, Resonances, EtaEffects, RatioChange, CombinedLaw, DrawingPart, Omitted,

@@ -23,7 +23,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.derivatives.sensitivity import Problem, Run
+from ancf_casadi.dynamics.derivatives.sensitivity import MotionRun, SensitivityProblem
 from ancf_casadi.estimation.criteria import Candidate, judge
 from problems import MarkerRecord, compare_laws, fit_beam, fit_decay
 from problems.beam.motions import block
@@ -104,19 +104,19 @@ def test_the_figure_has_measured_and_fitted_positions_and_residuals(again, drive
 
 @pytest.mark.slow
 def test_each_point_is_integrated_once_and_no_steps_are_kept(model, driven, monkeypatch):
-    solve, points = Problem.solve, []
+    solve, points = SensitivityProblem.solve, []
 
     def counted(self, values, *given):
         points.append((self.tolerance, *(f"{value:.10e}" for value in values)))
         return solve(self, values, *given)
 
-    monkeypatch.setattr(Problem, "solve", counted)
+    monkeypatch.setattr(SensitivityProblem, "solve", counted)
     gc.collect()
-    before = sum(isinstance(one, Run) for one in gc.get_objects())
+    before = sum(isinstance(one, MotionRun) for one in gc.get_objects())
     found = fit_beam(model, driven, QuadraticDamping(0.3, 8.0), tolerance=1e-5)
     assert len(points) == len(set(points)) <= 2 * found.fit.iterations + 3
     gc.collect()
-    assert sum(isinstance(one, Run) for one in gc.get_objects()) == before
+    assert sum(isinstance(one, MotionRun) for one in gc.get_objects()) == before
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ SEPARATORS = "write the columns with semicolons or tabs between them, or the dec
 
 
 @dataclass(frozen=True)
-class Table:
+class TableHead:
     """A table in the first lines of a file.
 
     Parameters
@@ -69,7 +69,7 @@ class _Run:
         return self.kinds.count("word") / len(self.kinds)
 
 
-def find_table(lines: Sequence[str], numbers: Sequence[int], path: str) -> Table:
+def find_table(lines: Sequence[str], numbers: Sequence[int], path: str) -> TableHead:
     """Return the table in the first lines of a file, whose line numbers are ``numbers``.
 
     Raises
@@ -88,7 +88,7 @@ def find_table(lines: Sequence[str], numbers: Sequence[int], path: str) -> Table
     if rival:
         line = lines[best.first].strip()[:40]
         raise InputError(f"line {numbers[best.first]}: the commas in {line!r} are ambiguous; {SEPARATORS}", path)
-    return Table(best.dialect, best.first, best.kinds)
+    return TableHead(best.dialect, best.first, best.kinds)
 
 
 def _longest_run(dialect: Dialect, lines: Sequence[str]) -> _Run | None:

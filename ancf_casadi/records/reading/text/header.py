@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.reading.text.cells import is_comment, uncommented
-from ancf_casadi.records.reading.text.dialect import SEPARATORS, Table
+from ancf_casadi.records.reading.text.dialect import SEPARATORS, TableHead
 from ancf_casadi.records.reading.text.pose import pose_names
 from ancf_casadi.records.time_names import names_time
 from ancf_casadi.records.unit_names import unit_in_name
@@ -44,7 +44,7 @@ class Heading:
     units: tuple[Unit | None, ...]
 
 
-def read_heading(above: Sequence[tuple[int, str]], table: Table, path: str) -> Heading:
+def read_heading(above: Sequence[tuple[int, str]], table: TableHead, path: str) -> Heading:
     """Return the names and units from the lines above a table, given with their numbers.
 
     Raises
@@ -76,7 +76,7 @@ def read_heading(above: Sequence[tuple[int, str]], table: Table, path: str) -> H
     return Heading(heading.names, tuple(symbol or doubtful for symbol in heading.symbols), heading.units)
 
 
-def _cells(line: str, table: Table) -> list[str] | None:
+def _cells(line: str, table: TableHead) -> list[str] | None:
     """Return the cells of a line that heads the table; None if it does not."""
     text = uncommented(line) if is_comment(line) else line.rstrip("\n")
     cells = table.dialect.split(text)
@@ -104,7 +104,7 @@ def _with_units(words: Sequence[str]) -> list[str]:
     return joined
 
 
-def _check_metadata(line: str, table: Table, where: str, *, named: bool) -> None:
+def _check_metadata(line: str, table: TableHead, where: str, *, named: bool) -> None:
     """Check that a line above the table is no row of it."""
     cells = table.dialect.split(line)
     kinds = {table.dialect.kind(cell) for cell in cells}
@@ -119,7 +119,7 @@ def _columns(count: int) -> str:
     return f"{count} column{'' if count == 1 else 's'}"
 
 
-def _heading(rows: list[list[str]], table: Table) -> Heading:
+def _heading(rows: list[list[str]], table: TableHead) -> Heading:
     """Return names and units from the rows that head the table."""
     numbered = [f"column {k + 1}" for k in range(table.width)]
     if not rows:

@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.channel import Contents, RecordedChannel
 
 LEAST = 0.6  # likelihood of a point that counts
 LIKELIHOOD = re.compile(r"(.*[^\s_.])[ _.]+(?:likelihood|score|confidence|conf)", re.IGNORECASE | re.DOTALL)
@@ -46,7 +46,7 @@ def without_unlikely(contents: Contents) -> Contents:
     likelihoods = {stem: channel for stem, channel in likelihoods.items() if stem in tracks}
     if not likelihoods:
         return contents
-    masked: list[Channel] = []
+    masked: list[RecordedChannel] = []
     points = 0
     for channel in contents.channels:
         match = COORDINATE.fullmatch(channel.name)

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.channel import Channel, Contents
+from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.text.blocks import decoded, text_blocks
 from ancf_casadi.records.reading.text.cells import Dialect, is_comment
-from ancf_casadi.records.reading.text.dialect import Table, find_table
+from ancf_casadi.records.reading.text.dialect import TableHead, find_table
 from ancf_casadi.records.reading.text.header import Heading, read_heading
 from ancf_casadi.records.reading.text.pose import without_unlikely
 from ancf_casadi.records.reading.text.stamps import clock_seconds, iso_nanoseconds, over_midnight
@@ -86,7 +86,7 @@ def _end_of_line(block: bytes, count: int) -> int:
 class _Reader:
     """The rows read so far."""
 
-    table: Table
+    table: TableHead
     path: str
     blocks: list[Array] = field(default_factory=list)
     lines: list[Index] = field(default_factory=list)
@@ -193,7 +193,7 @@ class _Reader:
             if self.table.kinds[k] == "stamp":
                 values = values if k in self.first_stamps else over_midnight(values)
                 symbol, unit = "s", parse_unit("s")
-            channels.append(Channel(k + 1, name, values, symbol, unit, fault=self.faults.get(k, "")))
+            channels.append(RecordedChannel(k + 1, name, values, symbol, unit, fault=self.faults.get(k, "")))
         return Contents(tuple(channels), lines=np.concatenate(self.lines))
 
 

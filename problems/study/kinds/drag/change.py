@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypedDict, final
 
 import numpy as np
 
-from problems.modal_damping.effects import Decay, RatiosOverTime, crossing, ratios_over_time
+from problems.modal_damping.effects import RatiosOverTime, SimulatedDecay, crossing, ratios_over_time
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import drawn, line, new_figure, plain_log_ticks, series
 from problems.study.kinds.drag.decays import DecayPart, decay_numbers
@@ -42,7 +42,7 @@ class RatioChange(DecayPart):
         beam = self.beam_in(found)
         return tuple(self.task(beam, variant.law, self.frequency, effort) for variant in self.variants)
 
-    def finding(self, results: Sequence[Decay], found: Found, effort: Effort) -> Finding:
+    def finding(self, results: Sequence[SimulatedDecay], found: Found, effort: Effort) -> Finding:
         """Return the damping ratios over time as a table and a figure."""
         ratios = [ratios_over_time(decay) for decay in results]
         crossings = [
@@ -97,7 +97,7 @@ class RatioChange(DecayPart):
             ]
         return self.data_table("Damping ratio along the decay", columns, "In windows of two periods.", suffix="_ratios")
 
-    def _figure(self, decays: Sequence[Decay], ratios: Sequence[RatiosOverTime]) -> Figure:
+    def _figure(self, decays: Sequence[SimulatedDecay], ratios: Sequence[RatiosOverTime]) -> Figure:
         figure, (amplitude, ratio) = new_figure(5.4, 2, sharex=True)
         for k, (variant, decay, one) in enumerate(zip(self.variants, decays, ratios, strict=True)):
             markers = {**series(k), "linestyle": "", "ms": 5}

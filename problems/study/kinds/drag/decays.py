@@ -13,7 +13,7 @@ from msgspec import Meta
 from ancf_casadi.damping import QuadraticDamping
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from problems.modal_damping.effects import RESOLVED, Decay, Envelope, simulate_decay
+from problems.modal_damping.effects import RESOLVED, Envelope, SimulatedDecay, simulate_decay
 from problems.schema.beam import law_of
 from problems.schema.table import HIDDEN, Positive
 from problems.study.part import Effort, Part, Task
@@ -67,7 +67,7 @@ class DecayPart(Part, ABC):
         return Task(simulate_decay, inputs, 0.3 + 0.006 * frequency * duration)
 
 
-def decay_numbers(variant: Variant, decay: Decay, times: Sequence[float]) -> dict[str, Any]:
+def decay_numbers(variant: Variant, decay: SimulatedDecay, times: Sequence[float]) -> dict[str, Any]:
     """Return the numbers of a decay for ``results.json``: None for what the decay does not reach."""
 
     def reached(value: float) -> float | None:

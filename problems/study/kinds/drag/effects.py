@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
-from problems.modal_damping.effects import HORIZON, RESOLVED, Characteristics, Decay, characteristics
+from problems.modal_damping.effects import HORIZON, RESOLVED, Characteristics, SimulatedDecay, characteristics
 from problems.schema.table import Positive
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure, plain_log_ticks, series
@@ -64,7 +64,7 @@ class EtaEffects(DecayPart):
             for frequency in (self.frequency, *self.frequencies)
         )
 
-    def finding(self, results: Sequence[Decay], found: Found, effort: Effort) -> Finding:
+    def finding(self, results: Sequence[SimulatedDecay], found: Found, effort: Effort) -> Finding:
         """Return the decays as tables and figures, with the words that follow from them."""
         count = 1 + len(self.frequencies)
         by_law = [results[k * count : (k + 1) * count] for k in range(len(self.variants))]
@@ -96,7 +96,7 @@ class EtaEffects(DecayPart):
         tables = (self._times(by_law), self._words(words, horizon), self._left(by_law, times))
         return Finding(data, tables, tuple(figures))
 
-    def _times(self, by_law: Sequence[Sequence[Decay]]) -> DataTable:
+    def _times(self, by_law: Sequence[Sequence[SimulatedDecay]]) -> DataTable:
         rows = self._rows(by_law)
         columns = (
             Column("law", tuple(variant.title for variant, _ in rows)),
@@ -114,7 +114,7 @@ class EtaEffects(DecayPart):
         )
         return self.data_table("Decays under each law", columns, *notes)
 
-    def _left(self, by_law: Sequence[Sequence[Decay]], times: Sequence[float]) -> DataTable:
+    def _left(self, by_law: Sequence[Sequence[SimulatedDecay]], times: Sequence[float]) -> DataTable:
         rows = self._rows(by_law)
         columns = [
             Column("law", tuple(variant.title for variant, _ in rows)),
@@ -127,7 +127,7 @@ class EtaEffects(DecayPart):
         note = f"The simulation does not resolve less than {1e3 * RESOLVED:g} mm."
         return self.data_table("Amplitude that is left", columns, note, suffix="_left")
 
-    def _rows(self, by_law: Sequence[Sequence[Decay]]) -> list[tuple[Variant, Decay]]:
+    def _rows(self, by_law: Sequence[Sequence[SimulatedDecay]]) -> list[tuple[Variant, SimulatedDecay]]:
         """Return the decays with their laws, in the order of law and frequency, each frequency once."""
         return [
             (variant, decay)
@@ -158,7 +158,7 @@ class EtaEffects(DecayPart):
         )  # fmt: skip
         return self.data_table("Characteristics of the laws", columns, *notes, suffix="_words")
 
-    def _drawings(self, variant: Variant, decays: Sequence[Decay], end: float) -> list[Drawing]:
+    def _drawings(self, variant: Variant, decays: Sequence[SimulatedDecay], end: float) -> list[Drawing]:
         name = f"{self.name}_{variant.name}"
         law = f"η1 = {variant.law.eta1:.3g} 1/s, η2 = {variant.law.eta2:.3g} 1/m"
         first = (
@@ -175,7 +175,7 @@ class EtaEffects(DecayPart):
         ]
 
 
-def _motion(variant: Variant, decay: Decay, end: float) -> Figure:
+def _motion(variant: Variant, decay: SimulatedDecay, end: float) -> Figure:
     """Draw the motion on the beam and by the formula, one above the other."""
     figure, panels = new_figure(4.0, 2, sharex=True, sharey=True)
     for k, (axes, motion, label) in enumerate(
@@ -190,7 +190,7 @@ def _motion(variant: Variant, decay: Decay, end: float) -> Figure:
     return figure
 
 
-def _frequencies(variant: Variant, decays: Sequence[Decay], end: float) -> Figure:
+def _frequencies(variant: Variant, decays: Sequence[SimulatedDecay], end: float) -> Figure:
     """Draw the extremes of the motion at each frequency, and all envelopes."""
     count = len(decays)
     figure, (*motions, envelopes) = new_figure(1.05 * count + 2.25, count + 1, height_ratios=(*([1.0] * count), 2.0))

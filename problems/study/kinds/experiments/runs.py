@@ -21,7 +21,7 @@ from problems.study.source import LawChoice, Source
 
 
 @dataclass(frozen=True)
-class Run:
+class RequestedRun:
     """An excitation, and the laws under which it is simulated; 0 or nan for what is not given."""
 
     mode: Annotated[int, Meta(ge=1)]
@@ -49,7 +49,7 @@ class Run:
             ramp=effort.driving * self.ramp,
         )
 
-    def checked(self, laws: tuple[LawChoice, ...], source: Source, where: str) -> Run:
+    def checked(self, laws: tuple[LawChoice, ...], source: Source, where: str) -> RequestedRun:
         """Return the run with its laws: its own ones, or those of the part.
 
         Raises
@@ -78,7 +78,9 @@ class ExperimentPart(Part, ABC):
 
     naming = ("beam",)
 
-    runs: Annotated[tuple[Run, ...], Meta(min_length=1, description=f"[{{{', '.join(keys_of(Run))}}}, ...]")]
+    runs: Annotated[
+        tuple[RequestedRun, ...], Meta(min_length=1, description=f"[{{{', '.join(keys_of(RequestedRun))}}}, ...]")
+    ]
     laws: Annotated[tuple[LawChoice, ...], Meta(description="names of [[laws]]")] = ()
     beam: Annotated[str, Meta(description='"PART"')] = ""
 
@@ -94,7 +96,7 @@ class ExperimentPart(Part, ABC):
         return tuple(task_of(run.experiment(law, beam, found, effort)) for run in self.runs for law in run.laws)
 
 
-def results_of(runs: Sequence[Run], results: Sequence[ExperimentResult]) -> list[list[ExperimentResult]]:
+def results_of(runs: Sequence[RequestedRun], results: Sequence[ExperimentResult]) -> list[list[ExperimentResult]]:
     """Return the results of the tasks of a part run by run."""
     own = iter(results)
     return [[next(own) for _ in run.laws] for run in runs]

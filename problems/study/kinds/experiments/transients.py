@@ -18,7 +18,7 @@ from problems.modal_damping.effects import turning_points
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
 from problems.study.kinds.experiments.experiment import ExperimentResult
-from problems.study.kinds.experiments.runs import ExperimentPart, Run, results_of
+from problems.study.kinds.experiments.runs import ExperimentPart, RequestedRun, results_of
 from problems.study.part import Effort, Finding, Found
 from problems.study.source import LawChoice, Printed, Source, printed_numbers
 
@@ -123,7 +123,9 @@ class Transients(ExperimentPart):
         ]
         return found
 
-    def _rows(self, by_run: Sequence[Sequence[ExperimentResult]]) -> list[tuple[int, Run, LawChoice, ExperimentResult]]:
+    def _rows(
+        self, by_run: Sequence[Sequence[ExperimentResult]]
+    ) -> list[tuple[int, RequestedRun, LawChoice, ExperimentResult]]:
         return [
             (k, run, law, result)
             for k, (run, of_laws) in self._by_mode(by_run)
@@ -132,7 +134,7 @@ class Transients(ExperimentPart):
 
     def _by_mode(
         self, by_run: Sequence[Sequence[ExperimentResult]]
-    ) -> list[tuple[int, tuple[Run, Sequence[ExperimentResult]]]]:
+    ) -> list[tuple[int, tuple[RequestedRun, Sequence[ExperimentResult]]]]:
         """Return number, run and results in ascending order of the modes."""
         return sorted(enumerate(zip(self.runs, by_run, strict=True)), key=lambda entry: entry[1][0].mode)
 
@@ -175,7 +177,7 @@ class Transients(ExperimentPart):
         title = "Amplitudes of the excitation and of the tip"
         return self.data_table(title, columns, *notes[: 1 + short], suffix="_amplitudes")
 
-    def _drawing(self, k: int, run: Run, results: Sequence[ExperimentResult]) -> Drawing:
+    def _drawing(self, k: int, run: RequestedRun, results: Sequence[ExperimentResult]) -> Drawing:
         caption = (
             f"Mode {run.mode}, driven until {results[0].stop:.4g} s.  Top: extremes of the tip displacement relative "
             "to the clamp.  Middle: the same around the stop.  Bottom: amplitude of the mode after the stop."
@@ -214,7 +216,7 @@ class Transients(ExperimentPart):
         return drawn(f"{self.name}_ratios", "Damping ratio of each mode under each law.", draw)
 
 
-def _run_figure(run: Run, results: Sequence[ExperimentResult]) -> Figure:
+def _run_figure(run: RequestedRun, results: Sequence[ExperimentResult]) -> Figure:
     """Draw the motion under each law: extremes, waveform around the stop, amplitude of the decay."""
     figure, (whole_run, around, decay) = new_figure(5.4, 3)
     for k, (law, result) in enumerate(zip(run.laws, results, strict=True)):
@@ -242,7 +244,7 @@ def _peaks(result: ExperimentResult) -> tuple[Any, Any]:
     return result.decay_time[at], np.abs(result.decay[at])
 
 
-def _draw_measured(axes: Axes, run: Run, result: ExperimentResult) -> None:
+def _draw_measured(axes: Axes, run: RequestedRun, result: ExperimentResult) -> None:
     """Draw Eq. (9) with the measured damping ratio, from the amplitude of the first law on."""
     time, peaks = _peaks(result)
     rate = 2 * math.pi * (run.frequency or result.natural_frequency) * run.measured_ratio

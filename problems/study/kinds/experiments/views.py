@@ -21,7 +21,7 @@ from problems.schema.beam import law_of
 from problems.study.data_table import Column
 from problems.study.drawing import drawn, new_figure, plain_log_ticks, series
 from problems.study.kinds.experiments.experiment import FEWEST_MODES, ExperimentResult
-from problems.study.kinds.experiments.runs import ExperimentPart, Run, results_of, task_of
+from problems.study.kinds.experiments.runs import ExperimentPart, RequestedRun, results_of, task_of
 from problems.study.part import Effort, Finding, Found, Task
 from problems.study.source import Source
 
@@ -78,7 +78,9 @@ class Amplitudes(ExperimentPart):
         return Finding(data, figures=tuple(figures))
 
 
-def _figure(run: Run, results: Sequence[ExperimentResult], laws: Sequence[DampingLaw | None], modes: Modes) -> Figure:
+def _figure(
+    run: RequestedRun, results: Sequence[ExperimentResult], laws: Sequence[DampingLaw | None], modes: Modes
+) -> Figure:
     """Draw damping ratio and frequency against amplitude."""
     figure, (ratio, frequency) = new_figure(4.6, 2, sharex=True)
     amplitudes = np.concatenate([result.curve[:, 0] for result in results])
@@ -143,7 +145,7 @@ class Shapes(ExperimentPart):
         return Finding(data, figures=(figure,))
 
 
-def _shapes_figure(runs: Sequence[Run], results: Sequence[ExperimentResult], axis: Any) -> Figure:
+def _shapes_figure(runs: Sequence[RequestedRun], results: Sequence[ExperimentResult], axis: Any) -> Figure:
     """Draw the shapes of each mode in coordinates along and across the beam."""
     figure, panels = new_figure(4.4, 1, len(runs), sharey=True)
     normal = np.array([-axis[1], axis[0]])

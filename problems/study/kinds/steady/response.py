@@ -48,7 +48,7 @@ def level_curve(given: StudyFile, level: float) -> CurveData:
 
 @final
 @dataclass(frozen=True, kw_only=True)
-class Response(Part):
+class ResponsePart(Part):
     """Response curves at one or several levels."""
 
     kind, heading = "response", "Steady vibration"

@@ -26,9 +26,9 @@ from ancf_casadi.support.figures import COMPUTED, MEASURED, SERIES, literal_text
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
 
-DATED = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}  # metadata that would change from run to run
-RESOLUTION = 130  # dots per inch
-COLUMNS = 600  # of a record that is drawn by its extremes
+DATE_FIELDS = {".png": "Software", ".svg": "Date", ".pdf": "CreationDate"}  # metadata that would change from run to run
+DOTS_PER_INCH = 130  # dots per inch
+PLOT_COLUMNS = 600  # of a record that is drawn by its extremes
 
 
 def rendered(figure: Figure, suffix: str = ".png") -> bytes:
@@ -47,11 +47,11 @@ def rendered(figure: Figure, suffix: str = ".png") -> bytes:
         If there is no such format.
     """
     kind = suffix.lower()
-    if kind not in DATED:
-        raise InputError(f"must end in {', '.join(DATED)}, got {suffix or 'no suffix'!r}", "figure")
+    if kind not in DATE_FIELDS:
+        raise InputError(f"must end in {', '.join(DATE_FIELDS)}, got {suffix or 'no suffix'!r}", "figure")
     out = io.BytesIO()
     with rc_context({"svg.hashsalt": "ancf-casadi"}):  # a random one would change the bytes
-        figure.savefig(out, format=kind[1:], dpi=RESOLUTION, bbox_inches="tight", metadata={DATED[kind]: None})
+        figure.savefig(out, format=kind[1:], dpi=DOTS_PER_INCH, bbox_inches="tight", metadata={DATE_FIELDS[kind]: None})
     return out.getvalue()
 
 
@@ -126,7 +126,7 @@ def _draw_record(
     size, name = prefixed(float(np.abs(measured).max()), unit)
     plots = figure.subplots(1, 2, width_ratios=(3, 2), sharey=True) if many else [figure.subplots()]
     if many:
-        columns = min(COLUMNS, len(turns) // 2)  # a period or more in each
+        columns = min(PLOT_COLUMNS, len(turns) // 2)  # a period or more in each
         edges = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], columns, endpoint=False)))
         low, high = np.minimum.reduceat(measured, edges) / size, np.maximum.reduceat(measured, edges) / size
         plots[0].fill_between(time[edges], low, high, color=MEASURED, alpha=0.35, lw=0, label="record, extremes")
@@ -148,8 +148,8 @@ def _draw_record(
 def _draw_residuals(axes: Axes, time: Array, residuals: Array, unit: str) -> None:
     """Draw residuals over time; of many samples, the extremes."""
     size, name = prefixed(float(np.abs(residuals).max()), unit)
-    if len(time) > 2 * COLUMNS:
-        edges = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], COLUMNS, endpoint=False)))
+    if len(time) > 2 * PLOT_COLUMNS:
+        edges = np.unique(np.searchsorted(time, np.linspace(time[0], time[-1], PLOT_COLUMNS, endpoint=False)))
         low, high = np.minimum.reduceat(residuals, edges) / size, np.maximum.reduceat(residuals, edges) / size
         axes.fill_between(time[edges], low, high, color=MEASURED, lw=0)
     else:

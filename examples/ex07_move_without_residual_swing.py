@@ -19,7 +19,7 @@ import numpy as np
 from ancf_casadi import BaseMotion, Beam, Model, RayleighDamping, natural_modes, simulate
 from ancf_casadi.dynamics.base_motion import Piece
 from ancf_casadi.export import beam_functions, values
-from ancf_casadi.export.functions.step import STAGES
+from ancf_casadi.export.functions.step import SDIRK_STAGES
 
 DISTANCE, TIME, STEPS, COEFFICIENTS = 0.1, 0.9, 120, 4  # m, s
 
@@ -60,11 +60,11 @@ clamp = cs.Function("clamp", [t, c], [cs.vertcat(x, 0, 0, x_t, 0, 0, x_tt, 0, 0)
 
 # final state as a Function of the coefficients
 h = TIME / STEPS
-state, base = cs.MX.sym("state", start.size), cs.MX.sym("base", 9, len(STAGES))
+state, base = cs.MX.sym("state", start.size), cs.MX.sym("base", 9, len(SDIRK_STAGES))
 following = functions.step(*cs.vertsplit(state, functions.free), base, p, h)
 march = cs.Function("march", [state, base], [cs.vertcat(*following)]).mapaccum(STEPS)
 c = cs.MX.sym("c", COEFFICIENTS)
-motion = cs.horzcat(*(clamp((k + stage) * h, c) for k in range(STEPS) for stage in STAGES))
+motion = cs.horzcat(*(clamp((k + stage) * h, c) for k in range(STEPS) for stage in SDIRK_STAGES))
 end = march(start, motion)[:, -1]
 
 # condition: the first mode is at rest about the beam moved by the distance

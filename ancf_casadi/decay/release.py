@@ -24,12 +24,12 @@ from ancf_casadi.records.processing import without_line
 from ancf_casadi.support.arrays import Array, Index
 
 # Tests that fail: test_a_record_in_which_nothing_oscillates_is_refused (either minimum halved),
-# test_an_excitation_that_grows_out_of_the_noise_is_not_taken_for_rest_and_release (QUIET doubled, GROWN halved),
+# test_an_excitation_that_grows_out_of_the_noise_is_not_taken_for_rest_and_release (REST_SWING doubled, GROWN halved),
 # test_a_release_after_rest_is_no_excitation (GROWN doubled), and
 # test_the_decay_begins_at_the_first_sample_in_motion (LEVEL halved).
 MINIMUM_SAMPLES = 10
 MINIMUM_PERIODS = 1.5  # fewer do not show whether the beam rests or moves
-QUIET = 0.25  # largest swing of a window at rest, relative to all; with a free oscillation it is at least 0.5
+REST_SWING = 0.25  # largest swing of a window at rest, relative to all; with a free oscillation it is at least 0.5
 GROWN = 0.8  # relative swing that a released beam reaches within a period; that of a driven beam grows slowly
 LEVEL = 0.02  # departure that does not count as motion, relative to the largest swing
 
@@ -104,7 +104,7 @@ def _end_of_rest(time: Array, displacement: Array, period: float) -> tuple[int, 
     flat = without_line(time, displacement)
     swing = _highest(flat, last) + _highest(-flat, last)
     whole = _highest(np.append(np.diff(time), 0.0), last - 1) <= max(width / 2, 2.5 * step)
-    quiet = np.flatnonzero((whole & (swing <= QUIET * swing.max()))[: int(np.argmax(swing))])
+    quiet = np.flatnonzero((whole & (swing <= REST_SWING * swing.max()))[: int(np.argmax(swing))])
     if quiet.size == 0:
         return 0, False
     begin, end = int(quiet[-1]), int(last[quiet[-1]])

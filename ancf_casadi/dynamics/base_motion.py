@@ -30,7 +30,9 @@ StopAt = Literal["rest", "once"]
 
 SPLINE_DEGREE = 5  # the acceleration of the clamp is then twice continuously differentiable
 AMPLITUDE_ACCURACY = 0.10  # relative to the amplitude; gives the usual bounds of an estimate
-AT_REST = 1e-9  # half periods; if ``stop`` is that close behind an instant of rest, the base stops at this instant
+STOP_TOLERANCE = (
+    1e-9  # half periods; if ``stop`` is that close behind an instant of rest, the base stops at this instant
+)
 
 
 @dataclass(frozen=True)
@@ -169,7 +171,7 @@ class _Oscillation(BaseMotion):
         if self.stop_at == "once" or self.stop == math.inf:
             return self.stop
         f, f_t = self._frequency
-        return self._instant((math.ceil((2 * f + f_t * self.stop) * self.stop - 0.5 - AT_REST) + 0.5) / 2)
+        return self._instant((math.ceil((2 * f + f_t * self.stop) * self.stop - 0.5 - STOP_TOLERANCE) + 0.5) / 2)
 
     def pieces(self) -> tuple[Piece, ...]:
         """Return the growing oscillation, the steady one and, if it stops, the hold."""
@@ -389,7 +391,7 @@ def ramped(steady: Piece, phase: Callable[[cs.MX], cs.MX], ramp: float, end: flo
 
 def check_ramp(ramp: float, instant: Callable[[float], float], stop: float) -> None:
     """Refuse a ramp (cycles) that is negative, or whose end, ``instant(ramp)`` (s), is after the stop (s)."""
-    if number(ramp, "ramp") and (end := instant(physical(ramp, "ramp"))) > stop * (1 + AT_REST):
+    if number(ramp, "ramp") and (end := instant(physical(ramp, "ramp"))) > stop * (1 + STOP_TOLERANCE):
         raise InputError(f"lasts until {end:.6g} s, after the stop at {stop:.6g} s; shorten it, or stop later", "ramp")
 
 

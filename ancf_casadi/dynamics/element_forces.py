@@ -9,7 +9,7 @@ The Functions depend neither on the mesh nor on any value of the beam or the law
 serves all beams.
 
 A call from CasADi's virtual machine costs about as much as the forces of an element.  Compiled Functions therefore take
-``TOGETHER`` elements per call; the last call is padded with copies of the last element.
+``ELEMENTS_PER_CALL`` elements per call; the last call is padded with copies of the last element.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import casadi as cs
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.mechanics.element import Element
 
-TOGETHER = 10  # elements per call of a compiled Function
+ELEMENTS_PER_CALL = 10  # elements per call of a compiled Function
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +95,9 @@ class ElementFunctions:
 
 
 def side_by_side(one: cs.Function, **options: Any) -> cs.Function:
-    """Return the Function of ``TOGETHER`` columns that evaluates a Function of one column for each."""
-    columns = [cs.MX.sym(f"x{k}", one.size1_in(k), TOGETHER) for k in range(one.n_in())]
-    return cs.Function(one.name(), columns, one.map(TOGETHER).call(columns), options)
+    """Return the Function of ``ELEMENTS_PER_CALL`` columns that evaluates a Function of one column for each."""
+    columns = [cs.MX.sym(f"x{k}", one.size1_in(k), ELEMENTS_PER_CALL) for k in range(one.n_in())]
+    return cs.Function(one.name(), columns, one.map(ELEMENTS_PER_CALL).call(columns), options)
 
 
 def mapped(function: cs.Function, *columns: cs.MX) -> list[cs.MX]:

@@ -30,13 +30,13 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.damping.turning import turned
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
 from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
-from ancf_casadi.dynamics.tip_load import LOAD, HarmonicLoad, TipLoad, tip_force, tip_stiffness
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE, HarmonicLoad, TipLoad, tip_force, tip_stiffness
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.layout import Layout
 
 NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)
-EXCITATION = 3 * NODE + LOAD  # components of the excitation
+EXCITATION = 3 * NODE + LOAD_SIZE  # components of the excitation
 
 
 def as_it_is(function: cs.Function) -> cs.Function:

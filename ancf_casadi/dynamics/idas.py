@@ -32,7 +32,7 @@ import casadi as cs
 import numpy as np
 import scipy.sparse.linalg
 
-from ancf_casadi.dynamics.segments import ENERGIES, InitialValueProblem, Segment, SegmentSolution
+from ancf_casadi.dynamics.segments import ENERGY_STATES, InitialValueProblem, Segment, SegmentSolution
 from ancf_casadi.dynamics.semi_explicit import SemiExplicit
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
@@ -95,7 +95,7 @@ def integrate_by_idas(problem: InitialValueProblem) -> Iterator[SegmentSolution]
         states = np.vstack([x0, result["xf"].full().T])
         unknowns = np.vstack([z0, result["zf"].full().T])
         coordinates, velocities = form.unscaled(states, excitation(segment.instants[None, :]).full().T)
-        energies = np.vstack([np.zeros(ENERGIES), result["qf"].full().T])
+        energies = np.vstack([np.zeros(ENERGY_STATES), result["qf"].full().T])
         kept = segment.kept
         yield SegmentSolution(
             coordinates=coordinates[kept],

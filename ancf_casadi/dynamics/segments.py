@@ -21,8 +21,8 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.support.arrays import Array
 
-ENERGIES = 3  # integrated with the motion: lost to damping, work of the base, work of the tip load
-CLOSE = 1e-9  # instants are the same if they differ by less than this fraction of a sampling interval or step
+ENERGY_STATES = 3  # integrated with the motion: lost to damping, work of the base, work of the tip load
+SAME_TIME = 1e-9  # instants are the same if they differ by less than this fraction of a sampling interval or step
 
 
 @dataclass(frozen=True)
@@ -132,14 +132,14 @@ def divide(begin: float, end: float, origin: float, rate: float, size: int) -> I
 
     The first sample is at ``origin``, the start of the motion; the others follow at the given rate (1/s).
     """
-    first, last = math.ceil((begin - origin) * rate - CLOSE), math.floor((end - origin) * rate + CLOSE)
+    first, last = math.ceil((begin - origin) * rate - SAME_TIME), math.floor((end - origin) * rate + SAME_TIME)
     if first > last:
         yield Segment(begin, end - begin, 1, 0)
         return
-    if origin + first / rate - begin > CLOSE / rate:
+    if origin + first / rate - begin > SAME_TIME / rate:
         yield Segment(begin, origin + first / rate - begin, 1, 1)
     for k in range(first, last, size):
         points = min(size, last - k)
         yield Segment(origin + k / rate, points / rate, points, points, first=k == 0)
-    if end - origin - last / rate > CLOSE / rate:
+    if end - origin - last / rate > SAME_TIME / rate:
         yield Segment(origin + last / rate, end - origin - last / rate, 1, 0)

@@ -22,7 +22,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.mechanics.beam import PROPERTIES, UNITS
+from ancf_casadi.mechanics.beam import BEAM_UNITS, PROPERTIES
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import instances
@@ -31,7 +31,7 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 
 COORDINATES = (("x", "m", "position, x"), ("y", "m", "position, y"), ("slope_x", "1", "slope dr/ds, x"),
                ("slope_y", "1", "slope dr/ds, y"))  # fmt: skip
-BASE = (("base_x", "m", "displacement of the clamp, x"), ("base_y", "m", "displacement of the clamp, y"),
+BASE_SIGNALS = (("base_x", "m", "displacement of the clamp, x"), ("base_y", "m", "displacement of the clamp, y"),
         ("base_angle", "rad", "rotation of the clamp, counterclockwise"))  # fmt: skip
 
 
@@ -159,7 +159,7 @@ def parameter_signals(equations: Equations) -> tuple[Signal, ...]:
     described = [(f"gravity_{c}", "m/s2", f"acceleration of gravity, {c}") for c in "xy"]
     for i in range(1, equations.model.beam.elements + 1):
         described += [
-            (f"{name}_{i}", UNITS[name].replace("^", ""), f"{name.replace('_', ' ')} of element {i}")
+            (f"{name}_{i}", BEAM_UNITS[name].replace("^", ""), f"{name.replace('_', ' ')} of element {i}")
             for name in PROPERTIES
         ]
     described += [(own.name, own.unit, own.description) for own in equations.law.parameters]
@@ -192,9 +192,9 @@ def modal_signals(frequencies: Sequence[float]) -> tuple[Signal, ...]:
 def base_signals() -> tuple[Signal, ...]:
     """Return the motion of the clamp: displacements and rotation, their velocities and accelerations."""
     return (
-        *(Signal(name, unit, what) for name, unit, what in BASE),
-        *(Signal(f"{name}_velocity", f"{unit}/s", f"velocity of {name}") for name, unit, _ in BASE),
-        *(Signal(f"{name}_acceleration", f"{unit}/s2", f"acceleration of {name}") for name, unit, _ in BASE),
+        *(Signal(name, unit, what) for name, unit, what in BASE_SIGNALS),
+        *(Signal(f"{name}_velocity", f"{unit}/s", f"velocity of {name}") for name, unit, _ in BASE_SIGNALS),
+        *(Signal(f"{name}_acceleration", f"{unit}/s2", f"acceleration of {name}") for name, unit, _ in BASE_SIGNALS),
     )
 
 

@@ -25,9 +25,9 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.dissipation import warn_of_energy_gain
 from ancf_casadi.dynamics.integration import Method, chosen, integrate
-from ancf_casadi.dynamics.segments import ENERGIES, SegmentSolution
+from ancf_casadi.dynamics.segments import ENERGY_STATES, SegmentSolution
 from ancf_casadi.dynamics.start import MotionSetup, Start, set_up
-from ancf_casadi.dynamics.tip_load import LOAD, TipLoad
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
 from ancf_casadi.dynamics.trajectory import IntegratorUse, State, Trajectory
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import NODE, Model
@@ -36,7 +36,7 @@ from ancf_casadi.support.inputs import check_instance, choice, flag, physical, p
 from ancf_casadi.support.interrupts import noted_interrupts
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
-BAR = "{l_bar}{bar}| {n:.2f}/{total:.2f} s [{elapsed}<{remaining}]"
+TIME_BAR = "{l_bar}{bar}| {n:.2f}/{total:.2f} s [{elapsed}<{remaining}]"
 
 
 def simulate(
@@ -146,7 +146,7 @@ def simulate(
         )
         use = chosen(setup, method, tolerance, options or {})
         done, interrupted, length = _Solution(setup, use, began), False, float(setup.times[-1] - setup.times[0])
-        with tqdm(total=length, disable=hidden, bar_format=BAR) as bar:
+        with tqdm(total=length, disable=hidden, bar_format=TIME_BAR) as bar:
             try:
                 for solution in integrate(setup, use, largest_step, options):
                     done.add(solution, most_steps)
@@ -209,9 +209,9 @@ class _Solution:
     def trajectory(self) -> Trajectory:
         """Return the motion up to the last segment."""
         model, load, done = self.setup.equations.model, self.setup.load, self.segments
-        starts = np.cumsum([np.zeros(ENERGIES), *(solution.end_energies for solution in done)], axis=0)
+        starts = np.cumsum([np.zeros(ENERGY_STATES), *(solution.end_energies for solution in done)], axis=0)
         energies = [start + solution.energies for start, solution in zip(starts, done, strict=False)]
-        lost, base_work, load_work = np.vstack([np.empty((0, ENERGIES)), *energies]).T
+        lost, base_work, load_work = np.vstack([np.empty((0, ENERGY_STATES)), *energies]).T
         none, times = np.empty((0, model.size)), self.setup.times[: len(lost)]
         return Trajectory(
             model=model,
@@ -219,7 +219,7 @@ class _Solution:
             coordinates=np.vstack([none, *(solution.coordinates for solution in done)]),
             velocities=np.vstack([none, *(solution.velocities for solution in done)]),
             clamp_force=np.vstack([np.empty((0, NODE)), *(solution.forces for solution in done)]),
-            tip_load=np.zeros((times.size, LOAD)) if load is None else load.values(times),
+            tip_load=np.zeros((times.size, LOAD_SIZE)) if load is None else load.values(times),
             dissipated_energy=lost,
             base_work=base_work,
             load_work=load_work,

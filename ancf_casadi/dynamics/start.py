@@ -26,7 +26,7 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
 from ancf_casadi.dynamics.equations import Equations, as_it_is, excitation_pieces
-from ancf_casadi.dynamics.segments import CLOSE
+from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.dynamics.tip_load import TipLoad, equilibrium_under
 from ancf_casadi.dynamics.tolerance import check_excitation, check_speed, expected_travel
 from ancf_casadi.dynamics.trajectory import State
@@ -39,8 +39,8 @@ from ancf_casadi.vibration.equilibrium import Equilibrium
 
 Start = Literal["equilibrium", "straight", "impact"]
 
-MOST_SAMPLES = 2e6  # coordinates and velocities take 2.7 GB at 20 elements
-AGREEMENT = 1e-6  # deviation of a state from its base, relative to length, unit slope and largest velocity
+MOST_TRAJECTORY_SAMPLES = 2e6  # coordinates and velocities take 2.7 GB at 20 elements
+START_TOLERANCE = 1e-6  # deviation of a state from its base, relative to length, unit slope and largest velocity
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,9 +181,11 @@ def sample_times(duration: float, sample_rate: float, origin: float = 0.0) -> Ar
     InputError
         If there are too many samples, or fewer than two.
     """
-    if duration * sample_rate > MOST_SAMPLES:
-        raise InputError(f"{duration * sample_rate:.3g} samples are more than {MOST_SAMPLES:.0e}", "sample_rate")
-    times = origin + np.arange(math.floor(duration * sample_rate + CLOSE) + 1) / sample_rate
+    if duration * sample_rate > MOST_TRAJECTORY_SAMPLES:
+        raise InputError(
+            f"{duration * sample_rate:.3g} samples are more than {MOST_TRAJECTORY_SAMPLES:.0e}", "sample_rate"
+        )
+    times = origin + np.arange(math.floor(duration * sample_rate + SAME_TIME) + 1) / sample_rate
     if len(times) < 2:
         raise InputError(f"must be at least one sampling interval, {1 / sample_rate:g} s, got {duration:g}", "duration")
     return times
@@ -287,7 +289,7 @@ def check_clamp(model: Model, node: Array) -> None:
     InputError
         If they differ from those at rest.
     """
-    if _distance(model, model.straight, node) > AGREEMENT:
+    if _distance(model, model.straight, node) > START_TOLERANCE:
         raise InputError(
             f"begins with the clamp at {_point(node)} m, turned by {_rotation(model, node):.6g} rad, but the beam "
             "starts with its clamp at the origin, along its axis; measure the motion from there, change the axis of "
@@ -322,7 +324,7 @@ def _check_state(model: Model, excitation: Array, state: State) -> None:
         )
     node, velocity = excitation[:NODE], excitation[NODE : 2 * NODE]
     check_speed(model, np.abs(state.velocities).max(), "in the state", "start")
-    if _distance(model, state.coordinates, node) > AGREEMENT:
+    if _distance(model, state.coordinates, node) > START_TOLERANCE:
         raise InputError(
             f"the clamp of the state is at {_point(state.coordinates)}, that of the base motion at {_point(node)} at "
             f"{state.time:g} s, or its direction differs; give the base motion that led to the state and the time of "
@@ -330,7 +332,7 @@ def _check_state(model: Model, excitation: Array, state: State) -> None:
             "start",
         )
     difference = np.abs(state.velocities[:NODE] - velocity).max()
-    if difference > AGREEMENT * max(np.abs(state.velocities).max(), np.abs(velocity).max()):
+    if difference > START_TOLERANCE * max(np.abs(state.velocities).max(), np.abs(velocity).max()):
         raise InputError(
             f"the clamp of the state has the velocity {_point(state.velocities)} m/s, the base motion "
             f"{_point(velocity)} m/s at {state.time:g} s, which is an impact; give the base motion that led to the "

@@ -33,7 +33,7 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import array, check_size, number, physical, positive_or_infinite, vector
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
-LOAD = 3  # components of a load: force x and y, N, and moment, N m
+LOAD_SIZE = 3  # components of a load: force x and y, N, and moment, N m
 
 
 class TipLoad(Piecewise):
@@ -63,7 +63,7 @@ class TipLoad(Piecewise):
     @final
     def values(self, times: Array) -> Array:
         """Return the load (k, 3) at instants (k,), s: before a jump there, but after a jump at the first of them."""
-        found = np.zeros((times.size, LOAD))
+        found = np.zeros((times.size, LOAD_SIZE))
         if times.size:
             pieces, t = self.pieces_between(times.min(), times.max()), cs.MX.sym("t")
             owners = np.minimum(np.searchsorted([last for *_, last in pieces], times), len(pieces) - 1)
@@ -250,7 +250,7 @@ def equilibrium_under(model: Model, load: Array) -> Equilibrium:
 
 def _nothing(end: float) -> Piece:
     """Return a piece without load."""
-    return Piece(end, lambda t, parameters: cs.MX.zeros(LOAD))
+    return Piece(end, lambda t, parameters: cs.MX.zeros(LOAD_SIZE))
 
 
 def _monotone(time: Array, values: Array) -> cs.Function:

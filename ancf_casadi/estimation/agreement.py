@@ -39,7 +39,7 @@ from typing import Any
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.estimates import LEVEL, Estimates, quantile
+from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, Estimates, quantile
 from ancf_casadi.estimation.solver.loss import row_weights
 from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.support.arrays import Array, Mask
@@ -78,7 +78,7 @@ class Agreement:
     @property
     def interval(self) -> tuple[float, float]:
         """95 % interval of the mean."""
-        return self.ends(LEVEL)
+        return self.ends(CONFIDENCE_LEVEL)
 
     def ends(self, level: float) -> tuple[float, float]:
         """Return the interval of the mean for a confidence level.

@@ -40,13 +40,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ancf_casadi.estimation.estimates import Estimates
-from ancf_casadi.estimation.solver.noise import NOT_NOISE, concentration
+from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentration
 
-COLOURED = 1 / 3  # ratio n/m below which no law is said to explain all of the motion
-DEPENDENT = 2 / 3  # ratio n/m below which a warning states n
-VAGUE = 1 / 3  # vagueness of a term beyond which the record does not settle the choice
-CLEAR = 10.0  # difference of a criterion that leaves no doubt
-SAME = 1e-6  # difference of a criterion below which two models are equal
+LEAST_EXPLAINED = 1 / 3  # ratio n/m below which no law is said to explain all of the motion
+LEAST_INDEPENDENT = 2 / 3  # ratio n/m below which a warning states n
+MOST_VAGUENESS = 1 / 3  # vagueness of a term beyond which the record does not settle the choice
+VERY_STRONG = 10.0  # difference of a criterion that leaves no doubt
+EQUAL_CRITERION = 1e-6  # difference of a criterion below which two models are equal
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Candidate:
         return cls(
             name,
             m,
-            min(fit.effective_samples, m / narrow if narrow > NOT_NOISE else m),
+            min(fit.effective_samples, m / narrow if narrow > MOST_CONCENTRATION else m),
             fit.residual_rms,
             fit.rank + len(set(counted) & set(fit.at_bound)),
             fit.autocorrelation,
@@ -161,22 +161,22 @@ def judge(candidates: Sequence[Candidate]) -> Verdict:
         )
     rivals = [
         (candidate.name, value - bic[best]) for candidate, value in zip(candidates, bic, strict=True)
-        if SAME < value - bic[best] < CLEAR and candidate.rank <= chosen.rank
+        if EQUAL_CRITERION < value - bic[best] < VERY_STRONG and candidate.rank <= chosen.rank
     ]  # fmt: skip
     warnings += [
         f"the {name} law is not clearly worse: its BIC is higher by {excess:.2g}, and 10 would be clear"
         for name, excess in rivals
     ]
     for candidate, value in zip(candidates, bic, strict=True):
-        if candidate is not chosen and value - bic[best] < CLEAR and candidate.vagueness > VAGUE:
+        if candidate is not chosen and value - bic[best] < VERY_STRONG and candidate.vagueness > MOST_VAGUENESS:
             warnings.append(
                 f"the record cannot rule out the {candidate.name} law: one of its terms is uncertain by "
                 f"{candidate.vagueness:.0%} of the total damping; a longer record, less noise or a larger release "
                 "would help"
             )
     settled = not warnings
-    if n < DEPENDENT * m:
-        unexplained = ": no law explains all of the motion" if n < COLOURED * m else ""
+    if n < LEAST_INDEPENDENT * m:
+        unexplained = ": no law explains all of the motion" if n < LEAST_EXPLAINED * m else ""
         warnings.append(
             f"the residuals of the {noise.name} law are coloured (successive ones correlate at "
             f"{noise.autocorrelation:.2f}), so the criteria count {m} samples as {n:.0f} independent ones{unexplained}"
@@ -201,4 +201,4 @@ def vagueness(fit: Estimates, names: Sequence[str]) -> float:
 
 def _least(criterion: Sequence[float]) -> int:
     """Return the position of the lowest value; of equal ones, the first."""
-    return int(np.argmax(np.asarray(criterion) <= min(criterion) + SAME))
+    return int(np.argmax(np.asarray(criterion) <= min(criterion) + EQUAL_CRITERION))

@@ -36,7 +36,7 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array
 
-ABSENT = 1e-3  # exponent below which an unknown is not in a combination
+LEAST_EXPONENT = 1e-3  # exponent below which an unknown is not in a combination
 
 
 def check_determined(residuals: Callable[..., cs.MX], unknowns: Sequence[Unknown], negligible: float) -> None:
@@ -93,7 +93,9 @@ def certainty(fit: Fit, names: Sequence[str]) -> list[tuple[str, float]]:
 def product(names: Sequence[str], exponents: Array) -> str:
     """Return a product of powers as text."""
     powers = {
-        name: f"{value:.3g}" for name, value in zip(names, exponents.tolist(), strict=True) if abs(value) > ABSENT
+        name: f"{value:.3g}"
+        for name, value in zip(names, exponents.tolist(), strict=True)
+        if abs(value) > LEAST_EXPONENT
     }
     return " ".join(name if power == "1" else f"{name}^{power}" for name, power in powers.items())
 
@@ -115,7 +117,7 @@ def _reduced(rows: Array) -> Array:
         if first == len(rows):
             break
         pivot = first + int(np.abs(rows[first:, column]).argmax())
-        if abs(rows[pivot, column]) < ABSENT:
+        if abs(rows[pivot, column]) < LEAST_EXPONENT:
             continue
         rows[[first, pivot]] = rows[[pivot, first]]
         rows[first] /= rows[first, column]
@@ -128,7 +130,7 @@ def _reduced(rows: Array) -> Array:
 
 def _sentence(names: Sequence[str], exponents: Array) -> str:
     """Return what the records determine of the unknowns in a combination."""
-    own = [(name, float(power)) for name, power in zip(names, exponents, strict=True) if abs(power) > ABSENT]
+    own = [(name, float(power)) for name, power in zip(names, exponents, strict=True) if abs(power) > LEAST_EXPONENT]
     if len(own) == 1:
         return f"the records do not depend on {own[0][0]}; fix it, or add a record that does, such as a force"
     (pivot, base), *others = own

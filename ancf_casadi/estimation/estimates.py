@@ -50,7 +50,7 @@ from ancf_casadi.support.inputs import number
 
 Quantities = Callable[..., cs.MX]  # unknowns as MX scalars, in their order -> MX vector of quantities
 
-LEVEL = 0.95
+CONFIDENCE_LEVEL = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +222,7 @@ class Estimates:
         with np.errstate(invalid="ignore"):
             return self.covariance / np.outer(self.errors, self.errors)
 
-    def intervals(self, level: float = LEVEL) -> Array:
+    def intervals(self, level: float = CONFIDENCE_LEVEL) -> Array:
         """Return the intervals (n, 2) of the unknowns for a confidence level, to first order.
 
         The interval of a reciprocal unknown has no upper end if the reciprocal may be at its lower bound.
@@ -245,7 +245,7 @@ class Estimates:
         values, jacobian = self.linearised(quantities)
         return values, self.errors_of(jacobian)
 
-    def derived_intervals(self, quantities: Quantities, level: float = LEVEL) -> Array:
+    def derived_intervals(self, quantities: Quantities, level: float = CONFIDENCE_LEVEL) -> Array:
         """Return the intervals (q, 2) of quantities, to first order; nan where no unknown enters."""
         return self.ends_of(*self.linearised(quantities), level)
 
@@ -264,8 +264,8 @@ class Estimates:
             column = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k])[0]
             shifts[k] = -(column @ change) / (column @ column)
         errors = self.errors
-        reach = np.abs(np.diag(self.moves(LEVEL)[self.active_bounds]))
-        errors[self.active_bounds] = reach / self.quantile(LEVEL)
+        reach = np.abs(np.diag(self.moves(CONFIDENCE_LEVEL)[self.active_bounds]))
+        errors[self.active_bounds] = reach / self.quantile(CONFIDENCE_LEVEL)
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.asarray(shifts * self.scale / errors)
 

@@ -15,7 +15,7 @@ from ancf_casadi.estimation.solver.noise import autocorrelation
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 
-ACROSS = 4  # plots of estimates in a row
+PLOTS_PER_ROW = 4  # plots of estimates in a row
 
 
 def draw_autocorrelation(axes: Axes, residuals: Array, series: Sequence[int] = ()) -> None:
@@ -103,9 +103,9 @@ def saved_figure(fits: Mapping[str, Any]) -> Figure:
         The fits by their labels.
     """
     units = {name: unit for fit in fits.values() for name, unit in fit.units.items()}
-    rows = max(1, -(-len(units) // ACROSS))
-    figure = Figure(figsize=(2.6 * min(ACROSS, max(1, len(units))), 2.6 * rows), layout="constrained")
-    plots = figure.subplots(rows, min(ACROSS, max(1, len(units))), squeeze=False).ravel()
+    rows = max(1, -(-len(units) // PLOTS_PER_ROW))
+    figure = Figure(figsize=(2.6 * min(PLOTS_PER_ROW, max(1, len(units))), 2.6 * rows), layout="constrained")
+    plots = figure.subplots(rows, min(PLOTS_PER_ROW, max(1, len(units))), squeeze=False).ravel()
     for axes in plots[len(units) :]:
         axes.set_visible(False)
     for axes, (name, unit) in zip(plots, units.items(), strict=False):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.estimation.estimates import Estimates
-from ancf_casadi.estimation.solver.noise import NOT_NOISE, concentration
+from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentration
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import known
 
@@ -105,7 +105,7 @@ def colour_warning(fit: Estimates, *, noise_free: float = 0.0) -> str | None:
     """Return a warning if residuals are not noise and their root mean square is above ``noise_free``; None if not."""
     if not fit.residual_rms > noise_free:
         return None
-    if not concentration(fit.residuals, fit.series, fit.times) > NOT_NOISE:
+    if not concentration(fit.residuals, fit.series, fit.times) > MOST_CONCENTRATION:
         return None
     m, n = len(fit.residuals), fit.effective_samples
     worth = f" and determine the unknowns as well as {n:.0f} independent ones would" if n < m else ""

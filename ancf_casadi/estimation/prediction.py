@@ -11,7 +11,7 @@ import numpy as np
 from ancf_casadi.support.arrays import Array, ComplexArray, root_mean_square
 from ancf_casadi.support.tables import Reported, Table, known
 
-BEYOND = 3.0  # rms error over noise and standard error above which there is a warning
+LARGEST_PREDICTION_ERROR = 3.0  # rms error over noise and standard error above which there is a warning
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +116,7 @@ class RecordPrediction(Reported):
         notes = []
         for one in self.channels:
             expected = math.hypot(one.standard_error, one.noise)
-            if one.rms_error > BEYOND * expected:
+            if one.rms_error > LARGEST_PREDICTION_ERROR * expected:
                 notes.append(
                     f"{one.name}: the error {one.rms_error:.2g} is {one.rms_error / expected:.2g} times as large as "
                     "noise and the uncertainty of the estimates explain; the model does not hold for this record"

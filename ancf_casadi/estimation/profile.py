@@ -26,14 +26,14 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.estimation.estimates import LEVEL, Estimates, Quantities
+from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, Estimates, Quantities
 from ancf_casadi.estimation.solver.loss import loss
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.exceptions import InputError
 
 
 def profile_interval(
-    fit: Estimates, quantity: str | Quantities, level: float = LEVEL, *, inflation: float = 1.0
+    fit: Estimates, quantity: str | Quantities, level: float = CONFIDENCE_LEVEL, *, inflation: float = 1.0
 ) -> tuple[float, float]:
     """Return the interval of an unknown, or of a function of the unknowns, by profile likelihood.
 

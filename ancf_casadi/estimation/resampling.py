@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
-from ancf_casadi.estimation.estimates import LEVEL
+from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.result import FitResult, LeastSquaresResult
 from ancf_casadi.estimation.solver.noise import autocorrelation
@@ -122,7 +122,7 @@ class MonteCarlo(Displayed):
         """Standard deviations over the runs (p,)."""
         return np.asarray(self.samples.std(axis=0, ddof=1))
 
-    def intervals(self, level: float = LEVEL) -> Array:
+    def intervals(self, level: float = CONFIDENCE_LEVEL) -> Array:
         """Return the central ranges (p, 2) of the samples: a fraction ``level`` within, equal parts on either side.
 
         Raises

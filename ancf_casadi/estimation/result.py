@@ -18,7 +18,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.agreement import Agreement
-from ancf_casadi.estimation.estimates import LEVEL, Quantities
+from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, Quantities
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.estimation.solver.least_squares import refitted
@@ -52,7 +52,7 @@ class FitResult(Reported):
         """Standard error of each estimated quantity by name; nan if unknown, as at a bound."""
 
     @abstractmethod
-    def intervals(self, level: float = LEVEL) -> dict[str, Interval]:
+    def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
         """Return the interval of each estimated quantity by name for a confidence level, to first order.
 
         Raises
@@ -99,7 +99,7 @@ class FitResult(Reported):
         """Number of residuals with known scatter; 0 if it is not known."""
 
     @abstractmethod
-    def profile(self, name: str, level: float = LEVEL) -> Interval:
+    def profile(self, name: str, level: float = CONFIDENCE_LEVEL) -> Interval:
         """Return the interval of an estimate by profile likelihood.
 
         Raises
@@ -236,7 +236,7 @@ class LeastSquaresResult(FitResult):
         """Standard error of each estimated quantity by name; nan at a bound."""
         return self._named(self.fit.errors_of(self._linearised[1]).tolist())
 
-    def intervals(self, level: float = LEVEL) -> dict[str, Interval]:
+    def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
         """Return the interval of each estimated quantity by name for a confidence level, to first order.
 
         Raises
@@ -280,7 +280,7 @@ class LeastSquaresResult(FitResult):
         """Number of residuals with known scatter; 0 if they are zero or no more than the unknowns."""
         return len(self.fit.residuals) if self.fit.noise.variance > 0.0 else 0
 
-    def profile(self, name: str, level: float = LEVEL) -> Interval:
+    def profile(self, name: str, level: float = CONFIDENCE_LEVEL) -> Interval:
         """Return the interval of an estimate by profile likelihood.
 
         Raises

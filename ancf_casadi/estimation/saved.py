@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from ancf_casadi.estimation.estimates import LEVEL, quantile
+from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, quantile
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import read_bytes
@@ -92,7 +92,7 @@ class SavedFit(Reported):
         """Standard error of each estimated quantity by name; nan at a bound."""
         return {one.name: _number(one.standard_error) for one in self.numbers.estimates}
 
-    def intervals(self, level: float = LEVEL) -> dict[str, tuple[float, float]]:
+    def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, tuple[float, float]]:
         """Return the interval of each estimated quantity by name.
 
         The file has those of 95 %; others reach further or less far from the estimate in proportion to the quantile.
@@ -103,7 +103,7 @@ class SavedFit(Reported):
             If the level is not between 0 and 1.
         """
         freedom = math.inf if self.numbers.degrees_of_freedom is None else self.numbers.degrees_of_freedom
-        ratio = quantile(level, freedom) / quantile(LEVEL, freedom)
+        ratio = quantile(level, freedom) / quantile(CONFIDENCE_LEVEL, freedom)
         found = {}
         for one in self.numbers.estimates:
             value, (low, high) = _number(one.value), map(_number, one.interval_95)

@@ -13,7 +13,7 @@ residual that the fit absorbs.  A few points that determine many unknowns would 
 
 The steps are: check that the data determine the unknowns (``determination``); fit; fit again with the weights that the
 residuals give; compute the error of each block's discretisation, and the shifts of the estimates that it causes; if one
-is above ``ALLOWED`` standard errors, refine the block, and fit again from the estimates.
+is above ``LARGEST_SHIFT`` standard errors, refine the block, and fit again from the estimates.
 
 If an optimum need not be the only one, the fit starts from several points, and the result has all optima that fit as
 well as the best one within the 95 % level.
@@ -33,7 +33,7 @@ import numpy as np
 
 from ancf_casadi.estimation.block import Block, Evaluation, Fitted
 from ancf_casadi.estimation.determination import check_determined
-from ancf_casadi.estimation.estimates import LEVEL, Coordinates
+from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, Coordinates
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.least_squares import least_squares, residual_function
 from ancf_casadi.estimation.solver.loss import HUBER
@@ -41,12 +41,12 @@ from ancf_casadi.estimation.solver.unknown import Unknown, started
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, Mask
 
-ALLOWED = 0.1  # largest shift of an estimate by the error of the discretisation, in standard errors
-REFINEMENTS = 6  # of a block
+LARGEST_SHIFT = 0.1  # largest shift of an estimate by the error of the discretisation, in standard errors
+MOST_REFINEMENTS = 6  # of a block
 LEAST_SHARE = 0.01  # least share 1 - h of the noise that a residual may show
-DIFFERENT = 0.05  # relative difference of unknowns that belong to different optima
-ADVICE = "start from other guesses, set bounds, or fix some unknowns"
-OPTIONS: Mapping[str, Any] = {
+OPTIMA_APART = 0.05  # relative difference of unknowns that belong to different optima
+FIT_ADVICE = "start from other guesses, set bounds, or fix some unknowns"
+LEAST_SQUARES_OPTIONS: Mapping[str, Any] = {
     "ipopt.tol": 1e-4,
     "ipopt.compl_inf_tol": 1e-7,
     "ipopt.max_iter": 100,
@@ -145,8 +145,8 @@ class FitProblem:
             noise=math.hypot(accuracy, math.sqrt(count) * systematic),
             systematic=systematic,
             stated=scale * all(block.stated for block in self.blocks),
-            options=OPTIONS,
-            advice=ADVICE,
+            options=LEAST_SQUARES_OPTIONS,
+            advice=FIT_ADVICE,
         )
 
     def at_last(self, evaluations: Sequence[Evaluation], fit: Fit) -> Fit:
@@ -260,7 +260,9 @@ def _optima(problem: FitProblem, evaluations: Sequence[Evaluation], starts: Sequ
         raise failures[0]
     fits.sort(key=lambda fit: fit.residual_rms)
     found = [fits[0]]
-    most = np.sum(fits[0].residuals ** 2) + np.nan_to_num(fits[0].quantile(LEVEL) ** 2 * fits[0].noise.variance)
+    most = np.sum(fits[0].residuals ** 2) + np.nan_to_num(
+        fits[0].quantile(CONFIDENCE_LEVEL) ** 2 * fits[0].noise.variance
+    )
     for fit in fits[1:]:
         if np.sum(fit.residuals**2) < most and all(_differ(fit, other) for other in found):
             found.append(fit)
@@ -268,8 +270,8 @@ def _optima(problem: FitProblem, evaluations: Sequence[Evaluation], starts: Sequ
 
 
 def _differ(fit: Fit, other: Fit) -> bool:
-    size = np.maximum(np.maximum(np.abs(fit.values), np.abs(other.values)), DIFFERENT * fit.scale)
-    return bool((np.abs(fit.values - other.values) > DIFFERENT * size).any())
+    size = np.maximum(np.maximum(np.abs(fit.values), np.abs(other.values)), OPTIMA_APART * fit.scale)
+    return bool((np.abs(fit.values - other.values) > OPTIMA_APART * size).any())
 
 
 def _reweighted(
@@ -294,7 +296,7 @@ def _refined(
     problem: FitProblem, fit: Fit, others: tuple[Fit, ...], evaluations: tuple[Evaluation, ...]
 ) -> FitSolution:
     """Return the solution with blocks so fine that their errors shift no estimate by much."""
-    for _ in range(REFINEMENTS + 1):
+    for _ in range(MOST_REFINEMENTS + 1):
         shifts = np.zeros((len(problem.blocks), len(fit.names)))
         pairs = zip(problem.blocks, problem.rows, evaluations, strict=True)
         for own, (block, rows, evaluation) in zip(shifts, pairs, strict=True):
@@ -305,7 +307,7 @@ def _refined(
             meaningful(own, fit, block.meaningful).max() for own, block in zip(shifts, problem.blocks, strict=True)
         ]
         finer = [
-            block.refined(float(shift)) if shift > ALLOWED else None
+            block.refined(float(shift)) if shift > LARGEST_SHIFT else None
             for block, shift in zip(problem.blocks, largest, strict=True)
         ]
         if not any(finer):

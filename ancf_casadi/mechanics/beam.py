@@ -33,11 +33,14 @@ from ancf_casadi.support.tables import Displayed, counted
 
 PROPERTIES = ("width", "thickness", "density", "elastic_modulus")
 LUMPED = ("tip_mass", "clamp_stiffness")
-UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modulus": "Pa", "tip_mass": "kg",
+BEAM_UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modulus": "Pa", "tip_mass": "kg",
          "clamp_stiffness": "N m/rad"}  # fmt: skip
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error
-SMALLEST, LARGEST = 1e-100, 1e100  # bounds in SI units; products of values beyond them overflow or vanish
+SMALLEST_PROPERTY, LARGEST_PROPERTY = (
+    1e-100,
+    1e100,
+)  # bounds in SI units; products of values beyond them overflow or vanish
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ class Section(Displayed):
     def __post_init__(self) -> None:
         """Validate."""
         for name in ("width", "thickness"):
-            if positive(getattr(self, name), name) > LARGEST:
+            if positive(getattr(self, name), name) > LARGEST_PROPERTY:
                 raise InputError(f"{getattr(self, name):g} m is beyond the range of numbers; check the unit", name)
 
     @property
@@ -315,7 +318,7 @@ class Beam(Displayed):
                 "bending stiffness": modulus * (b * h * h * h) / 12 / l / l / l,
             }
             for name, value in terms.items():
-                if not SMALLEST <= value <= LARGEST:
+                if not SMALLEST_PROPERTY <= value <= LARGEST_PROPERTY:
                     raise InputError(
                         f"the {name} of element {k + 1} is {value:g}, beyond the range of numbers; check the units"
                     )

@@ -35,7 +35,7 @@ from ancf_casadi.mechanics.shape import gauss_pairs, shape_matrix
 from ancf_casadi.mechanics.strain import StrainMeasures, axial_strains, bending_strains
 
 ELEMENT_PROPERTIES = 7  # width, thickness, density, elastic modulus, length, x and y of the axis
-STILL = 1e-9  # m/s; |v| is smoothed below this speed, because it has no derivative at rest
+SMOOTHING_SPEED = 1e-9  # m/s; |v| is smoothed below this speed, because it has no derivative at rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +156,7 @@ def derived_element(
     tangent_stiffness = cs.triu2symm(cs.triu(cs.densify(cs.jacobian(elastic_force, e))))  # the matrix is symmetric
     g, v0 = cs.SX.sym("g", 2), cs.SX.sym("v0")
     moving = [(m * shape.T, shape @ e_t) for shape, m in surface]
-    drag_force = sum((side @ v * cs.sqrt(cs.sumsqr(v) + STILL**2) for side, v in moving), 0 * e_t)
+    drag_force = sum((side @ v * cs.sqrt(cs.sumsqr(v) + SMOOTHING_SPEED**2) for side, v in moving), 0 * e_t)
     friction_force = sum((side @ v / cs.sqrt(cs.sumsqr(v) + v0**2) for side, v in moving), 0 * e_t)
 
     def function(name: str, inputs: list[cs.SX], output: Any) -> cs.Function:

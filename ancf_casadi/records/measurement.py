@@ -17,7 +17,7 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.records.sensor_units import sensor_of
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import LARGEST, array, check_instance, located, number, physical, whole
+from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, located, number, physical, whole
 from ancf_casadi.support.tables import Displayed, counted, spread
 
 if TYPE_CHECKING:
@@ -249,10 +249,10 @@ def _series(values: ArrayLike, where: str, *, gaps: bool = False) -> Array:
     if series.ndim != 1:
         raise InputError(f"must be a vector, got an array of shape {series.shape}", where)
     usable = np.isfinite(series) | (np.isnan(series) & gaps)
-    beyond = usable & (np.abs(series) > LARGEST) & gaps  # of times, the span is checked
+    beyond = usable & (np.abs(series) > LARGEST_TIME) & gaps  # of times, the span is checked
     if beyond.any():
         first = int(np.argmax(beyond))
-        raise InputError(f"sample {first + 1}, {series[first]:g}, is beyond {LARGEST:g}; check the unit", where)
+        raise InputError(f"sample {first + 1}, {series[first]:g}, is beyond {LARGEST_TIME:g}; check the unit", where)
     if not usable.all():
         first = int(np.argmin(usable))
         raise InputError(f"must be finite; sample {first + 1} is {series[first]}", where)

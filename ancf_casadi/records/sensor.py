@@ -16,7 +16,7 @@ Quantity = Literal[
 ]  # fmt: skip
 Frame = Literal["inertial", "body"]
 
-UNITS: Mapping[Quantity, str] = {
+SENSOR_UNITS: Mapping[Quantity, str] = {
     "position": "m",
     "displacement": "m",
     "velocity": "m/s",
@@ -28,7 +28,7 @@ UNITS: Mapping[Quantity, str] = {
 }
 
 
-DERIVATIVES: Mapping[str, int] = {"velocity": 1, "acceleration": 2}  # by time; 0 for the other quantities
+TIME_DERIVATIVES: Mapping[str, int] = {"velocity": 1, "acceleration": 2}  # by time; 0 for the other quantities
 IN_BODY_FRAME = ("velocity", "acceleration", "force")
 AT_CLAMP = ("force", "moment")
 
@@ -106,7 +106,7 @@ class Sensor(Displayed):
     @property
     def unit(self) -> str:
         """SI unit of the record."""
-        return UNITS[self.quantity]
+        return SENSOR_UNITS[self.quantity]
 
     @property
     def unit_direction(self) -> tuple[float, float]:
@@ -129,7 +129,7 @@ class Sensor(Displayed):
     @property
     def derivatives(self) -> int:
         """Number of time derivatives from the motion to the record: 1 for velocity, 2 for acceleration."""
-        return DERIVATIVES.get(self.quantity, 0)
+        return TIME_DERIVATIVES.get(self.quantity, 0)
 
     @property
     def motion_unit(self) -> str:

@@ -11,7 +11,7 @@ from ancf_casadi.records.sensor import Quantity, Sensor
 from ancf_casadi.records.units import Unit
 from ancf_casadi.support.inputs import shown
 
-QUANTITIES: Mapping[str, tuple[Quantity, ...]] = MappingProxyType(
+SENSOR_QUANTITIES: Mapping[str, tuple[Quantity, ...]] = MappingProxyType(
     {
         "length": ("displacement", "position"),
         "velocity": ("velocity",),
@@ -46,7 +46,7 @@ def sensor_of(channel: RecordedChannel, given: Unit | None, sensor: Sensor | Non
         if channel.symbol:
             raise InputError(f"the unit {shown(channel.symbol)} is not understood; give the unit with --unit")
         return 1.0, sensor or Sensor()
-    fitting = QUANTITIES.get(unit.quantity, ())
+    fitting = SENSOR_QUANTITIES.get(unit.quantity, ())
     if not fitting:
         raise InputError(
             f"is in {unit.symbol}, a unit of {unit.quantity}, which no sensor measures; "

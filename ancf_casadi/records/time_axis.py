@@ -20,14 +20,14 @@ from ancf_casadi.records.units import Unit, known_unit
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, physical, shown
 
-COUNTERS = re.compile(
+COUNTER_NAME = re.compile(
     r"(?:frames?|samples?|scans?|index|row|record|point|count(?:er)?|bildnummer)?[ _.#-]*"
     r"(?:frames?|samples?|scans?|index|number|num|no|nr|n|#|id|count(?:er)?|idx)\.?",
     re.IGNORECASE,
 )
-MOSTLY = 0.9  # share of steps upwards, or of equal steps, that tells a column of times
-DATED, LAST_DATE = 2e4, 1e6  # days since 1900 or since the year 0, as workbooks and MATLAB count
-RATE = "or give the sampling rate with --rate"
+LEAST_EQUAL_SHARE = 0.9  # share of steps upwards, or of equal steps, that tells a column of times
+FIRST_DATE, LAST_DATE = 2e4, 1e6  # days since 1900 or since the year 0, as workbooks and MATLAB count
+RATE_ADVICE = "or give the sampling rate with --rate"
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ def is_time(channel: RecordedChannel) -> bool:
 
 def is_counter(channel: RecordedChannel) -> bool:
     """Return whether a channel counts the samples or the frames."""
-    whole = COUNTERS.fullmatch(channel.name.strip()) is not None and not channel.symbol
+    whole = COUNTER_NAME.fullmatch(channel.name.strip()) is not None and not channel.symbol
     return whole and bool(np.all(channel.values == np.floor(channel.values)))
 
 
@@ -162,7 +162,7 @@ def _chosen(contents: Contents, path: str) -> RecordedChannel:
             f"the time may be column {' or '.join(c.label for c in candidates[:4])}; choose with --time", path
         )
     raise InputError(
-        f"no column is clearly the time (there are {listed(channels)}); name one with --time, {RATE}", path
+        f"no column is clearly the time (there are {listed(channels)}); name one with --time, {RATE_ADVICE}", path
     )
 
 
@@ -172,14 +172,14 @@ def _constant(values: Array) -> bool:
 
 def _increases(values: Array) -> bool:
     steps = np.diff(values)
-    return len(steps) > 0 and bool(np.mean(steps > 0.0) >= MOSTLY)
+    return len(steps) > 0 and bool(np.mean(steps > 0.0) >= LEAST_EQUAL_SHARE)
 
 
 def _is_even(values: Array) -> bool:
     steps = np.diff(values)
     usual = np.nanmedian(steps)
     # difference of equal steps, relative to the median
-    return bool(np.mean(np.abs(steps - usual) <= 0.05 * usual) >= MOSTLY)
+    return bool(np.mean(np.abs(steps - usual) <= 0.05 * usual) >= LEAST_EQUAL_SHARE)
 
 
 def _seconds(channel: RecordedChannel, unit: Unit | None, path: str) -> tuple[Array, tuple[str, ...]]:
@@ -199,7 +199,7 @@ def _seconds(channel: RecordedChannel, unit: Unit | None, path: str) -> tuple[Ar
         raise InputError("has no unit, and its numbers are too large for s; give the unit with --time-unit", where)
     span = float(np.nanmax(channel.values, initial=-np.inf) - np.nanmin(channel.values, initial=np.inf))
     # span of such times relative to their size: a record of an hour at most
-    if given is None and DATED < largest < LAST_DATE and span < 1e-6 * largest:
+    if given is None and FIRST_DATE < largest < LAST_DATE and span < 1e-6 * largest:
         raise InputError("has no unit, and may count days; give the unit with --time-unit", where)
     factor = given.factor if given else 1.0
     notes: tuple[str, ...] = () if given else (f"column {channel.label} has no unit; its times are taken in s",)
@@ -227,8 +227,8 @@ def _checked(
         repeated = "repeats" if steps[first] == 0.0 else "is earlier than"
         advice = (
             "remove the row, or sort the rows"
-            if np.mean(steps == 0.0) < 1 - MOSTLY
-            else f"name another column with --time, {RATE}"
+            if np.mean(steps == 0.0) < 1 - LEAST_EQUAL_SHARE
+            else f"name another column with --time, {RATE_ADVICE}"
         )
         raise InputError(
             f"the time {seconds[first + 1]:.9g} s {repeated} that of {contents.place(before)}; {advice}",

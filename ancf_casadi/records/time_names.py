@@ -6,7 +6,7 @@ import re
 
 from ancf_casadi.records.unit_names import unit_in_name
 
-NAMES = re.compile(
+TIME_NAMES = re.compile(
     r"(?:elapsed|relative|rel\.?|abs\.?|absolute|sample|test|run|local|system)?[ _]*"
     r"(?:t|times?|zeit|temps|tiempo|tempo|tid|tijd|aika|time[ _-]?stamps?|date[ _/-]?time|uhrzeit|messzeit|"
     r"seconds|secs?|milliseconds|x_value)",
@@ -19,4 +19,4 @@ def names_time(name: str) -> bool:
     """Return whether the name of a column, without its unit, is one for times."""
     single = " ".join(name.split())
     bare = BEFORE_UNIT.split(single, maxsplit=1)[0] if unit_in_name(name)[0] else single
-    return NAMES.fullmatch(bare) is not None
+    return TIME_NAMES.fullmatch(bare) is not None

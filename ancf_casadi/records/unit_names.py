@@ -13,8 +13,8 @@ import re
 from ancf_casadi.records.units import OVER, TOKENS, Unit, parse_unit, plain_text, powers
 
 BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
-COUNTERS = {"min", "h", "in", "g", "gs", "grad", "mil"}  # as the whole name of a column, these are rarely units
-SILENT = " _.,·⋅*-"
+AMBIGUOUS_UNITS = {"min", "h", "in", "g", "gs", "grad", "mil"}  # as the whole name of a column, these are rarely units
+SEPARATING = " _.,·⋅*-"
 
 
 def unit_in_name(name: str) -> tuple[str, Unit | None]:
@@ -30,7 +30,7 @@ def unit_in_name(name: str) -> tuple[str, Unit | None]:
         return bracketed[-1], None
     written = " ".join(name.split()).replace("**", "^")
     tokens = TOKENS.findall(plain_text(name))
-    items = [k for k, token in enumerate(tokens) if token.strip(SILENT)]
+    items = [k for k, token in enumerate(tokens) if token.strip(SEPARATING)]
     runs = _runs(tokens, items)
     doubtful = _doubtful(tokens, items, runs)
     if not runs and not doubtful:
@@ -43,7 +43,7 @@ def unit_in_name(name: str) -> tuple[str, Unit | None]:
 
 def _runs(tokens: list[str], items: list[int]) -> list[tuple[int, int]]:
     """Return begin and end of each run of tokens that denotes a unit: all of them, or from the second word on."""
-    if parse_unit("".join(tokens)) and "".join(tokens) not in COUNTERS:
+    if parse_unit("".join(tokens)) and "".join(tokens) not in AMBIGUOUS_UNITS:
         return [(0, len(tokens))]
     runs: list[tuple[int, int]] = []
     for n, begin in enumerate(items):
@@ -51,9 +51,9 @@ def _runs(tokens: list[str], items: list[int]) -> list[tuple[int, int]]:
             continue
         # words of the longest spelling, such as m per second per second
         ends = [k + 1 for k in reversed(items[n : n + 5]) if parse_unit("".join(tokens[begin : k + 1]))]
-        if not ends or (tokens[begin] == "in" and parse_unit("".join(tokens[begin + 1 : ends[0]]).lstrip(SILENT))):
+        if not ends or (tokens[begin] == "in" and parse_unit("".join(tokens[begin + 1 : ends[0]]).lstrip(SEPARATING))):
             continue  # the preposition, as in Weg in mm
-        certain = begin == items[-1] or (len(tokens[begin]) > 1 and tokens[begin] not in COUNTERS)
+        certain = begin == items[-1] or (len(tokens[begin]) > 1 and tokens[begin] not in AMBIGUOUS_UNITS)
         if certain or ends[0] > begin + 1:
             runs.append((begin, ends[0]))
     return runs
@@ -85,6 +85,6 @@ def _doubtful(tokens: list[str], items: list[int], runs: list[tuple[int, int]]) 
             symbol = word.rstrip("0123456789")
             if parse_unit(left):
                 places += [before, place]
-            elif (len(symbol) > 1 and symbol not in COUNTERS) or left.strip() in OVER:
+            elif (len(symbol) > 1 and symbol not in AMBIGUOUS_UNITS) or left.strip() in OVER:
                 places.append(place)
     return places

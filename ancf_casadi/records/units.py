@@ -1,7 +1,7 @@
 """Units of measurement: the quantity and the factor to SI units of a unit as people write it.
 
-``UNITS`` lists the symbols, with ``u`` for micro; ``PRODUCTS`` the products and quotients that have a name.  Any other
-combination is not understood, so that the caller is asked for the unit.
+``KNOWN_UNITS`` lists the symbols, with ``u`` for micro; ``PRODUCTS`` the products and quotients that have a name.
+Any other combination is not understood, so that the caller is asked for the unit.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ LENGTH = {
     "in": 0.0254, "inch": 0.0254, "inches": 0.0254, "ft": 0.3048, "foot": 0.3048, "feet": 0.3048,
     "mil": 2.54e-5, "mils": 2.54e-5, "thou": 2.54e-5,
 }  # fmt: skip
-OTHERS: Mapping[str, Mapping[str, float]] = {
+OTHER_UNITS: Mapping[str, Mapping[str, float]] = {
     "acceleration": {
         "g": STANDARD_GRAVITY, "gn": STANDARD_GRAVITY, "g0": STANDARD_GRAVITY, "gs": STANDARD_GRAVITY,
         "mg": 1e-3 * STANDARD_GRAVITY, "ug": 1e-6 * STANDARD_GRAVITY, "gal": 1e-2,
@@ -87,10 +87,10 @@ OTHERS: Mapping[str, Mapping[str, float]] = {
 }  # fmt: skip
 
 
-UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
+KNOWN_UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
     {
         name: (quantity, factor)
-        for quantity, units in {"time": TIME, "length": LENGTH, **OTHERS}.items()
+        for quantity, units in {"time": TIME, "length": LENGTH, **OTHER_UNITS}.items()
         for name, factor in units.items()
     }
 )  # symbol -> quantity, SI units per unit
@@ -107,17 +107,17 @@ PRODUCTS: Mapping[frozenset[tuple[str, int]], str] = MappingProxyType(
 SECOND = {"s", "sec", "second", "seconds"}
 SQUARED = {"squared", "sq"}
 OVER = {"/", "per"}
-PLAIN = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", "\N{MINUS SIGN}": "-"})
+ASCII_SIGNS = str.maketrans({"µ": "u", "μ": "u", "²": "2", "³": "3", "⁻": "-", "¹": "1", "\N{MINUS SIGN}": "-"})
 LETTER = r"[^\s_.,·⋅*/\-]"
 TOKENS = re.compile(rf"\s?/\s?|{LETTER}+(?:-\d(?!{LETTER}))?|[\s_.,·⋅*\-]+")
 POWER = re.compile(r"([^\d^+\-]+)\^?([+-]?\d)?")
-RATE = re.compile(r"(.+?)p(?:er)?(s|sec|second)", re.IGNORECASE)
+PER_SECOND = re.compile(r"(.+?)p(?:er)?(s|sec|second)", re.IGNORECASE)
 SCALED = re.compile(r"([+-]?\d+(?:\.\d*)?(?:[eE][+-]?\d+)?(?=[ *]))?[ *]*(\D.*)")
 
 
 def plain_text(text: str) -> str:
     """Return a text with single spaces and without superscripts and Greek letters."""
-    return " ".join(text.split()).translate(PLAIN).replace("**", "^")
+    return " ".join(text.split()).translate(ASCII_SIGNS).replace("**", "^")
 
 
 def powers(word: str) -> dict[str, tuple[int, float]] | None:
@@ -134,7 +134,7 @@ def powers(word: str) -> dict[str, tuple[int, float]] | None:
     if not match:
         return None
     symbol, power = match[1], int(match[2] or 1)
-    rate = RATE.fullmatch(symbol) if power > 0 else None
+    rate = PER_SECOND.fullmatch(symbol) if power > 0 else None
     if rate and _moves(rate[1]):
         return {**_moves(rate[1]), "time": (-power, 1.0)}
     if power < 0 and symbol[-1] == "s" and _moves(symbol[:-1]):  # ms-2: not the inverse of milliseconds
@@ -144,7 +144,7 @@ def powers(word: str) -> dict[str, tuple[int, float]] | None:
 
 
 def _known(symbol: str) -> tuple[str, float] | None:
-    return UNITS.get(symbol) or UNITS.get(symbol.lower())
+    return KNOWN_UNITS.get(symbol) or KNOWN_UNITS.get(symbol.lower())
 
 
 def _moves(symbol: str) -> dict[str, tuple[int, float]]:

@@ -32,7 +32,7 @@ import casadi as cs
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.element import STILL
+from ancf_casadi.mechanics.element import SMOOTHING_SPEED
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.projection import Projection
 from ancf_casadi.support.arrays import Array
@@ -238,7 +238,7 @@ class ProjectedForces:
 
     def drag_force(self, v: Expression, properties: Expression) -> Expression:
         """Return the force of int S^T mu |v| v dp."""
-        return self._surface_force(lambda square: cs.sqrt(square + STILL**2))
+        return self._surface_force(lambda square: cs.sqrt(square + SMOOTHING_SPEED**2))
 
     def friction_force(self, v: Expression, properties: Expression, smoothing_speed: float) -> Expression:
         """Return the force of int S^T mu v/(|v|^2 + v0^2)^(1/2) dp with the smoothing speed v0."""

@@ -54,7 +54,7 @@ from ancf_casadi.support.tables import counted
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
 MOST_DRAG_POINTS = 100
-STAGES = 3  # instants of a step at which the base motion enters: start, middle, end
+BASE_INSTANTS = 3  # instants of a step at which the base motion enters: start, middle, end
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,7 +288,7 @@ def _solve(matrix: cs.SX, vector: cs.SX) -> cs.SX:
 def _step(rhs: cs.Function, modes: Modes) -> cs.Function:
     """Return Lawson's method as a Function (q, v, base, p, h) -> q_next, v_next."""
     q, v, p = (cs.MX.sym(name, rhs.numel_in(name)) for name in ("q", "v", "p"))
-    base, h, omega = cs.MX.sym("base", BASE_SIZE, STAGES), cs.MX.sym("h"), cs.DM(modes.angular_frequencies)
+    base, h, omega = cs.MX.sym("base", BASE_SIZE, BASE_INSTANTS), cs.MX.sym("h"), cs.DM(modes.angular_frequencies)
     cosine, sine = cs.cos(omega * h / 2), cs.sin(omega * h / 2)
 
     def flow(x: cs.MX) -> cs.MX:

@@ -23,13 +23,13 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
-from ancf_casadi.dynamics.segments import CLOSE
+from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.dynamics.start import Start, base_of, checked_excitation, initial_state, sample_times, timed_pieces
 from ancf_casadi.dynamics.trajectory import Motion, State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.forces import BASE_SIZE
-from ancf_casadi.reduction.reduced import STAGES, ReducedModel
+from ancf_casadi.reduction.reduced import BASE_INSTANTS, ReducedModel
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import compiled, interpreted
 from ancf_casadi.support.inputs import check_instance, physical, positive, whole
@@ -38,8 +38,8 @@ from ancf_casadi.support.tables import counted
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 STEPS_PER_PERIOD = 20
-CHUNK = 1000  # steps per call of a CasADi Function, which nothing interrupts
-MOST_STEPS = 100_000_000
+STEPS_PER_CALL = 1000  # steps per call of a CasADi Function, which nothing interrupts
+MOST_REDUCED_STEPS = 100_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +200,9 @@ def simulate_reduced(
         x = project(reduced, state, clamp(now).full().ravel())
         for starts, h, sampled in _portions(now, instants[taken:count], piece_end, longest_step):
             with delayed_interrupts():
-                stages = clamp((starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, STAGES)).reshape(1, -1)).full()
+                stages = clamp(
+                    (starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, BASE_INSTANTS)).reshape(1, -1)
+                ).full()
                 if not np.isfinite(stages).all():
                     where = f"before {piece_end:g} s"
                     raise InputError(f"its position, velocity or acceleration is not finite {where}", "base")
@@ -257,23 +259,25 @@ def _full_state(reduced: ReducedModel, q: Array, v: Array, base: Array, at: floa
 def _longest_step(reduced: ReducedModel, duration: float, steps_per_period: float) -> float:
     """Return the longest step, s, or raise an InputError if it leads to too many steps."""
     per_second = float(reduced.modes.frequencies[-1]) * steps_per_period
-    if duration * per_second > MOST_STEPS:
-        raise InputError(f"makes {duration * per_second:.1e} steps, more than {MOST_STEPS:.0e}", "steps_per_period")
+    if duration * per_second > MOST_REDUCED_STEPS:
+        raise InputError(
+            f"makes {duration * per_second:.1e} steps, more than {MOST_REDUCED_STEPS:.0e}", "steps_per_period"
+        )
     return 1 / per_second
 
 
 def _portions(now: float, instants: Array, end: float, longest: float) -> Iterator[tuple[Array, Array, Index]]:
-    """Yield the steps from ``now`` to ``end``, at most ``CHUNK`` at a time.
+    """Yield the steps from ``now`` to ``end``, at most ``STEPS_PER_CALL`` at a time.
 
     A portion has the start and the length of each step (k,), s, and of each instant up to its end that no portion
     before had, the number of steps of the portion before it.
     """
     marks = np.unique(np.concatenate([[now], instants, [end]]))
-    counts = np.maximum(np.ceil(np.diff(marks) / longest - CLOSE), 1).astype(int)
+    counts = np.maximum(np.ceil(np.diff(marks) / longest - SAME_TIME), 1).astype(int)
     lengths, before = np.diff(marks) / counts, np.concatenate([[0], np.cumsum(counts)])
     sampled, taken = before[np.searchsorted(marks, instants)], 0
-    for begin in range(0, before[-1], CHUNK):
-        steps = np.arange(begin, min(begin + CHUNK, before[-1]))
+    for begin in range(0, before[-1], STEPS_PER_CALL):
+        steps = np.arange(begin, min(begin + STEPS_PER_CALL, before[-1]))
         interval = np.searchsorted(before, steps, side="right") - 1
         count = int(np.searchsorted(sampled, steps[-1] + 1, side="right"))
         starts = marks[interval] + (steps - before[interval]) * lengths[interval]
@@ -310,7 +314,7 @@ def _stepper(reduced: ReducedModel, duration: float) -> Callable[[Array, Array, 
     # a run of a shorter time (s) would end before the compiler does, which takes minutes for more operations
     worth_compiling = duration >= 0.25 and reduced.rhs.n_instructions() <= 20_000
     step = compiled(step) if worth_compiling else interpreted(step)
-    x, base, h = cs.MX.sym("x", 2 * m), cs.MX.sym("base", BASE_SIZE, STAGES), cs.MX.sym("h")
+    x, base, h = cs.MX.sym("x", 2 * m), cs.MX.sym("base", BASE_SIZE, BASE_INSTANTS), cs.MX.sym("h")
     one = cs.Function("one", [x, base, h], [cs.vertcat(*step(x[:m], x[m:], base, reduced.values, h))])
 
     @functools.cache

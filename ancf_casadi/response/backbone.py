@@ -40,13 +40,13 @@ from ancf_casadi.response.harmonic_balance.continuation import Point, follow, po
 from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.response.harmonic_balance.fourier import fourier
 from ancf_casadi.response.harmonic_balance.newton import Condition, NotFound
-from ancf_casadi.response.onset import TOLERANCE, motion_of, rest
+from ancf_casadi.response.onset import RESPONSE_ERROR, motion_of, rest
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import number, physical, positive, whole
 from ancf_casadi.support.tables import Reported, Table, counted, spread
 
-MOST_POINTS = 1000
+MOST_BACKBONE_POINTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +166,7 @@ def backbone(
     amplitude: float,
     damping: DampingLaw | None = None,
     points: int = 30,
-    tolerance: float = TOLERANCE,
+    tolerance: float = RESPONSE_ERROR,
 ) -> Backbone:
     """Return frequency and damping ratio of a mode against its amplitude, for a beam whose base is at rest.
 
@@ -239,8 +239,8 @@ def backbone(
             motions.append(motion_of(subject, step.end))
             if amplitude_of(motions[-1]) >= amplitude:
                 break
-            if len(motions) >= MOST_POINTS:
-                raise NumericsError(f"the backbone does not reach the amplitude within {MOST_POINTS} points")
+            if len(motions) >= MOST_BACKBONE_POINTS:
+                raise NumericsError(f"the backbone does not reach the amplitude within {MOST_BACKBONE_POINTS} points")
     except NumericsError as error:
         raise ContinuationError(str(error), error.stats, Backbone(mode, frequency, tuple(motions))) from None
     return Backbone(mode, frequency, tuple(motions))

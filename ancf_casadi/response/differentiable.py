@@ -32,7 +32,7 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.callbacks import Differentiable, kept
 from ancf_casadi.support.inputs import check_instance, flag
 
-GRAVITY = 2  # first parameters of a beam, which do not vary
+GRAVITY_SIZE = 2  # first parameters of a beam, which do not vary
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,4 +175,4 @@ def _parameters(subject: Excited) -> tuple[dict[str, cs.MX], Index]:
     symbols = {"damping": cs.MX.sym("damping", first)}
     if isinstance(subject.body, Model):
         symbols["properties"] = cs.MX.sym("properties", *subject.body.properties.shape)
-    return symbols, np.arange(GRAVITY, total)
+    return symbols, np.arange(GRAVITY_SIZE, total)

@@ -19,8 +19,8 @@ from ancf_casadi.response.periodic import FINE, PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import SERIES, literal_text
 
-MARKERS = {"fold": "o", "branch point": "D", "period doubling": "s", "Neimark-Sacker": "^"}
-UNSTABLE = (0, (4, 2))
+BIFURCATION_MARKERS = {"fold": "o", "branch point": "D", "period doubling": "s", "Neimark-Sacker": "^"}
+UNSTABLE_DASH = (0, (4, 2))
 
 
 @literal_text
@@ -40,7 +40,7 @@ def response_figure(curves: Mapping[str, ResponseCurve], point: float | None = N
         for axes, y in ((above, amplitude), (below, phase)):
             _draw(axes, x, y, stable, colour, label if axes is above else "")
         for own in curve.bifurcations:
-            marker, place = MARKERS[own.kind], (x[own.index], amplitude[own.index])
+            marker, place = BIFURCATION_MARKERS[own.kind], (x[own.index], amplitude[own.index])
             above.plot(*place, marker, color=colour, fillstyle="none", markersize=5)
             kinds.add(own.kind)
     above.set_ylabel("amplitude (mm)" if beam else "amplitude")
@@ -58,18 +58,20 @@ def _draw(axes: Axes, x: Array, y: Array, stable: NDArray[np.bool_], colour: str
     edges = np.flatnonzero(stable[1:] != stable[:-1])
     dashed[edges], dashed[edges + 1] = y[edges], y[edges + 1]
     axes.plot(x, solid, color=colour, label=label or None)
-    axes.plot(x, dashed, color=colour, linestyle=UNSTABLE, linewidth=1.0)
+    axes.plot(x, dashed, color=colour, linestyle=UNSTABLE_DASH, linewidth=1.0)
 
 
 def _legend(axes: Axes, kinds: set[str], unstable: bool) -> None:
     """Add a legend of labels, bifurcations and dashes, if there is anything to explain."""
     handles, labels = axes.get_legend_handles_labels()
     if unstable:
-        handles.append(Line2D([], [], color="0.4", linestyle=UNSTABLE, linewidth=1.0))
+        handles.append(Line2D([], [], color="0.4", linestyle=UNSTABLE_DASH, linewidth=1.0))
         labels.append("unstable")
-    for kind in MARKERS:
+    for kind in BIFURCATION_MARKERS:
         if kind in kinds:
-            handles.append(Line2D([], [], color="0.4", marker=MARKERS[kind], fillstyle="none", linestyle="none"))
+            handles.append(
+                Line2D([], [], color="0.4", marker=BIFURCATION_MARKERS[kind], fillstyle="none", linestyle="none")
+            )
             labels.append(kind)
     if handles:
         axes.legend(handles, labels)

@@ -46,8 +46,10 @@ from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.response.harmonic_balance.fourier import basis_at
 from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
 
-STAGES = 7
-TOLERANCE = 1e-6  # of a magnitude; undamped vibrations stay on the unit circle only to rounding and truncation
+FLOQUET_STAGES = 7
+STABILITY_TOLERANCE = (
+    1e-6  # of a magnitude; undamped vibrations stay on the unit circle only to rounding and truncation
+)
 
 Bifurcation = Literal["fold", "branch point", "period doubling", "Neimark-Sacker"]
 
@@ -90,7 +92,7 @@ def floquet_multipliers(
         resolved = max(8, samples / 4 if size <= 32 else min(samples / 8, 64))  # oscillations per period
     steps = 2 * max(1, int(np.ceil(resolved)))
     taken = steps if mirror is None else steps // 2
-    at_once = max(1, (2**22) // (STAGES * size) ** 2)  # of the matrices that are solved at a time
+    at_once = max(1, (2**22) // (FLOQUET_STAGES * size) ** 2)  # of the matrices that are solved at a time
     matrices = [_series(A) for A in (K, D, M)]
     try:
         parts = [
@@ -110,7 +112,7 @@ def is_stable(multipliers: ComplexArray) -> bool:
 
     An instability that grows more slowly than by a factor e in 1e6 periods is not detected.
     """
-    return bool(np.all(np.abs(multipliers) <= 1 + TOLERANCE))
+    return bool(np.all(np.abs(multipliers) <= 1 + STABILITY_TOLERANCE))
 
 
 def bifurcations(before: ComplexArray, after: ComplexArray, *, turned: bool) -> tuple[Bifurcation, ...]:
@@ -137,7 +139,7 @@ def bifurcations(before: ComplexArray, after: ComplexArray, *, turned: bool) -> 
 
 def _outside(multipliers: ComplexArray, sign: int | None = None) -> int:
     """Return the number of multipliers outside the unit circle: all, or the positive, negative or complex (0) ones."""
-    outside = multipliers[np.abs(multipliers) > 1 + TOLERANCE]
+    outside = multipliers[np.abs(multipliers) > 1 + STABILITY_TOLERANCE]
     signs = np.where(outside.imag == 0, np.sign(outside.real), 0)
     return int(np.sum(signs == sign)) if sign is not None else len(outside)
 
@@ -151,19 +153,19 @@ def _factors(matrices: Sequence[_Series], numbers: Index, steps: int, period: fl
     """Return the matrices (k, 2n, 2n) of some steps, given by their numbers (k,), in terms of (x, h x_t)."""
     phases = 2 * np.pi * (numbers[:, None] + _nodes()).ravel() / steps
     basis = basis_at(phases, max(matrix.harmonics for matrix in matrices))
-    K, D, M = (matrix.at(basis).reshape(len(numbers), STAGES, *matrix.constant.shape) for matrix in matrices)
+    K, D, M = (matrix.at(basis).reshape(len(numbers), FLOQUET_STAGES, *matrix.constant.shape) for matrix in matrices)
     B, size, step = _derivative_matrix(), K.shape[-1], period / steps
-    A = np.empty((len(numbers), STAGES, size, STAGES, size))  # of the increments z
+    A = np.empty((len(numbers), FLOQUET_STAGES, size, FLOQUET_STAGES, size))  # of the increments z
     A[:] = (B @ B)[:, None, :, None] * M[:, :, :, None, :]
     A += step * B[:, None, :, None] * D[:, :, :, None, :]
-    stage = np.arange(STAGES)
+    stage = np.arange(FLOQUET_STAGES)
     A[:, stage, :, stage, :] += step**2 * K.transpose(1, 0, 2, 3)
-    right = np.empty((len(numbers), STAGES, size, 2, size))
+    right = np.empty((len(numbers), FLOQUET_STAGES, size, 2, size))
     right[..., 0, :] = -(step**2) * K
     right[..., 1, :] = B.sum(axis=1)[:, None, None] * M
-    rows = STAGES * size
+    rows = FLOQUET_STAGES * size
     z = np.linalg.solve(A.reshape(-1, rows, rows), right.reshape(-1, rows, 2 * size))
-    z = z.reshape(-1, STAGES, size, 2 * size)
+    z = z.reshape(-1, FLOQUET_STAGES, size, 2 * size)
     factors = np.concatenate([z[:, -1], np.einsum("j,kjab->kab", B[-1], z)], axis=1)
     factors[:, :size, :size] += np.eye(size)
     return np.asarray(factors)
@@ -220,14 +222,14 @@ def _series(A: Array) -> _Series:
 
 def _nodes() -> Array:
     """Return the Radau points (7,) in (0, 1]."""
-    return np.array(cs.collocation_points(STAGES, "radau"))
+    return np.array(cs.collocation_points(FLOQUET_STAGES, "radau"))
 
 
 @lru_cache(maxsize=1)
 def _derivative_matrix() -> Array:
     """Return the matrix B (7, 7) from the values of a polynomial at the nodes, 0 at 0, to its derivatives there."""
     nodes = np.append(0.0, _nodes())
-    distance = nodes[:, None] - nodes + np.eye(STAGES + 1)
+    distance = nodes[:, None] - nodes + np.eye(FLOQUET_STAGES + 1)
     weights = 1 / distance.prod(axis=1)
     B = weights / weights[:, None] / distance
     np.fill_diagonal(B, 1 - B.sum(axis=1))

@@ -26,23 +26,28 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.response.small_motion import SmallMotion
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import LARGEST, array, check_instance, choice, is_sequence, number, vector
+from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, choice, is_sequence, number, vector
 from ancf_casadi.support.tables import Reported, Table, counted, spread
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
 FrfKind = Literal["receptance", "mobility", "accelerance", "transmissibility", "relative-transmissibility"]
 
-UNITS = {
+FRF_UNITS = {
     "receptance": "m/N",
     "mobility": "m/(N s)",
     "accelerance": "m/(N s^2)",
     "transmissibility": "1",
     "relative-transmissibility": "1",
 }
-DERIVATIVES = {"receptance": 0, "mobility": 1, "accelerance": 2}  # powers of i omega
-WIDE, SPREAD = (0.2, 1.3), 10.0  # these frequencies, relative to the first and last mode; half-widths about a resonance
-AMPLITUDE = 0.01  # of the tip, in lengths of the beam, at which the damping ratios are compared with those at rest
+FRF_POWERS = {"receptance": 0, "mobility": 1, "accelerance": 2}  # powers of i omega
+SPAN, HALF_WIDTHS = (
+    (0.2, 1.3),
+    10.0,
+)  # these frequencies, relative to the first and last mode; half-widths about a resonance
+TRIAL_AMPLITUDE = (
+    0.01  # of the tip, in lengths of the beam, at which the damping ratios are compared with those at rest
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +96,7 @@ class LinearFrf(Reported):
     @property
     def unit(self) -> str:
         """Unit of the values."""
-        return UNITS[self.kind]
+        return FRF_UNITS[self.kind]
 
     @property
     def amplitude(self) -> Array:
@@ -107,13 +112,15 @@ class LinearFrf(Reported):
     def warnings(self) -> tuple[str, ...]:
         """Limitations of small motion."""
         count, length = self.modes.count, self.modes.model.beam.length
-        rest, moving = (self.damping.damping_ratios(self.modes, np.full(count, a)) for a in (0.0, AMPLITUDE * length))
+        rest, moving = (
+            self.damping.damping_ratios(self.modes, np.full(count, a)) for a in (0.0, TRIAL_AMPLITUDE * length)
+        )
         # relative difference of the damping ratios beyond which there is a warning
         if np.allclose(moving, rest, rtol=0.01, atol=0.0):
             return ()
         return (
             "the damping depends on the amplitude, and these functions hold for very small motion only: at an "
-            f"amplitude of {1e3 * AMPLITUDE * length:.2g} mm of the tip, the damping ratio of mode 1 is "
+            f"amplitude of {1e3 * TRIAL_AMPLITUDE * length:.2g} mm of the tip, the damping ratio of mode 1 is "
             f"{moving[0]:.3g}, not {rest[0]:.3g}",
         )
 
@@ -223,7 +230,7 @@ def linear_frf(
     check_instance(damping, "damping", DampingLaw, NoneType)
     check_instance(equilibrium, "equilibrium", Equilibrium, NoneType)
     choice(kind, get_args(FrfKind), "kind")
-    moved = kind not in DERIVATIVES
+    moved = kind not in FRF_POWERS
     if moved and load_points is not None:
         raise InputError(f"has no meaning for a {kind}, in which the base moves", "load_points")
     axis = model.beam.axis
@@ -244,7 +251,7 @@ def linear_frf(
             values += np.dot(response_direction, input_direction)
     else:
         values = system.receptance(f, outputs, system.rows(loaded, input_direction))
-        values = values * (2j * np.pi * f) ** DERIVATIVES[kind]
+        values = values * (2j * np.pi * f) ** FRF_POWERS[kind]
     if not np.isfinite(values).all():
         raise InputError("one is a natural frequency of the beam, and there is no damping", "frequencies")
     return LinearFrf(kind, f, values, responding, loaded, response_direction, input_direction, modes, law)
@@ -275,8 +282,8 @@ def _points(model: Model, given: Any, where: str) -> tuple[float, ...]:
 def _frequencies(given: ArrayLike) -> Array:
     """Return frequencies as an array."""
     f = np.atleast_1d(array(given, "frequencies"))
-    if f.ndim != 1 or not f.size or (f < 0.0).any() or (f > LARGEST).any():
-        raise InputError(f"must be one or more frequencies, Hz, from 0 to {LARGEST:g}", "frequencies")
+    if f.ndim != 1 or not f.size or (f < 0.0).any() or (f > LARGEST_TIME).any():
+        raise InputError(f"must be one or more frequencies, Hz, from 0 to {LARGEST_TIME:g}", "frequencies")
     return f
 
 
@@ -284,6 +291,6 @@ def _chosen(modes: Modes, law: DampingLaw) -> Array:
     """Return frequencies that show the resonances of the modes, close together where the response changes fast."""
     f = modes.frequencies
     ratios = np.clip(law.damping_ratios(modes, np.zeros(modes.count)), 1e-4, 0.1)
-    even = np.geomspace(WIDE[0] * f[0], WIDE[1] * f[-1], 400)
-    near = SPREAD * np.sinh(np.linspace(-4.0, 4.0, 61)) / np.sinh(4.0)
+    even = np.geomspace(SPAN[0] * f[0], SPAN[1] * f[-1], 400)
+    near = HALF_WIDTHS * np.sinh(np.linspace(-4.0, 4.0, 61)) / np.sinh(4.0)
     return np.unique(np.concatenate([even, *(own * (1 + ratio * near) for own, ratio in zip(f, ratios, strict=True))]))

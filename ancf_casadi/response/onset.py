@@ -33,9 +33,9 @@ from ancf_casadi.response.systems.drive import HarmonicForce
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import positive
 
-TOLERANCE = 1e-6
+RESPONSE_ERROR = 1e-6
 FIRST_SHARE = 0.01  # of the amplitude of the excitation, at which the continuation begins
-MOST_STEPS = 300
+MOST_ONSET_STEPS = 300
 
 
 def periodic_motion(
@@ -45,7 +45,7 @@ def periodic_motion(
     base: BaseMotion | None = None,
     load: TipLoad | None = None,
     force: HarmonicForce | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float = RESPONSE_ERROR,
 ) -> PeriodicMotion:
     """Return the steady state of a vibration under harmonic excitation.
 
@@ -146,10 +146,11 @@ def reached(point: Point, amplitude: float, tolerance: float) -> Point:
         before, after = (end.setting.amplitude - amplitude for end in (step.start, step.end))
         if (before < 0.0) != (after < 0.0):
             return set_to(step, "amplitude", amplitude, tolerance)
-        if count == MOST_STEPS:
+        if count == MOST_ONSET_STEPS:
             break
     raise NumericsError(
-        f"the amplitude of the excitation stays below {amplitude:g} for {MOST_STEPS} steps along the curve of motions; "
+        f"the amplitude of the excitation stays below {amplitude:g} for {MOST_ONSET_STEPS} steps along "
+        "the curve of motions; "
         "without enough damping a resonance has no steady state: add damping, or change the frequency"
     )
 

@@ -34,11 +34,11 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.tip_load import LOAD
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.banded import BandedFactors
-from ancf_casadi.vibration.assembly import BAND
+from ancf_casadi.vibration.assembly import BANDWIDTH
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 
@@ -83,12 +83,12 @@ class SmallMotion:
     def factors(self, ω: float) -> BandedFactors:
         """Return the factors of K + i omega D - omega^2 M of the free coordinates."""
         stiffness, damping, mass = self._bands
-        storage = np.zeros((3 * BAND + 1, stiffness.shape[1]), dtype=complex, order="F")
-        storage[BAND:] = stiffness + 1j * ω * damping - ω**2 * mass
+        storage = np.zeros((3 * BANDWIDTH + 1, stiffness.shape[1]), dtype=complex, order="F")
+        storage[BANDWIDTH:] = stiffness + 1j * ω * damping - ω**2 * mass
         free = self.equilibrium.model.free
         projection, coefficients = self._modal
         left = (1j * ω * projection[free] * coefficients).astype(complex)
-        return BandedFactors.of(storage, BAND, left, projection[free])
+        return BandedFactors.of(storage, BANDWIDTH, left, projection[free])
 
     @cached_property
     def _modal(self) -> tuple[Array, Array]:
@@ -104,7 +104,7 @@ class SmallMotion:
         equations = Equations(model, self.law)
         e = cs.MX(cs.DM(self.equilibrium.coordinates))
         balance = equations.balance(cs.MX(cs.DM(equations.parameters)))
-        entries = balance.tangents(e, cs.MX.zeros(model.size), cs.MX.zeros(LOAD))
+        entries = balance.tangents(e, cs.MX.zeros(model.size), cs.MX.zeros(LOAD_SIZE))
         return tuple(cs.evalf(model.matrix(values)).sparse() for values in entries)
 
     @cached_property
@@ -116,5 +116,5 @@ class SmallMotion:
         rows, columns = coo.row - NODE, coo.col - NODE
         inside = (rows >= 0) & (columns >= 0)
         damping = np.zeros_like(stiffness)
-        np.add.at(damping, (BAND + rows[inside] - columns[inside], columns[inside]), coo.data[inside])
+        np.add.at(damping, (BANDWIDTH + rows[inside] - columns[inside], columns[inside]), coo.data[inside])
         return stiffness, damping, mass

@@ -40,14 +40,14 @@ from ancf_casadi.response.harmonic_balance.continuation import (
 )
 from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.response.harmonic_balance.newton import Condition, NotFound, jacobian_at
-from ancf_casadi.response.onset import TOLERANCE, grown, motion_of, reached, set_to
+from ancf_casadi.response.onset import RESPONSE_ERROR, grown, motion_of, reached, set_to
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.response.systems.drive import HarmonicForce
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import LARGEST, check_instance, choice, physical, positive, vector, whole
+from ancf_casadi.support.inputs import LARGEST_TIME, check_instance, choice, physical, positive, vector, whole
 
-POINTS = 60
-MOST_POINTS = 2000
+CURVE_POINTS = 60
+MOST_CURVE_POINTS = 2000
 
 Free = Literal["omega", "amplitude", "value"]
 RANGES: Mapping[Free, str] = {"omega": "frequencies", "amplitude": "amplitudes", "value": "values"}
@@ -62,8 +62,8 @@ def frequency_response(
     load: TipLoad | None = None,
     force: HarmonicForce | None = None,
     start: PeriodicMotion | None = None,
-    points: int = POINTS,
-    tolerance: float = TOLERANCE,
+    points: int = CURVE_POINTS,
+    tolerance: float = RESPONSE_ERROR,
 ) -> ResponseCurve:
     """Return the steady states of a forced vibration against the frequency, through folds.
 
@@ -127,8 +127,8 @@ def amplitude_response(
     base: BaseMotion | None = None,
     load: TipLoad | None = None,
     force: HarmonicForce | None = None,
-    points: int = POINTS,
-    tolerance: float = TOLERANCE,
+    points: int = CURVE_POINTS,
+    tolerance: float = RESPONSE_ERROR,
 ) -> ResponseCurve:
     """Return the steady states of a forced vibration against the amplitude of its excitation, at one frequency.
 
@@ -179,8 +179,8 @@ def parameter_response(
     base: BaseMotion | None = None,
     load: TipLoad | None = None,
     force: HarmonicForce | None = None,
-    points: int = POINTS,
-    tolerance: float = TOLERANCE,
+    points: int = CURVE_POINTS,
+    tolerance: float = RESPONSE_ERROR,
 ) -> ResponseCurve:
     """Return the steady states of a forced vibration against a parameter, such as a coefficient of the damping law.
 
@@ -223,8 +223,8 @@ def parameter_response(
     names = [own.name for own in subject.system.parameters]
     index = names.index(choice(parameter, names, "parameter"))
     first, last = vector(values, "values")
-    if max(abs(first), abs(last)) > LARGEST:
-        raise InputError(f"must be within {LARGEST:g}, got {max(abs(first), abs(last)):g}", "values")
+    if max(abs(first), abs(last)) > LARGEST_TIME:
+        raise InputError(f"must be within {LARGEST_TIME:g}, got {max(abs(first), abs(last)):g}", "values")
     given = subject.system.values
     given[index] = first
     subject = replace(subject, system=subject.system.with_values(given))
@@ -284,8 +284,10 @@ def _traced(
             closed = len(motions) > 5 and _passes(step, point)  # points of a closed curve
             if closed:
                 break
-            if len(motions) >= MOST_POINTS:
-                raise NumericsError(f"the curve does not leave the range within {MOST_POINTS} points; narrow the range")
+            if len(motions) >= MOST_CURVE_POINTS:
+                raise NumericsError(
+                    f"the curve does not leave the range within {MOST_CURVE_POINTS} points; narrow the range"
+                )
     except NumericsError as error:
         partial = ResponseCurve(name, tuple(motions), tuple(found), closed)
         raise ContinuationError(str(error), error.stats, partial) from None

@@ -40,9 +40,9 @@ from numpy.typing import ArrayLike, NDArray
 from ancf_casadi.support.arrays import Array
 
 LIBRARY = ("-fno-math-errno", "-fPIC", "-shared", "-ffp-contract=off")
-FLAGS = ("-O1", *LIBRARY)  # -O3 takes twice as long, and its code is no faster
-SECONDS = 300  # limit of one compilation
-FORMAT = "2"  # of the cache; raise it to compile the same functions again
+COMPILER_FLAGS = ("-O1", *LIBRARY)  # -O3 takes twice as long, and its code is no faster
+COMPILER_SECONDS = 300  # limit of one compilation
+CACHE_FORMAT = "2"  # of the cache; raise it to compile the same functions again
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 _failed: set[tuple[str, ...]] = set()  # compilers that failed; this process does not try them again
@@ -75,7 +75,7 @@ def compiled(function: cs.Function, *, derivatives: bool = False) -> cs.Function
         _give_up(compiler, "no C compiler was found")
         return interpreted(function)
     derivatives = derivatives and any(function.is_diff_in(k) for k in range(function.n_in()))
-    what = (FORMAT, cs.CasadiMeta.version(), *compiler, *FLAGS, platform.machine(), str(derivatives))
+    what = (CACHE_FORMAT, cs.CasadiMeta.version(), *compiler, *COMPILER_FLAGS, platform.machine(), str(derivatives))
     key = hashlib.sha256("\0".join((*what, function.serialize())).encode()).hexdigest()
     stem = f"{function.name()}-{key[:32]}"
     folder = _safe_folder()
@@ -180,9 +180,9 @@ def _built(function: cs.Function, derivatives: bool, compiler: tuple[str, ...], 
         with tempfile.TemporaryDirectory(dir=folder) as place:
             source, draft = Path(place) / "source.c", Path(place) / "library.so"
             source.write_text(generator.dump() + _jacobian_patterns(function))
-            call = [*compiler, *FLAGS, str(source), "-o", str(draft), "-lm"]
+            call = [*compiler, *COMPILER_FLAGS, str(source), "-o", str(draft), "-lm"]
             drafts = os.environ | {"TMPDIR": place}  # a compiler that is stopped leaves its files there
-            subprocess.run(call, check=True, capture_output=True, timeout=SECONDS, env=drafts, text=True)
+            subprocess.run(call, check=True, capture_output=True, timeout=COMPILER_SECONDS, env=drafts, text=True)
             draft.chmod(0o700)
             library = folder / f"{stem}-{_digest(draft)}.so"
             os.replace(draft, library)
@@ -210,7 +210,7 @@ def _jacobian_patterns(function: cs.Function) -> str:
 def _remove_drafts(folder: Path) -> None:
     """Remove the files that killed compilers left behind."""
     for path in folder.glob("tmp*"):
-        if path.is_dir() and path.lstat().st_mtime < time.time() - 2 * SECONDS:
+        if path.is_dir() and path.lstat().st_mtime < time.time() - 2 * COMPILER_SECONDS:
             shutil.rmtree(path, ignore_errors=True)
 
 

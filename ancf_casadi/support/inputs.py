@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array, ComplexArray
 
-SMALLEST, LARGEST = 1e-30, 1e30  # s or Hz
+SMALLEST_TIME, LARGEST_TIME = 1e-30, 1e30  # s or Hz
 LARGEST_WHOLE = 2**31 - 1  # larger ones overflow in libraries
 REAL = "biufO"  # kinds of NumPy's types that may hold real numbers
 INSTEAD: Mapping[tuple[str, str], str] = {
@@ -199,8 +199,8 @@ def physical(value: Any, where: str) -> float:
         If ``value`` is anything else.
     """
     result = positive(value, where)
-    if not SMALLEST <= result <= LARGEST:
-        raise InputError(f"{result:g} is not within {SMALLEST:g} to {LARGEST:g}; check the unit", where)
+    if not SMALLEST_TIME <= result <= LARGEST_TIME:
+        raise InputError(f"{result:g} is not within {SMALLEST_TIME:g} to {LARGEST_TIME:g}; check the unit", where)
     return result
 
 

@@ -33,7 +33,7 @@ from ancf_casadi.support.inputs import check_instance, flag, is_sequence, number
 
 Result = TypeVar("Result")
 
-BAR = "{l_bar}{bar}| [{elapsed}<{remaining}]"
+COUNT_BAR = "{l_bar}{bar}| [{elapsed}<{remaining}]"
 
 
 def run_all(
@@ -100,7 +100,7 @@ def run_all(
     results: dict[int, Result] = {}
     with contextlib.ExitStack() as stack:
         total = sum(costs)
-        bar = stack.enter_context(tqdm(total=total, disable=not progress, bar_format=BAR, desc=title))
+        bar = stack.enter_context(tqdm(total=total, disable=not progress, bar_format=COUNT_BAR, desc=title))
         if executor is None and jobs > 1:
             _check_portable(tasks)
             executor = stack.enter_context(processes(jobs))

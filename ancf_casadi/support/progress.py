@@ -14,7 +14,7 @@ from typing import NoReturn
 from tqdm import tqdm
 
 LINE = "{desc}: {n} steps, {elapsed}"
-PATIENCE = 0.2  # s before the counter appears
+BAR_DELAY = 0.2  # s before the counter appears
 
 _open: ContextVar[tqdm[NoReturn] | None] = ContextVar("counter", default=None)
 
@@ -22,7 +22,7 @@ _open: ContextVar[tqdm[NoReturn] | None] = ContextVar("counter", default=None)
 @contextlib.contextmanager
 def counter(title: str) -> Iterator[None]:
     """Count steps on a terminal, unless the work is done at once."""
-    with tqdm(desc=title, disable=None, delay=PATIENCE, leave=False, bar_format=LINE) as bar:
+    with tqdm(desc=title, disable=None, delay=BAR_DELAY, leave=False, bar_format=LINE) as bar:
         token = _open.set(bar)
         try:
             yield

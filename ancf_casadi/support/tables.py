@@ -30,8 +30,8 @@ from ancf_casadi.support.inputs import instances
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-WIDTH = 100  # columns of a report on a terminal
-LONGEST_LINE = 180  # characters of an object on one line
+REPORT_WIDTH = 100  # columns of a report on a terminal
+MOST_CHARACTERS = 180  # characters of an object on one line
 
 Cell = str | float | int | None
 
@@ -47,7 +47,7 @@ class Displayed:
     def __repr__(self) -> str:
         """Return the object on one line."""
         text = " ".join(self._summary().split())
-        most = LONGEST_LINE - len(type(self).__name__)
+        most = MOST_CHARACTERS - len(type(self).__name__)
         return f"{type(self).__name__}({text if len(text) <= most else f'{text[: most - 3]}...'})"
 
     def _summary(self) -> str:
@@ -75,7 +75,7 @@ class Brief(reprlib.Repr):
 
 BRIEF = Brief()
 BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
-BRIEF.maxstring, BRIEF.maxother = 60, LONGEST_LINE
+BRIEF.maxstring, BRIEF.maxother = 60, MOST_CHARACTERS
 
 
 def _is_default(own: Field[Any], value: Any) -> bool:
@@ -237,10 +237,10 @@ def wrapped(text: str) -> str:
 
 
 def _wrapped(line: str) -> list[str]:
-    if len(line) <= WIDTH:
+    if len(line) <= REPORT_WIDTH:
         return [line]
     indent = " " * (len(line) - len(line.lstrip()) + 2)
-    return textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    return textwrap.wrap(line, REPORT_WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
 
 def _shown(cell: Cell) -> str:

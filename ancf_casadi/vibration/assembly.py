@@ -34,8 +34,8 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import Buffered
 from ancf_casadi.vibration.element_balance import ElementBalance, element_balance, load_balance
 
-BAND = 2 * NODE - 1  # diagonals on either side of the main one
-ROUNDING = float(np.finfo(float).eps)
+BANDWIDTH = 2 * NODE - 1  # diagonals on either side of the main one
+EPSILON = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,12 +140,12 @@ class Structure:
 
     def linearisation(self, at: Position) -> tuple[Array, Array, Array]:
         """Return R, K and M of the free coordinates at the rounded coordinates; K and M are stored by diagonals."""
-        size, free, bands = self.model.size, self.model.free, 2 * BAND + 1
+        size, free, bands = self.model.size, self.model.free, 2 * BANDWIDTH + 1
         force, stiffness, mass = np.zeros((size, 1)), np.zeros((bands * size, 1)), np.zeros((bands * size, 1))
         for part in self.parts:
             of_force, of_stiffness, _, of_mass = per_element(part.balance.linearisation, *self.inputs(part, at))
             rows, columns = part.coordinates[:, :, None], part.coordinates[:, None, :]
-            places = (BAND + rows - columns) * size + columns
+            places = (BANDWIDTH + rows - columns) * size + columns
             force += scatter(part.coordinates, of_force, size)
             stiffness += scatter(places, of_stiffness, bands * size)
             mass += scatter(places, of_mass, bands * size)
@@ -209,7 +209,7 @@ def refined(solve: Callable[[Array], Array], product: Callable[[Array], Array], 
         if not size < last:
             break
         x = x + change
-        if size**2 <= ROUNDING * last * float(np.linalg.norm(x)):
+        if size**2 <= EPSILON * last * float(np.linalg.norm(x)):
             break
         last = size
     return x

@@ -32,7 +32,7 @@ from ancf_casadi.exceptions import EquilibriumError
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import sparse
-from ancf_casadi.vibration.assembly import BAND, ROUNDING, Position, Structure, refined
+from ancf_casadi.vibration.assembly import BANDWIDTH, EPSILON, Position, Structure, refined
 
 
 def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array, Array] | None:
@@ -83,9 +83,9 @@ def _vectors(stiffness: Array, mass: Array, product: Callable[[Array], Array], c
     size, inertia = mass.shape[1], sparse(mass).tocsr()
     translation = np.resize([1.0, 0.0, 0.0, 0.0], size)
     total_mass = translation @ (inertia @ translation)
-    shift = 10.0 * ROUNDING * stiffness[BAND].reshape(-1, NODE)[:, :2].sum() / total_mass  # c in the shift a
+    shift = 10.0 * EPSILON * stiffness[BANDWIDTH].reshape(-1, NODE)[:, :2].sum() / total_mass  # c in the shift a
     shifted = stiffness + shift * mass
-    factors = scipy.linalg.cholesky_banded(shifted[BAND:], lower=True), True
+    factors = scipy.linalg.cholesky_banded(shifted[BANDWIDTH:], lower=True), True
     if 2 * count + 1 >= size:  # too many for Lanczos' method
         _, vectors = scipy.linalg.eigh(inertia.toarray(), sparse(shifted).toarray())
         return np.asarray(vectors[:, : -count - 1 : -1])
@@ -99,7 +99,7 @@ def _vectors(stiffness: Array, mass: Array, product: Callable[[Array], Array], c
     inverse = scipy.sparse.linalg.LinearOperator(
         (size, size), matvec=lambda load: refined(solve, exact, load), dtype=float
     )
-    start = np.random.default_rng(0).standard_normal(size) / np.sqrt(stiffness[BAND])
+    start = np.random.default_rng(0).standard_normal(size) / np.sqrt(stiffness[BANDWIDTH])
     _, vectors = scipy.sparse.linalg.eigsh(
         sparse(stiffness), count, inertia, sigma=-shift, OPinv=inverse, v0=start
     )  # eigsh uses only the size of its first argument

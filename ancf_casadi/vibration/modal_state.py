@@ -16,7 +16,7 @@ import scipy.sparse
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.banded import BandedFactors, factorised, sparse
-from ancf_casadi.vibration.assembly import BAND, EqualElements, Position, Structure, per_element
+from ancf_casadi.vibration.assembly import BANDWIDTH, EqualElements, Position, Structure, per_element
 from ancf_casadi.vibration.eigensolver import lowest_modes
 from ancf_casadi.vibration.equilibrium import neighbour
 from ancf_casadi.vibration.pencil import Pencil
@@ -81,7 +81,7 @@ class ModalState:
         """K - lambda M of each mode."""
         stiffness, mass = self._matrices
         return [
-            Pencil.of(stiffness - eigenvalue * mass, stiffness[BAND], phi)
+            Pencil.of(stiffness - eigenvalue * mass, stiffness[BANDWIDTH], phi)
             for eigenvalue, phi in zip(self.eigenvalues, self.shapes[self.model.free].T, strict=True)
         ]
 

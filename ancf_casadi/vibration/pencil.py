@@ -17,7 +17,7 @@ import numpy as np
 
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.banded import BandedFactors, factorised
-from ancf_casadi.vibration.assembly import BAND
+from ancf_casadi.vibration.assembly import BANDWIDTH
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +43,12 @@ class Pencil:
         """Factorise K - lambda M, stored by diagonals, with the diagonal of K and the mode shape of lambda."""
         scale = 1 / np.sqrt(diagonal)
         size, held = len(scale), int(np.abs(phi / scale).argmax())
-        rows = np.arange(size) - np.arange(BAND, -BAND - 1, -1)[:, None]
+        rows = np.arange(size) - np.arange(BANDWIDTH, -BANDWIDTH - 1, -1)[:, None]
         inside = (rows >= 0) & (rows < size)
         banded = np.where(inside, pencil * scale * scale[np.clip(rows, 0, size - 1)], 0.0)
         banded[rows == held] = 0.0
         banded[:, held] = 0.0
-        banded[BAND, held] = 1.0
+        banded[BANDWIDTH, held] = 1.0
         return cls(factorised(banded), scale, held)
 
     def solve(self, right: Array) -> Array:

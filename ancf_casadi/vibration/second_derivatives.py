@@ -26,7 +26,7 @@ from ancf_casadi.vibration.assembly import EqualElements, per_element, scatter
 from ancf_casadi.vibration.modal_state import ModalState
 from ancf_casadi.vibration.sensitivities import Sensitivities, multipliers, sensitivities
 
-COLUMNS = 128  # directions at once: few enough that the products of small matrices stay in the cache
+DIRECTIONS_AT_ONCE = 128  # directions at once: few enough that the products of small matrices stay in the cache
 
 
 def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
@@ -54,8 +54,8 @@ def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
     half, normalisation = np.empty((N, N)), np.zeros((N, N))
     eigenvalues, projections = np.empty((2, len(beta), N))  # lambda_p and a^T M phi_p
     shapes: list[Array] = []
-    for begin in range(0, N, COLUMNS):
-        columns = slice(begin, begin + COLUMNS)
+    for begin in range(0, N, DIRECTIONS_AT_ONCE):
+        columns = slice(begin, begin + DIRECTIONS_AT_ONCE)
         first = sensitivities(state, directions[:, columns])
         half[:, columns] = np.asarray(transposed @ _b_of_all_properties(state, first, blocks))
         eigenvalues[:, columns] = first.eigenvalues

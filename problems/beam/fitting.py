@@ -54,13 +54,13 @@ from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import motion_block
 from problems.beam.motions.marker_record import MarkerRecord, motion_record
 from problems.beam.motions.record import MotionRecord
-from problems.beam.properties import CLAMP, Owners, first_values, is_property, with_clamp
+from problems.beam.properties import CLAMP_STIFFNESS, Owners, first_values, is_property, with_clamp
 from problems.beam.result import BeamFit
 from problems.beam.unknowns import (
-    BASE,
-    FREQUENCIES,
+    BASE_AMPLITUDE,
     GROUPS,
     LOADS,
+    NATURAL_FREQUENCIES,
     Bounds,
     mode_of,
     of_curves,
@@ -173,7 +173,7 @@ def fit_beam(
     tolerance = None if tolerance is None else positive(tolerance, "tolerance")
     law = damping or SumOfLaws(())
     wanted = _wanted(unknowns, motions, curves, values)
-    models = _models(model, (*motions, *curves, *values), clamp=CLAMP in wanted)
+    models = _models(model, (*motions, *curves, *values), clamp=CLAMP_STIFFNESS in wanted)
     first = first_values(list(models.values()), [name for name in wanted if is_property(name)])
     for one in models.values():
         Owners.of(one.beam, tuple(first))  # check
@@ -237,7 +237,7 @@ def _sorted(
 def _wanted(unknowns: Any, motions: Sequence[Any], curves: Sequence[Any], values: Sequence[Any]) -> tuple[str, ...]:
     """Return the names of the unknowns besides those of the law and of the sensors."""
     if unknowns is None:
-        return () if not curves else ("elastic_modulus",) if motions or values else (FREQUENCIES,)
+        return () if not curves else ("elastic_modulus",) if motions or values else (NATURAL_FREQUENCIES,)
     if not is_sequence(unknowns):
         raise InputError(f"must be a sequence of names, got {shown(unknowns)}", "unknowns")
     names = tuple(unknowns)
@@ -248,13 +248,14 @@ def _wanted(unknowns: Any, motions: Sequence[Any], curves: Sequence[Any], values
             )
     if len(set(names)) < len(names):
         raise InputError("must be different names", "unknowns")
-    needed = {FREQUENCIES: curves, "excitation": curves, "excitations": curves, BASE: motions}
+    needed = {NATURAL_FREQUENCIES: curves, "excitation": curves, "excitations": curves, BASE_AMPLITUDE: motions}
     for name in names:
         if not needed.get(name, motions if name in LOADS else [1]):
             raise InputError(f"{name} belongs to a kind of record that is not among the records", "unknowns")
-    if FREQUENCIES in names and (motions or values or any(map(is_property, names))):
+    if NATURAL_FREQUENCIES in names and (motions or values or any(map(is_property, names))):
         raise InputError(
-            f"{FREQUENCIES} are those of the reduced model alone; with other records, or properties, name properties",
+            f"{NATURAL_FREQUENCIES} are those of the reduced model alone; with other records, or properties, "
+            "name properties",
             "unknowns",
         )
     return names
@@ -290,6 +291,6 @@ def _starts(unknowns: Sequence[Unknown], *, only_values: bool) -> list[dict[str,
     """Return the starts: for values alone, a soft clamp and a tip mass have a second one."""
     listed = []
     for one in unknowns:
-        second = {"tip_mass": OTHER_START * one.guess, CLAMP: one.guess / OTHER_START}.get(one.name)
+        second = {"tip_mass": OTHER_START * one.guess, CLAMP_STIFFNESS: one.guess / OTHER_START}.get(one.name)
         listed.append([{}] if second is None or not only_values else [{}, {one.name: second}])
     return [{name: value for part in parts for name, value in part.items()} for parts in product(*listed)]

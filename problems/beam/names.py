@@ -12,7 +12,7 @@ offset_1_2, zero_1_2                         time offset and zero of the second 
 
 from __future__ import annotations
 
-from ancf_casadi.dynamics.derivatives.release_load import LOAD, START
+from ancf_casadi.dynamics.derivatives.release_load import LOAD_NAMES, START_LOAD_NAMES
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.beam.motions.record import MotionRecord
 
@@ -35,5 +35,5 @@ def frequency_name(mode: int) -> str:
 def loads(record: MotionRecord) -> list[tuple[str, float]]:
     """Return the load at the start of a record, zero where it is unknown, and zero for its rate, by name."""
     start = record.start
-    known = (*start.tip_force, start.tip_moment) if isinstance(start, Equilibrium) else (0.0,) * len(LOAD)
-    return list(zip(START, (*known, *(0.0,) * len(LOAD)), strict=True))
+    known = (*start.tip_force, start.tip_moment) if isinstance(start, Equilibrium) else (0.0,) * len(LOAD_NAMES)
+    return list(zip(START_LOAD_NAMES, (*known, *(0.0,) * len(LOAD_NAMES)), strict=True))

@@ -24,23 +24,24 @@ import numpy as np
 
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, UNITS, Beam
+from ancf_casadi.mechanics.beam import BEAM_UNITS, LUMPED, PROPERTIES, Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.assembly import structure_properties
 
-CLAMP = "clamp_stiffness"
-POWERS: Mapping[str, Mapping[str, int]] = {
+CLAMP_STIFFNESS = "clamp_stiffness"
+PROPERTY_POWERS: Mapping[str, Mapping[str, int]] = {
     "bending_stiffness": {"elastic_modulus": 1, "width": 1, "thickness": 3},
     "mass_per_length": {"density": 1, "width": 1, "thickness": 1},
 }
 CONSTANTS = {"bending_stiffness": 1 / 12}
-DRIVEN = {"bending_stiffness": "elastic_modulus", "mass_per_length": "density"}
-PROPERTY_UNITS: Mapping[str, str] = {**UNITS, "bending_stiffness": "N m^2", "mass_per_length": "kg/m"}
-STIFFNESSES = (CLAMP, "elastic_modulus", "bending_stiffness")
+DRIVEN_BY = {"bending_stiffness": "elastic_modulus", "mass_per_length": "density"}
+PROPERTY_UNITS: Mapping[str, str] = {**BEAM_UNITS, "bending_stiffness": "N m^2", "mass_per_length": "kg/m"}
+STIFFNESSES = (CLAMP_STIFFNESS, "elastic_modulus", "bending_stiffness")
 GROUP = re.compile(rf"({'|'.join(PROPERTIES)})\[(\d+)(?::(\d+))?\]")
 
-WIDEST = 10.0  # factor on a property, either way, without other bounds
+MOST_FACTOR = 10.0  # factor on a property, either way, without other bounds
+SAME_PROPERTY = 1e-9  # relative difference of properties that are the same
 
 
 def is_property(name: str) -> bool:
@@ -51,7 +52,7 @@ def is_property(name: str) -> bool:
 def kind_of(name: str) -> str:
     """Return the property that an unknown changes, without the elements."""
     kind = name.partition("[")[0]
-    return DRIVEN.get(kind, kind)
+    return DRIVEN_BY.get(kind, kind)
 
 
 def unit_of(name: str) -> str:
@@ -82,7 +83,7 @@ def value_of(beam: Beam, name: str) -> float:
     if name in LUMPED:
         return float(getattr(beam, name))
     kind = name.partition("[")[0]
-    powers = [np.array(getattr(beam, one)) ** power for one, power in POWERS.get(kind, {kind: 1}).items()]
+    powers = [np.array(getattr(beam, one)) ** power for one, power in PROPERTY_POWERS.get(kind, {kind: 1}).items()]
     return float(CONSTANTS.get(kind, 1.0) * np.mean(np.prod(powers, axis=0)[elements_of(name, beam)]))
 
 
@@ -123,8 +124,8 @@ class Owners:
                 other = names[int(index[own].max())]
                 raise InputError(f"{name} changes the same property as {other}; estimate one or the other", "unknowns")
             index[own] = k
-        for name in set(names) & set(POWERS):
-            rivals = sorted(set(map(kind_of, names)) & set(POWERS[name]) - {DRIVEN[name]})
+        for name in set(names) & set(PROPERTY_POWERS):
+            rivals = sorted(set(map(kind_of, names)) & set(PROPERTY_POWERS[name]) - {DRIVEN_BY[name]})
             if rivals:
                 raise InputError(f"{name} contains {', '.join(rivals)}; estimate one or the other", "unknowns")
         return cls(tuple(names), index)
@@ -180,7 +181,7 @@ def first_values(models: Sequence[Model], names: Sequence[str]) -> dict[str, flo
         values = [value for value in values if not (name == "tip_mass" and value == 0.0)]
         if not values:
             raise InputError("no beam has a tip mass to estimate; give one of the models a first value", name)
-        if max(values) - min(values) > 1e-9 * max(values):  # relative difference of properties that are the same
+        if max(values) - min(values) > SAME_PROPERTY * max(values):
             raise InputError(
                 f"the records must be of the same beam, but their models have a {name} from {min(values):g} to "
                 f"{max(values):g} {unit_of(name)}",
@@ -198,11 +199,11 @@ def property_unknown(name: str, first: float, models: Sequence[Model]) -> Unknow
     """
     if name == "tip_mass":
         lower, upper = 0.0, 100.0 * first  # factor on a tip mass without other bounds
-    elif name == CLAMP:
+    elif name == CLAMP_STIFFNESS:
         # largest and least clamp stiffness without other bounds, in units of E I/L
         lower, upper = (bound * _clamp_unit(models) for bound in (1e-2, 1e5))
     else:
-        lower, upper = first / WIDEST, first * WIDEST
+        lower, upper = first / MOST_FACTOR, first * MOST_FACTOR
     inverse = name.partition("[")[0] in STIFFNESSES
     return Unknown(name, first, first, lower, upper, unit_of(name), reciprocal=inverse)
 

@@ -35,7 +35,7 @@ from problems.beam.motions.marker_record import motion_record
 from problems.beam.motions.prediction import MotionPrediction
 from problems.beam.motions.prediction import predicted as predicted_motion
 from problems.beam.names import load_name, loads
-from problems.beam.properties import CLAMP, POWERS, PROPERTY_UNITS, SAME, Owners, kind_of, unit_of, value_of
+from problems.beam.properties import CLAMP_STIFFNESS, PROPERTY_POWERS, PROPERTY_UNITS, SAME_PROPERTY, Owners, kind_of, unit_of, value_of
 from problems.beam.values.block import ValueBlock
 from problems.beam.values.prediction import ValuePrediction
 from problems.beam.values.prediction import predicted as predicted_values
@@ -115,11 +115,11 @@ class BeamFit(LeastSquaresResult):
         InputError
             If an unknown property has another value than the fit began with.
         """
-        if CLAMP in self.first and not math.isfinite(model.beam.clamp_stiffness):
-            model = Model(model.beam.with_(clamp_stiffness=self.first[CLAMP]), model.measures)
+        if CLAMP_STIFFNESS in self.first and not math.isfinite(model.beam.clamp_stiffness):
+            model = Model(model.beam.with_(clamp_stiffness=self.first[CLAMP_STIFFNESS]), model.measures)
         for name, first in self.first.items():
             own = value_of(model.beam, name)
-            if own and abs(own - first) > SAME * first:
+            if own and abs(own - first) > SAME_PROPERTY * first:
                 raise InputError(
                     f"is {own:g} {unit_of(name)} in this model; it is an unknown of the fit, which began at {first:g}",
                     name,
@@ -130,7 +130,7 @@ class BeamFit(LeastSquaresResult):
     def combinations(self) -> dict[str, tuple[float, float]]:
         """Bending stiffness and mass per length with their standard errors, if an unknown changes them."""
         changing, found = {kind_of(name) for name in self.first}, {}
-        for name, powers in POWERS.items():
+        for name, powers in PROPERTY_POWERS.items():
             own = [one for one in self.first if "[" not in one and kind_of(one) in powers]
             if name in self.first or not changing & set(powers) or len(own) < len(changing & set(powers)):
                 continue
@@ -223,14 +223,16 @@ class BeamFit(LeastSquaresResult):
 
     def _rigid(self, note: str) -> str:
         """Return a note; another one if it says that the clamp is as stiff as its upper bound."""
-        if not note.startswith(f"{CLAMP} is at its bound") or math.isnan(self.intervals()[CLAMP][0]):
+        if not note.startswith(f"{CLAMP_STIFFNESS} is at its bound") or math.isnan(
+            self.intervals()[CLAMP_STIFFNESS][0]
+        ):
             return note
-        k = self.fit.names.index(CLAMP)
+        k = self.fit.names.index(CLAMP_STIFFNESS)
         if self.fit.values[k] != self.fit.lower[k]:
             return note
         return (
-            f"the records show no compliance of the clamp: its stiffness is above {self.intervals()[CLAMP][0]:.3g} "
-            "N m/rad (95 %), and the other standard errors take it as rigid"
+            "the records show no compliance of the clamp: its stiffness is above "
+            f"{self.intervals()[CLAMP_STIFFNESS][0]:.3g} N m/rad (95 %), and the other standard errors take it as rigid"
         )
 
     @cached_property

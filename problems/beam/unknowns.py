@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, Parameter
-from ancf_casadi.dynamics.derivatives.release_load import START
+from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
@@ -41,14 +41,14 @@ from problems.beam.motions.record import Channel, MotionRecord
 from problems.beam.names import base_name, frequency_name, load_name, loads
 from problems.beam.properties import property_unknown
 
-SLIGHT = 0.1  # scale of a load, relative to one that bends a beam by about its length
+LOAD_SCALE = 0.1  # scale of a load, relative to one that bends a beam by about its length
 FREQUENCY_RANGE = 0.10  # distance of the bounds of a frequency from its guess, relative
 EXCITATION_RANGE = 0.5  # distance of the bounds of an excitation from 1
 
-FREQUENCIES, BASE = "natural_frequencies", "base_amplitude"
+NATURAL_FREQUENCIES, BASE_AMPLITUDE = "natural_frequencies", "base_amplitude"
 COMMON, EACH = "excitation", "excitations"
-LOADS = tuple(f"start_{name}" for name in START)
-GROUPS = (FREQUENCIES, COMMON, EACH, BASE, *LOADS)
+LOADS = tuple(f"start_{name}" for name in START_LOAD_NAMES)
+GROUPS = (NATURAL_FREQUENCIES, COMMON, EACH, BASE_AMPLITUDE, *LOADS)
 
 Bounds = Mapping[str, tuple[float, float]]
 
@@ -73,7 +73,7 @@ def of_properties(first: Mapping[str, float], models: Sequence[Model]) -> list[U
 
 def of_curves(wanted: Sequence[str], frequencies: Array, records: Sequence[ResponseRecord]) -> list[Unknown]:
     """Return the factors on natural frequencies (Hz) and on the levels of response curves."""
-    found = _frequencies(frequencies, records) if FREQUENCIES in wanted else []
+    found = _frequencies(frequencies, records) if NATURAL_FREQUENCIES in wanted else []
     names = [COMMON] if COMMON in wanted else []
     names += [f"excitation_{k}" for k in range(1, len(records) + 1)] if EACH in wanted else []
     limits = 1.0 - EXCITATION_RANGE, 1.0 + EXCITATION_RANGE
@@ -90,7 +90,7 @@ def of_motions(wanted: Sequence[str], model: Model, records: Sequence[MotionReco
     """
     found = []
     for k, record in enumerate(records, start=1):
-        if BASE in wanted:
+        if BASE_AMPLITUDE in wanted:
             found += [_of_parameter(base_name(own.name, k), own) for own in record.own_base.parameters]
         found += _of_load(k, record, [name for name in LOADS if name in wanted], model)
         found += _of_sensors(k, record, model)
@@ -192,7 +192,7 @@ def _of_sensors(number: int, record: MotionRecord, model: Model) -> list[Unknown
             found.append(_between(f"zero_{number}_{j}", channel.zero, channel.sensor.unit))
         elif channel.sensor.quantity == "displacement":
             guess = _origin_guess(channel, model)
-            found.append(Unknown(f"zero_{number}_{j}", guess, SLIGHT * model.beam.length, unit="m"))
+            found.append(Unknown(f"zero_{number}_{j}", guess, LOAD_SCALE * model.beam.length, unit="m"))
     return found
 
 
@@ -220,7 +220,7 @@ def _load_scales(model: Model) -> dict[str, float]:
     width, thickness, density, modulus = model.properties
     stiffness = float(np.mean(modulus * width * thickness**3 / 12))
     length, mass = model.beam.length, float(np.mean(density * width * thickness))
-    sizes = SLIGHT * stiffness / length**2 * np.array([1.0, 1.0, length])
+    sizes = LOAD_SCALE * stiffness / length**2 * np.array([1.0, 1.0, length])
     # angular frequency of a cantilever over (E I/(mu L^4))^1/2
     rate = 3.516 * math.sqrt(stiffness / (mass * length**4))
-    return dict(zip(START, [*sizes.tolist(), *(rate * sizes).tolist()], strict=True))
+    return dict(zip(START_LOAD_NAMES, [*sizes.tolist(), *(rate * sizes).tolist()], strict=True))

@@ -30,8 +30,8 @@ from problems.command.record_options import add_record_options
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST_SHOWN = 40  # channels in the table
-FEWEST = 10  # samples of a spectrum
+MOST_CHANNELS_SHOWN = 40  # channels in the table
+SPECTRUM_SAMPLES = 10  # samples of a spectrum
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _strongest(channel: RecordedChannel) -> float:
 
 def _peak(time: Array, values: Array) -> float:
     """Return the frequency of the highest peak, Hz; of the spectrum of the velocity if a step or a drift prevails."""
-    if len(time) < FEWEST or np.ptp(values) == 0.0:
+    if len(time) < SPECTRUM_SAMPLES or np.ptp(values) == 0.0:
         return math.nan
     swing = values - values.mean()
     frequency = peak_frequencies(time, swing)[0]
@@ -130,7 +130,7 @@ def _even(channel: RecordedChannel) -> tuple[Array, Array] | None:
         return None
     present = ~np.isnan(channel.values)
     time, values = channel.time[present], channel.values[present]
-    if len(time) < FEWEST or not np.isfinite(values).all():
+    if len(time) < SPECTRUM_SAMPLES or not np.isfinite(values).all():
         return None
     step = float(np.median(np.diff(time)))
     # instants of the even grid per sample, beyond which no spectrum is computed
@@ -202,11 +202,13 @@ def _text(
             summary.number, summary.name, _unit(summary), summary.samples, summary.gaps or None,
             _cell(summary.lowest), _cell(summary.highest), _cell(summary.frequency),
         )
-        for summary in summaries[:MOST_SHOWN]
+        for summary in summaries[:MOST_CHANNELS_SHOWN]
     ]  # fmt: skip
-    notes = [f"column {summary.number}: {summary.fault}" for summary in summaries[:MOST_SHOWN] if summary.fault]
-    if len(summaries) > MOST_SHOWN:
-        notes.append(f"{len(summaries) - MOST_SHOWN} more columns are not shown; --json lists them all")
+    notes = [
+        f"column {summary.number}: {summary.fault}" for summary in summaries[:MOST_CHANNELS_SHOWN] if summary.fault
+    ]
+    if len(summaries) > MOST_CHANNELS_SHOWN:
+        notes.append(f"{len(summaries) - MOST_CHANNELS_SHOWN} more columns are not shown; --json lists them all")
     heads = ("column", "name", "unit", "samples", "gaps", "lowest", "highest", "strongest frequency, Hz")
     table = Table("channels", recording.name, heads, rows, [*notes, *recording.notes])
     return "\n".join([table.text(), *([""] if lines else []), *lines, "", *_advice(options, recording, plan)])

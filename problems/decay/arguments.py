@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import choice, vector
-from problems.decay.laws import LAWS, FrequencyLaw, Interval, Law
+from problems.decay.laws import DECAY_LAWS, FrequencyLaw, Interval, Law
 
 
 def check_laws(law: Any, frequency_law: Any = "constant") -> None:
@@ -28,7 +28,7 @@ def check_laws(law: Any, frequency_law: Any = "constant") -> None:
 
 def combines(law: Law, frequency_law: FrequencyLaw) -> bool:
     """Return whether a damping law and a frequency law can be combined: an integrated one has a constant frequency."""
-    return frequency_law == "constant" or not LAWS[law].integrated
+    return frequency_law == "constant" or not DECAY_LAWS[law].integrated
 
 
 def checked_ratios(ratio_bounds: Any) -> Interval:

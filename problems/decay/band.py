@@ -20,7 +20,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import physical, vector
 from ancf_casadi.support.tables import Displayed
-from problems.decay.mode_separation import MOST_MODES, fit_modes
+from problems.decay.mode_separation import MOST_DECAY_MODES, fit_modes
 from problems.decay.result import DecayFit
 
 
@@ -99,7 +99,7 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
     if not low < high:
         raise InputError(f"must be in order, got {low:g}, {high:g} Hz", "band")
     fits: Sequence[DecayFit] = ()
-    for count in range(1, MOST_MODES + 1):
+    for count in range(1, MOST_DECAY_MODES + 1):
         try:
             found = fit_modes(record, count=count, release_time=release_time)
         except InputError:

@@ -15,7 +15,7 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import flag, is_sequence, number, shown
 from problems.decay.arguments import as_record, check_laws, checked_ratios, combines
-from problems.decay.laws import LAWS, FrequencyLaw, Law
+from problems.decay.laws import DECAY_LAWS, FrequencyLaw, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import RATIO_BOUNDS, fit_from
 
@@ -97,9 +97,9 @@ def compare_decay_laws(
     return LawComparison(
         names=tuple(fits),
         fits=tuple(fits.values()),
-        terms=tuple(LAWS[fit.law].vague for fit in fits.values()),
+        terms=tuple(DECAY_LAWS[fit.law].vague for fit in fits.values()),
         failed=failed,
-        counted={name: LAWS[fit.law].counted for name, fit in fits.items()},
+        counted={name: DECAY_LAWS[fit.law].counted for name, fit in fits.items()},
         priors={name: EMPIRICAL for name, fit in fits.items() if fit.law == "power"},
     )
 

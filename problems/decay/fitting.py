@@ -28,7 +28,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import choice, flag, instances, number, numbers
 from problems.decay.arguments import as_record, check_laws, checked_ratios
 from problems.decay.comparison import FREQUENCY_LAWS_COMPARED, LAWS_COMPARED, compare_decay_laws
-from problems.decay.laws import LAWS, FrequencyLaw, Law
+from problems.decay.laws import DECAY_LAWS, FrequencyLaw, Law
 from problems.decay.result import DecayFit
 from problems.decay.solution import RATIO_BOUNDS, fit_from
 from problems.decay.takes import DecayFits
@@ -177,7 +177,7 @@ def fit_decays(
     sensors = {record.sensor.quantity for record in records}
     if len(sensors) > 1:
         raise InputError(f"must have one quantity, got {', '.join(sorted(sensors))}; fit them apart", "records")
-    if LAWS[law].integrated and records[0].sensor.derivatives:
+    if DECAY_LAWS[law].integrated and records[0].sensor.derivatives:
         raise InputError(
             f"integrates the displacement, which the {records[0].sensor.quantity} is not; use the quadratic law", "law"
         )

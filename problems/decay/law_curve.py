@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.decay.envelope import LawCurve
-from ancf_casadi.estimation.estimates import LEVEL
+from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.inputs import array, check_instance
 from problems.decay.result import DecayFit
 
 
-def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: float = LEVEL) -> LawCurve:
+def law_curve(fit: DecayFit, amplitudes: ArrayLike | None = None, *, level: float = CONFIDENCE_LEVEL) -> LawCurve:
     """Return damping ratio and frequency against amplitude under the law of a fit.
 
     Parameters

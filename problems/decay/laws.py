@@ -75,7 +75,7 @@ class Quantity:
     upper: float = math.inf
 
 
-QUANTITIES: Mapping[str, Quantity] = {
+DECAY_QUANTITIES: Mapping[str, Quantity] = {
     "frequency": Quantity("Hz", "_hz"),
     "frequency_slope": Quantity("1/m", "_per_m", -math.inf),
     "frequency_curvature": Quantity("1/m^2", "_per_m2", -math.inf),
@@ -196,7 +196,7 @@ def _power_coefficients(reference: float, ω: cs.MX, ζ: cs.MX, p: cs.MX) -> Sym
     return cs.MX(0), cs.MX(0), cs.MX(0), power_coefficient(ζ, p, ω, reference), p
 
 
-LAWS: Mapping[Law, DecayLaw] = {
+DECAY_LAWS: Mapping[Law, DecayLaw] = {
     "linear": _LINEAR,
     "quadratic": DecayLaw(
         ("eta1", "eta2"), lambda guess, _: _terms(guess, 2), _quadratic_flow, _three_terms_ratio, _three_terms
@@ -215,7 +215,7 @@ LAWS: Mapping[Law, DecayLaw] = {
 }
 
 DISPLACEMENT = Sensor()
-POWERS: Mapping[FrequencyLaw, int] = {"constant": 0, "linear": 1, "quadratic": 2}  # of the amplitude
+FREQUENCY_POWERS: Mapping[FrequencyLaw, int] = {"constant": 0, "linear": 1, "quadratic": 2}  # of the amplitude
 
 
 @dataclass(frozen=True)
@@ -252,12 +252,12 @@ class DecayModel:
     @property
     def terms(self) -> tuple[str, ...]:
         """Names of the reported coefficients of both laws."""
-        return (*((), ("frequency_slope",), ("frequency_curvature",))[self.power], *LAWS[self.law].terms)
+        return (*((), ("frequency_slope",), ("frequency_curvature",))[self.power], *DECAY_LAWS[self.law].terms)
 
     @property
     def power(self) -> int:
         """Power of the amplitude with which the frequency changes; 0 if it is constant."""
-        return POWERS[self.frequency_law]
+        return FREQUENCY_POWERS[self.frequency_law]
 
     @property
     def from_motion(self) -> bool:
@@ -268,11 +268,11 @@ class DecayModel:
         """Return the unknowns of the mode."""
         ω, T = guess.ω, guess.duration
         frequency = [
-            Unknown(name, 0.0, 1 / (ω * guess.amplitude**self.power * T), unit=QUANTITIES[name].unit)
+            Unknown(name, 0.0, 1 / (ω * guess.amplitude**self.power * T), unit=DECAY_QUANTITIES[name].unit)
             for name in self.terms
             if name.startswith("frequency")
         ]
-        damping = LAWS[self.law].damping(guess, ratio_bounds)
+        damping = DECAY_LAWS[self.law].damping(guess, ratio_bounds)
         return [Unknown("omega", ω, 1 / T, lower=0.0, unit="rad/s"), *damping, *frequency]
 
     def own(self, guess: DecayGuess) -> list[Unknown]:
@@ -291,7 +291,7 @@ class DecayModel:
     def curve(self, time: Array, *x: cs.MX) -> cs.MX:
         """Return the record, in the unit of its sensor, at times (s) after the release."""
         ω, damping, k, release, offset, drift = self._split(x)
-        t, law = _column(time), LAWS[self.law]
+        t, law = _column(time), DECAY_LAWS[self.law]
         if law.flow is None:
             motion = one_mode_decay(time, ω, *damping, *release, longest_step=self.longest_step)
         elif self.from_motion:
@@ -322,7 +322,7 @@ class DecayModel:
         if not self.sensor.derivatives:
             return amplitude * cs.cos(phase)
         A, one = cs.MX.sym("A", amplitude.shape[0]), cs.DM.ones(amplitude.shape[0])
-        rate = -LAWS[self.law].ratio(A, self.reference, ω, *damping) * ω * A
+        rate = -DECAY_LAWS[self.law].ratio(A, self.reference, ω, *damping) * ω * A
         turn = self._damped(ω, damping) * (1 + k * A**self.power)
         second, turn_rate = cs.jtimes(rate, A, one) * rate, cs.jtimes(turn, A, one) * rate
         # amplitude relative to the one of reference, below which rates are those of this amplitude
@@ -337,12 +337,12 @@ class DecayModel:
         """Return the unit of a quantity: a motion in m takes the unit of the sensor; offset and drift are its zero."""
         if name in ("offset", "drift"):
             return self.sensor.unit + "/s" * (name == "drift")
-        return re.sub(r"\bm\b", self.sensor.motion_unit or "strain", QUANTITIES[name].unit)
+        return re.sub(r"\bm\b", self.sensor.motion_unit or "strain", DECAY_QUANTITIES[name].unit)
 
     def quantities(self, *x: cs.MX) -> cs.MX:
-        """Return the quantities of the decay, in the order of ``QUANTITIES``."""
+        """Return the quantities of the decay, in the order of ``DECAY_QUANTITIES``."""
         ω, damping, k, release, offset, drift = self._split(x)
-        law, zero = LAWS[self.law], cs.MX(0)
+        law, zero = DECAY_LAWS[self.law], cs.MX(0)
         amplitude = release[0]
         if self.from_motion:
             r0, v0 = release
@@ -357,12 +357,12 @@ class DecayModel:
         """Return equivalent damping ratio and frequency (Hz) at amplitudes (m), which are positive."""
         ω, damping, k, *_ = self._split(x)
         A = _column(amplitude)
-        return LAWS[self.law].ratio(A, self.reference, ω, *damping), ω / (2 * math.pi) * (1 + k * A**self.power)
+        return DECAY_LAWS[self.law].ratio(A, self.reference, ω, *damping), ω / (2 * math.pi) * (1 + k * A**self.power)
 
     def values(self, x: Array) -> dict[str, float]:
         """Return the quantities by name, for values of the unknowns."""
         found = cs.evalf(self.quantities(*cs.vertsplit(cs.MX(cs.DM(x)))))
-        return dict(zip(QUANTITIES, found.full().ravel().tolist(), strict=True))
+        return dict(zip(DECAY_QUANTITIES, found.full().ravel().tolist(), strict=True))
 
     def _damped(self, ω: cs.MX, damping: Symbols) -> cs.MX:
         """Return the frequency of the oscillation, rad/s: with linear damping the damped one, as in Eq. (9)."""

@@ -32,7 +32,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from problems.decay.laws import DecayModel
 
-ROUNDING = 1e-6  # residual relative to the amplitude, below which there is no noise
+NOISE_FREE = 1e-6  # residual relative to the amplitude, below which there is no noise
 FEW_PERIODS = 5  # of free decay, below which there is a warning
 IMPRECISE = 0.1  # relative standard error of the damping ratio beyond which there is a warning
 DAMPING = ("zeta", "eta1", "eta2", "eta0")  # unknowns whose information divides the record, the first that is free
@@ -66,7 +66,7 @@ def limitations(
     values, errors : mapping
         Quantities of the decay by name, and their standard errors.
     """
-    noise_free = ROUNDING * values["amplitude"] * (2 * math.pi * values["frequency"]) ** model.sensor.derivatives
+    noise_free = NOISE_FREE * values["amplitude"] * (2 * math.pi * values["frequency"]) ** model.sensor.derivatives
     noisy = math.sqrt(np.mean(fit.residuals[rows] ** 2)) > noise_free
     fitted = time if fit.times is None else time[0] + fit.times[rows]
     found = [

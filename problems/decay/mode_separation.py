@@ -46,8 +46,8 @@ from problems.decay.result import DecayFit
 from problems.decay.solution import RATIO_BOUNDS, fit_from
 from problems.decay.takes import DecayModes
 
-MOST_MODES = 6  # fitted at once if no count is given
-ADVICE = "fit fewer modes, or check the time of the release"
+MOST_DECAY_MODES = 6  # fitted at once if no count is given
+MODES_ADVICE = "fit fewer modes, or check the time of the release"
 
 
 def fit_modes(
@@ -101,7 +101,7 @@ def fit_modes(
     """
     record = as_record(time, displacement)
     most = max(1, len(record.time) // 5)  # four unknowns and one degree of freedom per mode
-    limit = min(MOST_MODES, most) if count is None else whole(count, "count", 1, most)
+    limit = min(MOST_DECAY_MODES, most) if count is None else whole(count, "count", 1, most)
     release = None if release_time is None else number(release_time, "release_time")
     modes, merged, ended = _found(record, limit, flag(offset, "offset"), release)
     notes = [*merged, *([] if count is None or not ended else [ended])]
@@ -203,7 +203,7 @@ def _together(modes: Sequence[DecayFit], t: Array, y: Array) -> tuple[Fit, list[
         unknowns += [Unknown(f"{name}_{position}", *rest) for name, *rest in own]
     τ = t - t[0]
     sum_of_modes = _sum([mode.model for mode in modes], columns, τ, y)
-    return least_squares(sum_of_modes, unknowns, series=[len(t)], times=τ, advice=ADVICE), columns
+    return least_squares(sum_of_modes, unknowns, series=[len(t)], times=τ, advice=MODES_ADVICE), columns
 
 
 def _sum(models: Sequence[DecayModel], columns: Sequence[tuple[int, ...]], t: Array, y: Array) -> Callable[..., cs.MX]:

@@ -25,7 +25,7 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.inputs import check_instance
-from problems.decay.laws import LAWS, DecayModel
+from problems.decay.laws import DECAY_LAWS, DecayModel
 from problems.decay.start import of_motion
 
 
@@ -67,7 +67,7 @@ def predicted(fit: Fit, modes: Sequence[tuple[DecayModel, Sequence[int]]], recor
     found = least_squares(
         lambda *x: curve(cs.MX(fit.values), cs.vertcat(*x)) - cs.DM(measured),
         unknowns,
-        gauss_newton=any(LAWS[model.law].integrated for model, _ in modes),
+        gauss_newton=any(DECAY_LAWS[model.law].integrated for model, _ in modes),
         advice="check the record",
     )
     mode = cs.MX.sym("mode", len(fit.names))

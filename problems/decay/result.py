@@ -24,7 +24,7 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.inputs import array
 from ancf_casadi.support.tables import known
-from problems.decay.laws import QUANTITIES, DecayModel, FrequencyLaw, Law
+from problems.decay.laws import DECAY_QUANTITIES, DecayModel, FrequencyLaw, Law
 from problems.decay.limitations import limitations
 from problems.decay.prediction import predicted
 
@@ -116,19 +116,19 @@ class DecayFit(LeastSquaresResult):
     @cached_property
     def values(self) -> dict[str, float]:
         """All quantities by name, estimated or not."""
-        return dict(zip(QUANTITIES, self._linearised[0].tolist(), strict=True))
+        return dict(zip(DECAY_QUANTITIES, self._linearised[0].tolist(), strict=True))
 
     @cached_property
     def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
         """Names and units of the quantities, and the function from the unknowns to them."""
-        return tuple(QUANTITIES), tuple(map(self.model.unit, QUANTITIES)), self._quantities
+        return tuple(DECAY_QUANTITIES), tuple(map(self.model.unit, DECAY_QUANTITIES)), self._quantities
 
     def _quantities(self, *x: cs.MX) -> cs.MX:
         return self.model.quantities(*(x[i] for i in self.indices))
 
     def _ends(self, level: float) -> Array:
         """Return the intervals (q, 2) of all quantities within their bounds."""
-        bounds = {name: (quantity.lower, quantity.upper) for name, quantity in QUANTITIES.items()}
+        bounds = {name: (quantity.lower, quantity.upper) for name, quantity in DECAY_QUANTITIES.items()}
         if self.law == "linear":
             bounds["damping_ratio"] = self.ratio_bounds
             bounds["eta1"] = (0.0 if self.ratio_bounds[0] >= 0.0 else -math.inf, math.inf)
@@ -231,7 +231,7 @@ class DecayFit(LeastSquaresResult):
         """Return the result for JSON, with None for unknown values."""
         table: dict[str, Any] = {"law": self.law, "frequency_law": self.frequency_law}
         errors, intervals, unknown = self.standard_errors, self.intervals(), (math.nan, math.nan)
-        for name, quantity in QUANTITIES.items():
+        for name, quantity in DECAY_QUANTITIES.items():
             suffix = quantity.suffix if self.model.unit(name) == quantity.unit else ""  # then ``units`` has the unit
             table[f"{name}{suffix}"] = known(self.values[name])
             table[f"{name}_stderr{suffix}"] = known(errors.get(name, math.nan))

@@ -41,18 +41,18 @@ from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.processing import projected
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance
-from problems.decay.laws import LAWS, DecayModel, FrequencyLaw, Law
-from problems.decay.limitations import ROUNDING
+from problems.decay.laws import DECAY_LAWS, DecayModel, FrequencyLaw, Law
+from problems.decay.limitations import NOISE_FREE
 from problems.decay.result import DecayFit
 from problems.decay.start import of_motion, starting_values
 
 RATIO_BOUNDS = (0.0, 0.999)
 INTEGRATION_ERROR = 0.5  # standard errors, if all samples had the same error; estimates shift by a tenth of this
-INTEGRATIONS = 3  # most fits of an integrated law, until its step settles
-REFINED = 0.7  # ratio of the required step to the last one, below which the fit is repeated
-FEWEST = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
-PER_PERIOD = 12  # samples that this band needs
-ADVICE = "check the time of the release, or fit a law with fewer terms"
+MOST_INTEGRATIONS = 3  # most fits of an integrated law, until its step settles
+STEP_RATIO = 0.7  # ratio of the required step to the last one, below which the fit is repeated
+LEAST_REDUCED_LENGTH = 2500  # samples to which a longer record is reduced, if the band of the mode needs no more
+REDUCED_PER_PERIOD = 12  # samples that this band needs
+DECAY_ADVICE = "check the time of the release, or fit a law with fewer terms"
 
 
 def fit_from(
@@ -82,7 +82,7 @@ def fit_from(
     lengths = [len(decay.time) for decay in decays]
     counts = lengths if robust else _counts(decays, [guess.ω for guess in guesses])
     thinned = [_thinned(decay, count, np.zeros_like) for decay, count in zip(decays, counts, strict=True)]
-    if LAWS[law].integrated:
+    if DECAY_LAWS[law].integrated:
         model, fit, columns = _integrate(model, thinned, guesses, ratio_bounds, robust)
     else:
         fit, columns = _match(model, thinned, guesses, ratio_bounds, robust)
@@ -148,7 +148,8 @@ def _counts(decays: Sequence[Measurement], ω: Sequence[float]) -> list[int]:
     The samples of all decays become fewer by the same ratio, because a fit takes their noise as equal.
     """
     needed = [
-        max(FEWEST, PER_PERIOD * one * decay.time[-1] / (2 * math.pi)) for one, decay in zip(ω, decays, strict=True)
+        max(LEAST_REDUCED_LENGTH, REDUCED_PER_PERIOD * one * decay.time[-1] / (2 * math.pi))
+        for one, decay in zip(ω, decays, strict=True)
     ]
     lengths = [len(decay.time) for decay in decays]
     ratio = max(count / length for count, length in zip(needed, lengths, strict=True))
@@ -236,15 +237,15 @@ def _match(
     else:
         starts = [started(problem.unknowns, start)]
     settings: dict[str, Any] = {
-        "gauss_newton": LAWS[model.law].integrated,
+        "gauss_newton": DECAY_LAWS[model.law].integrated,
         "series": [len(t) for t in problem.times],
         "times": np.concatenate(problem.times),
-        "advice": ADVICE,
+        "advice": DECAY_ADVICE,
     }
     fit = _first_fit(problem, starts, settings)
     for _ in range(3 * robust):  # robust fits, in which the estimate of the noise settles
         noise = noise_of(fit.residuals)
-        if noise <= ROUNDING * max(guess.amplitude * guess.ω**model.sensor.derivatives for guess in guesses):
+        if noise <= NOISE_FREE * max(guess.amplitude * guess.ω**model.sensor.derivatives for guess in guesses):
             break
         fit = least_squares(problem.residuals, started(fit.unknowns, fit.estimates), huber=HUBER * noise, **settings)
     return fit, problem.columns
@@ -311,10 +312,10 @@ def _integrate(
     frequency, ζ, amplitude = (
         max(values[name] for values in found) for name in ("frequency", "damping_ratio", "amplitude")
     )
-    for _ in range(INTEGRATIONS):
+    for _ in range(MOST_INTEGRATIONS):
         allowed = INTEGRATION_ERROR * fit.residual_rms / (amplitude * math.sqrt(len(fit.residuals)))
         step = longest_step(2 * math.pi * frequency, ζ, allowed)
-        if step > REFINED * model.longest_step:
+        if step > STEP_RATIO * model.longest_step:
             break
         model = replace(model, longest_step=step)
         fit, columns = _match(model, decays, guesses, ratio_bounds, robust, fit.estimates)

@@ -22,7 +22,7 @@ from ancf_casadi.decay.evidence import evident
 from ancf_casadi.decay.first_guess import DecayGuess
 from ancf_casadi.decay.track import Track, track
 from ancf_casadi.support.arrays import Array
-from problems.decay.laws import EXPONENTS, LAWS, DecayModel
+from problems.decay.laws import DECAY_LAWS, EXPONENTS, DecayModel
 
 
 def of_motion(guess: DecayGuess, derivatives: int) -> DecayGuess:
@@ -86,7 +86,7 @@ def _damping(found: Track, model: DecayModel, ω: float) -> tuple[float, dict[st
         "eta2": 4 * ω / (3 * math.pi) * found.since_start(A),
         "eta0": 2 / (math.pi * ω) * found.since_start(1 / A),
     }
-    return _terms(found, {name: losses[name] for name in LAWS[model.law].terms})
+    return _terms(found, {name: losses[name] for name in DECAY_LAWS[model.law].terms})
 
 
 def _terms(found: Track, losses: Mapping[str, Array]) -> tuple[float, dict[str, float]]:

@@ -11,13 +11,13 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.agreement import Agreement, agreement
-from ancf_casadi.estimation.estimates import LEVEL, Quantities
+from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, Quantities
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Table
-from problems.decay.laws import LAWS, QUANTITIES
+from problems.decay.laws import DECAY_LAWS, DECAY_QUANTITIES
 from problems.decay.prediction import predicted
 from problems.decay.result import DecayFit
 
@@ -78,18 +78,23 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
     def _shared(self) -> tuple[str, ...]:
         """Names of the quantities that all decays have in common."""
         ratio = () if self.fits[0].law == "linear" else ("damping_ratio",)  # then it depends on the amplitude
-        return tuple(name for name in QUANTITIES if name not in (*OF_RECORD, *ratio))
+        return tuple(name for name in DECAY_QUANTITIES if name not in (*OF_RECORD, *ratio))
 
     @cached_property
     def _kept(self) -> list[list[int]]:
         """Positions of the quantities of each decay, less those that the first one has as well."""
-        return [[i for i, name in enumerate(QUANTITIES) if not k or name not in self._shared] for k in range(len(self))]
+        return [
+            [i for i, name in enumerate(DECAY_QUANTITIES) if not k or name not in self._shared]
+            for k in range(len(self))
+        ]
 
     @cached_property
     def quantities(self) -> tuple[tuple[str, ...], tuple[str, ...], Quantities]:
         """Names and units of the quantities, and the function from the unknowns to them."""
-        own = [(k, name) for k, kept in enumerate(self._kept, start=1) for name in np.array(list(QUANTITIES))[kept]]
-        single = QUANTITIES if len(self) == 1 else self._shared
+        own = [
+            (k, name) for k, kept in enumerate(self._kept, start=1) for name in np.array(list(DECAY_QUANTITIES))[kept]
+        ]
+        single = DECAY_QUANTITIES if len(self) == 1 else self._shared
         names = tuple(str(name) if name in single else f"{name}_{k}" for k, name in own)
         return names, tuple(self.fits[0].model.unit(str(name)) for _, name in own), self._quantities
 
@@ -110,7 +115,7 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         if len(self.alone) < 2:
             return ()
         law = self.fits[0].law
-        ratio = ("damping_ratio",) if law == "linear" else LAWS[law].terms
+        ratio = ("damping_ratio",) if law == "linear" else DECAY_LAWS[law].terms
         every = [fit.standard_errors for fit in self.alone]
         found = []
         for name in ("frequency", "frequency_slope", "frequency_curvature", *ratio):
@@ -130,7 +135,7 @@ class DecayFits(LeastSquaresResult, Sequence[DecayFit]):
         """Standard error of each estimated quantity by name; nan at a bound."""
         return super().standard_errors | {one.name: one.error for one in self.agreements}
 
-    def intervals(self, level: float = LEVEL) -> dict[str, Interval]:
+    def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
         """Return the interval of each estimated quantity by name for a confidence level."""
         return super().intervals(level) | {one.name: one.ends(level) for one in self.agreements}
 

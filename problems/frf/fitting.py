@@ -12,12 +12,12 @@ import numpy as np
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import is_sequence, physical, shown, vector, whole
-from problems.frf.modal_sum import DERIVATIVES, POWERS, ModalSum
+from problems.frf.modal_sum import MODAL_SUM_POWERS, RESIDUAL_POWERS, ModalSum
 from problems.frf.poles import candidate_poles, poles_near
 from problems.frf.record import FrfRecord, as_record
-from problems.frf.refinement import ADVICE, refine
+from problems.frf.refinement import FRF_ADVICE, refine
 from problems.frf.result import FrfFit
-from problems.frf.selection import MOST_MODES, Selection, select_modes
+from problems.frf.selection import MOST_FRF_MODES, Selection, select_modes
 from problems.frf.trial import TrialFit
 from problems.frf.weights import first_deviations, given_deviations
 
@@ -74,10 +74,10 @@ def fit_frf(
     near = None if frequencies is None else _given(frequencies, record)
     if near is not None and count is not None and count != len(near):
         raise InputError(f"is {shown(count)}, but {len(near)} frequencies are given; leave it out", "count")
-    wanted = len(near) if near is not None else None if count is None else whole(count, "count", 1, MOST_MODES)
+    wanted = len(near) if near is not None else None if count is None else whole(count, "count", 1, MOST_FRF_MODES)
     values = record.values.reshape(-1, len(record.frequencies)).T
-    model = ModalSum.of(record.frequencies, DERIVATIVES[record.kind], POWERS[0])
-    if wanted is not None and 2 * wanted + values.shape[1] * (2 * wanted + len(POWERS[0])) > values.size:
+    model = ModalSum.of(record.frequencies, MODAL_SUM_POWERS[record.kind], RESIDUAL_POWERS[0])
+    if wanted is not None and 2 * wanted + values.shape[1] * (2 * wanted + len(RESIDUAL_POWERS[0])) > values.size:
         raise InputError(f"has too few frequencies, {len(record.frequencies)}, for {wanted} modes", "record")
 
     given = given_deviations(record)
@@ -87,14 +87,14 @@ def fit_frf(
     selection = Selection(values, deviations, estimated=given is None, strict=wanted is None)
     best = select_modes(selection, model, candidates, wanted)
     if near is not None and len(best.frequencies) < len(near):
-        raise FitError(f"only {len(best.frequencies)} of the {wanted} modes were found; {ADVICE}")
+        raise FitError(f"only {len(best.frequencies)} of the {wanted} modes were found; {FRF_ADVICE}")
     settled = _ascending(_settled(selection, best))
     found = len(settled.frequencies)
     notes = [] if wanted is None or found == wanted else [f"the record supports {found} of {wanted} modes"]
     refined = refine(settled)
     lines, modes = record.frequencies, refined.trial.frequencies
     if not ((modes >= lines[0]) & (modes <= lines[-1])).all():
-        raise FitError(f"a mode left the band; {ADVICE}")
+        raise FitError(f"a mode left the band; {FRF_ADVICE}")
     again = partial(fit_frf, count=count, frequencies=frequencies, band=band)
     return FrfFit(refined.corrected, record, refined, tuple(notes), again=again)
 

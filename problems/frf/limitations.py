@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ancf_casadi.estimation.solver.noise import NOT_NOISE, concentration
-from problems.frf.modal_sum import POWERS
+from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentration
+from problems.decay.limitations import IMPRECISE
+from problems.frf.modal_sum import RESIDUAL_POWERS
 from problems.frf.record import FrfRecord
 from problems.frf.refinement import Refinement
-
-HIDDEN = 0.1  # relative standard error of a damping ratio beyond which there is a warning
 
 
 def limitations(record: FrfRecord, refinement: Refinement) -> list[str]:
@@ -28,18 +27,18 @@ def limitations(record: FrfRecord, refinement: Refinement) -> list[str]:
         if own - width / 2 < f[0] or own + width / 2 > f[-1]:
             notes.append(f"mode {k}: its resonance at {own:.4g} Hz is at the end of the band; widen the band")
         error = fit.standard_errors[f"damping_ratio_{k}"]
-        if error > HIDDEN * ζ:
+        if error > IMPRECISE * ζ:
             notes.append(
                 f"mode {k}: the damping ratio has a standard error of {100 * error / ζ:.2g} %; less noise, or a finer "
                 "resolution, would help"
             )
-    if trial.model.powers == POWERS[-1]:
+    if trial.model.powers == RESIDUAL_POWERS[-1]:
         notes.append(
             "a mode close to the band, or one in it that was not found, shows in the functions, and many residual "
             "terms stand for it; widen the band to include it"
         )
     focus = concentration(fit.residuals, fit.series, fit.times)
-    if focus > NOT_NOISE:
+    if focus > MOST_CONCENTRATION:
         notes.append(
             f"the residuals are not noise: their power is concentrated {focus:.2g} times as much; a mode may be "
             "missing, the motion may be nonlinear, or the measurement may leak, and the errors allow for it in part"

@@ -32,10 +32,12 @@ import numpy as np
 
 from ancf_casadi.support.arrays import Array, ComplexArray
 
-DERIVATIVES = {
+MODAL_SUM_POWERS = {
     "receptance": 0, "mobility": 1, "accelerance": 2, "transmissibility": 2, "relative-transmissibility": 2
 }  # fmt: skip
-POWERS = tuple(tuple(range(-size, size)) for size in (2, 4, 6))  # of i omega: few, more and many residual terms
+RESIDUAL_POWERS = tuple(
+    tuple(range(-size, size)) for size in (2, 4, 6)
+)  # of i omega: few, more and many residual terms
 
 
 @dataclass(frozen=True, eq=False)

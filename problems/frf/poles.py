@@ -18,9 +18,9 @@ from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 from problems.frf.modal_sum import ModalSum, stacked
 
-RATIOS = (1e-5, 0.6)  # least and largest damping ratio of a candidate
-GRID = (3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25)  # damping ratios to try at a given frequency
-NEAR, DRIFT = 0.3, 2e-3  # distance of equal poles, relative to their half-width, and to their frequency
+RATIO_RANGE = (1e-5, 0.6)  # least and largest damping ratio of a candidate
+RATIO_GRID = (3e-4, 1e-3, 3e-3, 0.01, 0.03, 0.1, 0.25)  # damping ratios to try at a given frequency
+POLE_WIDTHS, POLE_DISTANCE = 0.3, 2e-3  # distance of equal poles, relative to their half-width, and to their frequency
 MODULE, MISSING = "sdypy.EMA", "sdypy-EMA"
 
 
@@ -71,7 +71,7 @@ def candidate_poles(frequencies: Array, values: ComplexArray) -> Candidates:
     found = np.concatenate([np.asarray(part, dtype=float) for part in model.pole_freq])
     ratios = np.concatenate([np.asarray(part, dtype=float) for part in model.pole_xi])
     orders = np.repeat(np.arange(len(model.pole_freq)), [len(part) for part in model.pole_freq])
-    inside = (found >= f[0]) & (found <= f[-1]) & (ratios > RATIOS[0]) & (ratios < RATIOS[1])
+    inside = (found >= f[0]) & (found <= f[-1]) & (ratios > RATIO_RANGE[0]) & (ratios < RATIO_RANGE[1])
     if not inside.any():
         raise FitError("sdypy-EMA finds no poles in the band; give approximate frequencies")
     return Candidates(found[inside], ratios[inside], _recurring(found[inside], ratios[inside], orders[inside]))
@@ -82,14 +82,14 @@ def _recurring(frequencies: Array, ratios: Array, orders: Index) -> Index:
     poles = frequencies * (-ratios + 1j * np.sqrt(1 - ratios**2))
     width = frequencies * ratios
     distance = np.abs(poles[:, None] - poles)
-    near = distance < NEAR * width[:, None] + DRIFT * frequencies[:, None]
+    near = distance < POLE_WIDTHS * width[:, None] + POLE_DISTANCE * frequencies[:, None]
     times = np.array([len(np.unique(orders[row])) for row in near])
     found: list[int] = []
     for k in np.argsort(-times, kind="stable").tolist():
         # a recurring pole occurs at four orders, and at a quarter of all
         if times[k] < max(4, 0.25 * (orders.max() + 1)):
             break
-        if all(distance[k, other] > width[k] + DRIFT * frequencies[k] for other in found):
+        if all(distance[k, other] > width[k] + POLE_DISTANCE * frequencies[k] for other in found):
             found.append(k)
     return np.array(found, dtype=np.int64)
 
@@ -106,15 +106,15 @@ def poles_near(model: ModalSum, values: ComplexArray, frequencies: Array) -> Can
     frequencies : array (m,)
         Approximate natural frequencies, Hz.
     """
-    measured, ratios = stacked(values), np.full(len(frequencies), GRID[len(GRID) // 2])
+    measured, ratios = stacked(values), np.full(len(frequencies), RATIO_GRID[len(RATIO_GRID) // 2])
     for k in list(range(len(frequencies))) * 2:  # two sweeps over the modes
         rests = []
-        for ζ in GRID:
+        for ζ in RATIO_GRID:
             ratios[k] = ζ
             columns = stacked(model.columns(frequencies, ratios))
             q = np.linalg.qr(columns / np.linalg.norm(columns, axis=0))[0]
             rests.append(-np.sum((q.T @ measured) ** 2))
-        ratios[k] = GRID[int(np.argmin(rests))]
+        ratios[k] = RATIO_GRID[int(np.argmin(rests))]
     return Candidates(frequencies, ratios, np.arange(len(frequencies)))
 
 

@@ -9,7 +9,7 @@ from typing import Any, get_args
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.response.linear_frf import UNITS, FrfKind
+from ancf_casadi.response.linear_frf import FRF_UNITS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, instances, numbers
 from ancf_casadi.support.tables import Displayed, counted, spread
@@ -148,7 +148,7 @@ class FrfRecord(Displayed):
     @property
     def unit(self) -> str:
         """Unit of the values."""
-        return UNITS[self.kind]
+        return FRF_UNITS[self.kind]
 
     @property
     def outputs(self) -> int:

@@ -44,9 +44,9 @@ from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.support.arrays import Array
 from problems.frf.modal_sum import stacked
 from problems.frf.trial import LARGEST_RATIO, LEAST_SCALE, TrialFit
-from problems.frf.weights import ROOM
+from problems.frf.weights import LEAST_REMAINDER
 
-ADVICE = "give approximate frequencies, ask for fewer modes, or choose a band"
+FRF_ADVICE = "give approximate frequencies, ask for fewer modes, or choose a band"
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class Refinement:
         """Return X, as far as it is positive, for an orthonormal basis of the columns of J (N, n)."""
         trial = self.trial
         k, count = trial.values.shape
-        residuals = trial.weights * trial.residuals / np.sqrt(np.maximum(1 - trial.leverage, ROOM))
+        residuals = trial.weights * trial.residuals / np.sqrt(np.maximum(1 - trial.leverage, LEAST_REMAINDER))
         fitted = trial.weights * trial.fitted
         level = float(np.mean(np.abs(residuals) ** 2))
         parts = basis.reshape(count, 2, k, -1)
@@ -152,7 +152,7 @@ def refine(start: TrialFit) -> Refinement:
         gauss_newton=True,
         series=[k] * (2 * count),
         times=np.tile(start.model.frequencies, 2 * count),
-        advice=ADVICE,
+        advice=FRF_ADVICE,
     )
     return Refinement(replace(start, frequencies=fit.values[::2], ratios=fit.values[1::2]), fit)
 

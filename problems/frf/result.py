@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.estimation.estimates import LEVEL
+from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
@@ -18,9 +18,9 @@ from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import array
 from ancf_casadi.support.tables import Table, known
 from problems.frf.limitations import limitations
-from problems.frf.modal_sum import DERIVATIVES, ModalSum
+from problems.frf.modal_sum import MODAL_SUM_POWERS, ModalSum
 from problems.frf.record import FrfRecord, as_record
-from problems.frf.refinement import ADVICE, Refinement
+from problems.frf.refinement import FRF_ADVICE, Refinement
 from problems.frf.trial import TrialFit, quick_fit
 from problems.frf.weights import first_deviations, given_deviations
 from problems.matching.measured_modes import MeasuredModes
@@ -145,7 +145,7 @@ class FrfFit(LeastSquaresResult):
             shape_std=tuple(tuple((own / size).tolist()) for own, size in zip(chosen, sizes, strict=True)),
         )
 
-    def profile(self, name: str, level: float = LEVEL) -> Interval:
+    def profile(self, name: str, level: float = CONFIDENCE_LEVEL) -> Interval:
         """Return the interval of an estimate by profile likelihood, allowing for noise that functions share.
 
         Raises
@@ -172,7 +172,7 @@ class FrfFit(LeastSquaresResult):
         record = as_record(record)
         values = record.values.reshape(-1, len(record.frequencies)).T
         trial = self.refinement.trial
-        model = ModalSum.of(record.frequencies, DERIVATIVES[record.kind], trial.model.powers)
+        model = ModalSum.of(record.frequencies, MODAL_SUM_POWERS[record.kind], trial.model.powers)
         if 2 * len(values) < 2 * len(trial.frequencies) + len(model.powers):
             raise InputError(f"has too few frequencies, {len(values)}, for {len(trial.frequencies)} modes", "record")
         given = given_deviations(record)
@@ -192,7 +192,7 @@ class FrfFit(LeastSquaresResult):
         values = trial.fitted + (real + 1j * imaginary).T / trial.weights
         found = quick_fit(trial.model, values, trial.weights, trial.frequencies, trial.ratios)
         if found is None:
-            raise FitError(f"the functions do not determine the modes; {ADVICE}")
+            raise FitError(f"the functions do not determine the modes; {FRF_ADVICE}")
         return np.column_stack([found.frequencies, found.ratios]).ravel()
 
     def table(self) -> Table:

@@ -26,15 +26,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ancf_casadi.estimation.criteria import VERY_STRONG
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, ComplexArray, Mask
-from problems.frf.modal_sum import POWERS, ModalSum, stacked
+from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, stacked
 from problems.frf.poles import Candidates
 from problems.frf.trial import TrialFit, quick_fit
 from problems.frf.weights import fitted_deviations
 
-CLEAR = 10.0  # difference of BIC that leaves no doubt
-MOST_MODES = 20
+MOST_FRF_MODES = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ class Selection:
         effective = max(min(refined.effective_samples, samples), 2.0)
         scale = max(squares[1] / (samples - refined.parameters), np.finfo(float).tiny)
         gain = effective / samples * (squares[0] - squares[1]) / scale
-        threshold = (refined.parameters - smaller.parameters) * math.log(effective) + CLEAR
+        threshold = (refined.parameters - smaller.parameters) * math.log(effective) + VERY_STRONG
         return bool(gain > threshold)
 
     def _kept(self, fit: TrialFit) -> Mask:
@@ -131,7 +131,7 @@ def select_modes(selection: Selection, model: ModalSum, candidates: Candidates, 
     FitError
         If no mode is found.
     """
-    for powers in POWERS:
+    for powers in RESIDUAL_POWERS:
         more = replace(model, powers=powers)
         if selection.has_room(more, len(candidates.recurring) or (count or 1)):
             model = more
@@ -140,7 +140,7 @@ def select_modes(selection: Selection, model: ModalSum, candidates: Candidates, 
     best = _extended(selection, best, candidates, count)
     if not len(best.frequencies):
         raise FitError("no mode was found in the band; give approximate frequencies, or a band with a resonance")
-    for powers in POWERS[: POWERS.index(best.model.powers)][::-1]:
+    for powers in RESIDUAL_POWERS[: RESIDUAL_POWERS.index(best.model.powers)][::-1]:
         fewer = replace(best.model, powers=powers)
         if selection.needed(best, fewer, best.frequencies, best.ratios):
             break
@@ -150,7 +150,7 @@ def select_modes(selection: Selection, model: ModalSum, candidates: Candidates, 
 
 def _beginning(selection: Selection, model: ModalSum, candidates: Candidates) -> TrialFit:
     """Return the fit of the recurring poles, of as many as can be fitted."""
-    chosen = candidates.recurring[:MOST_MODES]
+    chosen = candidates.recurring[:MOST_FRF_MODES]
     while len(chosen):
         fit = selection.fit(model, candidates.frequencies[chosen], candidates.ratios[chosen])
         if fit is not None:
@@ -187,7 +187,7 @@ def _importance(fit: TrialFit) -> Array:
 
 def _extended(selection: Selection, best: TrialFit, candidates: Candidates, count: int | None) -> TrialFit:
     """Return the fit with the candidates that it needs, or that make up ``count`` modes."""
-    while len(best.frequencies) < (MOST_MODES if count is None else count):
+    while len(best.frequencies) < (MOST_FRF_MODES if count is None else count):
         found: TrialFit | None = None
         for f, ζ in _ranked(best, candidates):
             trial = selection.fit(best.model, np.append(best.frequencies, f), np.append(best.ratios, ζ))

@@ -23,7 +23,7 @@ from problems.frf.modal_sum import ModalSum, stacked
 
 LARGEST_RATIO = 0.999
 LEAST_SCALE = 1e-4  # damping ratio that sets the scale of nearly undamped modes
-TOLERANCE = 1e-9
+SOLVER_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +153,7 @@ def quick_fit(
     try:
         found = least_squares(
             residuals, start, jacobian, (0.0, upper), x_scale=scale.ravel(),
-            ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=50 * len(start),
+            ftol=SOLVER_TOLERANCE, xtol=SOLVER_TOLERANCE, gtol=SOLVER_TOLERANCE, max_nfev=50 * len(start),
         )  # fmt: skip
     except (np.linalg.LinAlgError, ValueError):  # residuals that are not finite
         return None

@@ -30,9 +30,9 @@ from scipy.special import chdtri
 from ancf_casadi.support.arrays import Array, ComplexArray
 from problems.frf.record import FrfRecord, moving_mean
 
-EXTREMES = (-30.0, 30.0)  # of the logarithms of A and B, relative to their first guesses
-LEAST = 1e-6  # standard deviation, relative to the median of the function
-ROOM = 0.05  # least 1 - h
+LOG_BOUNDS = (-30.0, 30.0)  # of the logarithms of A and B, relative to their first guesses
+LEAST_STD = 1e-6  # standard deviation, relative to the median of the function
+LEAST_REMAINDER = 0.05  # least 1 - h
 
 
 def given_deviations(record: FrfRecord) -> Array | None:
@@ -55,7 +55,7 @@ def first_deviations(values: ComplexArray) -> Array:
     """Return standard deviations (k, F) for the first fit, one per function, from its second differences."""
     differences = np.abs(np.diff(values, n=2, axis=0)) ** 2
     variance = np.median(differences, axis=0) / (6 * math.log(2))
-    level = np.sqrt(np.maximum(variance, (LEAST * np.median(np.abs(values), axis=0)) ** 2))
+    level = np.sqrt(np.maximum(variance, (LEAST_STD * np.median(np.abs(values), axis=0)) ** 2))
     return np.tile(np.maximum(level, np.finfo(float).tiny), (len(values), 1))
 
 
@@ -69,8 +69,8 @@ def fitted_deviations(residuals: ComplexArray, amplitude: Array, leverage: Array
     leverage : array (k, F)
         Share of each value that the fit follows.
     """
-    squares = np.abs(residuals) ** 2 / np.maximum(1 - leverage, ROOM)
-    floor = (LEAST * np.median(amplitude, axis=0)) ** 2
+    squares = np.abs(residuals) ** 2 / np.maximum(1 - leverage, LEAST_REMAINDER)
+    floor = (LEAST_STD * np.median(amplitude, axis=0)) ** 2
     variance = np.column_stack([_variance(*columns) for columns in zip(squares.T, amplitude.T**2, strict=True)])
     variance = np.maximum(variance, np.maximum(floor, np.finfo(float).tiny))
     variance = variance * _slow_factor(np.mean(squares / variance, axis=1))[:, None]
@@ -82,7 +82,7 @@ def _variance(squares: Array, power: Array) -> Array:
     if not squares.any():
         return np.zeros(len(squares))
     quiet = float(np.median(squares[power <= np.median(power)])) or float(squares.mean())
-    relative = float(np.median(squares / np.maximum(power, LEAST * power.max()))) or quiet / float(power.mean())
+    relative = float(np.median(squares / np.maximum(power, LEAST_STD * power.max()))) or quiet / float(power.mean())
 
     def deviance(logarithms: Array) -> tuple[float, Array]:
         parts = np.exp(logarithms)[:, None] * np.stack([np.full(len(power), quiet), relative * power])
@@ -90,7 +90,7 @@ def _variance(squares: Array, power: Array) -> Array:
         slope = (1 - squares / variance) / variance
         return float(np.sum(np.log(variance) + squares / variance)), parts @ slope
 
-    found = minimize(deviance, np.zeros(2), jac=True, bounds=[EXTREMES, EXTREMES], method="L-BFGS-B")
+    found = minimize(deviance, np.zeros(2), jac=True, bounds=[LOG_BOUNDS, LOG_BOUNDS], method="L-BFGS-B")
     first, second = np.exp(found.x)
     return np.asarray(first * quiet + second * relative * power)
 

@@ -15,16 +15,16 @@ from typing import Any
 
 import numpy as np
 
+from ancf_casadi.estimation.solver.least_squares import AT_BOUND
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, is_sequence, numbers, shown
 from ancf_casadi.vibration.assembly import structure_properties
-from problems.matching.unknowns import PAPER, Global, PerElement, PropertyUnknown, Smooth, check_bounds
+from problems.matching.unknowns import PAPER_UNKNOWNS, Global, PerElement, PropertyUnknown, Smooth, check_bounds
 
-SMALLEST = 1e-7  # factor: a property never vanishes
-AT_BOUND = 1e-6  # distance from an active bound, relative to half the width of the bounds
+SMALLEST_FACTOR = 1e-7  # factor: a property never vanishes
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class DesignSpace:
     """
 
     beam: Beam
-    unknowns: tuple[PropertyUnknown, ...] = PAPER
+    unknowns: tuple[PropertyUnknown, ...] = PAPER_UNKNOWNS
     bounds: float = 0.10
 
     def __post_init__(self) -> None:
@@ -109,7 +109,7 @@ class DesignSpace:
     @cached_property
     def lower(self) -> Array:
         """Lower bounds of the unknowns, (N,)."""
-        return self._repeated(lambda smooth, bounds: -math.inf if smooth else max(1 - bounds, SMALLEST))
+        return self._repeated(lambda smooth, bounds: -math.inf if smooth else max(1 - bounds, SMALLEST_FACTOR))
 
     @cached_property
     def upper(self) -> Array:
@@ -127,7 +127,7 @@ class DesignSpace:
         """Lower and upper bounds of the changes ``rows @ m``, (r,) each."""
         widths = [bounds for _, smooth, bounds in self._blocks if smooth]
         width = np.repeat(widths, self.beam.elements)
-        return np.maximum(-width, SMALLEST - 1), width
+        return np.maximum(-width, SMALLEST_FACTOR - 1), width
 
     @cached_property
     def bounded_names(self) -> tuple[str, ...]:
@@ -215,7 +215,7 @@ class DesignSpace:
                 continue
             direction = generator.standard_normal(block.stop - block.start)
             largest = np.abs(self.map[:, block] @ direction).max()
-            m[block] = direction * (min(bounds, 1 - SMALLEST) * generator.uniform() / largest)
+            m[block] = direction * (min(bounds, 1 - SMALLEST_FACTOR) * generator.uniform() / largest)
         return m
 
     @cached_property

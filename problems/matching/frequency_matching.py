@@ -38,14 +38,14 @@ from problems.matching.preference import LeastChange, Preference, Smoothness
 from problems.matching.program import Optimum, solve
 from problems.matching.response import Matching, Objective
 from problems.matching.result import FrequencyMatch
-from problems.matching.unknowns import PAPER, PropertyUnknown
+from problems.matching.unknowns import PAPER_UNKNOWNS, PropertyUnknown
 
 
 def match_frequencies(
     beam: Beam,
     *,
     targets: MeasuredModes | Sequence[float],
-    unknowns: Sequence[PropertyUnknown] = PAPER,
+    unknowns: Sequence[PropertyUnknown] = PAPER_UNKNOWNS,
     bounds: float = 0.10,
     preference: Preference | None = None,
     objective: Objective = "least-squares",

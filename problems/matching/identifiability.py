@@ -34,9 +34,9 @@ from ancf_casadi.support.arrays import Array, Mask
 from problems.matching.design_space import DesignSpace
 from problems.matching.unknowns import Global
 
-RANK = 1e-6  # times the largest singular value; smaller ones count as zero
-TOUCH = 1e-9  # excess over a bound that may be due to rounding
-ORDER = (
+RANK_TOLERANCE = 1e-6  # times the largest singular value; smaller ones count as zero
+BOUND_ROUNDING = 1e-9  # excess over a bound that may be due to rounding
+PROPERTY_ORDER = (
     "elastic_modulus",
     "thickness",
     "density",
@@ -79,7 +79,7 @@ class Identifiability:
     @property
     def rank(self) -> int:
         """Number of combinations of the unknowns that the data determine."""
-        return int(np.count_nonzero(self._svd[0] > RANK * self._svd[0][0]))
+        return int(np.count_nonzero(self._svd[0] > RANK_TOLERANCE * self._svd[0][0]))
 
     @property
     def determined(self) -> Array:
@@ -136,7 +136,7 @@ class Identifiability:
         with np.errstate(divide="ignore", invalid="ignore"):
             moves *= (changes / np.sum(moves**2, axis=1))[:, None]
             moves = np.concatenate([moves, moves @ self.space.rows.T], axis=1)
-            return np.asarray(((moves >= lower - TOUCH) & (moves <= upper + TOUCH)).all(axis=1))
+            return np.asarray(((moves >= lower - BOUND_ROUNDING) & (moves <= upper + BOUND_ROUNDING)).all(axis=1))
 
     def _extreme(self, row: Array, lower: Array, upper: Array) -> float:
         """Return the minimum of t^T dm, with t a row, over the null space within the bounds; nan if none is found."""
@@ -161,7 +161,7 @@ class Identifiability:
     def covariance(self) -> Array:
         """Covariance of the unknowns, (N, N), for the combinations that data and prior determine."""
         values, directions = self._information
-        known = values > RANK**2 * values[-1]
+        known = values > RANK_TOLERANCE**2 * values[-1]
         return np.asarray((directions[:, known] / values[known]) @ directions[:, known].T)
 
     @cached_property
@@ -173,7 +173,7 @@ class Identifiability:
         rows = self.factor_jacobian
         found = rows @ self.covariance @ rows.T
         values, directions = self._information
-        loose = directions[:, values <= RANK**2 * values[-1]]
+        loose = directions[:, values <= RANK_TOLERANCE**2 * values[-1]]
         # relative part of a factor in the null space, below which the data determine the factor
         known = np.linalg.norm(rows @ loose, axis=1) < 1e-6 * np.linalg.norm(rows, axis=1)
         return np.where(np.outer(known, known) & self.noisy, found, math.nan)
@@ -224,12 +224,12 @@ class Identifiability:
     def exponents(self) -> tuple[tuple[str, ...], Array]:
         """The G global unknowns, and the exponents, (r, G), of the products that the data determine, all else held."""
         given = {unknown.name for unknown in self.space.unknowns if isinstance(unknown, Global)}
-        names = tuple(name for name in ORDER if name in given)
+        names = tuple(name for name in PROPERTY_ORDER if name in given)
         if not names:
             return (), np.zeros((0, 0))
         columns = [self.space.names.index(name) for name in names]
         logarithmic = self.jacobian[:, columns] * self.values[columns]
-        return names, determined_exponents(logarithmic, RANK * self._svd[0][0])
+        return names, determined_exponents(logarithmic, RANK_TOLERANCE * self._svd[0][0])
 
     def statements(self) -> tuple[str, ...]:
         """Return sentences that say which combinations of the unknowns the data determine."""

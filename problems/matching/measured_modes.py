@@ -23,7 +23,7 @@ from ancf_casadi.support.arrays import Array, Mask
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, positive, shown
 from ancf_casadi.support.tables import Displayed, counted, spread
 
-SMALLEST = 1e-12  # relative standard deviation
+SMALLEST_STD = 1e-12  # relative standard deviation
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ def _spread(given: Any, count: int, where: str) -> tuple[float, ...]:
 
 def _check_ratio(relative: Array, where: str) -> None:
     """Refuse relative deviations whose squares would overflow or vanish."""
-    if not ((relative > SMALLEST) & (relative < 1 / SMALLEST)).all():
+    if not ((relative > SMALLEST_STD) & (relative < 1 / SMALLEST_STD)).all():
         raise InputError(
-            f"must be within {SMALLEST:g} to {1 / SMALLEST:g} times the measured value; check the unit", where
+            f"must be within {SMALLEST_STD:g} to {1 / SMALLEST_STD:g} times the measured value; check the unit", where
         )

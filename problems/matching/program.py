@@ -35,8 +35,8 @@ from ancf_casadi.support.arrays import Array
 from problems.matching.preference import WEIGHT, LeastChange
 from problems.matching.response import Matching, Response
 
-TIE = 1e-6  # weight of p in worst-error: a mean square change of 1 costs as much as an error of TIE/2
-OPTIONS: dict[str, Any] = {
+TIE_WEIGHT = 1e-6  # weight of p in worst-error: a mean square change of 1 costs as much as an error of TIE_WEIGHT/2
+MATCHING_OPTIONS: dict[str, Any] = {
     "no_nlp_grad": True,  # CasADi would differentiate the callbacks, and cannot
     "ipopt.tol": 1e-8,
     "ipopt.compl_inf_tol": 1e-11,  # separates active from inactive bounds clearly
@@ -125,7 +125,7 @@ def worst_error_program(matching: Matching, residuals: Array) -> Program:
     return Program(
         c=np.ones(1),
         Q=np.zeros((1, 1)),
-        P=LeastChange(TIE).matrix(matching.space, TIE),
+        P=LeastChange(TIE_WEIGHT).matrix(matching.space, TIE_WEIGHT),
         S=np.vstack([np.diag(one), np.diag(one)]),
         T=np.concatenate([-one, one])[:, None],
         lower=np.concatenate([none - math.inf, none]),
@@ -178,7 +178,7 @@ def _minimise(matching: Matching, response: Response, program: Program, start: A
         constraint_lower=np.concatenate([program.lower, below]),
         constraint_upper=np.concatenate([program.upper, above]),
         options={
-            **OPTIONS,
+            **MATCHING_OPTIONS,
             "grad_f": cs.Function("grad_f", [x, no_parameter], [f, cs.gradient(f, x)]),
             "jac_g": cs.Function("jac_g", [x, no_parameter], [g, g_jacobian]),
             "hess_lag": cs.Function("hess_lag", [x, no_parameter, sigma, y], [cs.triu(hessian)]),

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ancf_casadi.estimation.estimates import LEVEL, quantile
+from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, quantile
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import FitResult, Interval
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import UNITS, Beam
+from ancf_casadi.mechanics.beam import BEAM_UNITS, Beam
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Cell, Table
 from ancf_casadi.support.tables import known as finite
@@ -137,14 +137,14 @@ class FrequencyMatch(FitResult):
     @property
     def units(self) -> dict[str, str]:
         """SI unit of each property that may change."""
-        return {name: UNITS[name.partition("[")[0]] for name in self.identifiability.factor_names}
+        return {name: BEAM_UNITS[name.partition("[")[0]] for name in self.identifiability.factor_names}
 
     @property
     def standard_errors(self) -> dict[str, float]:
         """Standard error of each property that may change, SI units; nan if the data do not determine it."""
         return self._named(self.identifiability.standard_errors * self._given)
 
-    def intervals(self, level: float = LEVEL) -> dict[str, Interval]:
+    def intervals(self, level: float = CONFIDENCE_LEVEL) -> dict[str, Interval]:
         """Return the interval of each property that may change, within its bounds; nan if it is not determined.
 
         Raises
@@ -184,7 +184,7 @@ class FrequencyMatch(FitResult):
         """Number of residuals with known scatter; 0 if no standard deviation is given."""
         return len(self.residuals) if self.matching.noisy else 0
 
-    def profile(self, name: str, level: float = LEVEL) -> Interval:
+    def profile(self, name: str, level: float = CONFIDENCE_LEVEL) -> Interval:
         """Return the range of a property over all beams within the bounds that fit nearly as well, for a level.
 
         It is that of ``FitResult.profile``, to first order in the residuals, and includes the beams that fit equally
@@ -378,7 +378,7 @@ class FrequencyMatch(FitResult):
         return [
             {
                 "name": name,
-                "unit": UNITS[name.partition("[")[0]],
+                "unit": BEAM_UNITS[name.partition("[")[0]],
                 "value": value,
                 "change": factor - 1,
                 "lowest": finite(low),

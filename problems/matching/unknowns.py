@@ -191,6 +191,6 @@ class Smooth(Displayed):
 
 PropertyUnknown = Global | PerElement | Smooth
 
-PAPER: tuple[PropertyUnknown, ...] = (
+PAPER_UNKNOWNS: tuple[PropertyUnknown, ...] = (
     PerElement("width"), PerElement("thickness"), Global("density"), Global("elastic_modulus")
 )  # fmt: skip

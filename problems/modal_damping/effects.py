@@ -7,8 +7,8 @@ amplitude would).  At e0 = 76 mm on 500 mm the tip displacement of mode 2 is 0.1
 load it would be 1.5 %, after a force at the tip 2.4 %.
 
 Radau integrates the motion: the sudden release moves the mesh too, and the default integrator changes to Radau within
-the first millisecond.  With ``TOLERANCE`` and ``STEPS``, amplitudes are within 0.05 % of those at a 300 times smaller
-tolerance, down to ``RESOLVED``.
+the first millisecond.  With ``EFFECTS_TOLERANCE`` and ``LEAST_STEPS``, amplitudes are within 0.05 % of those at a 300
+times smaller tolerance, down to ``LEAST_AMPLITUDE``.
 
 The envelope on the beam consists of the peaks of the tip displacement across the beam, that by the formula is a(t) of
 Eq. (27) with f and e0.  The motion by the formula starts at rest, unlike Eq. (27) as printed:
@@ -17,8 +17,8 @@ Eq. (27) with f and e0.  The motion by the formula starts at rest, unlike Eq. (2
 
 The characteristics in words of Table 6 follow from the mean decay rates over the first seconds, ln(A(0)/A(t))/t at
 t = ``HORIZON``.  Of two laws, the gross motion decays rapidly under the one whose rate is larger at every frequency.  A
-law is independent of the frequency if its rates differ by less than ``ALIKE``, and controls the residual motion if less
-than ``GONE`` of the amplitude is left at t, at every frequency.
+law is independent of the frequency if its rates differ by less than ``EQUAL_RATES``, and controls the residual motion
+if less than ``SETTLED_AMPLITUDE`` of the amplitude is left at t, at every frequency.
 
 References
 ----------
@@ -49,12 +49,12 @@ from ancf_casadi.support.inputs import physical, positive
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
-TOLERANCE, STEPS = 1e-5, 24  # tolerance of the integrator, and its least number of steps per period
+EFFECTS_TOLERANCE, LEAST_STEPS = 1e-5, 24  # tolerance of the integrator, and its least number of steps per period
 LARGEST_START = 0.6  # tip displacement relative to the length, beyond which the load hardly moves the tip across
 HORIZON = 5.0  # s, after which the paper finds the vibration under eta1 to have disappeared
-ALIKE = 0.1  # relative difference of decay rates
-GONE = 0.02  # of the amplitude at the start
-RESOLVED = 1e-5  # m, least amplitude that the simulation resolves on a beam of half a metre
+EQUAL_RATES = 0.1  # relative difference of decay rates
+SETTLED_AMPLITUDE = 0.02  # of the amplitude at the start
+LEAST_AMPLITUDE = 1e-5  # m, least amplitude that the simulation resolves on a beam of half a metre
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +146,7 @@ def simulate_decay(
     frequency: float,
     amplitude: float = 0.076,
     duration: float = 15.0,
-    steps_per_period: int = STEPS,
+    steps_per_period: int = LEAST_STEPS,
 ) -> SimulatedDecay:
     """Simulate the free decay of a beam in its first mode, and compute it by Eq. (27).
 
@@ -181,7 +181,7 @@ def simulate_decay(
         start=start,
         duration=duration + 1 / frequency,  # so that the last peak lies beyond the end
         sample_rate=40 * frequency,  # samples per period
-        tolerance=TOLERANCE,
+        tolerance=EFFECTS_TOLERANCE,
         largest_step=1 / (steps_per_period * frequency),
     )
     tip, ω = run.tip @ _across(modes), 2 * math.pi * frequency
@@ -348,8 +348,8 @@ def characteristics(
 def _words(rates: tuple[float, ...], left: tuple[float, ...], faster: float) -> Characteristics:
     return Characteristics(
         gross_motion={1.0: "rapid decay", -1.0: "slow decay"}.get(faster, "undecided"),
-        frequency="independent" if max(rates) < (1 + ALIKE) * min(rates) else "dependent",
-        residual_motion="controllable" if max(left) < GONE else "uncontrollable",
+        frequency="independent" if max(rates) < (1 + EQUAL_RATES) * min(rates) else "dependent",
+        residual_motion="controllable" if max(left) < SETTLED_AMPLITUDE else "uncontrollable",
         rates=rates,
         left=left,
     )

@@ -17,7 +17,7 @@ from problems.schema.file import StudyFile, is_document
 from problems.schema.table import made
 
 HEAD = "tables of a TOML file:\n"
-KEYS = """\
+BEAM_KEYS = """\
   [beam]        length (m), elements; width, thickness (m), density (kg/m^3),
                 elastic_modulus (Pa): each a number, or a list with one value
                 per element; optional: axis, gravity (m/s^2), tip_mass (kg),
@@ -34,9 +34,9 @@ DAMPING_KEYS = """\
                 law = "modal": ratios, frequencies (Hz)
                 several tables add up
 """
-BEAM_HELP = HEAD + KEYS
+BEAM_HELP = HEAD + BEAM_KEYS
 DAMPED_HELP = BEAM_HELP + DAMPING_KEYS
-LAWS: dict[str, Callable[..., DampingLaw]] = {
+DAMPING_LAWS: dict[str, Callable[..., DampingLaw]] = {
     "rayleigh": RayleighDamping,
     "quadratic": QuadraticDamping,
     "friction": FrictionDamping,
@@ -112,13 +112,13 @@ def total(terms: Sequence[DampingLaw]) -> DampingLaw | None:
 
 def _term(table: Any, model: Model, where: str) -> DampingLaw:
     kind = table.get("law") if isinstance(table, dict) else None
-    if not isinstance(kind, str) or kind not in LAWS:
-        raise InputError(f"law must be one of {', '.join(LAWS)}, got {shown(kind)}", where)
+    if not isinstance(kind, str) or kind not in DAMPING_LAWS:
+        raise InputError(f"law must be one of {', '.join(DAMPING_LAWS)}, got {shown(kind)}", where)
     own = {key: value for key, value in table.items() if key != "law"}
     if kind == "quadratic" and {"drag_coefficient", "air_density"} & own.keys():
         return made(own, QuadraticDamping.from_drag, where, beam=model.beam)
     if kind != "modal":
-        return made(own, LAWS[kind], where)
+        return made(own, DAMPING_LAWS[kind], where)
     ratios: Any = own.get("ratios")
     count = min(max(1, len(ratios) if is_sequence(ratios) else 1), model.size - model.free.start)
     return made(own, ModalDamping, where, modes=natural_modes(model, count=count))

@@ -12,7 +12,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.files import opened, read_toml
 from ancf_casadi.support.inputs import check_keys, shown
 
-TABLES = set(
+FILE_TABLES = set(
     "beam match damping base load release simulation response markers records frequencies predictions fit study parts"
     " laws decays".split()
 )  # fmt: skip
@@ -55,7 +55,7 @@ class StudyFile:
                 given,
             )
         tables = read_toml(given)
-        check_keys(tables, set(required), TABLES, given)
+        check_keys(tables, set(required), FILE_TABLES, given)
         return cls(given, tables)
 
     def where(self, name: str) -> str:

@@ -43,10 +43,10 @@ class MatchTable:
         return {key: value for key, value in given.items() if value is not None}
 
 
-KEYS = told("[match]", "{}", MatchTable)
-MATCH_HELP = BEAM_HELP + KEYS
+MATCH_KEYS = told("[match]", "{}", MatchTable)
+MATCH_HELP = BEAM_HELP + MATCH_KEYS
 MOST_ELEMENTS = 1000  # a match with more takes minutes, and Ctrl-C does not end it at once
-MODES = ("frequency_std", "points", "shapes", "shape_std")  # keys that belong to MeasuredModes
+MODE_KEYS = ("frequency_std", "points", "shapes", "shape_std")  # keys that belong to MeasuredModes
 
 
 def read_match(given: str | StudyFile) -> tuple[Beam, dict[str, Any]]:
@@ -84,7 +84,7 @@ def request_of(table: MatchTable) -> dict[str, Any]:
     request = table.request
     if "targets" not in request:
         raise InputError("the key 'targets' is missing")
-    measured = {key: request.pop(key) for key in MODES if key in request}
+    measured = {key: request.pop(key) for key in MODE_KEYS if key in request}
     targets = list(numbers(request["targets"], "targets"))
     request["targets"] = MeasuredModes(frequencies=tuple(targets), **measured) if measured else targets
     if "unknowns" in request:

@@ -21,7 +21,7 @@ from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from problems.schema.file import StudyFile
 from problems.schema.table import made
 
-KEYS = """\
+MOTION_KEYS = """\
   [base]        harmonic: amplitude (m), frequency (Hz), stop (s), direction,
                 stop_at ("rest" or "once"), ramp (cycles in which the
                 amplitude grows from 0)

@@ -19,11 +19,10 @@ from problems.beam.motions.record import Camera, Channel, MotionRecord
 from problems.beam.values.records import FrequencyRecord
 from problems.schema.beam import DAMPED_HELP, read_damped, read_terms, total
 from problems.schema.file import StudyFile
-from problems.schema.motion import KEYS as MOTION_KEYS
-from problems.schema.motion import READING, read_base, read_load, read_measured, read_release
+from problems.schema.motion import MOTION_KEYS, READING, read_base, read_load, read_measured, read_release
 from problems.schema.table import made
 
-KEYS = """\
+RECORD_KEYS = """\
   [[records]]   one table per measured motion; channels = [{column = "x",
                 direction = [1, 0]}, ...]: a list of sensors, each with file,
                 column (name or number), sensor ("position", "displacement",
@@ -54,11 +53,11 @@ KEYS = """\
                 laws = [[1], [1, 2]]: for compare-laws, the tables [[damping]]
                 of each law (default: each alone, and all together)
 """
-RECORDS_HELP = DAMPED_HELP + MOTION_KEYS + KEYS
+RECORDS_HELP = DAMPED_HELP + MOTION_KEYS + RECORD_KEYS
 SENSOR = {"point", "direction", "frame", "gravity", "distance"}
-UNKNOWN = {"std", "offset", "zero"}
+UNKNOWN_KEYS = {"std", "offset", "zero"}
 CONFIGURATION = {"length", "axis", "tip_mass", "clamp_stiffness"}
-CHANNEL = {"file", "column", "unit", "sensor", "from", "to", *SENSOR, *READING, *UNKNOWN}
+CHANNEL = {"file", "column", "unit", "sensor", "from", "to", *SENSOR, *READING, *UNKNOWN_KEYS}
 RECORD = {"channels", "release_time", "camera", "base", "load", "release", "start", *CHANNEL, *CONFIGURATION}
 FIT = {"unknowns", "fixed", "bounds", "priors", "robust", "tolerance"}  # of ``fit_beam``
 
@@ -195,7 +194,7 @@ def _check_made(file: StudyFile, name: Any, where: str) -> None:
 def _channel(recording: Recording, given: Mapping[str, Any], where: str) -> Channel:
     """Return a sensor with its record."""
     settings = {key: given[key] for key in SENSOR & given.keys()}
-    unknown = {key: given[key] for key in UNKNOWN & given.keys()}
+    unknown = {key: given[key] for key in UNKNOWN_KEYS & given.keys()}
     with located(where):
         sensor = Sensor(given.get("sensor", "position"), **settings)
         record = Measurement.from_recording(recording, given.get("column"), unit=given.get("unit"), sensor=sensor)

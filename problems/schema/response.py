@@ -17,15 +17,15 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
 from ancf_casadi.response.curve import ResponseCurve
-from ancf_casadi.response.tracing import MOST_POINTS, POINTS, frequency_response
+from ancf_casadi.response.tracing import CURVE_POINTS, MOST_CURVE_POINTS, frequency_response
 from ancf_casadi.support.inputs import whole
 from problems.schema.beam import DAMPED_HELP, read_damped
 from problems.schema.file import StudyFile
 from problems.schema.simulation import MARKERS_KEYS, read_markers
 from problems.schema.table import Positive, read, told
 
-MODES = 8  # of the reduced model, if the beam has as many
-TOLERANCE = 1e-4  # few harmonics suffice for it, even under friction
+RESPONSE_MODES = 8  # of the reduced model, if the beam has as many
+RESPONSE_TOLERANCE = 1e-4  # few harmonics suffice for it, even under friction
 
 Levels = Positive | Annotated[tuple[Positive, ...], Meta(min_length=1, max_length=20)]
 
@@ -38,11 +38,13 @@ class ResponseTable(Struct, frozen=True):
     tip_forces: Annotated[Levels, Meta(description="N, instead of base_amplitudes")] = ()
     direction: tuple[float, float] = (1.0, 0.0)
     model: Literal["reduced", "full"] = "reduced"
-    modes: Annotated[int, Meta(ge=1, description=f"of the reduced model, {MODES}")] = 0
-    points: Annotated[int, Meta(ge=2, le=MOST_POINTS, description=f"least number on a curve, {POINTS}")] = POINTS
+    modes: Annotated[int, Meta(ge=1, description=f"of the reduced model, {RESPONSE_MODES}")] = 0
+    points: Annotated[int, Meta(ge=2, le=MOST_CURVE_POINTS, description=f"least number on a curve, {CURVE_POINTS}")] = (
+        CURVE_POINTS
+    )
     tolerance: Annotated[
-        float, Meta(gt=0.0, le=0.01, description=f"error of each motion relative to its size, {TOLERANCE:g}")
-    ] = TOLERANCE
+        float, Meta(gt=0.0, le=0.01, description=f"error of each motion relative to its size, {RESPONSE_TOLERANCE:g}")
+    ] = RESPONSE_TOLERANCE
 
 
 RESPONSE_HELP = DAMPED_HELP + told("[response]", "steady vibration: {}", ResponseTable) + MARKERS_KEYS
@@ -172,4 +174,4 @@ def _modes(table: ResponseTable, model: Model, where: str) -> int:
         if table.modes:
             raise InputError("belongs to the reduced model; leave it out", where)
         return 0
-    return whole(table.modes, where, 1, most) if table.modes else min(MODES, most // 2)
+    return whole(table.modes, where, 1, most) if table.modes else min(RESPONSE_MODES, most // 2)

@@ -14,10 +14,9 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import check_keys, located, physical, shown
 from problems.schema.beam import DAMPED_HELP, read_damped
 from problems.schema.file import StudyFile
-from problems.schema.motion import KEYS as MOTION_KEYS
-from problems.schema.motion import read_base, read_load, read_release
+from problems.schema.motion import MOTION_KEYS, read_base, read_load, read_release
 
-KEYS = """\
+SIMULATION_KEYS = """\
   [simulation]  duration (s), sample_rate (1/s), tolerance,
                 method ("auto", "idas" or "radau"),
                 start ("equilibrium", "straight" or "impact")
@@ -25,9 +24,9 @@ KEYS = """\
 MARKERS_KEYS = """\
   [markers]     NAME = arc length from the clamp (m): points in the output
 """
-SIMULATION_HELP = DAMPED_HELP + MOTION_KEYS + KEYS + MARKERS_KEYS
+SIMULATION_HELP = DAMPED_HELP + MOTION_KEYS + SIMULATION_KEYS + MARKERS_KEYS
 SETTINGS = {"sample_rate", "start", "method", "tolerance"}
-TAKEN = ("time", "tip", "base")  # names of columns that are always there
+COLUMN_NAMES = ("time", "tip", "base")  # names of columns that are always there
 
 
 @dataclass(frozen=True)
@@ -107,9 +106,9 @@ def read_markers(file: StudyFile, model: Model) -> dict[str, float]:
     if not isinstance(table, dict):
         raise InputError(f"must be a table, got {shown(table)}", where)
     for name, point in table.items():
-        if name in TAKEN or not re.fullmatch(r"\w[\w.-]*", name):
+        if name in COLUMN_NAMES or not re.fullmatch(r"\w[\w.-]*", name):
             raise InputError(
-                f"a name must be made of letters and digits and differ from {', '.join(TAKEN)}",
+                f"a name must be made of letters and digits and differ from {', '.join(COLUMN_NAMES)}",
                 f"{where}: {shown(name)}",
             )
         with located(f"{where}: {name}"):

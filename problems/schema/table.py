@@ -29,7 +29,7 @@ Made = TypeVar("Made")
 
 Positive = Annotated[float, Meta(gt=0.0)]
 Hooks = Mapping[type, Callable[[Any, str], Any]]  # class of a field -> function of the value and its place
-HIDDEN = Meta(extra={"hidden": True})  # of a field that no table gives
+UNLISTED = Meta(extra={"hidden": True})  # of a field that no table gives
 
 
 def made(table: Any, maker: Callable[..., Made], where: str, keys: Set[str] | None = None, **given: Any) -> Made:
@@ -126,7 +126,7 @@ def _read(value: Any, kind: types.Type, where: str, hooks: Hooks) -> Any:
 
 def _fields(kind: types.StructType | types.DataclassType) -> list[types.Field]:
     """Return the fields that are keys of a table."""
-    return [field for field in kind.fields if getattr(field.type, "extra", None) != HIDDEN.extra]
+    return [field for field in kind.fields if getattr(field.type, "extra", None) != UNLISTED.extra]
 
 
 def _real(value: Any, kind: types.FloatType, where: str) -> float:

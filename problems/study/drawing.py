@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH = 5.2  # inches
+FIGURE_WIDTH = 5.2  # inches
 STYLE: dict[Any, Any] = {
     "font.size": 9,
     "axes.titlesize": 9,
@@ -85,7 +85,7 @@ def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
     """
     from matplotlib import rc_context  # slow to import
 
-    from ancf_casadi.plot import RESOLUTION
+    from ancf_casadi.plot import DOTS_PER_INCH
 
     svg, png, formats = io.StringIO(), io.BytesIO(), _wanted.get()
     if not formats:
@@ -98,7 +98,7 @@ def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
         if "svg" in formats:
             figure.savefig(svg, format="svg", transparent=True, metadata={"Date": None})
         if "png" in formats:
-            figure.savefig(png, format="png", dpi=RESOLUTION, metadata={"Software": None})
+            figure.savefig(png, format="png", dpi=DOTS_PER_INCH, metadata={"Software": None})
         return Drawing(name, caption, svg.getvalue(), png.getvalue())
 
 
@@ -116,7 +116,7 @@ def new_figure(height: float, rows: int = 1, columns: int = 1, **options: Any) -
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    figure = Figure(figsize=(FIGURE_WIDTH, height), layout="constrained")
     return figure, list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
 
 

@@ -14,9 +14,9 @@ import tomllib
 from typing import Any
 
 from ancf_casadi.mechanics.beam import Beam
-from problems.study.study import PAPER
+from problems.study.study import PAPER_FILE
 
-_TABLES = tomllib.loads(PAPER.read_text(encoding="utf-8"))
+_TABLES = tomllib.loads(PAPER_FILE.read_text(encoding="utf-8"))
 _PARTS = {part["name"]: part for part in _TABLES["parts"]}
 
 
@@ -29,7 +29,7 @@ def _synthetic(part: str, name: str) -> tuple[float, ...]:
 ELEMENTS: int = _TABLES["beam"]["elements"]  # Section 5.1
 
 # Table 2
-FREQUENCIES: tuple[float, ...] = tuple(_PARTS["frequency_matching"]["targets"])
+TARGET_FREQUENCIES: tuple[float, ...] = tuple(_PARTS["frequency_matching"]["targets"])
 DAMPING_RATIOS = _synthetic("modal_identification", "damping_ratio")
 
 # Table 4, and the tip amplitudes (m) at which Eq. (26) has the equivalent ratios that it prints
@@ -51,4 +51,4 @@ OPTIMUM_FREQUENCIES: tuple[float, ...] = tuple(_PARTS["frequency_matching"]["pri
 
 def standard_beam() -> Beam:
     """Return the hanging beam of Table 1 with the mesh of Section 5.1."""
-    return Beam.from_table(_TABLES["beam"], PAPER.name)
+    return Beam.from_table(_TABLES["beam"], PAPER_FILE.name)

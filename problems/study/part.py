@@ -19,7 +19,7 @@ from msgspec import Meta
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from problems.schema.file import StudyFile
-from problems.schema.table import HIDDEN
+from problems.schema.table import UNLISTED
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing
 
@@ -110,7 +110,7 @@ Found = Mapping[str, Finding]  # findings, without tables and figures, by the na
 class Part(ABC):
     """Base class of the kinds of parts; each kind is final.
 
-    The fields are the keys of a table [[parts]] of a TOML file, but those that are ``HIDDEN``.
+    The fields are the keys of a table [[parts]] of a TOML file, but those that are ``UNLISTED``.
     """
 
     kind: ClassVar[str]  # as in the table of a TOML file
@@ -128,7 +128,7 @@ class Part(ABC):
     figures: Annotated[tuple[str, ...], Meta(description="their labels")] = ()
     draw: Annotated[bool, Meta(description="with figures")] = True
     quick: Annotated[bool, Meta(description="in a quick look too")] = True
-    printed_by: Annotated[str, HIDDEN] = "printed"  # origin of the printed numbers
+    printed_by: Annotated[str, UNLISTED] = "printed"  # origin of the printed numbers
 
     def checked(self, source: Source, where: str) -> Self:
         """Return the part with what it takes from its file, whose place messages call ``where``.
@@ -182,7 +182,7 @@ class FilePart(Part, ABC):
     wanted: ClassVar[Set[str]]  # names of the tables
     seconds: ClassVar[float]  # expected computing time
 
-    given: Annotated[StudyFile, HIDDEN] = NO_FILE
+    given: Annotated[StudyFile, UNLISTED] = NO_FILE
 
     @staticmethod
     @abstractmethod

@@ -24,11 +24,11 @@ from problems.study.kinds.registry import KINDS, OF_PAPER, USUAL
 from problems.study.part import Part, Study
 from problems.study.source import LawChoice, Source, read_laws
 
-SUGGESTED = {  # parts that a table suggests
+SUGGESTED_KEYS = {  # parts that a table suggests
     "beam": ("beam", "modes"), "decays": ("decays",), "match": ("match",), "simulation": ("simulation",),
     "response": ("response",), "records": ("motion",),
 }  # fmt: skip
-RESERVED = {"study", "timing", "versions", "data"}  # other keys of results.json
+STUDY_TABLES = {"study", "timing", "versions", "data"}  # other keys of results.json
 
 
 class StudyTable(Struct, frozen=True):
@@ -46,8 +46,8 @@ def study_help() -> str:
     return "".join((
         beam.HEAD,
         told("[study]", "{}", StudyTable),
-        beam.KEYS,
-        match.KEYS,
+        beam.BEAM_KEYS,
+        match.MATCH_KEYS,
         told("[[decays]]", "measured free decays: {}", DecayRecord),
         told("[[laws]]", "damping laws: {}", LawChoice),
         beam.DAMPING_KEYS,
@@ -76,7 +76,7 @@ def read_study(path: str | Path) -> Study:
     """
     file = StudyFile.of(str(path), required=set())
     about = read(file.tables.get("study", {}), StudyTable, file.where("study"))
-    suggested = [{"kind": kind} for name in SUGGESTED if name in file.tables for kind in SUGGESTED[name]]
+    suggested = [{"kind": kind} for name in SUGGESTED_KEYS if name in file.tables for kind in SUGGESTED_KEYS[name]]
     tables = file.several("parts") or suggested
     if not tables:
         raise InputError("has nothing to study; add [beam], [[decays]] or [[parts]]", str(path))
@@ -96,8 +96,8 @@ def _part(source: Source, table: Any, before: Mapping[str, Part], where: str) ->
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(f"kind must be one of {', '.join(KINDS)}, got {shown(kind)}", where)
     name = table.get("name", _free_name(kind, before))
-    if not isinstance(name, str) or not name.isidentifier() or name in RESERVED:
-        taken = ", ".join(sorted(RESERVED))
+    if not isinstance(name, str) or not name.isidentifier() or name in STUDY_TABLES:
+        taken = ", ".join(sorted(STUDY_TABLES))
         raise InputError(
             f"must be made of letters, digits and _, and not one of {taken}, got {shown(name)}", f"{where}: name"
         )

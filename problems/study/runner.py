@@ -21,7 +21,7 @@ from problems.study.drawing import only
 from problems.study.part import Effort, Finding, Found, Part, Study, Task
 from problems.study.store import Store, key_of, run_task
 
-STEPS = "steps"  # folder with the kept results
+STEPS_FOLDER = "steps"  # folder with the kept results
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def run_parts(
     waiting = list(study.parts)
     with contextlib.ExitStack() as stack:
         start = partial(stack.enter_context, processes(jobs)) if executor is None and jobs > 1 else lambda: executor
-        runner = _Runner(Store(folder / STEPS), start, progress)
+        runner = _Runner(Store(folder / STEPS_FOLDER), start, progress)
         while waiting:
             ready = [part for part in waiting if all(name in findings for name in part.needs)]
             awaited = {name for part in waiting for name in part.needs}

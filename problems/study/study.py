@@ -33,9 +33,9 @@ from problems.study.reading import read_study
 from problems.study.results import results, schema
 from problems.study.runner import PartTime, run_parts
 
-PAPER = Path(str(files("problems.study").joinpath("paper.toml")))  # the study of the paper
+PAPER_FILE = Path(str(files("problems.study").joinpath("paper.toml")))  # the study of the paper
 NUMBERED = re.compile(r"(table|figure)_a?\d+\.(csv|svg|png)")  # names of files of tables and figures
-PAGE, NUMBERS, SCHEMA = "report.html", "results.json", "results.schema.json"
+PAGE, NUMBERS_FILE, SCHEMA_FILE = "report.html", "results.json", "results.schema.json"
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def run_study(
     check_instance(executor, "executor", Executor, NoneType)
     folder = check_folder(out)
     quick, jobs = flag(quick, "quick"), whole(jobs, "jobs", 1)
-    whole_study = read_study(PAPER if path is None else path)
+    whole_study = read_study(PAPER_FILE if path is None else path)
     study = whole_study.shortened() if quick else whole_study
     findings, steps = run_parts(
         study,
@@ -174,8 +174,8 @@ def _write(folder: Path, study: Study, shown: tuple[Shown, ...], numbers: Mappin
             contents[folder / "figures" / f"{file_name(label)}.svg"] = figure.svg
             if figure.png:
                 contents[folder / "figures" / f"{file_name(label)}.png"] = figure.png
-    contents[folder / SCHEMA] = to_json(schema(study))
-    contents[folder / NUMBERS] = to_json(numbers)
+    contents[folder / SCHEMA_FILE] = to_json(schema(study))
+    contents[folder / NUMBERS_FILE] = to_json(numbers)
     contents[folder / PAGE] = document
     write_files(contents)
     for earlier in (*folder.glob("tables/*"), *folder.glob("figures/*")):

@@ -64,7 +64,7 @@ def test_samples_of_a_step_together_equal_single_ones(monkeypatch):
     settings = {"damping": law, "base": SWING, "start": "equilibrium", "duration": 0.2, "method": "radau"}
     together = simulate(model, **settings)
     assert together.steps < len(together.time) / 2
-    monkeypatch.setattr(radau, "AT_ONCE", 1)
+    monkeypatch.setattr(radau, "SAMPLES_PER_CALL", 1)
     single = simulate(model, **settings)
     for name in ("coordinates", "velocities", "clamp_force", "dissipated_energy", "base_work"):
         found, expected = getattr(together, name), getattr(single, name)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, InputError, Model, QuadraticDamping, State, motion, simulate, static_equilibrium
-from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_jacobians
+from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES, held_start, start_jacobians
 
 LOAD = np.array([4e-3, -1e-3, 1e-4, 0.03, 0.01, 2e-3])  # N, N, N m, and the same per second
 
@@ -86,7 +86,7 @@ def test_the_motion_from_an_unknown_load_is_that_of_the_state_and_so_are_its_der
         motion(model, damping=law, tolerance=tolerance, start_load=True, **settings) for tolerance in (1e-7, 1e-9)
     )
     fixed = [np.array([0.6, 4.0]), np.zeros(0), model.properties]
-    assert function.name_in(3) == "start" and function.size_in(3) == (len(START), 1)
+    assert function.name_in(3) == "start" and function.size_in(3) == (len(START_LOAD_NAMES), 1)
     assert np.ptp(run.tip, axis=0).max() > 0.01
     assert abs(tight(*fixed, LOAD).full().T - run.coordinates).max() < 1e-7 * model.beam.length
 

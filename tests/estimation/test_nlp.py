@@ -270,7 +270,7 @@ def test_a_terminal_shows_the_iterations_and_the_solution_is_the_same(monkeypatc
     silent = solve_nlp(problem, np.array([-1.2, 1.0]), **bounds)
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "BAR_DELAY", 0.0)
     counted = []
     monkeypatch.setattr(progress.tqdm, "update", lambda bar, n=1: counted.append(n))
     with progress.counter("fit"):

@@ -22,7 +22,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.export import beam_functions, values, write_c
-from ancf_casadi.export.targets.decay_program import SAMPLE, SAMPLES
+from ancf_casadi.export.targets.decay_program import PROGRAM_SAMPLES, PROGRAM_STEP
 
 LAW = RayleighDamping(alpha=0.5, beta=3e-5) + QuadraticDamping(eta2=0.2)
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O2", "-fPIC")
@@ -116,7 +116,7 @@ def decay(folder):
     lines = done.stdout.splitlines()
     assert lines[0].startswith("time_s,tip_x_m,tip_y_m")
     rows = np.array([[float(cell) for cell in line.split(",")] for line in lines[1:]])
-    np.testing.assert_allclose(rows[:, 0], np.arange(SAMPLES + 1) * SAMPLE, rtol=1e-12)
+    np.testing.assert_allclose(rows[:, 0], np.arange(PROGRAM_SAMPLES + 1) * PROGRAM_STEP, rtol=1e-12)
     assert np.ptp(rows[-100:, 1]) < 0.9 * np.ptp(rows[:, 1])
     return rows
 
@@ -129,7 +129,7 @@ def test_the_program_agrees_with_simulate(model, functions, folder):
     aside = Model(model.beam.with_(gravity=tuple(np.add(model.beam.gravity, pull))))
     start = static_equilibrium(aside).coordinates
     run = simulate(
-        model, damping=LAW, start=State(start, 0 * start), duration=2.0, sample_rate=1 / SAMPLE, method="radau"
+        model, damping=LAW, start=State(start, 0 * start), duration=2.0, sample_rate=1 / PROGRAM_STEP, method="radau"
     )
     swing = np.ptp(run.tip[:, 0])
     assert swing > 0.05
@@ -144,7 +144,7 @@ def test_the_program_of_the_reduced_model_agrees_with_both_models(reduced, small
     bend = float((small_folder / "main.c").read_text().split("q[0] = ")[1].split(";")[0])
     q, still = np.array([bend, 0.0, 0.0]), np.zeros(9)
     start = State(*(part.full().ravel() for part in reduced.coordinates(q, np.zeros(3), still)))
-    settings = {"start": start, "duration": 2.0, "sample_rate": 1 / SAMPLE}
+    settings = {"start": start, "duration": 2.0, "sample_rate": 1 / PROGRAM_STEP}
     run = simulate_reduced(reduced, **settings)
     swing = np.ptp(run.tip[:, 0])
     assert swing == pytest.approx(0.2 * 0.5, rel=0.05)

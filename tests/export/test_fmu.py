@@ -77,7 +77,7 @@ def functions(document):
 def quickly(functions, path, document=None) -> str:
     """Write an FMU compiled without optimisation, which takes a fifth of the time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fmu, "FLAGS", ("-O0", *fmu.FLAGS[1:]))
+        patch.setattr(fmu, "FMU_FLAGS", ("-O0", *fmu.FMU_FLAGS[1:]))
         write_fmu(functions, path, document=document)
     return str(path)
 

@@ -16,7 +16,7 @@ class Terminal(io.StringIO):
 @pytest.fixture
 def shown(monkeypatch):
     """Run three steps with a stream as standard error, and return what it shows."""
-    monkeypatch.setattr(progress, "PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "BAR_DELAY", 0.0)
     monkeypatch.setenv("COLUMNS", "80")
 
     def run(stream: io.StringIO) -> str:

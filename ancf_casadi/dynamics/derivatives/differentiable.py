@@ -55,8 +55,8 @@ def motion(
         ``impact``, or an ``Equilibrium``, changes with the properties; a ``State`` does not.
     start_load : bool
         Whether the Function has a further input, ``start``, which replaces the load of the argument ``start``: the tip
-        load that holds the beam until its release, and the rate of this load (``release_load.START``; N, N, N m, and
-        the same per second).
+        load that holds the beam until its release, and the rate of this load (``release_load.START_LOAD_NAMES``; N,
+        N, N m, and the same per second).
     most_steps : int
         Largest number of steps.  The default is below that of ``simulate``, because all steps are kept in memory, 4 kB
         each at 20 elements.

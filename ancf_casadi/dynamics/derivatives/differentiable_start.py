@@ -13,10 +13,10 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.derivatives.release_load import START, held_start, start_jacobians
+from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES, held_start, start_jacobians
 from ancf_casadi.dynamics.derivatives.run import Excitation
 from ancf_casadi.dynamics.start import Start, check_clamp, initial_state, rigid_motion
-from ancf_casadi.dynamics.tip_load import LOAD
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
@@ -86,11 +86,11 @@ class DifferentiableStart:
 
     def _own_load(self, excitation: Excitation) -> Array:
         """Return the load that holds the beam, and its rate, if they are not parameters."""
-        load = np.zeros(len(START))
+        load = np.zeros(len(START_LOAD_NAMES))
         if isinstance(self.start, Equilibrium):
-            load[:LOAD] = *self.start.tip_force, self.start.tip_moment
+            load[:LOAD_SIZE] = *self.start.tip_force, self.start.tip_moment
         else:
-            load[:LOAD] = excitation.at(0.0)[3 * NODE :]
+            load[:LOAD_SIZE] = excitation.at(0.0)[3 * NODE :]
         return load
 
     @cached_property

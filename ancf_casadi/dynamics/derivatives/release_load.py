@@ -30,8 +30,8 @@ from ancf_casadi.dynamics.tip_load import equilibrium_under
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
 
-LOAD = ("force_x", "force_y", "moment")  # N, N, N m
-START = (*LOAD, *(f"{name}_rate" for name in LOAD))
+LOAD_NAMES = ("force_x", "force_y", "moment")  # N, N, N m
+START_LOAD_NAMES = (*LOAD_NAMES, *(f"{name}_rate" for name in LOAD_NAMES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: A
     jacobians : pair of Function
         ``start_jacobians`` of the beam, or of one that differs in its properties P and its lumped properties alone.
     load : array (6,)
-        The load and its rate of change, in the order of ``START``.
+        The load and its rate of change, in the order of ``START_LOAD_NAMES``.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: A
     EquilibriumError
         If there is no equilibrium under the load.
     """
-    p, rate = np.split(load, [len(LOAD)])
+    p, rate = np.split(load, [len(LOAD_NAMES)])
     coordinates = equilibrium_under(model, p).coordinates
     lumped = [getattr(model.beam, name) for name in jacobians[0].name_in()[3:]]
     given = coordinates, p, model.properties, *lumped
@@ -91,7 +91,7 @@ def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: A
 
 def start_jacobians(model: Model) -> tuple[cs.Function, cs.Function]:
     """(e, p, P, each lumped property by its name) -> K, R_p, R_x of the free coordinates; its forward derivative."""
-    e, load, still = cs.MX.sym("e", model.size), cs.MX.sym("load", len(LOAD)), cs.MX.zeros(model.size)
+    e, load, still = cs.MX.sym("e", model.size), cs.MX.sym("load", len(LOAD_NAMES)), cs.MX.zeros(model.size)
     properties, lumped = cs.MX.sym("P", *model.properties.shape), [cs.MX.sym(name) for name in model.lumped]
     equations = Equations(model, RayleighDamping())
     parameters = equations.given(properties=cs.vec(properties), lumped=cs.vertcat(cs.MX(0, 1), *lumped))

@@ -19,7 +19,7 @@ import numpy as np
 from ancf_casadi.dynamics.derivatives.run import Excitation, MotionRun, Passage, end_of
 from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.dynamics.radau.tableau import QUINTIC
-from ancf_casadi.dynamics.segments import CLOSE
+from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array, Index
 
@@ -47,13 +47,13 @@ def clamp_jacobians(excitation: Excitation, times: Array, orders: int) -> Array:
 
 def before(times: Array, begin: float, end: float) -> Index:
     """Return the indices of the samples before the first instant of a motion."""
-    return np.flatnonzero(times < begin - CLOSE * (end - begin))
+    return np.flatnonzero(times < begin - SAME_TIME * (end - begin))
 
 
 def samples_of(times: Array, steps: list[RadauStep], begin: float, end: float, *, first: bool) -> list[Index]:
     """Return the indices of the samples in each step of a piece; the ``first`` piece has its first instant too."""
     ends = np.array([step.start + step.length for step in steps])
-    slack = CLOSE * (end - begin)
+    slack = SAME_TIME * (end - begin)
     inside = (times <= end + slack) & (times > (begin - slack if first else begin + slack))
     owner = np.minimum(np.searchsorted(ends, times - slack), len(steps) - 1)
     return [np.flatnonzero(inside & (owner == k)) for k in range(len(steps))]

@@ -32,14 +32,14 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.derivatives.differentiable_start import DifferentiableStart
 from ancf_casadi.dynamics.derivatives.forward import forward
 from ancf_casadi.dynamics.derivatives.linearised import LinearisedSteps
-from ancf_casadi.dynamics.derivatives.release_load import START
+from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES
 from ancf_casadi.dynamics.derivatives.reverse import reverse
 from ancf_casadi.dynamics.derivatives.run import Excitation, MotionRun, Passage, stop_if_interrupted
 from ancf_casadi.dynamics.derivatives.sampling import before, sampled, samples_of, shift_weights, shifted
 from ancf_casadi.dynamics.equations import EXCITATION, Equations, ExcitationPiece, excitation_pieces
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
-from ancf_casadi.dynamics.segments import CLOSE, InitialValueProblem, Segment
+from ancf_casadi.dynamics.segments import SAME_TIME, InitialValueProblem, Segment
 from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.trajectory import State
@@ -74,7 +74,7 @@ class SensitivityProblem:
     largest_step : float
         Largest step, s.
     held : bool
-        Whether s, the load at the start and its rate in the order of ``START``, are parameters.
+        Whether s, the load at the start and its rate in the order of ``START_LOAD_NAMES``, are parameters.
     most_steps : int
         Largest number of steps, which are all kept in memory.
     load : TipLoad, optional
@@ -127,7 +127,7 @@ class SensitivityProblem:
             base=len(self.base.parameters),
             properties=self.equations.model.properties.size,
             lumped=len(self.equations.model.lumped) * self.lumped,
-            start=len(START) * self.held,
+            start=len(START_LOAD_NAMES) * self.held,
             shifts=int(self.clocks.max(initial=-1)) + 1,
         )
 
@@ -146,7 +146,7 @@ class SensitivityProblem:
             parameters[self.equations.layout[name]] = part
         first, last = self.span or (float(self.times[0]), float(self.times[-1]))
         times = self.times + shifts[self.clocks] if shifts.size else self.times
-        if times.max() > last + CLOSE * (last - first):
+        if times.max() > last + SAME_TIME * (last - first):
             raise SimulationError(f"a sample at {times.max():g} s is after the end of the motion", last)
         pieces = excitation_pieces(self.base, self.load, first, last)
         state, jacobian = self._start.state(model, self._excitation(pieces[0], b), start_load)
@@ -231,7 +231,7 @@ class SensitivityProblem:
         )
         stepper = Stepper(self._form, parameters, problem)
         steps: list[RadauStep] = []
-        while not steps or stepper.now < end - CLOSE * steps[-1].length:
+        while not steps or stepper.now < end - SAME_TIME * steps[-1].length:
             if len(steps) >= most_steps:
                 raise SimulationError(
                     f"the motion takes too many steps: {len(steps)} up to {stepper.now:g} s, the last of them "

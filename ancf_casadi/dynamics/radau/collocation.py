@@ -42,7 +42,7 @@ from ancf_casadi.dynamics.equations import EXCITATION, Equations
 from ancf_casadi.dynamics.radau.corotation import Corotation
 from ancf_casadi.dynamics.radau.elimination import Elimination, node_blocks
 from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES
-from ancf_casadi.dynamics.tip_load import LOAD
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 
@@ -233,7 +233,7 @@ class Collocation:
     def balance(self) -> cs.Function:
         """(e, e_t, e_tt, load, parameters) -> forces at all nodes, and powers as in ``forces``."""
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
-        inputs = [e, e_t, e_tt, cs.MX.sym("load", LOAD), self._symbols.parameters]
+        inputs = [e, e_t, e_tt, cs.MX.sym("load", LOAD_SIZE), self._symbols.parameters]
         return cs.Function("balance", inputs, [*self.forces(*inputs)])
 
     def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX, parameters: cs.MX) -> tuple[cs.MX, cs.MX]:

@@ -26,12 +26,12 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.element_forces import TOGETHER
+from ancf_casadi.dynamics.element_forces import ELEMENTS_PER_CALL
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.layout import Layout
 
-BLOCK = NODE**2
-BLOCKS = 3 * BLOCK  # entries of D, B and C of a node, or of P, B and L
+BLOCK_ENTRIES = NODE**2
+BLOCKS = 3 * BLOCK_ENTRIES  # entries of D, B and C of a node, or of P, B and L
 
 Complex = list[cs.SX]  # the real part of a matrix, or its real and imaginary parts
 
@@ -115,15 +115,15 @@ class Elimination:
 def _node_functions(parts: int) -> tuple[cs.Function, ...]:
     """(carried, columns of each node, ...) -> carried, result, for elimination, and forward and back substitution.
 
-    Each takes ``TOGETHER`` nodes.  The carried columns are L_i B_i, L_i f_i and x_i+1.
+    Each takes ``ELEMENTS_PER_CALL`` nodes.  The carried columns are L_i B_i, L_i f_i and x_i+1.
     """
     kind, size = "real" if parts == 1 else "complex", parts * NODE
     blocks, factors = cs.SX.sym("blocks", parts * BLOCKS), cs.SX.sym("factors", parts * BLOCKS)
-    previous, carried, right = (cs.SX.sym("x", length) for length in (parts * BLOCK, size, size))
-    (d, b, c), (before,) = _split(blocks, BLOCK, 3), _split(previous, BLOCK, 1)
+    previous, carried, right = (cs.SX.sym("x", length) for length in (parts * BLOCK_ENTRIES, size, size))
+    (d, b, c), (before,) = _split(blocks, BLOCK_ENTRIES, 3), _split(previous, BLOCK_ENTRIES, 1)
     inverse = _inverse(_minus(d, before))
     beyond = _times(c, inverse)
-    p, b_, l = _split(factors, BLOCK, 3)
+    p, b_, l = _split(factors, BLOCK_ENTRIES, 3)
     (last,), (r,) = _split(carried, NODE, 1), _split(right, NODE, 1)
     f, x = _minus(r, last), _times(p, _minus(r, _times(b_, last)))
     return (
@@ -144,7 +144,7 @@ def node_blocks(model: Model, entries: cs.MX) -> cs.MX:
     kept, rows, columns = model.entries_from(NODE)
     row, column = rows // NODE, columns // NODE
     block = np.where(row == column, 0, np.where(row < column, 1, 2))
-    target = BLOCKS * np.minimum(row, column) + BLOCK * block + NODE * (columns % NODE) + rows % NODE
+    target = BLOCKS * np.minimum(row, column) + BLOCK_ENTRIES * block + NODE * (columns % NODE) + rows % NODE
     padded, total = cs.vertcat(entries, 0.0), cs.MX(BLOCKS * (model.size // NODE - 1), 1)
     while target.size:  # each place takes an entry of one element after the other
         places, first = np.unique(target, return_index=True)
@@ -156,12 +156,12 @@ def node_blocks(model: Model, entries: cs.MX) -> cs.MX:
 
 
 def _chained(name: str, inputs: list[cs.SX], outputs: list[cs.SX], *, back: bool = False) -> cs.Function:
-    """Return the Function of ``TOGETHER`` nodes that passes the first input from node to node."""
+    """Return the Function of ``ELEMENTS_PER_CALL`` nodes that passes the first input from node to node."""
     one = cs.Function(name, inputs, [cs.densify(output) for output in outputs], {"cse": True})
     carried = cs.MX.sym("carried", one.size1_in(0))
-    columns = [cs.MX.sym(f"x{k}", one.size1_in(k), TOGETHER) for k in range(1, one.n_in())]
+    columns = [cs.MX.sym(f"x{k}", one.size1_in(k), ELEMENTS_PER_CALL) for k in range(1, one.n_in())]
     passed, results = carried, []
-    for j in range(TOGETHER)[:: -1 if back else 1]:
+    for j in range(ELEMENTS_PER_CALL)[:: -1 if back else 1]:
         passed, result = one(passed, *(x[:, j] for x in columns))
         results.append(result)
     options = {"is_diff_in": [False] * one.n_in()}
@@ -171,9 +171,9 @@ def _chained(name: str, inputs: list[cs.SX], outputs: list[cs.SX], *, back: bool
 def _along(function: cs.Function, *columns: cs.MX, back: bool = False) -> cs.MX:
     """Evaluate a Function from ``_chained`` for any number of nodes; copies of the last one fill the last call."""
     count = columns[0].size2()
-    padded = [cs.horzcat(x, cs.repmat(x[:, -1], 1, -count % TOGETHER)) for x in columns]
+    padded = [cs.horzcat(x, cs.repmat(x[:, -1], 1, -count % ELEMENTS_PER_CALL)) for x in columns]
     carried, results = cs.MX.zeros(function.size1_in(0)), []
-    calls = list(zip(*(cs.horzsplit(x, TOGETHER) for x in padded), strict=True))
+    calls = list(zip(*(cs.horzsplit(x, ELEMENTS_PER_CALL) for x in padded), strict=True))
     for arguments in calls[:: -1 if back else 1]:
         carried, result = function(carried, *arguments)
         results.append(result)

@@ -1,7 +1,7 @@
 """Newton's method for the stage equations of Radau IIA, with matrices that may serve several steps.
 
 Each iteration solves a real and a complex system (``collocation``).  With the norm |.| relative to the tolerance and
-the contraction theta = |dW_k|/|dW_k-1|, the iteration ends when theta/(1 - theta) |dW_k| is below ``TOLERANCE``.
+the contraction theta = |dW_k|/|dW_k-1|, the iteration ends when theta/(1 - theta) |dW_k| is below ``NEWTON_RATIO``.
 
 References
 ----------
@@ -22,7 +22,7 @@ from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 
-TOLERANCE = 0.001  # relative to the tolerance of the step; with a larger one, the errors of many steps add up
+NEWTON_RATIO = 0.001  # relative to the tolerance of the step; with a larger one, the errors of many steps add up
 MIDDLE = STAGES // 2  # stage in which the matrices are taken
 
 
@@ -74,12 +74,12 @@ class Newton:
             weighted = corrections * self._stage_weights
             before, size = size, math.sqrt(weighted.dot(weighted))
             if iteration == 1:
-                contraction = 0.0 if size < TOLERANCE else 1.0
+                contraction = 0.0 if size < NEWTON_RATIO else 1.0
             else:
                 contraction = self.contraction = size / before
             if not math.isfinite(size) or contraction > 2.0:  # theta above which the iteration is given up
                 return 0
-            if contraction < 1.0 and contraction / (1.0 - contraction) * size < TOLERANCE:
+            if contraction < 1.0 and contraction / (1.0 - contraction) * size < NEWTON_RATIO:
                 return iteration
         return 0
 

@@ -17,9 +17,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ancf_casadi.dynamics.segments import CLOSE
+from ancf_casadi.dynamics.segments import SAME_TIME
 
-ORDER = 4  # of the error estimate in the step length
+ERROR_ORDER = 4  # of the error estimate in the step length
 NEWTON_ITERATIONS = 10  # k_max
 STEADY = 3e-4  # contraction of Newton's method below which matrices may be kept
 KEEP = (0.9, 1.2)  # factors of the length in this range are not applied, so that the matrices can be kept
@@ -55,7 +55,7 @@ class StepControl:
     def trial_length(self, left: float, largest_step: float) -> float:
         """Return the length of the step to try, s, given the time ``left``, so that no tiny last step remains."""
         h = min(self.proposal, largest_step)
-        return left if h > (1 - CLOSE) * left else min(h, left / 2)
+        return left if h > (1 - SAME_TIME) * left else min(h, left / 2)
 
     def not_converged(self, h: float, *, kept: bool) -> StepControl:
         """Return the state after Newton's method failed: new matrices if it had kept some, else half the length."""
@@ -71,7 +71,7 @@ class StepControl:
         """Return the state after an accepted step of length h."""
         growth = _growth(error, iterations)
         if self.length:
-            trend = h / self.length * (self.error / max(error, LEAST_ERROR) ** 2) ** (1 / ORDER)
+            trend = h / self.length * (self.error / max(error, LEAST_ERROR) ** 2) ** (1 / ERROR_ORDER)
             growth = min(growth, max(SAFETY * trend, GROWTH[0]), self.largest_growth)
         growth = min(growth, largest_step / h)
         keep = contraction <= STEADY and KEEP[0] <= growth < KEEP[1]
@@ -87,5 +87,5 @@ class StepControl:
 def _growth(error: float, iterations: int) -> float:
     """Return the factor of the length that the error of a step allows."""
     effort = (2 * NEWTON_ITERATIONS + 1) / (2 * NEWTON_ITERATIONS + iterations)
-    growth = SAFETY * effort * max(error, LEAST_ERROR) ** (-1 / ORDER)
+    growth = SAFETY * effort * max(error, LEAST_ERROR) ** (-1 / ERROR_ORDER)
     return float(min(max(growth, GROWTH[0]), GROWTH[1]))

@@ -31,14 +31,14 @@ from ancf_casadi.dynamics.radau.newton import Newton
 from ancf_casadi.dynamics.radau.samples import Samples, StepEnergies
 from ancf_casadi.dynamics.radau.step_control import StepControl
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
-from ancf_casadi.dynamics.segments import CLOSE, ENERGIES, InitialValueProblem, SegmentSolution
+from ancf_casadi.dynamics.segments import ENERGY_STATES, SAME_TIME, InitialValueProblem, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import Buffered
 
-AT_ONCE = 8  # largest number of samples evaluated in one call
+SAMPLES_PER_CALL = 8  # largest number of samples evaluated in one call
 
 
 def integrate_by_radau(problem: InitialValueProblem, form: Collocation) -> Iterator[SegmentSolution]:
@@ -57,13 +57,13 @@ def integrate_by_radau(problem: InitialValueProblem, form: Collocation) -> Itera
         If no step is small enough, or the steps are too many.
     """
     stepper = Stepper(form, problem.equations.parameters, problem)
-    size, steps, energies = problem.equations.model.size, 0, np.zeros(ENERGIES)
+    size, steps, energies = problem.equations.model.size, 0, np.zeros(ENERGY_STATES)
     for segment in problem.segments:
-        samples: list[tuple[Array, ...]] = [tuple(np.empty((0, width)) for width in (size, size, NODE, ENERGIES))]
+        samples: list[tuple[Array, ...]] = [tuple(np.empty((0, width)) for width in (size, size, NODE, ENERGY_STATES))]
         ahead = segment.instants[segment.kept].tolist() if segment.samples else []
         while ahead:
             stepper.reach(ahead[0])
-            count = min(max(bisect_right(ahead, stepper.now), 1), AT_ONCE)
+            count = min(max(bisect_right(ahead, stepper.now), 1), SAMPLES_PER_CALL)
             samples.append(stepper.sample(np.array(ahead[:count])))
             ahead = ahead[count:]
         stepper.reach(segment.end)
@@ -126,7 +126,10 @@ class Stepper:
         free, excitation, start = form.equations.model.free, problem.excitation, problem.start
         self.now, self.steps = problem.segments[0].start, 0
         self._end, self._largest_step = problem.segments[-1].end, problem.largest_step
-        self._control, self._energies = StepControl(), StepEnergies(np.zeros(ENERGIES), np.zeros((STAGES, ENERGIES)))
+        self._control, self._energies = (
+            StepControl(),
+            StepEnergies(np.zeros(ENERGY_STATES), np.zeros((STAGES, ENERGY_STATES))),
+        )
 
         self._buffers = buffers = Buffers.of(form, parameters)
         last, trial = buffers.last, buffers.trial
@@ -165,7 +168,7 @@ class Stepper:
             If no step is small enough, or the steps are too many.
         """
         before = self.steps
-        while self.steps == 0 or self.now < instant - CLOSE * self._control.length:
+        while self.steps == 0 or self.now < instant - SAME_TIME * self._control.length:
             self.advance()
             if self.steps - before > 200_000:
                 raise SimulationError(_failure("took too many steps", self.now, self._control.length), self.now)
@@ -211,7 +214,7 @@ class Stepper:
             control = control.inaccurate(h, error, iterations)
 
         self._control = control.accepted(h, error, iterations, newton.contraction, self._largest_step)
-        self._energies = self._energies.followed_by(h, powers.reshape(STAGES, ENERGIES))
+        self._energies = self._energies.followed_by(h, powers.reshape(STAGES, ENERGY_STATES))
         last = buffers.last
         last.nodes[0], last.nodes[1:] = last.nodes[-1], nodes.reshape(STAGES, -1)
         last.start[:] = last.end

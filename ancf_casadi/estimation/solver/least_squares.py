@@ -26,7 +26,7 @@ from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.loss import influence, loss
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.estimation.solver.noise import estimated_noise
-from ancf_casadi.estimation.solver.polish import NEAR, gauss_newton_functions, polish, residuals_and_jacobian
+from ancf_casadi.estimation.solver.polish import POLISHED_ENOUGH, gauss_newton_functions, polish, residuals_and_jacobian
 from ancf_casadi.estimation.solver.unknown import Unknown, started
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, Mask
@@ -110,7 +110,7 @@ def least_squares(
     if gauss_newton:
         settings = {**gauss_newton_functions(evaluate, huber, weight, forward), **settings}
         for name in ("ipopt.tol", "ipopt.compl_inf_tol"):
-            settings[name] = max(settings[name], NEAR * noise / math.sqrt(weight))
+            settings[name] = max(settings[name], POLISHED_ENOUGH * noise / math.sqrt(weight))
     z = cs.MX.sym("z", len(names))
     objective = loss(residuals(*y.symbols(cs.vertsplit(cs.DM(y.scale) * z))), huber) / weight
     bounds = {"lower": y.lower / y.scale, "upper": y.upper / y.scale}

@@ -22,13 +22,13 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import delayed_interrupts
 from ancf_casadi.support.progress import counting, step
 
-SILENT: Mapping[str, Any] = {
+WITHOUT_OUTPUT: Mapping[str, Any] = {
     "print_time": False,
     "show_eval_warnings": False,
     "ipopt.print_level": 0,
     "ipopt.sb": "yes",
 }
-ADVICE = {
+IPOPT_ADVICE = {
     "Maximum_Iterations_Exceeded": "the iteration limit was reached; start closer, or raise 'ipopt.max_iter'",
     "Maximum_CpuTime_Exceeded": "the time limit was reached; start closer, or raise 'ipopt.max_cpu_time'",
     "Maximum_WallTime_Exceeded": "the time limit was reached; start closer, or raise 'ipopt.max_wall_time'",
@@ -109,7 +109,7 @@ def solve_nlp(
     bounds = {"lbx": lower, "ubx": upper}
     if "g" in nlp:
         bounds |= {"lbg": constraint_lower, "ubg": constraint_upper}
-    settings = {**SILENT, **(options or {})}
+    settings = {**WITHOUT_OUTPUT, **(options or {})}
     if counting():
         settings["iteration_callback"] = _Ticks(nlp)  # ``settings`` keeps it while the solver runs
     try:
@@ -124,7 +124,7 @@ def solve_nlp(
     stats = solver.stats()
     if not stats["success"]:
         status = stats["return_status"]
-        advice = advice or ADVICE.get(status, "start elsewhere, or check scales and bounds")
+        advice = advice or IPOPT_ADVICE.get(status, "start elsewhere, or check scales and bounds")
         raise FitError(f"no minimum was found after {stats['iter_count']} iterations ({status}): {advice}", stats)
     return NlpSolution(
         x=result["x"].full().ravel(),

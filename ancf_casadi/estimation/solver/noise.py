@@ -58,14 +58,14 @@ import numpy as np
 
 from ancf_casadi.support.arrays import Array, ComplexArray, Index
 
-NARROW = 12  # half-width of the narrowest band, in cycles per length of the series
-AGREE = 2.0  # difference of two means, in standard errors, up to which they agree
-SAME = 0.1  # change of a variance, relative to white noise, up to which the noise counts as white
-SPARSE = 16  # length of the grid over the number of samples, beyond which the samples are counted instead
-MISFIT = 10.0  # power over the median of the spectrum, beyond which it is not the floor of the noise
-NOT_NOISE = 3.0  # concentration beyond which residuals are not noise; 1 for white noise
-EXCEEDS = 4.0  # standard errors of M by which it is larger than q' R q where it replaces it
-FEWEST = 8  # residuals, below which the noise counts as white
+NARROWEST_BAND = 12  # half-width of the narrowest band, in cycles per length of the series
+SAME_MEAN = 2.0  # difference of two means, in standard errors, up to which they agree
+WHITE_CHANGE = 0.1  # change of a variance, relative to white noise, up to which the noise counts as white
+SPARSE_GRID = 16  # length of the grid over the number of samples, beyond which the samples are counted instead
+PEAK_POWER = 10.0  # power over the median of the spectrum, beyond which it is not the floor of the noise
+MOST_CONCENTRATION = 3.0  # concentration beyond which residuals are not noise; 1 for white noise
+CLEAR_EXCESS = 4.0  # standard errors of M by which it is larger than q' R q where it replaces it
+FEWEST_RESIDUALS = 8  # residuals, below which the noise counts as white
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +173,7 @@ def estimated_noise(residuals: Array, basis: Array, series: Sequence[int], times
     if m == n:
         return Noise(math.nan, 0.0)
     white = Noise(float(residuals @ residuals) / (m - n), m - n)
-    if not series or m < FEWEST or n == 0 or not white.variance > 0.0:
+    if not series or m < FEWEST_RESIDUALS or n == 0 or not white.variance > 0.0:
         return white
     grids = _grids(series, times)
     ρ = _first_correlation(residuals, grids)
@@ -193,7 +193,7 @@ def estimated_noise(residuals: Array, basis: Array, series: Sequence[int], times
     uncertainty = float(share @ (1 / np.concatenate([freedom for _, freedom in means])))
     coloured = Noise(white.variance, float(share.sum()) / uncertainty, spectra)
     change = abs(np.linalg.eigvalsh(coloured.form(basis)) / white.variance - 1).max()
-    lasting = white if change < max(SAME, AGREE * math.sqrt(2 / coloured.freedom)) else coloured
+    lasting = white if change < max(WHITE_CHANGE, SAME_MEAN * math.sqrt(2 / coloured.freedom)) else coloured
     passing = _passing(residuals, basis, grids, parts, lasting.form(basis))
     if lasting is white and passing is None:
         return white
@@ -207,7 +207,7 @@ def _with_misfit(power: Array, variance: float) -> Array:
     All but the frequencies at both ends have the weight 2.
     """
     weights = np.where(np.isin(np.arange(len(power)), [0, len(power) - 1]), 1.0, 2.0)
-    misfit = power > MISFIT * weights * np.median(power / weights)
+    misfit = power > PEAK_POWER * weights * np.median(power / weights)
     return np.where(misfit, np.maximum(power, weights * variance), power)
 
 
@@ -245,7 +245,7 @@ def _passing(
     columns = basis @ (inverse.T @ directions)
     shares = columns**2 / np.sum(columns**2, axis=0)
     freedom = 1.5 / np.sum(shares**2, axis=0) * slots_per_sample / period  # m slots/period for a sine
-    excess = np.where(ratios > 1 + EXCEEDS * np.sqrt(2 / freedom), ratios - 1, 0.0)
+    excess = np.where(ratios > 1 + CLEAR_EXCESS * np.sqrt(2 / freedom), ratios - 1, 0.0)
     if not excess.any():
         return None
     axes = root @ directions
@@ -293,7 +293,7 @@ def slots(count: int, times: Array | None) -> Index:
         return np.arange(count)
     step = float(np.median(np.diff(times)))
     length = (times[-1] - times[0]) / step if step > 0.0 else math.inf
-    return np.rint((times - times[0]) / step).astype(int) if length < SPARSE * count else np.arange(count)
+    return np.rint((times - times[0]) / step).astype(int) if length < SPARSE_GRID * count else np.arange(count)
 
 
 def transform(columns: Array, places: Index, length: int) -> ComplexArray:
@@ -347,7 +347,7 @@ def _local_means(part: _RelativePower, samples: int, total: float, room: float) 
     """
     k = np.arange(len(part.leverage))
     bands = []
-    half = NARROW * 2 * len(k) / max(2 * samples, 1)
+    half = NARROWEST_BAND * 2 * len(k) / max(2 * samples, 1)
     while half < len(k):
         low, high = np.maximum(k - int(half), 0), np.minimum(k + int(half) + 1, len(k))
         bands.append((part.power[high] - part.power[low], part.room[high] - part.room[low]))
@@ -359,7 +359,7 @@ def _local_means(part: _RelativePower, samples: int, total: float, room: float) 
     for power, space in bands:
         usable = space > 1.0
         logarithm = np.log(np.maximum(power, np.finfo(float).tiny) / np.maximum(space, 1.0))
-        error = AGREE * np.sqrt(2 / np.maximum(space, 1.0))
+        error = SAME_MEAN * np.sqrt(2 / np.maximum(space, 1.0))
         agrees &= ~usable | ((logarithm + error >= lowest) & (logarithm - error <= highest))
         chosen = agrees & usable
         mean, freedom = np.where(chosen, np.exp(logarithm), mean), np.where(chosen, space, freedom)

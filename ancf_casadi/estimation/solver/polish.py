@@ -25,8 +25,8 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import delayed_interrupts
 
 POLISHED = 0.01  # change of the residuals by the last step, in standard deviations
-NEAR = 0.1  # the same, accepted if further steps do not make it smaller
-STEPS, HALVINGS = 20, 5
+POLISHED_ENOUGH = 0.1  # the same, accepted if further steps do not make it smaller
+POLISH_STEPS, POLISH_HALVINGS = 20, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ def polish(evaluate: cs.Function, z: Array, lower: Array, upper: Array, huber: f
     """
     r, jacobian = residuals_and_jacobian(evaluate, z)
     size = before = math.inf
-    for count in range(STEPS):
+    for count in range(POLISH_STEPS):
         psi, curvature = influence(r, huber)
         weights = row_weights(r, huber)
         rows = weights[:, None] * jacobian
@@ -109,17 +109,17 @@ def polish(evaluate: cs.Function, z: Array, lower: Array, upper: Array, huber: f
         size = float(np.linalg.norm(rows @ step))
         deviation = math.sqrt(dispersion(r, max(len(r) - len(z), 1), huber, systematic) * curvature)
         # The second condition ends steps that rounding or integration errors keep from shrinking.
-        if size <= POLISHED * deviation or before / 2 < size <= NEAR * deviation:
+        if size <= POLISHED * deviation or before / 2 < size <= POLISHED_ENOUGH * deviation:
             return Polished(z, count, True)
         before = size
         highest = loss_value(r, huber) + POLISHED * deviation**2
-        for _ in range(HALVINGS):
+        for _ in range(POLISH_HALVINGS):
             trial = np.clip(z + step, lower, upper)
             r_trial, jacobian_trial = residuals_and_jacobian(evaluate, trial)
             if loss_value(r_trial, huber) <= highest:
                 break
             step = step / 2
         else:
-            return Polished(z, count, size <= NEAR * deviation)
+            return Polished(z, count, size <= POLISHED_ENOUGH * deviation)
         z, r, jacobian = trial, r_trial, jacobian_trial
-    return Polished(z, STEPS, size <= NEAR * deviation)
+    return Polished(z, POLISH_STEPS, size <= POLISHED_ENOUGH * deviation)

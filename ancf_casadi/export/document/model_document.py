@@ -20,8 +20,8 @@ from ancf_casadi.export.document.conversion import beam_data, law_data, law_from
 from ancf_casadi.export.document.identification import DataFile, Identification, Provenance
 from ancf_casadi.export.document.strict_json import place, read_json
 from ancf_casadi.export.document.structs import (
-    FORMAT,
-    VERSION,
+    DOCUMENT_FORMAT,
+    DOCUMENT_VERSION,
     DocumentData,
     IdentificationData,
     ProvenanceData,
@@ -91,8 +91,8 @@ class Document:
             If a document cannot hold the damping law.
         """
         data = DocumentData(
-            format=FORMAT,
-            schema=VERSION,
+            format=DOCUMENT_FORMAT,
+            schema=DOCUMENT_VERSION,
             beam=beam_data(self.model.beam),
             strain_measures=data_of(self.model.measures, StrainMeasuresData),
             damping=None if self.damping is None else law_data(self.damping, self.model),

@@ -33,8 +33,8 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.strain import AxialStrain, Curvature
 from ancf_casadi.support.inputs import shown
 
-FORMAT: Final = "ancf-casadi"
-VERSION: Final = 1  # of the layout: it changes when the meaning of a key does
+DOCUMENT_FORMAT: Final = "ancf-casadi"
+DOCUMENT_VERSION: Final = 1  # of the layout: it changes when the meaning of a key does
 LONGEST_MESSAGE = 300
 
 Data = TypeVar("Data")
@@ -140,7 +140,7 @@ class SumData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", 
 
 LawData = RayleighData | QuadraticData | FrictionData | ModalData | SumData
 
-NAMES = {  # allowed values of the keys that hold a name
+TAGS = {  # allowed values of the keys that hold a name
     "law": [kind.__struct_config__.tag for kind in get_args(LawData)],
     "stiffness": get_args(ProportionalStiffness),
     "axial": get_args(AxialStrain),
@@ -191,11 +191,13 @@ def read(data: dict[str, Any]) -> DocumentData:
     InputError
         If the data have another layout; the message names the place, such as ``$.damping.laws[0].alpha``.
     """
-    if data.get("format") != FORMAT:
-        raise InputError(f"must be {FORMAT!r}: the file is not a document of this toolkit", "$.format")
+    if data.get("format") != DOCUMENT_FORMAT:
+        raise InputError(f"must be {DOCUMENT_FORMAT!r}: the file is not a document of this toolkit", "$.format")
     version = data.get("schema")
-    if type(version) is not int or version != VERSION:
-        message = f"must be {VERSION}, got {shown(version)}; a document of a later version needs a later release"
+    if type(version) is not int or version != DOCUMENT_VERSION:
+        message = (
+            f"must be {DOCUMENT_VERSION}, got {shown(version)}; a document of a later version needs a later release"
+        )
         raise InputError(message, "$.schema")
     return data_of(data, DocumentData, "$")
 
@@ -223,7 +225,10 @@ def schema() -> dict[str, Any]:
     >>> schema()["$schema"]
     'https://json-schema.org/draft/2020-12/schema'
     """
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"urn:{FORMAT}:document:{VERSION}"}
+    head = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": f"urn:{DOCUMENT_FORMAT}:document:{DOCUMENT_VERSION}",
+    }
     return head | msgspec.json.schema(DocumentData)
 
 
@@ -233,6 +238,6 @@ def _refusal(message: str, where: str) -> InputError:
     reason, inner = found.groups("") if found else (message, "")
     text = " ".join(reason.split())
     text = text if len(text) <= LONGEST_MESSAGE else f"{text[: LONGEST_MESSAGE // 2]}..."
-    known = NAMES.get(inner.rpartition(".")[2])
+    known = TAGS.get(inner.rpartition(".")[2])
     advice = f"; must be one of {', '.join(known)}" if known else ""
     return InputError(f"{text[0].lower()}{text[1:]}{advice}", f"{where}{inner}" if where else inner.removeprefix("."))

@@ -11,7 +11,7 @@ import math
 
 import casadi as cs
 
-OPTIONS = {"error_on_fail": False, "max_iter": 12, "abstol": 0.0, "abstolStep": 1e-9}
+NEWTON_OPTIONS = {"error_on_fail": False, "max_iter": 12, "abstol": 0.0, "abstolStep": 1e-9}
 
 
 def newton(name: str, inputs: list[cs.MX], jacobian: cs.MX, equations: cs.MX) -> cs.Function:
@@ -21,7 +21,7 @@ def newton(name: str, inputs: list[cs.MX], jacobian: cs.MX, equations: cs.MX) ->
     # unknowns up to which scalar operations are three times as fast as loops over the elements
     if inputs[0].numel() <= 40:
         derivative, function = (f.expand(f.name(), {"cse": True}) for f in (derivative, function))
-    return cs.rootfinder(name, "fast_newton", function, {**OPTIONS, "jacobian_function": derivative})
+    return cs.rootfinder(name, "fast_newton", function, {**NEWTON_OPTIONS, "jacobian_function": derivative})
 
 
 def scaled(matrix: cs.MX, rows: cs.MX | cs.DM, columns: cs.MX | cs.DM) -> cs.MX:

@@ -25,7 +25,7 @@ from ancf_casadi.export.functions.newton import certain, newton, scaled
 from ancf_casadi.vibration.modes import Modes
 
 GAMMA = 1 - 1 / math.sqrt(2)
-STAGES = (GAMMA, 1.0)  # instants of a step at which the base motion is needed, in steps
+SDIRK_STAGES = (GAMMA, 1.0)  # instants of a step at which the base motion is needed, in steps
 
 
 def step_function(residual: cs.Function, jacobians: cs.Function, modes: Modes) -> cs.Function:
@@ -44,7 +44,7 @@ def step_function(residual: cs.Function, jacobians: cs.Function, modes: Modes) -
     mass = model.mass(model.properties)[model.free, model.free]
     names = ("q", "v", "base", "p")
     q, v, base, p = (cs.MX.sym(name, residual.size1_in(name)) for name in names)
-    h, x, motion = cs.MX.sym("h"), cs.MX.sym("x", q.numel()), cs.MX.sym("base", base.numel(), len(STAGES))
+    h, x, motion = cs.MX.sym("h"), cs.MX.sym("x", q.numel()), cs.MX.sym("base", base.numel(), len(SDIRK_STAGES))
     s = 1 / (GAMMA * h)
     scale = 1 / cs.sqrt(cs.diag(mass) * s**2 + cs.DM(modes.equilibrium.stiffness.diagonal()))
     shift = model.beam.length * scale / cs.mmax(scale)

@@ -23,7 +23,7 @@ MARK = "/* Written by ancf-casadi"
 NAME_PATTERN = r"[a-z][a-z0-9]*(_[a-z0-9]+)*"
 LONGEST_NAME = 60
 TRANSLATED = {"MXFunction", "SXFunction", "Map", "MapSum", "FastNewton", "Switch", "BSplineInterpolant"}
-RESERVED = {"arg", "res", "iw", "w", "NAN", "INFINITY"} | set(
+C_KEYWORDS = {"arg", "res", "iw", "w", "NAN", "INFINITY"} | set(
     "auto break case char const continue default do double else enum extern float for goto if inline int long register "
     "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while".split()
 )
@@ -98,7 +98,7 @@ def _check_translated(function: cs.Function) -> None:
     if function.has_free():
         raise InputError(f"depends on {', '.join(function.get_free())}, which is not an input", function.name())
     for label in (*function.name_in(), *function.name_out()):
-        if label in RESERVED or label.startswith("casadi"):
+        if label in C_KEYWORDS or label.startswith("casadi"):
             raise InputError(f"{label} is a reserved name in C; rename it", function.name())
     for inner in (function, *function.find_functions()):
         if inner.class_name() not in TRANSLATED:

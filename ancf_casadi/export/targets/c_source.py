@@ -18,12 +18,12 @@ from ancf_casadi.export.functions.step import GAMMA
 from ancf_casadi.support.arrays import Array, Index
 
 TABLE_NAMES = ("parameters", "rest")
-QUIET = """#if defined(__GNUC__)
+UNUSED_ALLOWED = """#if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #pragma GCC diagnostic ignored "-Wunused-function"
 #endif
 """
-TIP, MARKERS, ENERGIES = "r: x and y, m", "r: x and y of each point, m", "T kinetic, U strain, V of gravity, J"
+C_TIP, C_MARKERS, C_ENERGIES = "r: x and y, m", "r: x and y of each point, m", "T kinetic, U strain, V of gravity, J"
 NOTES = {
     "residual": "r: N for positions, N m for slopes; zero in a motion",
     "residual_jacobians": "Jacobians of r, nonzeros by columns",
@@ -31,17 +31,17 @@ NOTES = {
     "mass": "M: nonzeros by columns, kg, kg m, kg m2",
     "tangent_stiffness": "K: Jacobian of the elastic force, nonzeros by columns, N/m, N, N m",
     "damping_force": "Q: on the left of the equation of motion, N and N m",
-    "tip": TIP,
-    "markers": MARKERS,
-    "energies": ENERGIES,
+    "tip": C_TIP,
+    "markers": C_MARKERS,
+    "energies": C_ENERGIES,
     "equilibrium": "q_out or q: free coordinates at rest, m and 1",
     "frequencies": "f: lowest natural frequencies, Hz",
     "step": f"state after the time h, s; base: at {GAMMA!r} h and at h; order 2, stiffly stable",
     "reduced_rhs": "a: accelerations of q, m kg^0.5/s2",
     "reduced_step": "state after the time h, s; base: at 0, h/2 and h; order 4, h at most 1/20 of the shortest period",
-    "reduced_tip": TIP,
-    "reduced_markers": MARKERS,
-    "reduced_energies": ENERGIES,
+    "reduced_tip": C_TIP,
+    "reduced_markers": C_MARKERS,
+    "reduced_energies": C_ENERGIES,
     "reduced_mass": "M: of the modal coordinates, 1",
     "reduced_coordinates": "e: nodal coordinates of the full model, m and 1; e_t: their velocities",
 }
@@ -76,7 +76,7 @@ def source(name: str, functions: MotionFunctions, every: Mapping[str, cs.Functio
     if "#error" in code:
         raise InputError("contain a linear solver without C code; use 'ldl' or 'qr'", "functions")
     tables = zip(TABLE_NAMES, (functions.parameters, functions.states), strict=True)
-    parts = [f"see {name}.h. */\n", QUIET, code, f'#include "{name}.h"\n', *calls]
+    parts = [f"see {name}.h. */\n", UNUSED_ALLOWED, code, f'#include "{name}.h"\n', *calls]
     parts += [_table(f"const double {name}_{table}", values(signals)) for table, signals in tables]
     parts += [_table(f"const int {label}", data) for pair in every.items() for label, data in _patterns(*pair)]
     return "\n".join(parts)

@@ -16,7 +16,7 @@ from ancf_casadi.export.functions.motion_functions import BeamFunctions
 from ancf_casadi.reduction.stepping import STEPS_PER_PERIOD
 from ancf_casadi.support.arrays import Array
 
-SAMPLE, SAMPLES = 5e-3, 400  # seconds between two lines of output, and number of lines after the first
+PROGRAM_STEP, PROGRAM_SAMPLES = 5e-3, 400  # seconds between two lines of output, and number of lines after the first
 DEFLECTION = 0.1  # of the tip before the release, to first order, per distance from clamp to tip
 
 
@@ -25,7 +25,10 @@ def decay_program(name: str, functions: MotionFunctions) -> str:
     if isinstance(functions, BeamFunctions):
         every, start = 10, _pull(name, functions)  # steps of the full beam per sample
     else:
-        every, start = math.ceil(SAMPLE * STEPS_PER_PERIOD * _highest_frequency(functions)), _deflection(functions)
+        every, start = (
+            math.ceil(PROGRAM_STEP * STEPS_PER_PERIOD * _highest_frequency(functions)),
+            _deflection(functions),
+        )
     upper, stages = name.upper(), functions.step.size2_in("base")
     return f"""the free decay of a beam after its release.
  *
@@ -37,14 +40,14 @@ def decay_program(name: str, functions: MotionFunctions) -> str:
 #include "{name}.h"
 
 int main(void) {{
-  const double h = {SAMPLE / every!r};  /* s */
+  const double h = {PROGRAM_STEP / every!r};  /* s */
   const double base[{stages} * {upper}_BASE] = {{0.0}};
   double q[{upper}_FREE] = {{0.0}}, v[{upper}_FREE] = {{0.0}}, q_next[{upper}_FREE], v_next[{upper}_FREE];
   double tip[2], kinetic[1], strain[1], gravity[1];
   int k;
 {start}
   printf("time_s,tip_x_m,tip_y_m,kinetic_j,strain_j,gravity_j\\n");
-  for (k = 0; k <= {SAMPLES * every}; ++k) {{
+  for (k = 0; k <= {PROGRAM_SAMPLES * every}; ++k) {{
     if (k % {every} == 0) {{
       if ({name}_tip(q, base, tip)) return 1;
       if ({name}_energies(q, v, base, {name}_parameters, kinetic, strain, gravity)) return 1;

@@ -44,16 +44,16 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, parameter_signals
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.document.model_document import Document
-from ancf_casadi.export.targets.fmu_description import CLAMP, described
-from ancf_casadi.support.compilation import LIBRARY, SECONDS, c_compiler
+from ancf_casadi.export.targets.fmu_description import CLAMP_COORDINATES, described
+from ancf_casadi.support.compilation import COMPILER_SECONDS, LIBRARY, c_compiler
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import to_json
 
 MODEL = "beam"  # of the model in C
-FLAGS = ("-O3", *LIBRARY)
+FMU_FLAGS = ("-O3", *LIBRARY)
 PLATFORMS = {"Linux": ("linux", "so"), "Darwin": ("darwin", "dylib"), "Windows": ("windows", "dll")}
-BAR = "{desc} {bar}| [{elapsed}]"
+BUILD_BAR = "{desc} {bar}| [{elapsed}]"
 
 
 def write_fmu(
@@ -100,7 +100,7 @@ def write_fmu(
         raise InputError("an FMU needs a C compiler, and none was found; install one, or set CC to its command", "CC")
     with (
         tempfile.TemporaryDirectory() as temporary,
-        tqdm(total=2, disable=not progress, bar_format=BAR, desc="C") as bar,
+        tqdm(total=2, disable=not progress, bar_format=BUILD_BAR, desc="C") as bar,
     ):
         folder = Path(temporary)
         with contextlib.chdir(folder):
@@ -156,7 +156,7 @@ def _dae_builder(functions: MotionFunctions) -> cs.DaeBuilder:
         labels = [{"description": s.description, "unit": "" if s.unit == "1" else s.unit} for s in signals]
         return [dae.add(s.name, causality, variability, label) for s, label in zip(signals, labels, strict=True)]
 
-    clamped, driving = functions.base[: 2 * CLAMP], functions.base[2 * CLAMP :]
+    clamped, driving = functions.base[: 2 * CLAMP_COORDINATES], functions.base[2 * CLAMP_COORDINATES :]
     states, clamp = add(functions.states), add(clamped)
     inputs, parameters = add(driving, "input"), add(functions.parameters, "parameter", "tunable")
     outputs = add(functions.outputs, "output")
@@ -166,7 +166,7 @@ def _dae_builder(functions: MotionFunctions) -> cs.DaeBuilder:
         dae.set_initial(signal.name, "exact")
     q, v = cs.vertcat(*states[: functions.free]), cs.vertcat(*states[functions.free :])
     base, p = cs.vertcat(*clamp, *inputs), cs.vertcat(*parameters)
-    derivatives = cs.vertcat(v, functions.rhs(q, v, base, p), base[CLAMP:])
+    derivatives = cs.vertcat(v, functions.rhs(q, v, base, p), base[CLAMP_COORDINATES:])
     for state, derivative in zip([*states, *clamp], cs.vertsplit(derivatives), strict=True):
         dae.eq(dae.der(state), derivative)
     points = [functions.tip(q, base), cs.vec(functions.markers(q, base))]
@@ -185,12 +185,14 @@ def _compile(compiler: tuple[str, ...], sources: Sequence[Path], library: Path, 
     """Compile the sources of the FMU to a library that binds its names to itself."""
     own = ["-Wl,-Bsymbolic"] if library.suffix == ".so" else []
     environment = os.environ | {"TMPDIR": str(library.parent)}  # an interrupted compiler leaves its files there
-    call = [*compiler, *FLAGS, *own, f"-I{headers}", *map(str, sources), "-o", str(library), "-lm"]
+    call = [*compiler, *FMU_FLAGS, *own, f"-I{headers}", *map(str, sources), "-o", str(library), "-lm"]
     name = shlex.join(compiler)
     try:
-        subprocess.run(call, check=True, capture_output=True, timeout=SECONDS, env=environment)
+        subprocess.run(call, check=True, capture_output=True, timeout=COMPILER_SECONDS, env=environment)
     except subprocess.TimeoutExpired:
-        raise InputError(f"did not compile the FMU in {SECONDS} s; use fewer elements or modes", name) from None
+        raise InputError(
+            f"did not compile the FMU in {COMPILER_SECONDS} s; use fewer elements or modes", name
+        ) from None
     except subprocess.CalledProcessError as error:
         said = [line for line in error.stderr.decode(errors="replace").splitlines() if "error" in line] or ["no reason"]
         raise InputError(f"cannot compile the FMU ({said[0]})", name) from None

@@ -18,7 +18,7 @@ from ancf_casadi.export.document.model_document import Document
 from ancf_casadi.reduction.reduced import ReducedFunctions
 from ancf_casadi.version import __version__
 
-CLAMP = 3  # coordinates of the clamp: x, y and rotation
+CLAMP_COORDINATES = 3  # coordinates of the clamp: x, y and rotation
 BASE_UNITS = {
     "kg": {"kg": 1},
     "m": {"m": 1},
@@ -28,7 +28,7 @@ BASE_UNITS = {
     "Pa": {"kg": 1, "m": -1, "s": -2},
     "J": {"kg": 1, "m": 2, "s": -2},
 }
-TOLERANCE = "1e-8"  # recommended to importers: CasADi declares nominal values of 1, for which 1e-5 is too coarse
+FMU_TOLERANCE = "1e-8"  # recommended to importers: CasADi declares nominal values of 1, for which 1e-5 is too coarse
 MODAL_TOLERANCE = "1e-10"  # for modal coordinates, which are far smaller than 1
 
 
@@ -63,7 +63,7 @@ def described(path: Path, title: str, functions: MotionFunctions, document: Docu
     (variables,) = root.iter("ModelVariables")
     _complete_variables(variables, functions)
     root.insert(1, _unit_definitions(variables))
-    tolerance = MODAL_TOLERANCE if isinstance(functions, ReducedFunctions) else TOLERANCE
+    tolerance = MODAL_TOLERANCE if isinstance(functions, ReducedFunctions) else FMU_TOLERANCE
     root.insert(2, ET.Element("DefaultExperiment", startTime="0", tolerance=tolerance))
     ET.indent(tree)
     content: bytes = ET.tostring(root, encoding="utf-8", xml_declaration=True)
@@ -72,7 +72,7 @@ def described(path: Path, title: str, functions: MotionFunctions, document: Docu
 
 def _complete_variables(variables: ET.Element, functions: MotionFunctions) -> None:
     """Set all digits of the start values and the units of the derivatives; remove CasADi's auxiliary variables."""
-    differentiated = (*functions.states, *functions.base[: 2 * CLAMP])
+    differentiated = (*functions.states, *functions.base[: 2 * CLAMP_COORDINATES])
     signals = {s.name: s for s in (*functions.parameters, *functions.states, *functions.base, *functions.outputs)}
     derivative_units = {f"der({signal.name})": _per_second(signal.unit) for signal in differentiated}
     for variable in list(variables):

@@ -25,10 +25,10 @@ from ancf_casadi.support.files import check_file, opened, write_file
 from ancf_casadi.support.inputs import check_instance
 
 TITLE = "ancf-casadi functions"
-FORMAT = f"{TITLE} 2"
+FUNCTIONS_FORMAT = f"{TITLE} 2"
 BEGINNING = f'{{"format": "{TITLE}'
 MODELS: dict[str, type[BeamFunctions | ReducedFunctions]] = {"full": BeamFunctions, "reduced": ReducedFunctions}
-TABLES = ("parameters", "states", "base", "outputs")
+SIGNAL_TABLES = ("parameters", "states", "base", "outputs")
 
 
 def save_functions(functions: BeamFunctions | ReducedFunctions, path: str | Path) -> None:
@@ -55,9 +55,9 @@ def save_functions(functions: BeamFunctions | ReducedFunctions, path: str | Path
     check_instance(functions, "functions", *MODELS.values())
     target = check_file(path)
     check_ours(target, BEGINNING)
-    tables = {name: [asdict(signal) for signal in getattr(functions, name)] for name in TABLES}
+    tables = {name: [asdict(signal) for signal in getattr(functions, name)] for name in SIGNAL_TABLES}
     (kind,) = (name for name, kept in MODELS.items() if isinstance(functions, kept))
-    head = {"format": FORMAT, "model": kind, "casadi": cs.CasadiMeta.version(), **tables}
+    head = {"format": FUNCTIONS_FORMAT, "model": kind, "casadi": cs.CasadiMeta.version(), **tables}
     serializer = cs.StringSerializer()
     for function in functions.functions:
         serializer.pack(function)
@@ -89,11 +89,11 @@ def load_functions(path: str | Path) -> BeamFunctions | ReducedFunctions:
     try:
         first, _, rest = content.decode().partition("\n")
         head = json.loads(first)
-        if head["format"] != FORMAT:
+        if head["format"] != FUNCTIONS_FORMAT:
             raise ValueError(head["format"])
         writer, kind = head["casadi"], head["model"]
-        names = [field.name for field in fields(MODELS[kind]) if field.name not in TABLES]
-        tables: dict[str, Any] = {name: tuple(Signal(**entry) for entry in head[name]) for name in TABLES}
+        names = [field.name for field in fields(MODELS[kind]) if field.name not in SIGNAL_TABLES]
+        tables: dict[str, Any] = {name: tuple(Signal(**entry) for entry in head[name]) for name in SIGNAL_TABLES}
     except (ValueError, KeyError, TypeError, RecursionError):
         raise InputError("is not a file of Functions of this version; export it again", where) from None
     if writer != cs.CasadiMeta.version():

@@ -18,7 +18,7 @@ from ancf_casadi.records.reading.isolated import read_isolated
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array
 
-BLOCK = 512  # bytes
+C3D_BLOCK = 512  # bytes
 ENDIANNESS = {84: "<", 85: "<", 86: ">"}  # by the processor that wrote the file: Intel, DEC, MIPS
 
 
@@ -68,10 +68,10 @@ def _check_sizes(path: Path) -> None:
     """Check the sizes in the header against the size of the file."""
     size = path.stat().st_size
     with open(path, "rb") as file:
-        header = file.read(BLOCK)
-        if len(header) < BLOCK or header[1] != 0x50 or not header[0]:
+        header = file.read(C3D_BLOCK)
+        if len(header) < C3D_BLOCK or header[1] != 0x50 or not header[0]:
             raise InputError("has no C3D header", str(path))
-        file.seek(BLOCK * (header[0] - 1))
+        file.seek(C3D_BLOCK * (header[0] - 1))
         section = file.read(4)
     order = ENDIANNESS.get(section[3]) if len(section) == 4 else None
     if order is None:
@@ -79,5 +79,5 @@ def _check_sizes(path: Path) -> None:
     points, analogs, first, last = struct.unpack(f"{order}4H", header[2:10])
     data = struct.unpack(f"{order}H", header[16:18])[0]
     frames = max(0, last - first + 1)
-    if last < first or frames * (4 * points + analogs) * 2 > size - BLOCK * (data - 1):
+    if last < first or frames * (4 * points + analogs) * 2 > size - C3D_BLOCK * (data - 1):
         raise InputError("declares more frames than it holds; it is damaged", str(path))

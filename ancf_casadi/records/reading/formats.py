@@ -18,12 +18,12 @@ from ancf_casadi.records.reading.tdms import read_tdms
 from ancf_casadi.records.reading.text.reader import read_text
 from ancf_casadi.records.reading.uff import read_uff
 from ancf_casadi.support.files import opened
-from ancf_casadi.support.inputs import LARGEST
+from ancf_casadi.support.inputs import LARGEST_TIME
 
-START = 1024  # bytes looked at
+BYTES_LOOKED_AT = 1024  # bytes looked at
 HDF5 = b"\x89HDF\r\n\x1a\n"
 UNIVERSAL = re.compile(rb"\s*\r?\n? {4}-1 *\r?\n *\d+", re.ASCII)
-OTHERS = {
+OTHER_FORMATS = {
     b"\x1f\x8b": "is compressed with gzip; unpack it first",
     b"\xd0\xcf\x11\xe0": "is an Excel workbook; save the sheet as CSV",
     b"PAR1": "is a Parquet file; save the table as CSV",
@@ -41,7 +41,7 @@ def read_contents(path: str | Path, *, progress: bool = False) -> Contents:
         If the file cannot be read, is larger than 1 GiB, or is in no known format.
     """
     with opened(path, 2**30) as file:
-        found = _read(Path(path), file.read(START), progress)
+        found = _read(Path(path), file.read(BYTES_LOOKED_AT), progress)
     if not found.channels:
         raise InputError("has no channels of numbers", str(path))
     return replace(found, channels=tuple(map(_within_range, found.channels)))
@@ -50,13 +50,13 @@ def read_contents(path: str | Path, *, progress: bool = False) -> Contents:
 def _within_range(channel: RecordedChannel) -> RecordedChannel:
     """Return a channel, with a fault if a number has no finite square."""
     largest = np.abs(channel.values).max(initial=0.0, where=np.isfinite(channel.values))
-    beyond = f"has numbers beyond {LARGEST:g}, such as {largest:g}" if largest > LARGEST else ""
+    beyond = f"has numbers beyond {LARGEST_TIME:g}, such as {largest:g}" if largest > LARGEST_TIME else ""
     return replace(channel, fault=channel.fault or beyond)
 
 
 def _read(file: Path, start: bytes, progress: bool) -> Contents:
     suffix = file.suffix.lower()
-    for signature, message in OTHERS.items():
+    for signature, message in OTHER_FORMATS.items():
         if start.startswith(signature):
             raise InputError(message, str(file))
     if start.startswith(HDF5) or start[512:].startswith(HDF5):
@@ -71,7 +71,7 @@ def _read(file: Path, start: bytes, progress: bool) -> Contents:
         return read_npy(file)
     if start.startswith(b"TDSm"):
         return read_tdms(file)
-    if suffix == ".c3d" or (len(start) == START and start[1] == 0x50 and start[0] < 10 and b"\0" in start):
+    if suffix == ".c3d" or (len(start) == BYTES_LOOKED_AT and start[1] == 0x50 and start[0] < 10 and b"\0" in start):
         return read_c3d(file)
     if start.startswith(b"LabVIEW Measurement"):
         return read_lvm(file)

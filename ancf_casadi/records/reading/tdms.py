@@ -11,7 +11,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.arrays import MOST_CHANNELS
 from ancf_casadi.records.reading.libraries import library, readable
-from ancf_casadi.records.reading.worker import LARGEST
+from ancf_casadi.records.reading.worker import MOST_DATA_BYTES
 from ancf_casadi.records.unit_names import unit_in_name
 from ancf_casadi.records.units import parse_unit
 
@@ -37,7 +37,7 @@ def read_tdms(path: Path) -> Contents:
             if item.dtype is None or item.dtype.kind not in "fiuM":
                 notes.append(f"{name!r} has no numbers, and is left out")
                 continue
-            if len(item) * item.dtype.itemsize > min(size * 2, LARGEST):
+            if len(item) * item.dtype.itemsize > min(size * 2, MOST_DATA_BYTES):
                 raise InputError("declares more samples than it holds; it is damaged", f"{path}: {name}")
             channels.append(_channel(len(channels) + 1, name, item))
     return Contents(tuple(channels), tuple(notes))

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-LARGEST = 2**30  # bytes that the data of a file may take
+MOST_DATA_BYTES = 2**30  # bytes that the data of a file may take
 MOST_ITEMS = 10_000
-NUMERIC = {
+NUMERIC_SIZES = {
     "double": 8, "single": 4, "int8": 1, "uint8": 1, "int16": 2, "uint16": 2, "int32": 4, "uint32": 4, "int64": 8,
     "uint64": 8,
 }  # fmt: skip
@@ -42,8 +42,8 @@ def check_unpacked(size: int, packed: int) -> None:
     """
     if size > 1100 * packed:  # unpacked bytes per byte of a compressed file; deflate reaches 1032
         raise Unusable(f"declares {size} bytes of data, which its {packed} bytes cannot hold; it is damaged")
-    if size > LARGEST:
-        raise Unusable(f"unpacks to more than {LARGEST >> 20} MB; shorten the record")
+    if size > MOST_DATA_BYTES:
+        raise Unusable(f"unpacks to more than {MOST_DATA_BYTES >> 20} MB; shorten the record")
 
 
 def matlab(path: str) -> Found:
@@ -54,9 +54,9 @@ def matlab(path: str) -> Found:
     notes: list[str] = []
     size = 0
     for name, shape, kind in whosmat(path, appendmat=False):
-        if kind in NUMERIC and len(wanted) < MOST_ITEMS:
+        if kind in NUMERIC_SIZES and len(wanted) < MOST_ITEMS:
             wanted.append(name)
-            size += math.prod(int(n) for n in shape) * NUMERIC[kind]
+            size += math.prod(int(n) for n in shape) * NUMERIC_SIZES[kind]
         else:
             notes.append(f"{name!r} is a {kind}, and is left out; save its fields as variables")
     check_unpacked(size, os.path.getsize(path))

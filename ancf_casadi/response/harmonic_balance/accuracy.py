@@ -24,7 +24,7 @@ from ancf_casadi.support.arrays import Array
 
 FIRST_HARMONICS = 5
 MOST_HARMONICS = 199
-MOST_SAMPLES = 4096
+MOST_PERIOD_SAMPLES = 4096
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from ancf_casadi.response.floquet import floquet_multipliers
 from ancf_casadi.response.harmonic_balance.accuracy import (
     FIRST_HARMONICS,
     MOST_HARMONICS,
-    MOST_SAMPLES,
+    MOST_PERIOD_SAMPLES,
     Errors,
     errors_of,
     least_samples,
@@ -178,9 +178,9 @@ def point_at(
         if errors.largest <= tolerance:
             return coarser
         harmonics, samples = refined(errors, series.harmonics, series.samples, tolerance)
-        if harmonics > MOST_HARMONICS or samples > MOST_SAMPLES:
+        if harmonics > MOST_HARMONICS or samples > MOST_PERIOD_SAMPLES:
             raise NumericsError(
-                f"the motion needs more than {MOST_HARMONICS} harmonics or {MOST_SAMPLES} samples per period: "
+                f"the motion needs more than {MOST_HARMONICS} harmonics or {MOST_PERIOD_SAMPLES} samples per period: "
                 f"its error is {errors.largest:.1g}; use a larger tolerance, a smoother force, or more damping of the "
                 "high modes"
             )

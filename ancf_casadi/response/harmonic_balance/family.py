@@ -22,7 +22,7 @@ import numpy as np
 
 from ancf_casadi.response.harmonic_balance.balance import BalanceDerivatives, HarmonicBalance, Setting
 from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
-from ancf_casadi.response.systems.system import PLAIN
+from ancf_casadi.response.systems.system import NO_CORRECTIONS
 from ancf_casadi.support.arrays import Array
 
 Constraint = Callable[[Array], tuple[float, Array]]  # C -> g and dg/dC
@@ -114,7 +114,7 @@ class Family:
     @property
     def plain(self) -> bool:
         """True if corrections are simply added."""
-        return self.balance.system.corrections is PLAIN
+        return self.balance.system.corrections is NO_CORRECTIONS
 
     def _sampled(self, z: Array) -> Array:
         """Return the coordinates at the samples, (n, N)."""

@@ -20,8 +20,8 @@ from ancf_casadi.response.harmonic_balance.balance import BalanceDerivatives
 from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.support.arrays import Array
 
-CONVERGED = 1e-11  # error of the unknowns relative to their scales
-FAR = 100.0  # largest step, relative to the scales
+NEWTON_ERROR = 1e-11  # error of the unknowns relative to their scales
+LARGEST_NEWTON_STEP = 100.0  # largest step, relative to the scales
 
 
 class NotFound(Exception):
@@ -130,9 +130,9 @@ def solve(family: Family, guess: Array, condition: Condition, jacobian: Jacobian
         residual = family.back(used.z, z, family.residual(z))
         step = -family.forth(used.z, z, scale * factors.solve(np.append(residual, gap))) / scale
         length = float(np.abs(step).max())
-        if not np.isfinite(length) or (fresh and length > FAR):
+        if not np.isfinite(length) or (fresh and length > LARGEST_NEWTON_STEP):
             raise NotFound
-        if length > min(FAR, contraction * last):
+        if length > min(LARGEST_NEWTON_STEP, contraction * last):
             # a step below 1e-6 stagnates by rounding, with derivatives from within 1e-3
             if distance <= 1e-3 and last <= 1e-6 and length > last / 2:
                 return z
@@ -143,7 +143,7 @@ def solve(family: Family, guess: Array, condition: Condition, jacobian: Jacobian
             continue
         distance = length if fresh else distance
         z, fresh = family.moved(z, scale * step), False
-        if min(length / last, 1.0) * length <= CONVERGED and (last < np.inf or length <= CONVERGED):
+        if min(length / last, 1.0) * length <= NEWTON_ERROR and (last < np.inf or length <= NEWTON_ERROR):
             return z
         last = length
     raise NotFound

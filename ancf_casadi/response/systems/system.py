@@ -52,7 +52,7 @@ class Corrections:
         return residual
 
 
-PLAIN = Corrections()
+NO_CORRECTIONS = Corrections()
 
 
 class SampledFunctions(NamedTuple):
@@ -120,7 +120,7 @@ class SecondOrderSystem(Displayed):
     rest: Array
     scale: Array
     mirror: Array
-    corrections: Corrections = PLAIN
+    corrections: Corrections = NO_CORRECTIONS
 
     @classmethod
     def of(

@@ -18,7 +18,7 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
-from ancf_casadi.estimation.solve import ALLOWED, meaningful
+from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import rebuilt
@@ -38,7 +38,7 @@ MODULUS = (
     "bending_stiffness",
 )  # unknowns to which the strain energy of all elements is proportional
 LEVEL_ERROR = 0.01  # relative error of the levels whose effect the result states
-MEANINGFUL = 1e-4  # relative shift of an estimate that is worth more modes and harmonics
+LEAST_SHIFT = 1e-4  # relative shift of an estimate that is worth more modes and harmonics
 WITHOUT_MODULUS = (FrictionDamping, ModalDamping, QuadraticDamping)  # laws whose forces do not contain the modulus
 
 
@@ -104,7 +104,7 @@ class CurveBlock(Block):
     @property
     def meaningful(self) -> float:
         """Relative shift of an estimate that is worth more modes and harmonics."""
-        return MEANINGFUL
+        return LEAST_SHIFT
 
     def evaluation(self, before: Evaluation | None = None) -> Responses:
         """Return the residuals; the search for each motion starts from the last one."""
@@ -134,7 +134,7 @@ class CurveBlock(Block):
 
     def account(self, fitted: Fitted) -> Account:
         """Return errors of the amplitudes, the effects of truncation and levels, and points without a stable motion."""
-        values, worst = fitted.values, meaningful(fitted.shifts, fitted.fit, MEANINGFUL)
+        values, worst = fitted.values, meaningful(fitted.shifts, fitted.fit, LEAST_SHIFT)
         motions = fitted.evaluation.motions(values)
         errors = [
             root_mean_square(np.array([one.values[0] for one in own]) / record.amplitudes - 1)
@@ -273,7 +273,7 @@ class CurveBlock(Block):
 
 def _truncation_warnings(shifts: Array, names: Sequence[str]) -> list[str]:
     """Return the warning about the effect of more modes and harmonics."""
-    if shifts.max() <= ALLOWED:
+    if shifts.max() <= LARGEST_SHIFT:
         return []
     return [
         f"one mode and two harmonics more shift {names[int(shifts.argmax())]} by {shifts.max():.2g} standard errors; "

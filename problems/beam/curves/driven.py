@@ -24,14 +24,14 @@ import numpy as np
 from ancf_casadi.damping import Parameter
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.tip_load import LOAD
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.reduction import ReducedModel
+from ancf_casadi.response.differentiable import GRAVITY_SIZE
 from ancf_casadi.response.systems.beams import reduced_system
 from ancf_casadi.response.systems.drive import Drive, beam_drive
 from ancf_casadi.response.systems.system import Derived, SampledFunctions, SecondOrderSystem
 from problems.beam.curves.record import ResponseRecord
 
-GRAVITY = 2  # first parameters of the reduced model, which do not vary
 INPUTS = ("q", "v", "a", "tau", "omega", "size", "s")
 VARIED = ("q", "v", "a", "size", "s")  # inputs by which the reading has Jacobians
 
@@ -93,7 +93,7 @@ def _tuned(reduced: ReducedModel) -> SecondOrderSystem:
     return SecondOrderSystem(
         functions=Derived(_tuned_functions, reduced),
         entries=plain.entries,
-        parameters=(*plain.parameters[GRAVITY:], *factors, modulus),
+        parameters=(*plain.parameters[GRAVITY_SIZE:], *factors, modulus),
         excitation=plain.excitation,
         rest=np.zeros(n),
         scale=plain.scale,
@@ -108,7 +108,7 @@ def _tuned_functions(samples: int, reduced: ReducedModel) -> SampledFunctions:
     given = plain.functions(samples)
     q, v, a, u, p = (given.balance.mx_in(name) for name in ("q", "v", "a", "u", "p"))
     s = cs.MX.sym("s", laws + n + 1)
-    p = cs.vertcat(cs.DM(reduced.values[:GRAVITY]), s[:laws])
+    p = cs.vertcat(cs.DM(reduced.values[:GRAVITY_SIZE]), s[:laws])
     added = cs.diag((s[laws:-1] ** 2 - 1) * squares)
     R = given.balance(q, v, a, u, p) + added @ q
     R += (s[-1] - 1) * (cs.repmat(rest, 1, samples) + bending @ q)
@@ -132,7 +132,7 @@ def _reading(reduced: ReducedModel, record: ResponseRecord, drive: Drive) -> cs.
     sizes = dict(zip(INPUTS, (n, n, n, 1, 1, 1, laws + n + 1), strict=True))
     q, v, a, tau, omega, size, s = symbols = [cs.SX.sym(name, count) for name, count in sizes.items()]
     u = drive.expression(tau, omega, size)
-    y = _sensor(reduced, record)(q, v, a, u[:-LOAD], u[-LOAD:], s[:laws])
+    y = _sensor(reduced, record)(q, v, a, u[:-LOAD_SIZE], u[-LOAD_SIZE:], s[:laws])
     jacobians = [cs.densify(cs.jacobian(y, symbols[INPUTS.index(name)])) for name in VARIED]
     names = ["value", *(f"by_{name}" for name in VARIED)]
     return cs.Function("reading", symbols, cs.cse([cs.densify(y), *jacobians]), [*INPUTS], names)
@@ -142,7 +142,7 @@ def _sensor(reduced: ReducedModel, record: ResponseRecord) -> cs.Function:
     """Return the reading of the sensor as a Function (q, v, a, base, load, parameters of the law)."""
     n, equations = reduced.count, Equations(reduced.model, reduced.law)
     q, v, a = (cs.MX.sym(name, n) for name in "qva")
-    base, load, law = cs.MX.sym("base", 9), cs.MX.sym("load", LOAD), cs.MX.sym("law", len(reduced.law.parameters))
+    base, load, law = cs.MX.sym("base", 9), cs.MX.sym("load", LOAD_SIZE), cs.MX.sym("law", len(reduced.law.parameters))
     e, e_t = reduced.coordinates(q, v, base)
     rates = (q, v), (v, a), (base, cs.vertcat(base[3:], cs.MX.zeros(3)))
     e_tt = sum((cs.jtimes(e_t, x, x_t) for x, x_t in rates), cs.MX.zeros(e.numel()))

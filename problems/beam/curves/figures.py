@@ -10,8 +10,7 @@ from matplotlib.figure import Figure, SubFigure
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import MEASURED, SERIES, literal_text
 from problems.beam.curves.record import ResponseRecord
-
-IN_MM = ("position", "displacement")
+from problems.beam.motions.figures import IN_MM
 
 
 def response_size(records: Sequence[ResponseRecord]) -> tuple[float, float]:

@@ -44,8 +44,8 @@ from ancf_casadi.response.harmonic_balance.fourier import resized
 from ancf_casadi.support.arrays import Array
 from problems.beam.curves.balance import DrivenBalance, Linearised
 
-CONVERGED = 1e-9  # Newton step, relative to the coefficients
-SETTLED = 1e-6  # step along the curve, in standard deviations
+POINT_NEWTON_ERROR = 1e-9  # Newton step, relative to the coefficients
+POINT_STEP_ERROR = 1e-6  # step along the curve, in standard deviations
 
 
 class NoMotionError(NumericsError):
@@ -174,7 +174,7 @@ def motion_at(
         C, level = C + step[:-1], level + float(step[-1])
         if not np.isfinite(step).all() or not _near(C, level, near, farthest):
             break
-        if np.linalg.norm(step[:-1]) <= CONVERGED * np.linalg.norm(C):
+        if np.linalg.norm(step[:-1]) <= POINT_NEWTON_ERROR * np.linalg.norm(C):
             return PointMotion(C, level, balance.at(C, level, omega, s))
     raise NoMotionError("Newton's method does not converge to a steady motion")
 
@@ -256,7 +256,10 @@ def _quickly(balance: DrivenBalance, measured: Measured, s: Array, near: PointMo
             return None
         step = correction + along * tangent
         C, level = C + step[:-1], level + float(step[-1])
-        if np.linalg.norm(correction[:-1]) <= CONVERGED * np.linalg.norm(C) and abs(along) * size <= SETTLED:
+        if (
+            np.linalg.norm(correction[:-1]) <= POINT_NEWTON_ERROR * np.linalg.norm(C)
+            and abs(along) * size <= POINT_STEP_ERROR
+        ):
             return PointMotion(C, level, balance.at(C, level, measured.omega, s))
     return None
 
@@ -268,7 +271,7 @@ def _carefully(balance: DrivenBalance, measured: Measured, s: Array, near: Point
     for _ in range(60):  # steps along the curve to the closest point
         values, slopes = here.values, here.slopes
         along, size = _step(measured, values, slopes, last)
-        if abs(along) * size <= SETTLED:
+        if abs(along) * size <= POINT_STEP_ERROR:
             return here
         last = float(values[0]), slopes
         # longest step along the curve, relative to the amplitude, and as a phase, rad

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.prediction import LARGEST_PREDICTION_ERROR
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, Mask, root_mean_square
 from ancf_casadi.support.tables import Displayed, Table, known
@@ -30,8 +31,7 @@ from problems.beam.curves.residuals import FAILURES
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FREE = 1e4  # factor on the standard deviations of amplitude and phase: the level decides
-TOO_LARGE = 3.0  # rms error over noise and standard error above which there is a warning
+FREE_STD = 1e4  # factor on the standard deviations of amplitude and phase: the level decides
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +110,7 @@ class ResponsePrediction(Displayed):
         for name, rest in self.residuals.items():
             own = self.amplitude_errors if name == "amplitude" else self.phase_errors
             ratio = root_mean_square(rest / np.hypot(own, deviations[name]))
-            if ratio > TOO_LARGE:
+            if ratio > LARGEST_PREDICTION_ERROR:
                 notes.append(
                     f"{name}: the error is {ratio:.2g} times as large as noise and the uncertainty of the estimates "
                     "explain; the model does not hold for this record"
@@ -168,7 +168,7 @@ def predicted(block: CurveBlock, fit: Fit) -> ResponsePrediction:
         If the response at a point cannot be computed.
     """
     (record,), values = block.records, fit.estimates
-    loose = block.weights.proportions[0] * np.array([FREE, FREE, 1.0])[:, None]
+    loose = block.weights.proportions[0] * np.array([FREE_STD, FREE_STD, 1.0])[:, None]
     responses = replace(block, weights=replace(block.weights, proportions=(loose,))).evaluation()
     try:
         motions, changes = responses.motions(values)[0], responses.sensitivities(values)[0]

@@ -12,11 +12,11 @@ A point of a response curve is the triple (a, Y, phi) at a frequency.  In a test
 well and Y is measured, in one with controlled response it is the other way round.  Both are errors in the same three
 numbers, so that standard deviations alone tell the tests apart:
 
-    of Y      ``ERROR`` of Y, and ``FLOOR`` of the largest Y of the record
-    of phi    ``ERROR``, and the same floor over Y
-    of a      ``ERROR`` of a
+    of Y      ``CURVE_ERROR`` of Y, and ``AMPLITUDE_FLOOR`` of the largest Y of the record
+    of phi    ``CURVE_ERROR``, and the same floor over Y
+    of a      ``CURVE_ERROR`` of a
 
-and a tenth of ``ERROR`` for the controlled number, a or Y, without a floor.  These defaults are proportions: the
+and a tenth of ``CURVE_ERROR`` for the controlled number, a or Y, without a floor.  These defaults are proportions: the
 scatter of the residuals sets the size of those that are measured (``weights``).
 """
 
@@ -40,13 +40,13 @@ from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import array, check_instance, choice, complex_array
 from ancf_casadi.support.tables import Displayed, counted, spread
 
-TIP = Sensor("displacement")
+TIP_DISPLACEMENT = Sensor("displacement")
 
 Sweep = Literal["up", "down"]
 Control = Literal["excitation", "response"]
 
-ERROR = 0.01  # default standard deviation, relative; in rad for a phase
-FLOOR = 1e-3  # default standard deviation of an amplitude, relative to the largest of the record
+CURVE_ERROR = 0.01  # default standard deviation, relative; in rad for a phase
+AMPLITUDE_FLOOR = 1e-3  # default standard deviation of an amplitude, relative to the largest of the record
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ class ResponseRecord(Displayed):
     frequencies: ArrayLike
     values: ArrayLike
     phases: ArrayLike | None = None
-    sensor: Sensor = TIP
+    sensor: Sensor = TIP_DISPLACEMENT
     base: HarmonicBase | None = None
     load: HarmonicLoad | None = None
     levels: ArrayLike | None = None
@@ -202,11 +202,15 @@ class ResponseRecord(Displayed):
     @cached_property
     def deviations(self) -> Array:
         """Standard deviations of amplitudes, phases and levels, given or proportional, (3, m)."""
-        held = 0.1 * ERROR  # default standard deviation of what is controlled, relative to that of what is measured
-        floor = FLOOR * self.amplitudes.max()
-        amplitude = np.hypot(ERROR * self.amplitudes, floor) if self.control == "excitation" else held * self.amplitudes
-        level = (held if self.control == "excitation" else ERROR) * self.a
-        phase = np.hypot(ERROR, floor / self.amplitudes)
+        held = (
+            0.1 * CURVE_ERROR
+        )  # default standard deviation of what is controlled, relative to that of what is measured
+        floor = AMPLITUDE_FLOOR * self.amplitudes.max()
+        amplitude = (
+            np.hypot(CURVE_ERROR * self.amplitudes, floor) if self.control == "excitation" else held * self.amplitudes
+        )
+        level = (held if self.control == "excitation" else CURVE_ERROR) * self.a
+        phase = np.hypot(CURVE_ERROR, floor / self.amplitudes)
         given = self.amplitude_std, self.phase_std, self.level_std
         return np.array([
             usual if own is None else np.asarray(own)

@@ -9,7 +9,7 @@ the residuals are
 
 record by record and channel by channel.  The motion is integrated once for all channels of a record, and sampled at the
 times of each.  Only the model is differentiated: records are never integrated.  ``tolerance`` has the accuracy of the
-integration.  A trial that takes ``PATIENCE`` times the steps of the first run is abandoned.
+integration.  A trial that takes ``MOST_STEP_RATIO`` times the steps of the first run is abandoned.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
-from ancf_casadi.estimation.solve import ALLOWED
+from ancf_casadi.estimation.solve import LARGEST_SHIFT
 from ancf_casadi.mechanics.beam import LUMPED
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.sensor import Sensor
@@ -38,12 +38,12 @@ from ancf_casadi.support.interrupts import delayed_interrupts
 from ancf_casadi.support.tables import known
 from problems.beam.motions.clocks import Clocks, load_at, offsets
 from problems.beam.motions.record import Channel, MotionRecord, labels_of
-from problems.beam.motions.tolerance import CHECK, TIGHTEST, first_tolerance, tighter
-from problems.beam.motions.weights import TRUST, Weights, first_weights
+from problems.beam.motions.tolerance import CHECK_RATIO, TIGHTEST, first_tolerance, tighter
+from problems.beam.motions.weights import MODEL_STD, Weights, first_weights
 from problems.beam.names import base_name, load_name, loads
 from problems.beam.properties import Owners
 
-PATIENCE = 20.0  # most steps of a run, relative to the first run
+MOST_STEP_RATIO = 20.0  # most steps of a run, relative to the first run
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +129,7 @@ class MotionBlock(Block):
         """Return the motions as differentiable Functions; those of ``before`` serve other weights too."""
         if isinstance(before, MotionEvaluation) and before.block.tolerance == self.tolerance:
             return MotionEvaluation(self, before.runs, before.motions)
-        runs = [Runs(self._motion(record), PATIENCE) for record in self.records]
+        runs = [Runs(self._motion(record), MOST_STEP_RATIO) for record in self.records]
         return MotionEvaluation(self, runs, [one.function() for one in runs])
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
@@ -140,7 +140,7 @@ class MotionBlock(Block):
 
     def error(self, values: Mapping[str, float], residuals: Array, evaluation: Any) -> Array:
         """Return the error of residuals, from one integration of each record at a smaller tolerance."""
-        tight = replace(self, tolerance=self.tolerance / CHECK).evaluation()
+        tight = replace(self, tolerance=self.tolerance / CHECK_RATIO).evaluation()
         found = tight.residuals({name: cs.MX(value) for name, value in values.items()})
         with delayed_interrupts():
             change = np.asarray(cs.evalf(found)).ravel() - residuals
@@ -190,7 +190,9 @@ class MotionBlock(Block):
                 + f", weighted by 1/{deviation:.3g}"
                 for label, one, deviation, rest in channels
             ]
-        lines.append(f"the standard errors allow for a systematic error of {TRUST:.0e} of the travel of each channel")
+        lines.append(
+            f"the standard errors allow for a systematic error of {MODEL_STD:.0e} of the travel of each channel"
+        )
         return Account(
             lines,
             self._limitations(fitted, worst),
@@ -212,7 +214,7 @@ class MotionBlock(Block):
                 f"the integration error at the tolerance {self.tolerance:.1e} could not be checked: its effect on the "
                 "estimates is unknown"
             ]
-        if worst <= ALLOWED:
+        if worst <= LARGEST_SHIFT:
             return []
         name = fitted.fit.names[int(np.abs(fitted.shifts).argmax())]
         advice = "let the fit select the tolerance" if self.tolerance > TIGHTEST else "shorten the record"

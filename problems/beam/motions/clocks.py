@@ -10,7 +10,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.tip_load import LOAD, TipLoad
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
 from ancf_casadi.support.arrays import Array
 from problems.beam.motions.record import MotionRecord
 
@@ -55,7 +55,7 @@ class Clocks:
 def load_at(load: TipLoad | None, times: Array, shift: cs.MX) -> cs.MX:
     """Return a load at the tip, (3, s), at times that are shifted."""
     if load is None:
-        return cs.MX.zeros(LOAD, times.size)
+        return cs.MX.zeros(LOAD_SIZE, times.size)
     t = cs.MX.sym("t")
     *others, last = load.pieces()
     value = last.at(t, cs.MX(0, 1))

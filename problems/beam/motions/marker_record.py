@@ -22,7 +22,7 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.inputs import array, check_instance, instances, numbers, physical
 from ancf_casadi.support.tables import Displayed, counted, spread
 from ancf_casadi.vibration.equilibrium import Equilibrium
-from problems.beam.motions.record import FEWEST, Bounds, Camera, Channel, MotionRecord
+from problems.beam.motions.record import FEWEST_SAMPLES, Bounds, Camera, Channel, MotionRecord
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +76,8 @@ class MarkerRecord(Displayed):
         check_instance(self.base, "base", BaseMotion, NoneType)
         check_instance(self.start, "start", str, Equilibrium, State)
         time, positions = array(self.time, "time"), array(self.positions, "positions", finite=False)
-        if time.ndim != 1 or time.size < FEWEST:
-            raise InputError(f"needs at least {FEWEST} samples", "time")
+        if time.ndim != 1 or time.size < FEWEST_SAMPLES:
+            raise InputError(f"needs at least {FEWEST_SAMPLES} samples", "time")
         physical(abs(time[-1] - time[0]), "time")
         if positions.ndim == 2:
             positions = positions[:, None, :]

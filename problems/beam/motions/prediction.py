@@ -16,6 +16,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.prediction import LARGEST_PREDICTION_ERROR
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array, root_mean_square
@@ -27,8 +28,6 @@ from problems.beam.motions.weights import Weights
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-BEYOND = 3.0  # rms error over noise and standard error above which there is a warning
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +98,7 @@ class MotionPrediction(Displayed):
         for (label, error), expected, noise in zip(
             self.rms_errors.items(), self.standard_errors.values(), self.noise, strict=True
         ):
-            if error > BEYOND * math.hypot(expected, noise):
+            if error > LARGEST_PREDICTION_ERROR * math.hypot(expected, noise):
                 notes.append(
                     f"{label}: the error {error:.2g} is {error / math.hypot(expected, noise):.2g} times as large as "
                     "noise and the uncertainty of the estimates explain; the model does not hold for this record"

@@ -41,7 +41,7 @@ from ancf_casadi.support.inputs import array, check_instance, is_sequence, numbe
 from ancf_casadi.support.tables import Displayed, counted
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
-FEWEST = 10  # samples of a record
+FEWEST_SAMPLES = 10  # samples of a record
 JUMPING = ("velocity", "acceleration", "force", "moment")
 
 Bounds = tuple[float, float]
@@ -286,8 +286,8 @@ class MotionRecord(Displayed):
 
     def _check_samples(self) -> None:
         count = sum(one.measurement.time.size for one in self.own_channels)
-        if count < FEWEST:
-            raise InputError(f"needs at least {FEWEST} samples, got {count}", "channels")
+        if count < FEWEST_SAMPLES:
+            raise InputError(f"needs at least {FEWEST_SAMPLES} samples, got {count}", "channels")
         if not any(np.ptp(one.measurement.values) for one in self.own_channels):
             raise InputError("are constant; nothing moves", "channels")
         if not self.end > self.origin:

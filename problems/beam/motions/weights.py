@@ -13,7 +13,7 @@ residuals of each channel takes their place, and the fit is repeated once from i
 least squares).  The positions in a record have one standard deviation, that of their camera; any other channel has its
 own.
 
-No standard deviation is below ``TRUST`` times the travel of the channel, the root mean square about its mean
+No standard deviation is below ``MODEL_STD`` times the travel of the channel, the root mean square about its mean
 (``tolerance``).
 """
 
@@ -28,9 +28,9 @@ import numpy as np
 from ancf_casadi.estimation.solver.loss import noise_of
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-from problems.beam.motions.record import FEWEST, Channel, MotionRecord
+from problems.beam.motions.record import FEWEST_SAMPLES, Channel, MotionRecord
 
-TRUST = 2e-5  # systematic error of a record, relative to its travel
+MODEL_STD = 2e-5  # systematic error of a record, relative to its travel
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Weights:
     @property
     def systematic(self) -> float:
         """Root mean square of the systematic error of the residuals, in standard deviations (``tolerance``)."""
-        return TRUST * self.root_mean_square(self.travels)
+        return MODEL_STD * self.root_mean_square(self.travels)
 
     @property
     def travel(self) -> float:
@@ -99,7 +99,7 @@ class Weights:
                 own = list(group)
                 found = _deviation(np.concatenate(parts), robust)
                 travel = math.sqrt(float(self.lengths[own] @ self.travels[own] ** 2) / float(self.lengths[own].sum()))
-                deviations[own] = max(found, TRUST * travel)
+                deviations[own] = max(found, MODEL_STD * travel)
         return replace(self, deviations=deviations)
 
 
@@ -115,9 +115,10 @@ def first_weights(records: Sequence[MotionRecord], *, robust: bool = False) -> W
     groups = _groups(records)
     for group in groups:
         first = channels[group[0]]
-        if first.std is None and sum(channels[k].measurement.time.size for k in group) < FEWEST:
+        if first.std is None and sum(channels[k].measurement.time.size for k in group) < FEWEST_SAMPLES:
             raise InputError(
-                f"{first.label} has fewer than {FEWEST} samples, too few to find their noise; give Channel(std=...)",
+                f"{first.label} has fewer than {FEWEST_SAMPLES} samples, too few to find their noise; "
+                "give Channel(std=...)",
                 "channels",
             )
     weights = Weights(

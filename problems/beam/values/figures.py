@@ -13,7 +13,7 @@ from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 from problems.beam.values.prediction import ValuePrediction
 from problems.beam.values.records import StaticRecord
 
-MARKERS = "osD^v<>P"
+CASE_MARKERS = "osD^v<>P"
 
 
 def value_size(predictions: Sequence[ValuePrediction]) -> tuple[float, float]:
@@ -40,7 +40,7 @@ def draw_values(figure: Figure | SubFigure, predictions: Sequence[ValuePredictio
     grid = figure.subplots(2, len(columns), squeeze=False, sharex="col", height_ratios=(1.6, 1))
     for (static, group), upper, lower in zip(columns, *grid, strict=True):
         for k, prediction in enumerate(group):
-            _draw(upper, lower, prediction, MARKERS[k % len(MARKERS)], k)
+            _draw(upper, lower, prediction, CASE_MARKERS[k % len(CASE_MARKERS)], k)
         lower.axhline(0.0, ls=":", lw=0.8, color=MEASURED)
         lower.set(xlabel="load, N" if static else "mode", ylabel="computed/measured - 1, %")
         unit = group[0].record.units[0]

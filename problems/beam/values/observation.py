@@ -25,7 +25,7 @@ from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.assembly import structure_properties
 
-AT_REST = ("position", "displacement", "slope", "strain", "force", "moment")
+STATIC_QUANTITIES = ("position", "displacement", "slope", "strain", "force", "moment")
 
 
 def readings(model: Model, sensors: Sequence[Sensor]) -> cs.Function:
@@ -55,8 +55,10 @@ def place(model: Model, sensor: Sensor) -> float:
 
 
 def _reading(model: Model, sensor: Sensor, e: cs.MX, f: cs.MX, properties: cs.MX) -> cs.MX:
-    if sensor.quantity not in AT_REST:
-        raise InputError(f"{sensor.quantity} has no reading at rest; use one of {', '.join(AT_REST)}", "sensors")
+    if sensor.quantity not in STATIC_QUANTITIES:
+        raise InputError(
+            f"{sensor.quantity} has no reading at rest; use one of {', '.join(STATIC_QUANTITIES)}", "sensors"
+        )
     if sensor.frame != "inertial":
         raise InputError("the direction must be in the laboratory (frame='inertial') at rest", "sensors")
     s, axis = place(model, sensor), model.beam.axis

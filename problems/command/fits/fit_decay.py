@@ -32,7 +32,7 @@ from problems.command.record_options import add_part_options, add_record_options
 from problems.decay.band import IsolatedMode, isolate_mode
 from problems.decay.comparison import compare_decay_laws
 from problems.decay.fitting import fit_decay, fit_decays
-from problems.decay.laws import LAWS, FrequencyLaw
+from problems.decay.laws import DECAY_LAWS, FrequencyLaw
 from problems.decay.result import DecayFit
 
 
@@ -43,7 +43,10 @@ def add_fit_decay(parser: argparse.ArgumentParser) -> None:
         "files", nargs="+", metavar="FILE", help="record of a free decay; several files are takes of the same mode"
     )
     parser.add_argument(
-        "--law", choices=(*LAWS, "auto"), default="linear", help="damping law, or auto to compare all (default: linear)"
+        "--law",
+        choices=(*DECAY_LAWS, "auto"),
+        default="linear",
+        help="damping law, or auto to compare all (default: linear)",
     )
     parser.add_argument(
         "--frequency-law",

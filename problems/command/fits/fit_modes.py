@@ -16,7 +16,7 @@ from problems.command.output import (
     positive_count,
 )
 from problems.command.record_options import add_part_options, add_record_options, read_record, releases
-from problems.decay.mode_separation import MOST_MODES, fit_modes
+from problems.decay.mode_separation import MOST_DECAY_MODES, fit_modes
 
 
 def add_fit_modes(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +27,7 @@ def add_fit_modes(parser: argparse.ArgumentParser) -> None:
         "--count",
         type=positive_count,
         metavar="N",
-        help=f"largest number of modes (default: as many as the record supports, up to {MOST_MODES})",
+        help=f"largest number of modes (default: as many as the record supports, up to {MOST_DECAY_MODES})",
     )
     add_plot(parser, "draw the record, the sum of the modes, and what remains")
     add_record_options(parser)

@@ -16,7 +16,7 @@ from problems.study.runner import PartTime
 
 NO_BREAK = "\u00a0"  # a space where no line ends
 INK = re.compile(r"((?:fill|stroke|stop-color)(?:: *|=\"))(?:#000000|#222222|black)\b")  # of axes, text and records
-NUMBER = re.compile(r"^[(]?[-+–]?\d")
+LEADING_NUMBER = re.compile(r"^[(]?[-+–]?\d")
 
 
 def page(study: Study, shown: Sequence[Shown], steps: Sequence[PartTime], **about: Any) -> str:
@@ -64,7 +64,7 @@ def _svg(label: str, svg: str, caption: str) -> Markup:
 
 def _numeric(table: DataTable) -> list[bool]:
     """Return for each shown column whether it holds numbers, which are aligned to the right."""
-    return [all(not cell or cell == "–" or NUMBER.match(cell) for cell in column)
+    return [all(not cell or cell == "–" or LEADING_NUMBER.match(cell) for cell in column)
             for column in zip(*table.cells(), strict=True)]  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from problems.study.drawing import drawn
 from problems.study.part import Effort, Finding, Found, Part
 from problems.study.source import Printed, Source, printed_numbers
 
-ROWS = (("length", "mm", 1e3), ("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0),
+BEAM_ROWS = (("length", "mm", 1e3), ("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0),
         ("elastic_modulus", "GPa", 1e-9))  # fmt: skip
 
 
@@ -52,19 +52,19 @@ class BeamProperties(Part):
 
     def checked(self, source: Source, where: str) -> Self:
         """Return the part with its printed numbers."""
-        return replace(self, printed=printed_numbers(self.printed, {"value": len(ROWS)}, where))
+        return replace(self, printed=printed_numbers(self.printed, {"value": len(BEAM_ROWS)}, where))
 
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the table of properties."""
         beam = self.beam_in(found)
-        means = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in ROWS]
+        means = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in BEAM_ROWS]
         printed = self.printed.get("value")
         columns = (
-            Column("property", tuple(name.replace("_", " ") for name, *_ in ROWS)),
-            Column("unit", tuple(unit for _, unit, _ in ROWS)),
+            Column("property", tuple(name.replace("_", " ") for name, *_ in BEAM_ROWS)),
+            Column("unit", tuple(unit for _, unit, _ in BEAM_ROWS)),
             Column("value", tuple(means), printed=printed),
         )
-        varying = [name for name, *_ in ROWS[1:] if np.ptp(getattr(beam, name)) > 0.0]
+        varying = [name for name, *_ in BEAM_ROWS[1:] if np.ptp(getattr(beam, name)) > 0.0]
         notes = [f"{beam.elements} elements; axis {beam.axis}, gravity {beam.gravity} m/s²."]
         if varying:
             notes.append(f"Means over the elements: {', '.join(varying).replace('_', ' ')} vary along the beam.")
@@ -74,7 +74,7 @@ class BeamProperties(Part):
             notes.append(f"Stiffness of the clamp: {beam.clamp_stiffness:.4g} N m/rad.")
         table = self.data_table("Properties of the beam", columns, *notes)
         data = {
-            **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in ROWS[1:]},
+            **{row: list(np.atleast_1d(getattr(beam, row)).astype(float)) for row, *_ in BEAM_ROWS[1:]},
             "length": beam.length,
             "elements": beam.elements,
             "axis": list(beam.axis),

@@ -29,7 +29,7 @@ from problems.decay.laws import Law
 from problems.decay.result import DecayFit
 from problems.modal_damping.combined_law import ModeCoefficients
 from problems.schema.motion import read_measured
-from problems.schema.table import HIDDEN, Positive, read
+from problems.schema.table import UNLISTED, Positive, read
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure
 from problems.study.part import Effort, Finding, Found, Part, Task
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PRINTED = ("frequency", "damping_ratio", "eta1", "eta2")
-NOISE = 0.2e-3  # m, of synthetic decays
-MOST_SAMPLES = 10_000_000  # of a synthetic decay
+SYNTHETIC_STD = 0.2e-3  # m, of synthetic decays
+MOST_DECAY_SAMPLES = 10_000_000  # of a synthetic decay
 
 
 class DecayRecord(Struct, frozen=True, rename={"begin": "from", "end": "to"}):
@@ -215,12 +215,12 @@ class Decays(Part):
     ] = None
     rate: Annotated[Positive, Meta(description="1/s, of synthetic decays")] = 500.0
     duration: Annotated[Positive, Meta(description="s")] = 5.0
-    noise: Annotated[float, Meta(ge=0.0, description="m")] = NOISE
+    noise: Annotated[float, Meta(ge=0.0, description="m")] = SYNTHETIC_STD
     seed: Annotated[int, Meta(ge=0)] | None = None
     printed: Annotated[Printed, Meta(description="{frequency (Hz), damping_ratio (%), eta1, eta2}")] = field(
         default_factory=dict
     )
-    decays: Annotated[tuple[Decay, ...], HIDDEN] = ()
+    decays: Annotated[tuple[Decay, ...], UNLISTED] = ()
 
     def checked(self, source: Source, where: str) -> Self:
         """Return the part with its records."""
@@ -243,9 +243,10 @@ class Decays(Part):
     def _synthetic(self, given: SyntheticDecay, seed: int, mode: int) -> Decay:
         """Return a decay by Eq. (9) or (27) with white noise, released at rest at time 0."""
         seed = seed if self.seed is None else self.seed
-        if self.rate * self.duration > MOST_SAMPLES:
+        if self.rate * self.duration > MOST_DECAY_SAMPLES:
             raise InputError(
-                f"gives {self.rate * self.duration:.3g} samples, {MOST_SAMPLES:g} at most; lower the rate", "duration"
+                f"gives {self.rate * self.duration:.3g} samples, {MOST_DECAY_SAMPLES:g} at most; lower the rate",
+                "duration",
             )
         time = np.arange(0.0, self.duration, 1 / self.rate)
         ω, amplitude = cs.DM(2 * math.pi * given.frequency), cs.DM(given.amplitude)

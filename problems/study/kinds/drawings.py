@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 ENDS = np.array([[0.9, 1.9], [4.3, 1.7]])  # r0 and rl
 SLOPES = np.array([[0.75, 0.66], [0.80, -0.60]])  # tau0 and taul
-NAMES = ("0", "l")
+END_NAMES = ("0", "l")
 
 
 class DrawingNumbers(TypedDict, total=False):
@@ -117,7 +117,7 @@ def element_figure() -> Figure:
     """Draw the element with the vectors r0, tau0, rl and taul."""
     figure, (axes,) = new_figure(3.3)
     axes.plot(*centre_line(np.linspace(0.0, 1.0, 60)).T, **{**line(0), "lw": 3.0})
-    for end, slope, name, offset in zip(ENDS, SLOPES, NAMES, ((-18, 2), (6, -12)), strict=True):
+    for end, slope, name, offset in zip(ENDS, SLOPES, END_NAMES, ((-18, 2), (6, -12)), strict=True):
         tip = end + 1.3 * slope / np.linalg.norm(slope)  # length of a drawn slope
         _arrow(axes, (0.0, 0.0), end, "--")
         _arrow(axes, end, tip, "-")

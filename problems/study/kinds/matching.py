@@ -25,7 +25,12 @@ from problems.study.source import Printed, Source, printed_numbers
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ROWS = (("width", "mm", 1e3), ("thickness", "mm", 1e3), ("density", "kg/m³", 1.0), ("elastic_modulus", "GPa", 1e-9))
+MATCHING_ROWS = (
+    ("width", "mm", 1e3),
+    ("thickness", "mm", 1e3),
+    ("density", "kg/m³", 1.0),
+    ("elastic_modulus", "GPa", 1e-9),
+)
 
 
 @dataclass(frozen=True)
@@ -118,7 +123,7 @@ class Match(Part, MatchTable):
             own = read(source.file.needed("match"), MatchTable, source.file.where("match"))
         with located(where):
             modes = len(request_of(own)["targets"])
-        columns = {"standard": modes, "optimum": modes, "value": len(ROWS)}
+        columns = {"standard": modes, "optimum": modes, "value": len(MATCHING_ROWS)}
         return replace(self, **own.request, printed=printed_numbers(self.printed, columns, where))
 
     def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
@@ -139,11 +144,11 @@ class Match(Part, MatchTable):
         return Finding(matched.data, tables, figures, tuple(matched.data["warnings"]), matched.beam)
 
     def _properties(self, matched: Matched, beam: Beam) -> DataTable:
-        arrays = {name: scale * np.array(getattr(matched.beam, name)) for name, _, scale in ROWS}
-        standard = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in ROWS]
+        arrays = {name: scale * np.array(getattr(matched.beam, name)) for name, _, scale in MATCHING_ROWS}
+        standard = [scale * float(np.mean(getattr(beam, name))) for name, _, scale in MATCHING_ROWS]
         columns = (
-            Column("property", tuple(name.replace("_", " ") for name, *_ in ROWS)),
-            Column("unit", tuple(unit for _, unit, _ in ROWS)),
+            Column("property", tuple(name.replace("_", " ") for name, *_ in MATCHING_ROWS)),
+            Column("unit", tuple(unit for _, unit, _ in MATCHING_ROWS)),
             Column("before", tuple(standard)),
             Column("mean", tuple(float(values.mean()) for values in arrays.values()),
                    printed=self.printed.get("value")),
@@ -181,7 +186,9 @@ class Match(Part, MatchTable):
         return self.data_table(title, columns, note, suffix="_frequencies")
 
     def _profiles(self, matched: Matched, beam: Beam) -> Figure:
-        names = [name for name, *_ in ROWS if matched.ranges.get(name) is not None] or [name for name, *_ in ROWS]
+        names = [name for name, *_ in MATCHING_ROWS if matched.ranges.get(name) is not None] or [
+            name for name, *_ in MATCHING_ROWS
+        ]
         along = [name for name in names if np.ptp(getattr(matched.beam, name)) > 0.0] or names[:1]
         figure, panels = new_figure(0.8 + 1.5 * len(along), len(along), sharex=True)
         edges = 1e3 * np.linspace(0.0, beam.length, beam.elements + 1)

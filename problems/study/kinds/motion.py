@@ -19,7 +19,7 @@ from problems.study.data_table import Column, DataTable
 from problems.study.drawing import drawn
 from problems.study.part import FilePart, Finding
 
-TABLES = {"beam", "damping", "base", "load", "release", "records", "frequencies", "predictions", "fit"}
+MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", "frequencies", "predictions", "fit"}
 
 
 class MotionNumbers(TypedDict):
@@ -90,7 +90,7 @@ class MotionFit(FilePart):
     numbers = MotionNumbers
     seconds = 60.0
     compute = staticmethod(fitted_motion)
-    wanted = TABLES
+    wanted = MOTION_TABLES
 
     def check(self, file: StudyFile, where: str) -> None:
         """Check the records."""
@@ -143,7 +143,7 @@ class Comparison(FilePart):
     numbers = ComparisonNumbers
     seconds = 120.0
     compute = staticmethod(compared_laws)
-    wanted = TABLES
+    wanted = MOTION_TABLES
 
     def check(self, file: StudyFile, where: str) -> None:
         """Check the records and the laws, of which there must be several."""

@@ -28,8 +28,8 @@ from ancf_casadi.estimation.criteria import Candidate, judge
 from problems import MarkerRecord, compare_laws, fit_beam, fit_decay
 from problems.beam.motions import block
 from problems.beam.motions.marker_record import motion_records
-from problems.beam.motions.tolerance import ALLOWED, COARSEST, GAIN, first_tolerance
-from problems.beam.motions.weights import TRUST, first_weights
+from problems.beam.motions.tolerance import COARSEST, ERROR_GAIN, LARGEST_SHIFT, first_tolerance
+from problems.beam.motions.weights import MODEL_STD, first_weights
 from tests.problems.beam.truth import scores
 
 BASE = HarmonicBase(0.02, 2.0, stop=0.5)
@@ -161,9 +161,9 @@ def test_the_fit_selects_a_tolerance_at_which_no_estimate_is_shifted(exact, nois
     """Without noise the allowance for a systematic error decides; the interval still covers the truth."""
     found = drag(exact, noise * np.random.default_rng(1).normal(size=exact[2].positions.shape))
     assert found.solution.problem.blocks[0].tolerance <= COARSEST
-    assert abs(found.shifts[0]) <= ALLOWED and not any("integration" in warning for warning in found.warnings)
+    assert abs(found.shifts[0]) <= LARGEST_SHIFT and not any("integration" in warning for warning in found.warnings)
     assert abs(found.fit.values[0] - 0.2) < 2 * found.fit.errors[0] < 5e-3
-    assert found.fit.systematic == pytest.approx(TRUST * travel(exact[2]), rel=1e-3)
+    assert found.fit.systematic == pytest.approx(MODEL_STD * travel(exact[2]), rel=1e-3)
 
 
 @pytest.mark.slow
@@ -197,7 +197,7 @@ def weighted(record):
 
 def test_the_noise_of_a_record_is_separated_from_its_motion(model, driven):
     weights = weighted(driven)
-    assert weights.scale * weights.systematic == pytest.approx(TRUST * travel(driven))
+    assert weights.scale * weights.systematic == pytest.approx(MODEL_STD * travel(driven))
     time = np.arange(400) / 100.0
     swing = 0.02 * np.stack([np.sin(8 * time), np.cos(5 * time)], axis=1)
     given = NOISE * np.random.default_rng(3).normal(size=swing.shape)
@@ -212,8 +212,8 @@ def test_the_first_tolerance_follows_the_noise_and_without_noise_the_travel():
     records = [motion_records(MarkerRecord(time, swing + x * white)) for x in (0.0, 2e-6, 1e-3)]
     quiet, slight, loud = (first_tolerance(record, first_weights(record), 0.5) for record in records)
     still = np.sqrt(swing.var(axis=0).mean())
-    assert quiet == pytest.approx(ALLOWED * TRUST * still / (GAIN * 0.5), rel=1e-3) and quiet < COARSEST
-    added = ALLOWED * 2e-6 / (np.sqrt(4000) * GAIN * 0.5)
+    assert quiet == pytest.approx(LARGEST_SHIFT * MODEL_STD * still / (ERROR_GAIN * 0.5), rel=1e-3) and quiet < COARSEST
+    added = LARGEST_SHIFT * 2e-6 / (np.sqrt(4000) * ERROR_GAIN * 0.5)
     assert slight == pytest.approx(np.hypot(quiet, added), rel=0.05) and slight > 1.2 * quiet
     assert loud == COARSEST
 
@@ -238,7 +238,7 @@ def test_residuals_that_are_not_noise_give_a_warning_for_each_law(model):
     wrong, right = comparison.fits
     assert any(coloured in warning for warning in wrong.warnings) and coloured in wrong.report()
     assert wrong.to_dict()["warnings"] == list(wrong.warnings)
-    assert right.fit.residual_rms < TRUST * travel(exact) and not any(coloured in one for one in right.warnings)
+    assert right.fit.residual_rms < MODEL_STD * travel(exact) and not any(coloured in one for one in right.warnings)
     assert comparison.best is right
     assert comparison.warnings == (*comparison.verdict.warnings, *right.warnings)
     assert comparison.to_dict()["warnings"] == list(comparison.warnings)

@@ -432,7 +432,7 @@ class TestExport:
     @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
     def test_fmu(self, files, capsys, monkeypatch):
         (files / "small.toml").write_text(edited(BEAM, ("elements = 20", "elements = 2")))
-        monkeypatch.setattr(fmu, "FLAGS", ("-O0", *fmu.FLAGS[1:]))
+        monkeypatch.setattr(fmu, "FMU_FLAGS", ("-O0", *fmu.FMU_FLAGS[1:]))
         assert main(["export", "small.toml", "--format", "fmu", "--out", "beam.fmu", "--markers", "0.1,0.25"]) == 0
         captured = capsys.readouterr()
         assert captured.out == f"beam.fmu  {(files / 'beam.fmu').stat().st_size} bytes\n"

@@ -9,7 +9,7 @@ from ancf_casadi import Beam, EquilibriumError, FitError, InputError, Model, nat
 from problems import FrequencyMatch, Global, MeasuredModes, PerElement, Smooth, Smoothness, match_frequencies
 from problems.matching.design_space import DesignSpace
 from problems.matching.preference import PATCHES
-from problems.matching.program import OPTIONS
+from problems.matching.program import MATCHING_OPTIONS
 from problems.study import paper
 
 BOUNDS = 0.10
@@ -20,7 +20,7 @@ SMALL_FACTORS = 2 * SMALL_ELEMENTS + 2
 @pytest.fixture(scope="module")
 def match() -> FrequencyMatch:
     """The paper's case: 42 properties, the five frequencies of Table 2, hanging."""
-    return match_frequencies(paper.standard_beam(), targets=paper.FREQUENCIES, bounds=BOUNDS)
+    return match_frequencies(paper.standard_beam(), targets=paper.TARGET_FREQUENCIES, bounds=BOUNDS)
 
 
 def small_beam() -> Beam:
@@ -56,7 +56,7 @@ class TestPaper:
     def test_all_five_frequencies_are_met(self, match):
         """Table 2 within 1e-6, by an independent solution; the paper's optimum misses it by 0.1 to 0.5 %."""
         afresh = natural_modes(Model(match.beam), count=5).frequencies
-        assert afresh == pytest.approx(paper.FREQUENCIES, rel=1e-6)
+        assert afresh == pytest.approx(paper.TARGET_FREQUENCIES, rel=1e-6)
         assert match.frequencies == pytest.approx(afresh.tolist(), rel=1e-12)
         assert match.max_relative_error < 1e-6
 
@@ -78,13 +78,13 @@ class TestPaper:
     def test_another_start_ends_at_the_same_beam(self, match, seed):
         """42 properties against 5 frequencies: only the preference for the least change makes the result unique."""
         start = 1 + np.random.default_rng(seed).uniform(-0.09, 0.09, 42)
-        other = match_frequencies(paper.standard_beam(), targets=paper.FREQUENCIES, guess=start.tolist())
+        other = match_frequencies(paper.standard_beam(), targets=paper.TARGET_FREQUENCIES, guess=start.tolist())
         assert other.max_relative_error < 1e-6
         difference = factors(other.beam, paper.standard_beam()) - factors(match.beam, paper.standard_beam())
         assert np.abs(difference).max() < 1e-8
 
     def test_wider_bounds_that_do_not_bind_change_nothing(self, match):
-        wide = match_frequencies(paper.standard_beam(), targets=paper.FREQUENCIES, bounds=1.0)
+        wide = match_frequencies(paper.standard_beam(), targets=paper.TARGET_FREQUENCIES, bounds=1.0)
         assert factors(wide.beam, match.beam) == pytest.approx(np.ones(42), abs=1e-5)
 
     def test_the_beam_before_is_that_of_independent_computation(self, match):
@@ -95,8 +95,8 @@ class TestPaper:
 
     def test_smallest_bounds_that_admit_the_targets(self):
         """Erratum 3: widths, thicknesses, density and modulus need 4.97 %, found without this program."""
-        enough = match_frequencies(paper.standard_beam(), targets=paper.FREQUENCIES, bounds=0.055)
-        too_narrow = match_frequencies(paper.standard_beam(), targets=paper.FREQUENCIES, bounds=0.045)
+        enough = match_frequencies(paper.standard_beam(), targets=paper.TARGET_FREQUENCIES, bounds=0.055)
+        too_narrow = match_frequencies(paper.standard_beam(), targets=paper.TARGET_FREQUENCIES, bounds=0.045)
         assert enough.max_relative_error < 1e-6
         assert too_narrow.max_relative_error > 1e-4
         assert len(too_narrow.at_bound) > 0
@@ -115,7 +115,7 @@ class TestPaper:
     def test_a_standing_beam_cannot_be_matched(self):
         """Erratum 2: a standing beam misses by 1.7 % at best within bounds of 10 %; least squares by slightly more."""
         standing = paper.standard_beam().with_(axis=(0.0, 1.0))
-        match = match_frequencies(standing, targets=paper.FREQUENCIES)
+        match = match_frequencies(standing, targets=paper.TARGET_FREQUENCIES)
         assert match.standard[0] == pytest.approx(1.39944159, rel=1e-5)
         assert 0.017 < match.max_relative_error < 0.023
 
@@ -176,7 +176,7 @@ class TestMesh:
         found = []
         for elements in (10, 20, 40):
             beam = standard_beam(elements)
-            match = match_frequencies(beam, targets=paper.FREQUENCIES, bounds=0.3)
+            match = match_frequencies(beam, targets=paper.TARGET_FREQUENCIES, bounds=0.3)
             middle = np.array(match.beam.thickness).reshape(10, -1).mean(axis=1) / 0.5e-3
             found.append([match.beam.elastic_modulus[0] / 210e9, match.beam.density[0] / 8000.0, *middle])
         steps = np.abs(np.diff(found, axis=0))
@@ -185,7 +185,7 @@ class TestMesh:
 
     def test_smoothness_against_noisy_data_converges_too(self):
         """With a weight of the steps between elements, that of the gradient fell in proportion to their length."""
-        measured = MeasuredModes(paper.FREQUENCIES[:3], 1e-2)
+        measured = MeasuredModes(paper.TARGET_FREQUENCIES[:3], 1e-2)
         found = []
         for elements in (10, 20, 40):
             match = match_frequencies(
@@ -276,7 +276,7 @@ class TestFailure:
             match_frequencies(slender, targets=(1.85, 10.19))
 
     def test_no_convergence_is_an_error(self, monkeypatch):
-        monkeypatch.setitem(OPTIONS, "ipopt.max_iter", 2)
+        monkeypatch.setitem(MATCHING_OPTIONS, "ipopt.max_iter", 2)
         with pytest.raises(FitError, match="no minimum was found after 2 iterations") as caught:
             match_frequencies(small_beam(), targets=(1.85, 10.19))
         assert caught.value.stats["return_status"] == "Maximum_Iterations_Exceeded"

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from problems.study.paper import PAPER
+from problems.study.paper import PAPER_FILE
 from problems.study.study import StudyReport, run_study
 
 BEAM = """
@@ -81,7 +81,7 @@ def without_times(results: dict[str, Any]) -> dict[str, Any]:
 @pytest.fixture(scope="session")
 def small_paper(tmp_path_factory) -> StudyReport:
     """The study of the paper in small: eight elements, the promised parts, a moment of the first experiment."""
-    tables = tomllib.loads(PAPER.read_text(encoding="utf-8"))
+    tables = tomllib.loads(PAPER_FILE.read_text(encoding="utf-8"))
     tables["beam"]["elements"] = 8
     parts = {part["name"]: part for part in tables["parts"] if part["name"] in SMALL}
     comparison = parts["damping_comparison"]

@@ -12,7 +12,7 @@ import pytest
 
 from problems.study.document.labels import file_name, labelled
 from problems.study.document.page import inline_svg
-from problems.study.drawing import STYLE, WIDTH
+from problems.study.drawing import FIGURE_WIDTH, STYLE
 from problems.study.part import Finding, Study
 from problems.study.study import StudyReport, run_study
 from tests.problems.study.conftest import BEAM, DECAYS, RAYLEIGH
@@ -196,7 +196,7 @@ class TestPage:
             for label, figure in part.figures
             if "against its amplitude" not in figure.caption
         }
-        scale = float(re.search(r"minmax\(0, ([\d.]+)in\)", page.source)[1]) / WIDTH
+        scale = float(re.search(r"minmax\(0, ([\d.]+)in\)", page.source)[1]) / FIGURE_WIDTH
         assert scale * STYLE["legend.fontsize"] >= 7.0
         assert {label: height for label, height in heights.items() if 2 * scale * height > 9.6} == {}
 

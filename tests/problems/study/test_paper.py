@@ -17,7 +17,7 @@ import pytest
 from problems.cli import main
 from problems.study import paper
 from problems.study.kinds.drawings import Omitted
-from problems.study.paper import PAPER
+from problems.study.paper import PAPER_FILE
 from problems.study.part import Study
 from problems.study.reading import read_study
 from tests.problems.study.conftest import without_times
@@ -37,7 +37,7 @@ PROMISED = {
 
 @pytest.fixture(scope="module")
 def study() -> Study:
-    return read_study(PAPER)
+    return read_study(PAPER_FILE)
 
 
 class TestContents:
@@ -109,8 +109,8 @@ class TestResults:
     def test_values_are_si_and_fractions(self, small_paper):
         results = small_paper.results
         matching = results["frequency_matching"]
-        assert matching["target_hz"] == list(paper.FREQUENCIES)
-        assert matching["matched_hz"] == pytest.approx(paper.FREQUENCIES, rel=1e-6)
+        assert matching["target_hz"] == list(paper.TARGET_FREQUENCIES)
+        assert matching["matched_hz"] == pytest.approx(paper.TARGET_FREQUENCIES, rel=1e-6)
         assert matching["width_m"] == pytest.approx([5e-3] * 8, rel=0.1 + 1e-9)
         assert matching["thickness_m"] == pytest.approx([0.5e-3] * 8, rel=0.1 + 1e-9)
         assert matching["density"] == pytest.approx(8000.0, rel=0.1 + 1e-9)
@@ -125,7 +125,7 @@ class TestResults:
     def test_fits_recover_the_numbers_of_the_paper(self, small_paper):
         """Each number of Tables 2 and 4 lies within four standard errors, which the noise determines."""
         for row, f, ratio in zip(
-            small_paper.results["modal_identification"], paper.FREQUENCIES, paper.DAMPING_RATIOS, strict=True
+            small_paper.results["modal_identification"], paper.TARGET_FREQUENCIES, paper.DAMPING_RATIOS, strict=True
         ):
             assert abs(row["frequency_hz"] - f) < 4 * row["frequency_stderr_hz"]
             assert abs(row["damping_ratio"] - ratio) < 4 * row["damping_ratio_stderr"]
@@ -151,7 +151,7 @@ class TestResults:
         ]  # fmt: skip
         assert {table.source for table in tables.values() if "paper" in table.heads()} == {"paper"}
         frequency = next(column for column in tables["Table 2"].columns if column.head == "frequency")
-        assert frequency.printed == paper.FREQUENCIES
+        assert frequency.printed == paper.TARGET_FREQUENCIES
         (beta,) = (row for row in tables["Table 3"].table().rows if row[0] == "beta")
         assert beta[2] == pytest.approx(3.18e-5, rel=1e-3)
         assert beta[-1] == 3.18e-4
@@ -232,7 +232,7 @@ def test_the_command_reproduces_the_paper(tmp_path):
     comparison = results["damping_comparison"]
     assert comparison["generic"] == pytest.approx(paper.DAMPING_RATIOS, rel=0.05)
     assert comparison["proportional"][:4] == pytest.approx(PROPORTIONAL[:4], rel=0.03)
-    ratios = np.array(paper.ETA1[0]) / (4 * math.pi * np.array(paper.FREQUENCIES))  # of eta1 alone
+    ratios = np.array(paper.ETA1[0]) / (4 * math.pi * np.array(paper.TARGET_FREQUENCIES))  # of eta1 alone
     assert (np.array(comparison["quadratic"]) > ratios).all()
     for part in ("independence", "damping_comparison", "individual_quadratic"):
         for row in results[part]["runs"]:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import pytest
 
 from ancf_casadi.exceptions import AncfError, InputError
-from problems.study.paper import PAPER
+from problems.study.paper import PAPER_FILE
 from problems.study.reading import read_study
 from tests.problems.study.conftest import BEAM, DECAYS, RAYLEIGH, toml
 
@@ -229,7 +229,7 @@ def _places(value: Any):
 def test_a_mutated_study_is_read_or_refused(study_file, name, times):
     """Nothing but our errors comes out, in one line, with the name of the file."""
     rng, refused = random.Random(7), 0
-    tables = tomllib.loads(ALL if name == "all" else PAPER.read_text(encoding="utf-8"))
+    tables = tomllib.loads(ALL if name == "all" else PAPER_FILE.read_text(encoding="utf-8"))
     for _ in range(times):
         path = study_file(toml(mutated(tables, rng)))
         try:

@@ -11,7 +11,7 @@ import pytest
 
 from ancf_casadi.exceptions import FitError, InputError
 from problems.study.part import QUICK, Effort, Finding, Found, Part, Study, Task
-from problems.study.runner import STEPS, run_parts
+from problems.study.runner import STEPS_FOLDER, run_parts
 from problems.study.study import run_study
 from tests.problems.study.conftest import BEAM, DECAYS, RAYLEIGH, without_times
 
@@ -90,7 +90,7 @@ class Bench:
 
     @property
     def files(self) -> int:
-        return len(list((self.folder / STEPS).glob("*")))
+        return len(list((self.folder / STEPS_FOLDER).glob("*")))
 
 
 @pytest.fixture
@@ -164,7 +164,7 @@ class TestKept:
     @pytest.mark.parametrize("damage", [b"", b"\x80", b"not ours"])
     def test_a_damaged_result_is_computed_again(self, bench, damage):
         bench.run(bench.part("a", 1.0, 2.0))
-        for path in (bench.folder / STEPS).iterdir():
+        for path in (bench.folder / STEPS_FOLDER).iterdir():
             path.write_bytes(damage)
         assert bench.run(bench.part("a", 1.0, 2.0)) == {"a": 6.0}
         assert sorted(bench.calls) == [1.0, 2.0]
@@ -197,7 +197,7 @@ class TestFailure:
 
     @pytest.mark.slow
     def test_a_folder_that_cannot_be_written_is_an_input_error(self, bench):
-        (bench.folder / STEPS).write_text("in the way")
+        (bench.folder / STEPS_FOLDER).write_text("in the way")
         with pytest.raises(InputError, match="steps"):
             bench.run(bench.part("a", 1.0))
 
@@ -213,7 +213,7 @@ def test_any_executor_gives_the_same_files(study_file, tmp_path):
             files = {
                 str(file.relative_to(tmp_path / name)): file.read_bytes()
                 for file in (tmp_path / name).rglob("*.*")
-                if STEPS not in file.parts and file.suffix != ".html"
+                if STEPS_FOLDER not in file.parts and file.suffix != ".html"
             }
             numbers = without_times(json.loads(files.pop("results.json")))
             contents.append((numbers, files))

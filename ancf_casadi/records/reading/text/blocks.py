@@ -14,8 +14,8 @@ from tqdm import tqdm
 
 from ancf_casadi.exceptions import InputError
 
-BLOCK = 4 * 2**20  # bytes
-LONGEST_LINE = 2**20  # bytes
+BLOCK_BYTES = 4 * 2**20  # bytes
+MOST_LINE_BYTES = 2**20  # bytes
 MARKS = (
     (codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF32_LE, "utf-32-le"), (codecs.BOM_UTF32_BE, "utf-32-be"),
     (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"),
@@ -41,15 +41,15 @@ def text_blocks(path: Path, *, progress: bool = False) -> Iterator[bytes]:
         file.seek(mark)
         decoder = None if encoding == "utf-8" else codecs.getincrementaldecoder(encoding)(errors="replace")
         rest = b""
-        while read := file.read(BLOCK):
+        while read := file.read(BLOCK_BYTES):
             bar.update(len(read))
             block = rest + (decoder.decode(read).encode(errors="replace") if decoder else read)
             if b"\0" in block:
                 raise InputError("is not text, and no other format that is known", str(path))
             end = 1 + max(block.rfind(b"\n"), block.rfind(b"\r", 0, -1))  # a final \r may belong to \r\n
             rest = block[end:]
-            if len(rest) > LONGEST_LINE:
-                raise InputError(f"has a line of more than {LONGEST_LINE >> 20} MiB, and is no table", str(path))
+            if len(rest) > MOST_LINE_BYTES:
+                raise InputError(f"has a line of more than {MOST_LINE_BYTES >> 20} MiB, and is no table", str(path))
             if end:
                 yield _plain_ends(block[:end])
         if rest:

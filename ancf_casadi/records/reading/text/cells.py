@@ -15,13 +15,13 @@ from ancf_casadi.support.arrays import Array
 
 Kind = Literal["number", "gap", "stamp", "word"]
 
-NUMBER = {
+CELL_NUMBER = {
     ".": re.compile(r"[+-]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?"),
     ",": re.compile(r"[+-]?(?:\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?"),
 }
 GAPS = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "#nv", "missing", "nan(ind)", "-nan"})
 COMMENTS = ("#", "%", "//", "!", "*")
-PLAIN = frozenset("0123456789+-.eE")
+NUMBER_CHARACTERS = frozenset("0123456789+-.eE")
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Dialect:
 
     def kind(self, cell: str) -> Kind:
         """Return what a cell holds."""
-        if NUMBER[self.decimal].fullmatch(cell):
+        if CELL_NUMBER[self.decimal].fullmatch(cell):
             return "number"
         if cell.casefold() in GAPS:
             return "gap"
@@ -65,7 +65,7 @@ class Dialect:
             plain = not any("." in cell for cell in cells)
         else:
             dotted, plain = list(cells), True
-        if plain and PLAIN.issuperset("".join(dotted)):
+        if plain and NUMBER_CHARACTERS.issuperset("".join(dotted)):
             try:
                 values = np.array(dotted, dtype=float)
             except ValueError:  # an empty cell, or a fault

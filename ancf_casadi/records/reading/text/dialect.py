@@ -27,7 +27,7 @@ DIALECTS = tuple(
 )  # fmt: skip
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:[.,]\d{3})+")
 MANY_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:,\d{3})+\.\d*|[+-]?\d{1,3}(?:\.\d{3})+,\d*|[+-]?\d{1,3}(?:[ ']\d{3})+")
-NUMERIC = re.compile(r"[+-]?[\d,]+(?:[eE][+-]?\d+)?")
+AMBIGUOUS_COMMA = re.compile(r"[+-]?[\d,]+(?:[eE][+-]?\d+)?")
 LEADING_ZERO = re.compile(r"0\d+")
 SEPARATORS = "write the columns with semicolons or tabs between them, or the decimals with points"
 
@@ -151,7 +151,7 @@ def _check_commas(run: _Run, numbers: Sequence[int], path: str) -> None:
     cells = [cell for row in run.rows for cell in row]
     where = f"{path}, line {numbers[run.first]}"
     if run.dialect.decimal == ",":
-        decimals = [cell for cell in cells if "," in cell and NUMERIC.fullmatch(cell)]
+        decimals = [cell for cell in cells if "," in cell and AMBIGUOUS_COMMA.fullmatch(cell)]
         if decimals and all(THOUSANDS.fullmatch(cell) for cell in decimals):
             raise InputError(
                 f"the comma in {decimals[0]!r} may separate thousands or decimals; write decimal points", where

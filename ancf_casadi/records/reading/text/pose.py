@@ -3,7 +3,7 @@
 DeepLabCut writes the rows ``scorer``, ``individuals`` (if there are several), ``bodyparts`` and ``coords`` above the
 numbers; coordinates are in pixels, and the first column counts the frames.  In any table, a column such as
 ``tip_likelihood`` or ``tip.score`` belongs to the columns ``tip_x`` and ``tip_y``.  A point whose likelihood is below
-``LEAST`` is a gap.
+``LEAST_LIKELIHOOD`` is a gap.
 
 References
 ----------
@@ -21,7 +21,7 @@ import numpy as np
 
 from ancf_casadi.records.channel import Contents, RecordedChannel
 
-LEAST = 0.6  # likelihood of a point that counts
+LEAST_LIKELIHOOD = 0.6  # likelihood of a point that counts
 LIKELIHOOD = re.compile(r"(.*[^\s_.])[ _.]+(?:likelihood|score|confidence|conf)", re.IGNORECASE | re.DOTALL)
 COORDINATE = re.compile(r"(.*[^\s_.])[ _.]+[xyz](?:[ _(\[].*)?", re.IGNORECASE | re.DOTALL)
 
@@ -52,10 +52,10 @@ def without_unlikely(contents: Contents) -> Contents:
         match = COORDINATE.fullmatch(channel.name)
         likelihood = likelihoods.get(match[1].casefold()) if match else None
         if likelihood and not channel.fault:
-            doubtful = ~(likelihood.values >= LEAST)
+            doubtful = ~(likelihood.values >= LEAST_LIKELIHOOD)
             points += int(np.sum(doubtful & ~np.isnan(channel.values)))
             channel = replace(channel, values=np.where(doubtful, np.nan, channel.values))
         if channel not in likelihoods.values():
             masked.append(channel)
-    note = f"{points} coordinates with a likelihood below {LEAST:g} are gaps"
+    note = f"{points} coordinates with a likelihood below {LEAST_LIKELIHOOD:g} are gaps"
     return Contents(tuple(masked), (*contents.notes, note), contents.lines)

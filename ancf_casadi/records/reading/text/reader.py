@@ -27,8 +27,8 @@ from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array, Index
 
 CLOCKS = "; write times as 2024-05-17T09:30:00.125, as 09:30:00.125, or in s"
-DIGITS = b"0123456789+-eE \t\n"
-NUMBERS = {".": DIGITS + b".", ",": DIGITS + b","}
+DIGIT_BYTES = b"0123456789+-eE \t\n"
+NUMBER_BYTES = {".": DIGIT_BYTES + b".", ",": DIGIT_BYTES + b","}
 
 
 def read_text(path: Path, *, progress: bool = False) -> Contents:
@@ -107,7 +107,7 @@ class _Reader:
         delimiter, decimal = self.table.dialect.delimiter, self.table.dialect.decimal
         if delimiter == decimal or "stamp" in self.table.kinds:
             return None
-        if block.translate(None, NUMBERS[decimal] + delimiter.encode()):
+        if block.translate(None, NUMBER_BYTES[decimal] + delimiter.encode()):
             return None
         if decimal == ",":
             block = block.replace(b",", b".")

@@ -18,7 +18,7 @@ from problems.study.part import Effort, Finding, Found, Task
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MARKED = 12  # markers of a drawn curve
+CURVE_MARKERS = 12  # markers of a drawn curve
 
 
 class ChangeNumbers(TypedDict):
@@ -102,11 +102,11 @@ class RatioChange(DecayPart):
         for k, (variant, decay, one) in enumerate(zip(self.variants, decays, ratios, strict=True)):
             markers = {**series(k), "linestyle": "", "ms": 5}
             envelope, label = decay.envelope, variant.title
-            some = np.unique(np.linspace(0, len(envelope.time) - 1, MARKED).astype(int))
+            some = np.unique(np.linspace(0, len(envelope.time) - 1, CURVE_MARKERS).astype(int))
             amplitude.plot(envelope.time[some], 1e3 * envelope.amplitude[some], **markers)
             amplitude.plot(decay.formula.time, 1e3 * decay.formula.amplitude, **line(k))
             amplitude.plot([], [], **series(k), ms=5, label=label)
-            some = np.unique(np.linspace(0, len(one.time) - 1, MARKED).astype(int))
+            some = np.unique(np.linspace(0, len(one.time) - 1, CURVE_MARKERS).astype(int))
             ratio.plot(one.time[some], 100 * one.ratio[some], **markers)
             ratio.plot(one.time, 100 * one.formula, **line(k))
         amplitude.set(ylabel="amplitude, mm", yscale="log")

@@ -13,9 +13,9 @@ from msgspec import Meta
 from ancf_casadi.damping import QuadraticDamping
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from problems.modal_damping.effects import RESOLVED, Envelope, SimulatedDecay, simulate_decay
+from problems.modal_damping.effects import LEAST_AMPLITUDE, Envelope, SimulatedDecay, simulate_decay
 from problems.schema.beam import law_of
-from problems.schema.table import HIDDEN, Positive
+from problems.schema.table import UNLISTED, Positive
 from problems.study.part import Effort, Part, Task
 from problems.study.source import LawChoice, Source
 
@@ -47,7 +47,7 @@ class DecayPart(Part, ABC):
     frequency: Annotated[Positive, Meta(description="Hz, of mode 1; the elastic modulus is scaled")] = 1.85
     amplitude: Annotated[Positive, Meta(description="m, at the tip")] = 0.076
     duration: Annotated[Positive, Meta(description="s")] = 15.0
-    variants: Annotated[tuple[Variant, ...], HIDDEN] = ()
+    variants: Annotated[tuple[Variant, ...], UNLISTED] = ()
 
     def checked(self, source: Source, where: str) -> Self:
         """Return the part with its laws, each of them a quadratic one."""
@@ -92,6 +92,6 @@ def decay_numbers(variant: Variant, decay: SimulatedDecay, times: Sequence[float
 def amplitude_left(envelope: Envelope, time: float) -> float | str:
     """Return the amplitude at a time (s) in mm for a table; what a simulation does not resolve as an upper limit."""
     amplitude = envelope.at(time)
-    if amplitude < RESOLVED or (np.isnan(amplitude) and envelope.amplitude[-1] < RESOLVED):
-        return f"< {1e3 * RESOLVED:g}"
+    if amplitude < LEAST_AMPLITUDE or (np.isnan(amplitude) and envelope.amplitude[-1] < LEAST_AMPLITUDE):
+        return f"< {1e3 * LEAST_AMPLITUDE:g}"
     return 1e3 * amplitude

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
-from problems.modal_damping.effects import HORIZON, RESOLVED, Characteristics, SimulatedDecay, characteristics
+from problems.modal_damping.effects import HORIZON, LEAST_AMPLITUDE, Characteristics, SimulatedDecay, characteristics
 from problems.schema.table import Positive
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, band, draw_band, drawn, line, new_figure, plain_log_ticks, series
@@ -124,7 +124,7 @@ class EtaEffects(DecayPart):
             beam = tuple(amplitude_left(decay.envelope, time) for _, decay in rows)
             formula = tuple(amplitude_left(decay.formula, time) for _, decay in rows)
             columns += [Column(f"after {time:g} s, beam", beam, "mm"), Column("by Eq. (27)", formula, "mm")]
-        note = f"The simulation does not resolve less than {1e3 * RESOLVED:g} mm."
+        note = f"The simulation does not resolve less than {1e3 * LEAST_AMPLITUDE:g} mm."
         return self.data_table("Amplitude that is left", columns, note, suffix="_left")
 
     def _rows(self, by_law: Sequence[Sequence[SimulatedDecay]]) -> list[tuple[Variant, SimulatedDecay]]:
@@ -208,13 +208,15 @@ def _frequencies(variant: Variant, decays: Sequence[SimulatedDecay], end: float)
         axes.set(ylabel="tip, mm", xlim=(0.0, end))
         axes.set_title(f"{variant.title}, {decay.frequency:g} Hz")
         some = np.unique(np.linspace(0, len(decay.envelope.time) - 1, 8).astype(int))  # markers of a drawn envelope
-        some = some[decay.envelope.amplitude[some] > RESOLVED]
+        some = some[decay.envelope.amplitude[some] > LEAST_AMPLITUDE]
         style = series(k)
         envelopes.plot(decay.envelope.time[some], 1e3 * decay.envelope.amplitude[some], **{**style, "linestyle": ""},
                        ms=5, label=f"{decay.frequency:g} Hz")  # fmt: skip
         envelopes.plot(decay.formula.time, 1e3 * decay.formula.amplitude, **line(k), lw=1)
     envelopes.set(xlabel="time, s", ylabel="amplitude, mm", yscale="log", xlim=(0.0, end))
-    envelopes.set_ylim(bottom=1e3 * RESOLVED if min(d.formula.amplitude[-1] for d in decays) < RESOLVED else None)
+    envelopes.set_ylim(
+        bottom=1e3 * LEAST_AMPLITUDE if min(d.formula.amplitude[-1] for d in decays) < LEAST_AMPLITUDE else None
+    )
     plain_log_ticks(envelopes, "y")
     envelopes.set_title("markers: beam; lines: Eq. (27)")
     envelopes.legend(loc="lower left")

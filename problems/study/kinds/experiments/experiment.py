@@ -43,9 +43,9 @@ from problems.decay.fitting import fit_decay
 from problems.schema.beam import law_of
 from problems.study.drawing import Band, band
 
-TOLERANCE = 1e-4  # of the integrator, over the tip amplitude relative to the length
-IDAS = 0.04  # tolerance of IDAS relative to that of Radau, for errors of the same size
-SAMPLES = 40  # per period
+EXPERIMENT_TOLERANCE = 1e-4  # of the integrator, over the tip amplitude relative to the length
+IDAS_RATIO = 0.04  # tolerance of IDAS_RATIO relative to that of Radau, for errors of the same size
+PERIOD_SAMPLES = 40  # per period
 FEWEST_MODES = 5
 
 
@@ -164,13 +164,15 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
 
     base, window = _excitation(experiment, modes, ratio(experiment.amplitude))
     size = experiment.amplitude / experiment.beam.length
-    tolerance = min(TOLERANCE * size, 1e-5) * (IDAS if experiment.method == "idas" else 1.0)  # largest tolerance
+    tolerance = min(EXPERIMENT_TOLERANCE * size, 1e-5) * (
+        IDAS_RATIO if experiment.method == "idas" else 1.0
+    )  # largest tolerance
     run = simulate(
         modes.model,
         duration=base.stop_time + 2 / base.frequency + window,  # two periods between the stop and the fit
         damping=law,
         base=base,
-        sample_rate=SAMPLES * base.frequency,
+        sample_rate=PERIOD_SAMPLES * base.frequency,
         method=_method(experiment.method),
         tolerance=tolerance,
         largest_step=1 / (experiment.steps_per_period * base.frequency),
@@ -197,7 +199,7 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
         natural_frequency=float(modes.frequencies[mode]),
         base_amplitude=base.amplitude,
         stop=base.stop_time,
-        reached=float(np.abs(motion[max(0, end - SAMPLES) : end]).max()),
+        reached=float(np.abs(motion[max(0, end - PERIOD_SAMPLES) : end]).max()),
         amplitude=amplitude,
         frequency=fit.frequency * (1 + fit.frequency_curvature * amplitude**2),
         damping_ratio=fit.damping_ratio,
@@ -249,6 +251,6 @@ def _curve(decay: Measurement) -> Array:
 
 def _shapes(run: Trajectory, end: int) -> Array:
     arcs = np.linspace(0.0, run.model.beam.length, 41).tolist()  # deformed shapes over one period, points of each
-    rows = np.linspace(max(0, end - SAMPLES), end, 13).astype(int)
+    rows = np.linspace(max(0, end - PERIOD_SAMPLES), end, 13).astype(int)
     points = [run.model.interpolation(arc) for arc in arcs]
     return np.array([[point @ run.coordinates[row] for point in points] for row in rows])

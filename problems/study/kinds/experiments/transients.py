@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-TAKEN = {"experiment", "runs"}  # other keys of its numbers
+TRANSIENT_KEYS = {"experiment", "runs"}  # other keys of its numbers
 
 
 class RunNumbers(TypedDict):
@@ -73,7 +73,7 @@ class Transients(ExperimentPart):
         """Return the part with its laws and printed numbers."""
         part = super().checked(source, where)
         names = [law.name for law in part.laws]
-        if taken := TAKEN & set(names):
+        if taken := TRANSIENT_KEYS & set(names):
             raise InputError(f"the name {', '.join(sorted(taken))} is taken in results.json; rename the law", where)
         return replace(part, printed=printed_numbers(self.printed, dict.fromkeys(names, len(self.runs)), where))
 

@@ -28,7 +28,7 @@ from problems.study.source import Source
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-POINTS = 40  # of a drawn law
+LAW_POINTS = 40  # of a drawn law
 METHODS = ("radau", "idas")
 
 
@@ -84,11 +84,11 @@ def _figure(
     """Draw damping ratio and frequency against amplitude."""
     figure, (ratio, frequency) = new_figure(4.6, 2, sharex=True)
     amplitudes = np.concatenate([result.curve[:, 0] for result in results])
-    fine = np.geomspace(amplitudes.min(), amplitudes.max(), POINTS)
+    fine = np.geomspace(amplitudes.min(), amplitudes.max(), LAW_POINTS)
     for k, (law, result) in enumerate(zip(laws, results, strict=True)):
         style = series(k)
         amplitude, ratios, frequencies = result.curve.T
-        step = max(1, len(amplitude) // POINTS)
+        step = max(1, len(amplitude) // LAW_POINTS)
         marks = {"ls": "", "marker": style["marker"], "color": style["color"], "ms": 4}
         ratio.plot(1e3 * amplitude[::step], 100 * ratios[::step], **marks)
         change = 100 * (frequencies / result.natural_frequency - 1)

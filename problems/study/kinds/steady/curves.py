@@ -25,7 +25,7 @@ from ancf_casadi.vibration.modes import natural_modes
 from problems.schema.response import ResponseTask
 from problems.study.data_table import Column
 
-TIP = "tip"
+TIP_KEY = "tip"
 
 
 class BifurcationNumbers(TypedDict):
@@ -116,7 +116,7 @@ class CurveData:
     @property
     def tip(self) -> Array:
         """Amplitude of the tip, (k,), m."""
-        return self.amplitude[TIP]
+        return self.amplitude[TIP_KEY]
 
     @property
     def peak(self) -> tuple[float, float]:
@@ -149,14 +149,14 @@ class CurveData:
 
 def curve_data(task: ResponseTask, curve: ResponseCurve) -> CurveData:
     """Return a response curve of a task as plain data."""
-    places = {TIP: None, **task.markers}
+    places = {TIP_KEY: None, **task.markers}
     amplitude = {name: curve.amplitude(place) for name, place in places.items()}
     return CurveData(
         frequency=curve.frequencies,
         amplitude=amplitude,
         phase={name: curve.phase(place) for name, place in places.items()},
         stable=curve.stable,
-        damping_ratio=_damping_ratio(task.body, curve.motions[int(np.argmax(amplitude[TIP]))]),
+        damping_ratio=_damping_ratio(task.body, curve.motions[int(np.argmax(amplitude[TIP_KEY]))]),
         bifurcations=tuple(
             Bifurcation(one.kind, one.motion.frequency, one.motion.amplitude()) for one in curve.bifurcations
         ),

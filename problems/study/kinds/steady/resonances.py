@@ -25,7 +25,7 @@ from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import whole
 from problems.schema.beam import law_of
-from problems.schema.response import MODES, TOLERANCE, ResponseTask
+from problems.schema.response import RESPONSE_MODES, RESPONSE_TOLERANCE, ResponseTask
 from problems.study.data_table import Column
 from problems.study.drawing import Drawing, drawn, new_figure, series
 from problems.study.kinds.steady.curves import CurveData, CurveNumbers, curve_data, summary_columns
@@ -36,8 +36,8 @@ from problems.study.source import LawChoice, Source
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-WIDTH = 5.0  # half-width of the range of frequencies relative to that of the resonance
-MARGIN = 1.3  # of the expected change of frequency
+RANGE_WIDTH = 5.0  # half-width of the range of frequencies relative to that of the resonance
+RANGE_MARGIN = 1.3  # of the expected change of frequency
 
 Resonance = tuple[CurveData, Array]  # a curve, and the amplitude of the driven mode at the tip at each point, m
 
@@ -84,7 +84,7 @@ def resonance(
     """
     model = Model(beam)
     law, count = law_of(terms, model, "damping"), max(modes, mode)
-    task = ResponseTask(model, law, frequencies, (amplitude,), "base", (1.0, 0.0), count, 24, TOLERANCE, {})
+    task = ResponseTask(model, law, frequencies, (amplitude,), "base", (1.0, 0.0), count, 24, RESPONSE_TOLERANCE, {})
     curve = task.curve(amplitude)
     return curve_data(task, curve), np.array([_amplitude(motion, mode) for motion in curve.motions])
 
@@ -110,7 +110,7 @@ class Resonances(Part):
     transients: Annotated[str, Meta(description='"PART"')]
     laws: Annotated[tuple[LawChoice, ...], Meta(min_length=1, description="names of [[laws]]")]
     beam: Annotated[str, Meta(description='"PART"')] = ""
-    modes: Annotated[int, Meta(ge=1, description="of the reduced model")] = MODES
+    modes: Annotated[int, Meta(ge=1, description="of the reduced model")] = RESPONSE_MODES
 
     def checked(self, source: Source, where: str) -> Self:
         """Return the part, whose beam must have the modes."""
@@ -209,5 +209,5 @@ def range_of(run: Mapping[str, Any]) -> tuple[float, float]:
     amplitude = run["requested_amplitude_m"] / -math.expm1(-2 * math.pi * natural * ratio * run["stop_s"])
     change = (run["frequency_hz"] / natural - 1) * (amplitude / run["amplitude_m"]) ** 2
     # least distance of the last frequency below the natural one, relative to it
-    lowest = 1 - min(WIDTH * ratio - MARGIN * min(change, 0.0), 0.03)
-    return natural * (1 + WIDTH * ratio + MARGIN * max(change, 0.0)), natural * lowest
+    lowest = 1 - min(RANGE_WIDTH * ratio - RANGE_MARGIN * min(change, 0.0), 0.03)
+    return natural * (1 + RANGE_WIDTH * ratio + RANGE_MARGIN * max(change, 0.0)), natural * lowest

@@ -12,11 +12,11 @@ import numpy as np
 from ancf_casadi.support.arrays import Array
 from problems.schema.file import StudyFile
 from problems.schema.response import read_response
-from problems.schema.table import HIDDEN
+from problems.schema.table import UNLISTED
 from problems.study.data_table import Column
 from problems.study.drawing import drawn, new_figure, series
 from problems.study.kinds.steady.curves import (
-    TIP,
+    TIP_KEY,
     CurveData,
     LevelNumbers,
     curve_data,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-TABLES = {"beam", "damping", "response", "markers"}
+RESPONSE_TABLES = {"beam", "damping", "response", "markers"}
 
 
 def level_curve(given: StudyFile, level: float) -> CurveData:
@@ -55,14 +55,14 @@ class ResponsePart(Part):
     about = "steady vibration over frequency, with folds and jumps: the tables [[damping]], [response], [markers]"
     numbers = list[LevelNumbers]
 
-    given: Annotated[StudyFile, HIDDEN] = NO_FILE
-    levels: Annotated[tuple[float, ...], HIDDEN] = ()
-    unit: Annotated[str, HIDDEN] = ""
+    given: Annotated[StudyFile, UNLISTED] = NO_FILE
+    levels: Annotated[tuple[float, ...], UNLISTED] = ()
+    unit: Annotated[str, UNLISTED] = ""
 
     def checked(self, source: Source, where: str) -> Self:
         """Return the part with its levels and the tables that it reads."""
         task = read_response(source.file)
-        return replace(self, given=source.file.only(TABLES), levels=task.levels, unit=task.unit)
+        return replace(self, given=source.file.only(RESPONSE_TABLES), levels=task.levels, unit=task.unit)
 
     def tasks(self, found: Found, effort: Effort) -> tuple[Task, ...]:
         """Return the curve of each level."""
@@ -97,7 +97,7 @@ def response_figure(titles: Sequence[str], curves: Sequence[CurveData]) -> Figur
     figure, (above, below) = new_figure(5.4, 2, sharex=True, height_ratios=(1.7, 1))
     for k, (title, curve) in enumerate(zip(titles, curves, strict=True)):
         draw_curve(above, curve, 1e3 * curve.tip, k, title)
-        draw_curve(below, curve, np.degrees(curve.phase[TIP]), k)
+        draw_curve(below, curve, np.degrees(curve.phase[TIP_KEY]), k)
     above.set(ylabel="amplitude of the tip, mm", ylim=(0.0, None))
     below.set(xlabel="frequency, Hz", ylabel="phase, degrees")
     above.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2)

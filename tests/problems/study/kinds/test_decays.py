@@ -10,8 +10,8 @@ import pytest
 from ancf_casadi import FitError, InputError
 from ancf_casadi.decay.closed_forms import linear_decay, quadratic_decay
 from problems.study import paper
-from problems.study.kinds.decays import NOISE, fit_plain
-from problems.study.paper import PAPER
+from problems.study.kinds.decays import SYNTHETIC_STD, fit_plain
+from problems.study.paper import PAPER_FILE
 from problems.study.part import FULL
 from problems.study.reading import read_study
 from problems.study.study import run_study
@@ -31,13 +31,13 @@ records = [
 
 @pytest.fixture(scope="module")
 def parts() -> dict:
-    return {part.name: part for part in read_study(PAPER).parts}
+    return {part.name: part for part in read_study(PAPER_FILE).parts}
 
 
 def exact(name: str) -> list[np.ndarray]:
     """The closed forms with the numbers of the paper."""
     time = cs.DM(np.arange(0.0, 5.0, 1 / 500))
-    angular = [2 * math.pi * f for f in paper.FREQUENCIES]
+    angular = [2 * math.pi * f for f in paper.TARGET_FREQUENCIES]
     if name == "quadratic":
         rows = zip(angular, paper.ETA1, paper.ETA2, paper.EQUIVALENT_AMPLITUDES, strict=True)
         return [quadratic_decay(time, *map(cs.DM, row), cs.DM(0.0)).full().ravel() for row in rows]
@@ -56,13 +56,13 @@ class TestSynthetic:
             assert "white noise of 0.2 mm" in decay.synthetic
             noises.append(decay.values - clean)
         for k, noise in enumerate(noises):
-            assert np.std(noise) == pytest.approx(NOISE, rel=0.06)
-            assert abs(np.mean(noise)) < 4 * NOISE / math.sqrt(noise.size)
+            assert np.std(noise) == pytest.approx(SYNTHETIC_STD, rel=0.06)
+            assert abs(np.mean(noise)) < 4 * SYNTHETIC_STD / math.sqrt(noise.size)
             for other in (noise[1:], *(another[1:] for another in noises[:k])):
                 assert abs(np.corrcoef(noise[:-1], other)[0, 1]) < 4 / math.sqrt(noise.size)
 
     def test_is_the_same_each_time_and_differs_with_the_seed(self, parts, study_file):
-        again = {part.name: part for part in read_study(PAPER).parts}
+        again = {part.name: part for part in read_study(PAPER_FILE).parts}
         for name in ("modal_identification", "quadratic"):
             for ours, theirs in zip(parts[name].decays, again[name].decays, strict=True):
                 assert ours.values.tobytes() == theirs.values.tobytes()

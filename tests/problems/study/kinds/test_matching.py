@@ -75,7 +75,7 @@ def test_tables_name_properties_and_frequencies(report):
 def test_the_standard_frequencies_need_another_density_and_no_gravity(study_file):
     """Erratum 1: the column beside the match has those of Table 10."""
     text = BEAM.replace("elements = 3", "elements = 20")
-    targets = f"[match]\ntargets = {list(paper.FREQUENCIES)}\n"
+    targets = f"[match]\ntargets = {list(paper.TARGET_FREQUENCIES)}\n"
     study = read_study(study_file(text, targets, LATER.replace("[1.67, 10.47]", "[1.67, 10.47, 29.32, 57.46, 94.97]")))
     part, found = study.parts[0], {"": Finding(None, beam=study.beam)}
     results = [task.function(*task.inputs) for task in part.tasks(found, FULL)]

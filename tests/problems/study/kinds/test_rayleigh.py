@@ -7,7 +7,7 @@ import pytest
 
 from ancf_casadi import InputError
 from problems.study import paper
-from problems.study.paper import PAPER
+from problems.study.paper import PAPER_FILE
 from problems.study.part import FULL, Finding
 from problems.study.reading import read_study
 from problems.study.study import run_study
@@ -32,7 +32,7 @@ def test_eq_17_with_table_2(study_file):
 def test_errors_are_those_of_two_equations(study_file):
     """Linear propagation through 2 zeta_i omega_i = alpha + beta omega_i^2, by hand."""
     outcome = finding(study_file, RAYLEIGH, "ratio_std = [1e-4, 2e-4]\n")
-    angular = 2 * math.pi * np.array(paper.FREQUENCIES[:2])
+    angular = 2 * math.pi * np.array(paper.TARGET_FREQUENCIES[:2])
     matrix = np.linalg.inv(np.column_stack([1 / (2 * angular), angular / 2]))
     expected = np.sqrt(np.diag(matrix @ np.diag([1e-8, 4e-8]) @ matrix.T))
     assert [outcome.data["alpha_stderr"], outcome.data["beta_stderr"]] == pytest.approx(expected, rel=1e-6)
@@ -61,14 +61,14 @@ def test_the_table_shows_the_ratio_of_every_mode(study_file):
     """Erratum 5: Eq. (16) gives 0.3358, 0.5656, 0.9057 % for modes 3 to 5."""
     others = "others = {frequencies = [26.84, 53.20, 88.60], ratios = [0.0028, 0.0023, 0.0030]}\n"
     _, ratios = finding(study_file, RAYLEIGH, others).tables
-    assert [row[0] for row in ratios.table().rows] == pytest.approx(paper.FREQUENCIES)
+    assert [row[0] for row in ratios.table().rows] == pytest.approx(paper.TARGET_FREQUENCIES)
     assert [row[1] for row in ratios.table().rows] == pytest.approx([1.0, 0.28, 0.28, 0.23, 0.30])
     assert [row[2] for row in ratios.table().rows] == pytest.approx([1.0, 0.28, 0.3358, 0.5656, 0.9057], abs=5e-5)
 
 
 def test_misprint_and_reason_stand_beside_the_value():
     """Erratum 4 in Table 3 of the paper."""
-    parts = {part.name: part for part in read_study(PAPER).parts}
+    parts = {part.name: part for part in read_study(PAPER_FILE).parts}
     rows = [{"damping_ratio": 0.01, "damping_ratio_stderr": 1e-4}] * 2
     table, _ = parts["proportional"].finding((), {"modal_identification": Finding(rows)}, FULL).tables
     alpha, beta = table.cells()

@@ -11,7 +11,7 @@ from problems.study import paper
 from problems.study.kinds.experiments.experiment import Experiment, participation, run_experiment
 
 LAWS = {
-    "generic": ({"law": "modal", "ratios": list(paper.DAMPING_RATIOS), "frequencies": list(paper.FREQUENCIES)},),
+    "generic": ({"law": "modal", "ratios": list(paper.DAMPING_RATIOS), "frequencies": list(paper.TARGET_FREQUENCIES)},),
     "proportional": ({"law": "rayleigh", "alpha": 0.228181, "beta": 3.18013e-5, "stiffness": "tangent"},),
     "quadratic": ({"law": "quadratic", "eta1": 0.15, "eta2": 0.11},),
 }

@@ -25,8 +25,8 @@ A record may itself be integrated.  Without noise, the residuals are then the in
 the fit.  These are not white noise: they stay in phase with the motion, and a parameter absorbs most of them, so that
 the residuals do not show them (if IDAS integrated the record, its numerical damping appears as air drag).  The standard
 errors therefore include a systematic error (``Fit.systematic``) of ``weights.MODEL_STD`` times the travel of the
-record, the root mean square of the readings about their means.  This is negligible beside the noise of a camera, 1e-4 to 1e-2
-of the travel.
+record, the root mean square of the readings about their means.  This is negligible beside the noise of a camera, 1e-4
+to 1e-2 of the travel.
 """
 
 from __future__ import annotations

@@ -145,7 +145,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "SampledLoad": (a.SampledLoad, {"time": time40, "force": np.zeros((40, 2)), "moment": 0 * time40}),
         "Measurement": (a.Measurement, {"time": time40, "values": x40, "name": "a", "sensor": a.Sensor()}),
         "Measurement.from_file": (a.Measurement.from_file, {
-            "path": folder / "a.csv", "column": 2, "time": 1, "unit": "mm", "time_unit": "s", "rate": None,
+            "path": folder / "a.csv", "column": 2, "time": 1, "unit": "mm", "time_unit": "s", "sample_rate": None,
         }),
         "Measurement.from_recording": (a.Measurement.from_recording, {
             "recording": recording, "column": 2, "unit": "mm", "sensor": None,
@@ -200,7 +200,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "model": reduced, "damping": None, "base": steady, "load": None, "force": None, "tolerance": 1e-5,
         }),
         "read_recording": (a.read_recording, {
-            "path": folder / "a.csv", "time": 1, "time_unit": "s", "rate": None, "progress": False,
+            "path": folder / "a.csv", "time": 1, "time_unit": "s", "sample_rate": None, "progress": False,
         }),
         "reduce_model": (a.reduce_model, {
             "model": model, "modes": 1, "damping": law, "markers": (0.3,), "slope_points": None, "drag_points": None,
@@ -248,14 +248,15 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "LeastChange": (p.LeastChange, {"weight": 1.0}),
         "MarkerRecord": (p.MarkerRecord, {
             "time": time40, "positions": markers, "points": (0.5,), "base": base, "start": "equilibrium",
-            "release": 0.0, "camera": None, "load": None,
+            "release_time": 0.0, "camera": None, "load": None,
         }),
         "MeasuredModes": (p.MeasuredModes, {
             "frequencies": frequencies, "frequency_std": (0.1, 0.1), "points": (0.2, 0.5),
             "shapes": ((0.1, 1.0), (-0.5, 1.0)), "shape_std": ((0.1, 0.1), (0.1, 0.1)),
         }),
         "MotionRecord": (p.MotionRecord, {
-            "channels": [record], "base": base, "start": "equilibrium", "release": 0.0, "camera": None, "load": None,
+            "channels": [record], "base": base, "start": "equilibrium", "release_time": 0.0,
+            "camera": None, "load": None,
         }),
         "PerElement": (p.PerElement, {"name": "density", "bounds": 0.1}),
         "ResponseRecord": (p.ResponseRecord, {
@@ -283,10 +284,10 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "release_times": None, "ratio_bounds": (0.0, 0.9), "robust": False,
         }),
         "fit_frf": (p.fit_frf, {
-            "record": p.FrfRecord(grid, frf, "receptance"), "count": 1, "frequencies": None, "band": None,
+            "record": p.FrfRecord(grid, frf, "receptance"), "modes": 1, "frequencies": None, "band": None,
         }),
         "fit_modes": (p.fit_modes, {
-            "time": instants, "displacement": values + noise, "count": 1, "offset": True, "release_time": 0.0,
+            "time": instants, "displacement": values + noise, "modes": 1, "offset": True, "release_time": 0.0,
         }),
         "fit_beam": (p.fit_beam, {
             "model": model, "records": [motion_record], "damping": rayleigh, "unknowns": None, "fixed": (),

@@ -126,15 +126,15 @@ class Motion(Reported):
         """Nodal coordinates relative to the position of the clamp, (k, 4 n + 4)."""
         return relative_to(self.coordinates[:, :2], self.coordinates)
 
-    def position(self, s: float) -> Array:
-        """Return the position of the material point at arc length ``s`` (m), (k, 2), m.
+    def position(self, point: float) -> Array:
+        """Return the position of the material point at arc length ``point`` (m), (k, 2), m.
 
         Raises
         ------
         InputError
             If the point is not on the beam.
         """
-        return np.asarray(self.coordinates @ self.model.interpolation(s).T)
+        return np.asarray(self.coordinates @ self.model.interpolation(point).T)
 
     def table(self) -> Table:
         """Return the position of the tip at the start and at the end, and its travel relative to the clamp."""
@@ -272,39 +272,39 @@ class Trajectory(Motion):
         index = whole(index, "index", -len(self.time), len(self.time) - 1)
         return State(self.coordinates[index], self.velocities[index], float(self.time[index]))
 
-    def velocity(self, s: float) -> Array:
-        """Return the velocity of the material point at arc length ``s`` (m), (k, 2), m/s.
+    def velocity(self, point: float) -> Array:
+        """Return the velocity of the material point at arc length ``point`` (m), (k, 2), m/s.
 
         Raises
         ------
         InputError
             If the point is not on the beam.
         """
-        return np.asarray(self.velocities @ self.model.interpolation(s).T)
+        return np.asarray(self.velocities @ self.model.interpolation(point).T)
 
-    def slope(self, s: float) -> Array:
-        """Return the angle from the x axis to the beam at arc length ``s`` (m), (k,), rad, unwrapped.
+    def slope(self, point: float) -> Array:
+        """Return the angle from the x axis to the beam at arc length ``point`` (m), (k,), rad, unwrapped.
 
         Raises
         ------
         InputError
             If the point is not on the beam.
         """
-        x, y = self.model.slope_interpolation(s) @ self.coordinates.T
+        x, y = self.model.slope_interpolation(point) @ self.coordinates.T
         return np.asarray(np.unwrap(np.arctan2(y, x)))
 
-    def curvature(self, s: float) -> Array:
-        """Return the curvature at arc length ``s`` (m), (k,), 1/m, positive counterclockwise.
+    def curvature(self, point: float) -> Array:
+        """Return the curvature at arc length ``point`` (m), (k,), 1/m, positive counterclockwise.
 
         Raises
         ------
         InputError
             If the point is not on the beam.
         """
-        return np.asarray(curvature_at(self.model, s, self._interpolated))
+        return np.asarray(curvature_at(self.model, point, self._interpolated))
 
-    def axial_force(self, s: float) -> Array:
-        """Return the axial force at arc length ``s`` (m), (k,), N, tension positive.
+    def axial_force(self, point: float) -> Array:
+        """Return the axial force at arc length ``point`` (m), (k,), N, tension positive.
 
         Raises
         ------
@@ -312,19 +312,19 @@ class Trajectory(Motion):
             If the point is not on the beam.
         """
         width, thickness, _, modulus = self.model.properties
-        near = axial_strains_near(self.model, s, self._interpolated)
+        near = axial_strains_near(self.model, point, self._interpolated)
         return np.asarray(sum(weight * (modulus * width * thickness)[k] * strain for weight, k, strain in near))
 
-    def bending_moment(self, s: float) -> Array:
-        """Return the bending moment at arc length ``s`` (m), (k,), N m, positive counterclockwise.
+    def bending_moment(self, point: float) -> Array:
+        """Return the bending moment at arc length ``point`` (m), (k,), N m, positive counterclockwise.
 
         Raises
         ------
         InputError
             If the point is not on the beam.
         """
-        width, thickness, _, modulus = self.model.properties[:, self.model.element_at(s)]
-        return np.asarray(float(modulus * width * thickness**3 / 12) * self.curvature(s))
+        width, thickness, _, modulus = self.model.properties[:, self.model.element_at(point)]
+        return np.asarray(float(modulus * width * thickness**3 / 12) * self.curvature(point))
 
     @cached_property
     def kinetic_energy(self) -> Array:

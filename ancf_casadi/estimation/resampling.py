@@ -118,7 +118,7 @@ class MonteCarlo(Displayed):
         return np.asarray(self.samples.mean(axis=0))
 
     @property
-    def deviations(self) -> Array:
+    def stds(self) -> Array:
         """Standard deviations over the runs (p,)."""
         return np.asarray(self.samples.std(axis=0, ddof=1))
 
@@ -189,7 +189,7 @@ class MonteCarlo(Displayed):
 
     def _rows(self) -> list[tuple[str, str, float, float, float, float, list[float]]]:
         """Return name, unit, estimate, standard error, mean, deviation and interval of each quantity."""
-        columns = (self.means, self.deviations, self.intervals())
+        columns = (self.means, self.stds, self.intervals())
         numbers = (column.tolist() for column in columns)
         errors = self.standard_errors.values()
         return list(zip(self.names, self.units, self.estimates.tolist(), errors, *numbers, strict=True))
@@ -239,8 +239,8 @@ def monte_carlo(
     >>> record = Measurement(time, 0.02 * np.exp(-0.1 * time) * np.cos(12.0 * time) + noise)
     >>> fit = fit_decay(record)
     >>> scatter = monte_carlo(fit, runs=20, seed=1)
-    >>> deviations = dict(zip(scatter.names, scatter.deviations))
-    >>> bool(0.5 < deviations["damping_ratio"] / fit.standard_errors["damping_ratio"] < 2.0)
+    >>> stds = dict(zip(scatter.names, scatter.stds))
+    >>> bool(0.5 < stds["damping_ratio"] / fit.standard_errors["damping_ratio"] < 2.0)
     True
     """
     runs, seed = whole(runs, "runs", MINIMUM_RUNS, 1_000_000), whole(seed, "seed", 0)

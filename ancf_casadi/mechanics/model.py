@@ -251,17 +251,17 @@ class Model(Displayed):
         sums = cs.Sparsity.triplet(len(pairs), values.numel(), target.ravel().tolist(), kept.tolist())
         return cs.MX(pattern, cs.DM(sums, 1.0) @ values)
 
-    def interpolation(self, s: float) -> Array:
-        """Return S with r(s) = S e, Eq. (2), for the point at arc length ``s`` (m) from the clamp, (2, 4 n + 4).
+    def interpolation(self, point: float) -> Array:
+        """Return S with r(s) = S e, Eq. (2), for the point at arc length ``point`` (m) from the clamp, (2, 4 n + 4).
 
         Raises
         ------
         InputError
             If the point is not on the beam.
         """
-        return self._interpolation(s, hermite)
+        return self._interpolation(point, hermite)
 
-    def slope_interpolation(self, s: float) -> Array:
+    def slope_interpolation(self, point: float) -> Array:
         """Return S' with r'(s) = S' e, (2, 4 n + 4).
 
         Raises
@@ -269,9 +269,9 @@ class Model(Displayed):
         InputError
             If the point is not on the beam.
         """
-        return self._interpolation(s, hermite_slope)
+        return self._interpolation(point, hermite_slope)
 
-    def curvature_interpolation(self, s: float) -> Array:
+    def curvature_interpolation(self, point: float) -> Array:
         """Return S'' with r''(s) = S'' e, (2, 4 n + 4), 1/m.
 
         Raises
@@ -279,7 +279,7 @@ class Model(Displayed):
         InputError
             If the point is not on the beam.
         """
-        return self._interpolation(s, hermite_curvature)
+        return self._interpolation(point, hermite_curvature)
 
     def gauss_slopes(self, e: Array) -> Array:
         """Return r' at the two Gauss points of each element, (2, 2 n), where the strains are accurate."""
@@ -287,23 +287,23 @@ class Model(Displayed):
         points = ((np.arange(self.beam.elements)[:, None] + gauss(2)[0]) * l).ravel()
         return np.array([self.slope_interpolation(float(s)) @ e for s in points]).T
 
-    def element_at(self, s: float) -> int:
-        """Return the number, from 0, of the element with the point at arc length ``s`` (m).
+    def element_at(self, point: float) -> int:
+        """Return the number, from 0, of the element with the point at arc length ``point`` (m).
 
         Raises
         ------
         InputError
             If the point is not on the beam.
         """
-        s = number(s, "s")
-        if not 0.0 <= s <= self.beam.length:
-            raise InputError(f"the point must be on the beam, 0 to {self.beam.length:g} m, got {s:g}", "s")
-        return min(int(s / self.beam.element_length), self.beam.elements - 1)
+        point = number(point, "point")
+        if not 0.0 <= point <= self.beam.length:
+            raise InputError(f"the point must be on the beam, 0 to {self.beam.length:g} m, got {point:g}", "point")
+        return min(int(point / self.beam.element_length), self.beam.elements - 1)
 
-    def _interpolation(self, s: float, functions: Callable[[Any, float], tuple[Any, ...]]) -> Array:
-        index, l = self.element_at(s), self.beam.element_length
+    def _interpolation(self, point: float, functions: Callable[[Any, float], tuple[Any, ...]]) -> Array:
+        index, l = self.element_at(point), self.beam.element_length
         row, first = np.zeros(self.size // 2), 2 * (index + self.root)
-        row[first : first + 4] = functions(s / l - index, l)
+        row[first : first + 4] = functions(point / l - index, l)
         return np.asarray(np.kron(row, np.eye(2)), dtype=np.float64)
 
     def _symbols(self) -> tuple[cs.MX, cs.MX]:

@@ -92,7 +92,7 @@ class Measurement(Displayed):
         time: str | int | None = None,
         unit: str | None = None,
         time_unit: str | None = None,
-        rate: float | None = None,
+        sample_rate: float | None = None,
         sensor: Sensor | None = None,
         progress: bool = False,
     ) -> Measurement:
@@ -109,7 +109,7 @@ class Measurement(Displayed):
         unit, time_unit : str, optional
             Units of the values and the times, such as ``mm`` and ``ms``, in place of those in the file.  Without any
             unit, values are in the SI unit of the sensor, and times in s.
-        rate : float, optional
+        sample_rate : float, optional
             Samples per second, for a file without times; ``time`` may then name a column of frame numbers.
         sensor : Sensor, optional
             Quantity and place of the sensor; if not given, the unit tells the quantity, and values without a unit are
@@ -135,7 +135,7 @@ class Measurement(Displayed):
         >>> Measurement.from_file("decay.csv").values.round(4)  # m
         array([0.0121, 0.0118, 0.0109])
         """
-        recording = read_recording(path, time=time, time_unit=time_unit, rate=rate, progress=progress)
+        recording = read_recording(path, time=time, time_unit=time_unit, sample_rate=sample_rate, progress=progress)
         return cls.from_recording(recording, column, unit=unit, sensor=sensor)
 
     @classmethod
@@ -161,7 +161,7 @@ class Measurement(Displayed):
         channel = recording.channel(column)
         with located(f"{recording.path}: column {channel.label}"):
             if channel.time is None:
-                raise InputError("has no times; give the sampling rate with --rate")
+                raise InputError("has no times; give the sampling rate with --sample-rate")
             scale, measured = sensor_of(channel, given, sensor)
             values = channel.values if scale == 1.0 else scale * channel.values
             return cls(channel.time, values, recording.name, measured)

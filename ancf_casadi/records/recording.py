@@ -98,7 +98,7 @@ def read_recording(
     *,
     time: str | int | None = None,
     time_unit: str | None = None,
-    rate: float | None = None,
+    sample_rate: float | None = None,
     progress: bool = False,
 ) -> Recording:
     """Read a file of measurements.
@@ -111,7 +111,7 @@ def read_recording(
         Name or number (from 1) of the column with the times; needed only if the reader cannot find it.
     time_unit : str, optional
         Unit of the times, such as ``ms``, in place of that in the file.
-    rate : float, optional
+    sample_rate : float, optional
         Samples per second, for a file without times; ``time`` may then name a column of frame numbers.
     progress : bool
         Whether to show a progress bar on a terminal if reading takes more than a second.
@@ -130,11 +130,13 @@ def read_recording(
     ... 2  1.4  -2.1
     ... 3  1.2  -2.3
     ... ''')
-    >>> recording = read_recording("run.txt", time="frame", rate=100.0)
+    >>> recording = read_recording("run.txt", time="frame", sample_rate=100.0)
     >>> [channel.name for channel in recording.channels], recording.time
     (['x_mm', 'y_mm'], array([0.  , 0.01, 0.02]))
     """
-    return recording_of(read_contents(path, progress=progress), path, time=time, time_unit=time_unit, rate=rate)
+    return recording_of(
+        read_contents(path, progress=progress), path, time=time, time_unit=time_unit, sample_rate=sample_rate
+    )
 
 
 @np.errstate(all="ignore")  # a file may hold any numbers; what overflows is refused as not finite
@@ -144,7 +146,7 @@ def recording_of(
     *,
     time: str | int | None = None,
     time_unit: str | None = None,
-    rate: float | None = None,
+    sample_rate: float | None = None,
 ) -> Recording:
     """Return the channels of a file with their times; as ``read_recording``, for contents that have been read.
 
@@ -153,10 +155,10 @@ def recording_of(
     InputError
         If the times are not clear, or do not increase.
     """
-    if time is None and rate is None and any(channel.time is not None for channel in contents.channels):
+    if time is None and sample_rate is None and any(channel.time is not None for channel in contents.channels):
         channels = tuple(map(_timed, contents.channels))
         return Recording(str(path), channels, contents.notes + _assumed(channels))
-    axis = time_axis(contents, str(path), time=time, time_unit=time_unit, rate=rate)
+    axis = time_axis(contents, str(path), time=time, time_unit=time_unit, sample_rate=sample_rate)
     channels = with_times(contents, axis)
     return Recording(str(path), channels, contents.notes + axis.notes + _assumed(channels))
 
@@ -170,7 +172,7 @@ def _assumed(channels: Sequence[RecordedChannel]) -> tuple[str, ...]:
 def _timed(channel: RecordedChannel) -> RecordedChannel:
     """Return a channel of a file that gives times, with a fault if its own times cannot be used."""
     if channel.time is None:
-        return replace(channel, fault=channel.fault or "has no times; give the sampling rate with --rate")
+        return replace(channel, fault=channel.fault or "has no times; give the sampling rate with --sample-rate")
     steps = np.diff(channel.time)
     rising = len(channel.time) == len(channel.values) and np.isfinite(steps).all() and (steps > 0.0).all()
     return channel if rising else replace(channel, time=None, fault=channel.fault or "has times that do not increase")

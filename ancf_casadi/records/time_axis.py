@@ -27,7 +27,7 @@ COUNTER_NAME = re.compile(
 )
 LEAST_EQUAL_SHARE = 0.9  # share of steps upwards, or of equal steps, that tells a column of times
 FIRST_DATE, LAST_DATE = 2e4, 1e6  # days since 1900 or since the year 0, as workbooks and MATLAB count
-RATE_ADVICE = "or give the sampling rate with --rate"
+RATE_ADVICE = "or give the sampling rate with --sample-rate"
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ def is_counter(channel: RecordedChannel) -> bool:
 
 
 def time_axis(
-    contents: Contents, path: str, *, time: str | int | None, time_unit: str | None, rate: float | None
+    contents: Contents, path: str, *, time: str | int | None, time_unit: str | None, sample_rate: float | None
 ) -> TimeAxis:
     """Return the times of the rows of a file.
 
@@ -101,10 +101,10 @@ def time_axis(
     path : str
         Name of the file, for messages.
     time : str or int, optional
-        Name or number of the column with the times, or with frame numbers if ``rate`` is given.
+        Name or number of the column with the times, or with frame numbers if ``sample_rate`` is given.
     time_unit : str, optional
         Unit of the times, such as ``ms``.
-    rate : float, optional
+    sample_rate : float, optional
         Samples per second.
 
     Raises
@@ -115,8 +115,8 @@ def time_axis(
     unit = None if time_unit is None else known_unit(time_unit, "time_unit")
     if unit and unit.quantity != "time":
         raise InputError(f"{unit.symbol!r} is a unit of {unit.quantity}, not of time", "time_unit")
-    if rate is not None:
-        return _from_rate(contents, path, physical(rate, "rate"), time)
+    if sample_rate is not None:
+        return _from_rate(contents, path, physical(sample_rate, "sample_rate"), time)
     channel = _chosen(contents, path) if time is None else find_channel(contents.channels, time, "--time", path)
     if channel.fault:
         raise InputError(channel.fault, f"{path}: column {channel.label}")
@@ -132,7 +132,9 @@ def _from_rate(contents: Contents, path: str, rate: float, time: str | int | Non
     if len(counters) == 1:
         counter = counters[0]
         if counter.unit:
-            raise InputError(f"column {counter.label} has times in {counter.symbol}; leave out --rate, or --time", path)
+            raise InputError(
+                f"column {counter.label} has times in {counter.symbol}; leave out --sample-rate, or --time", path
+            )
         seconds = (counter.values - counter.values[0]) / rate
         return _checked(contents, counter, seconds, (f"times from column {counter.label} at {rate:g} 1/s",), path)
     count = max((len(channel.values) for channel in contents.channels), default=0)

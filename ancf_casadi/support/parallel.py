@@ -41,8 +41,8 @@ def run_all(
     *,
     executor: Executor | None = None,
     jobs: int = 1,
-    sizes: Sequence[float] | None = None,
     progress: bool = False,
+    sizes: Sequence[float] | None = None,
     title: str = "runs",
     each: Callable[[int, Result], object] | None = None,
 ) -> list[Result]:
@@ -57,10 +57,10 @@ def run_all(
     jobs : int
         Number of processes if no executor is given; with 1 the tasks run in this process, one after the other.  With
         more, a script must call this under ``if __name__ == "__main__":``.
-    sizes : sequence of float, optional
-        Cost of each task, in any unit; the most expensive task starts first.  All equal if not given.
     progress : bool
         Show a progress bar, in which a task counts by its size.
+    sizes : sequence of float, optional
+        Cost of each task, in any unit; the most expensive task starts first.  All equal if not given.
     title : str
         Title of the progress bar.
     each : callable, optional

@@ -94,15 +94,15 @@ class Equilibrium(Reported):
             return Position.of(self.coordinates)
         return Position(self.coordinates, self.remainder)
 
-    def position(self, s: float) -> Array:
-        """Return the position of the point at arc length ``s`` (m), (2,), m.
+    def position(self, point: float) -> Array:
+        """Return the position of the point at arc length ``point`` (m), (2,), m.
 
         Raises
         ------
         InputError
             If the point is not on the beam.
         """
-        return self.model.interpolation(s) @ self.coordinates
+        return self.model.interpolation(point) @ self.coordinates
 
     @property
     def tip(self) -> Array:

@@ -124,7 +124,7 @@ class Modes(Reported):
         projector = mass @ self.shapes[:, mode] * self.tip_amplitudes()[mode]
         return np.asarray((coordinates - self.equilibrium.coordinates) @ projector)
 
-    def along(self, arc_lengths: ArrayLike) -> Array:
+    def along(self, points: ArrayLike) -> Array:
         """Return the displacement (x, y) of each mode at arc lengths (k,), m, as (m, k, 2); that of the tip is 1.
 
         Raises
@@ -132,7 +132,7 @@ class Modes(Reported):
         InputError
             If a point is not on the beam.
         """
-        rows = np.stack([self.model.interpolation(s) @ self.shapes for s in numbers(arc_lengths, "arc_lengths")])
+        rows = np.stack([self.model.interpolation(s) @ self.shapes for s in numbers(points, "points")])
         return np.asarray(np.moveaxis(rows, 2, 0) / self.tip_amplitudes()[:, None, None])
 
     def table(self) -> Table:

@@ -224,7 +224,7 @@ def _sorted(
             values.append(one)
         else:
             motions.append(motion_record(one))
-    stated = {one.deviations is not None for one in values}
+    stated = {one.stds is not None for one in values}
     if len(stated) > 1:
         raise InputError("some have standard deviations and some have none; give them for all, or for none", "records")
     if stated == {False} and (motions or curves):

@@ -180,8 +180,8 @@ def _of_load(number: int, record: MotionRecord, wanted: Sequence[str], model: Mo
 def _of_sensors(number: int, record: MotionRecord, model: Model) -> list[Unknown]:
     """Return the unknown release of a record, view of its camera, and offset and zero of each channel."""
     found = []
-    if isinstance(record.release, tuple):
-        found.append(_between(f"release_{number}", record.release, "s"))
+    if isinstance(record.release_time, tuple):
+        found.append(_between(f"release_{number}", record.release_time, "s"))
     for name, limits, _, unit in record.camera.unknowns if record.camera else ():
         if limits:
             found.append(_between(f"{name}_{number}", limits, unit))

@@ -75,12 +75,12 @@ def add_inspect(parser: argparse.ArgumentParser) -> None:
 @np.errstate(all="ignore")  # a file may hold any numbers
 def _run(options: argparse.Namespace) -> Output:
     new_files([options.file], options.plot)
-    if options.rate is not None:
-        physical(options.rate, "--rate")
+    if options.sample_rate is not None:
+        physical(options.sample_rate, "--sample-rate")
     contents = read_contents(options.file, progress=True)
     try:
         recording = recording_of(
-            contents, options.file, time=options.time, time_unit=options.time_unit, rate=options.rate
+            contents, options.file, time=options.time, time_unit=options.time_unit, sample_rate=options.sample_rate
         )
         problem = ""
     except InputError as error:
@@ -255,7 +255,7 @@ def _advice(options: argparse.Namespace, recording: Recording, plan: FitPlan) ->
 
 def _command(name: str, options: argparse.Namespace, column: str | int | None) -> str:
     words = ["ancf-casadi", name, options.file]
-    given = {"--time": options.time, "--time-unit": options.time_unit, "--rate": options.rate}
+    given = {"--time": options.time, "--time-unit": options.time_unit, "--sample-rate": options.sample_rate}
     for option, value in {**given, "--column": column, "--unit": options.unit, "--sensor": options.sensor}.items():
         if value is not None:
             words += [option, f"{value:g}" if isinstance(value, float) else str(value)]

@@ -26,7 +26,7 @@ def add_modes(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_run)
     parser.epilog = BEAM_HELP
     parser.add_argument("file", metavar="BEAM.toml", help="a file with the table [beam], or a JSON document")
-    parser.add_argument("--count", type=positive_count, default=5, metavar="N", help="number of modes (default: 5)")
+    parser.add_argument("--modes", type=positive_count, default=5, metavar="N", help="number of modes (default: 5)")
     parser.add_argument(
         "--out", type=Path, metavar="FILE.csv", help="write the shapes along the beam; the tip moves by 1 in each"
     )
@@ -36,7 +36,7 @@ def add_modes(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> Output:
     model = read_beam(options.file).model
     out, plot = new_files([options.file], options.out, options.plot)
-    modes = natural_modes(model, count=options.count)
+    modes = natural_modes(model, count=options.modes)
     files = []
     if out is not None:
         files.append(file_writer(out, lambda: _shapes(modes).csv()))

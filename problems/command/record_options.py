@@ -21,7 +21,7 @@ def add_record_options(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--time", type=column, metavar="NAME|N", help="column of the times, likewise")
     group.add_argument("--unit", help="unit of the values, such as mm, g or m/s^2, if the file does not say it")
     group.add_argument("--time-unit", metavar="UNIT", help="unit of the times, such as ms, if the file does not say it")
-    group.add_argument("--rate", type=finite, metavar="HZ", help="samples per second of a file without times")
+    group.add_argument("--sample-rate", type=finite, metavar="HZ", help="samples per second of a file without times")
     group.add_argument(
         "--sensor",
         choices=get_args(Quantity),
@@ -33,10 +33,10 @@ def add_record_options(parser: argparse.ArgumentParser) -> None:
 def add_part_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that choose a part of the record."""
     group = parser.add_argument_group("choosing the part to fit")
-    group.add_argument("--from", dest="first", type=finite, metavar="S", help="leave out what is before this time (s)")
-    group.add_argument("--to", dest="last", type=finite, metavar="S", help="leave out what is after this time (s)")
+    group.add_argument("--begin", type=finite, metavar="S", help="leave out what is before this time (s)")
+    group.add_argument("--end", type=finite, metavar="S", help="leave out what is after this time (s)")
     group.add_argument(
-        "--release",
+        "--release-time",
         type=comma_numbers,
         metavar="S",
         help="time at which the free decay starts (s; default: detected); with several files S,S,... gives one each",
@@ -57,12 +57,12 @@ def read_record(path: str, options: argparse.Namespace) -> Measurement:
         time=options.time,
         unit=options.unit,
         time_unit=options.time_unit,
-        rate=options.rate,
+        sample_rate=options.sample_rate,
         sensor=None if options.sensor is None else Sensor(options.sensor),
         progress=True,
     )
-    with located(f"{path}: --from, --to"):
-        return record.cut(options.first, options.last)
+    with located(f"{path}: --begin, --end"):
+        return record.cut(options.begin, options.end)
 
 
 def column(text: str) -> str | int:
@@ -78,11 +78,11 @@ def releases(options: argparse.Namespace, count: int) -> list[float | None]:
     InputError
         If the number of times is neither one nor that of the files.
     """
-    given: tuple[float, ...] | None = options.release
+    given: tuple[float, ...] | None = options.release_time
     if given is None:
         return [None] * count
     if len(given) not in (1, count):
-        raise InputError(f"has {len(given)} times for {count} files; give one, or one for each", "--release")
+        raise InputError(f"has {len(given)} times for {count} files; give one, or one for each", "--release-time")
     return list(given * (count if len(given) == 1 else 1))
 
 
@@ -94,7 +94,6 @@ def check_no_record_options(options: argparse.Namespace, instead: str) -> None:
     InputError
         Naming the first option that is given, and what to do instead.
     """
-    names = {"first": "--from", "last": "--to", "time_unit": "--time-unit"}
-    for name in ("column", "time", "unit", "time_unit", "rate", "sensor", "first", "last", "release"):
+    for name in ("column", "time", "unit", "time_unit", "sample_rate", "sensor", "begin", "end", "release_time"):
         if getattr(options, name) is not None:
-            raise InputError(f"belongs to the file of a record; {instead}", names.get(name, f"--{name}"))
+            raise InputError(f"belongs to the file of a record; {instead}", f"--{name.replace('_', '-')}")

@@ -101,7 +101,7 @@ def isolate_mode(record: Measurement, band: tuple[float, float], *, release_time
     fits: Sequence[DecayFit] = ()
     for count in range(1, MOST_DECAY_MODES + 1):
         try:
-            found = fit_modes(record, count=count, release_time=release_time)
+            found = fit_modes(record, modes=count, release_time=release_time)
         except InputError:
             if count == 1:
                 raise

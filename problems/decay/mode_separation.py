@@ -46,7 +46,7 @@ from problems.decay.result import DecayFit
 from problems.decay.solution import RATIO_BOUNDS, fit_from
 from problems.decay.takes import DecayModes
 
-MOST_DECAY_MODES = 6  # fitted at once if no count is given
+MOST_DECAY_MODES = 6  # fitted at once if no number is given
 MODES_ADVICE = "fit fewer modes, or check the time of the release"
 
 
@@ -54,7 +54,7 @@ def fit_modes(
     time: Measurement | ArrayLike,
     displacement: ArrayLike | None = None,
     *,
-    count: int | None = None,
+    modes: int | None = None,
     offset: bool = True,
     release_time: float | None = None,
 ) -> DecayModes:
@@ -66,7 +66,7 @@ def fit_modes(
         Times, s, increasing; or the whole record.
     displacement : array_like
         Displacement at each time, m.
-    count : int, optional
+    modes : int, optional
         Largest number of modes; as many as the record supports, up to six, if not given.
     offset : bool
         Whether the equilibrium may differ from 0.
@@ -77,7 +77,7 @@ def fit_modes(
     -------
     DecayModes
         Result for each mode, in ascending order of frequency, with a warning if the record supports fewer modes than
-        ``count``.  ``displacement`` of a mode returns its contribution; that of the strongest mode includes the offset.
+        ``modes``.  ``displacement`` of a mode returns its contribution; that of the strongest mode includes the offset.
 
     Raises
     ------
@@ -94,26 +94,26 @@ def fit_modes(
     >>> y = 0.020 * np.exp(-0.1 * time) * np.cos(12.0 * time)
     >>> y += 0.005 * np.exp(-0.3 * time) * np.cos(60.0 * time)
     >>> y += np.random.default_rng(0).normal(scale=1e-4, size=time.size)
-    >>> for fit in fit_modes(time, y, count=2):
+    >>> for fit in fit_modes(time, y, modes=2):
     ...     print(f"{fit.frequency:.2f} Hz, {100 * fit.damping_ratio:.2f} %")
     1.91 Hz, 0.83 %
     9.55 Hz, 0.50 %
     """
     record = as_record(time, displacement)
     most = max(1, len(record.time) // 5)  # four unknowns and one degree of freedom per mode
-    limit = min(MOST_DECAY_MODES, most) if count is None else whole(count, "count", 1, most)
+    limit = min(MOST_DECAY_MODES, most) if modes is None else whole(modes, "modes", 1, most)
     release = None if release_time is None else number(release_time, "release_time")
-    modes, merged, ended = _found(record, limit, flag(offset, "offset"), release)
-    notes = [*merged, *([] if count is None or not ended else [ended])]
-    t, y = modes[0].time, record.values[-modes[0].samples :]
-    fit, columns = _together(modes, t, y)
-    settings: dict[str, Any] = {"count": count, "offset": offset, "release_time": release_time}
+    found, merged, ended = _found(record, limit, flag(offset, "offset"), release)
+    notes = [*merged, *([] if modes is None or not ended else [ended])]
+    t, y = found[0].time, record.values[-found[0].samples :]
+    fit, columns = _together(found, t, y)
+    settings: dict[str, Any] = {"modes": modes, "offset": offset, "release_time": release_time}
     fits = [
         DecayFit(
-            fit, mode.model, indices, slice(0, len(t)), t, fit.residuals, RATIO_BOUNDS, modes[0].release_reason,
+            fit, mode.model, indices, slice(0, len(t)), t, fit.residuals, RATIO_BOUNDS, found[0].release_reason,
             tuple(notes), again=partial(_mode, near=mode.frequency, **settings),
         )
-        for mode, indices in zip(modes, columns, strict=True)
+        for mode, indices in zip(found, columns, strict=True)
     ]  # fmt: skip
     again = partial(fit_modes, **settings)
     return DecayModes(fit, tuple(sorted(fits, key=lambda fit: fit.frequency)), again=again)

@@ -25,7 +25,7 @@ from problems.frf.weights import first_deviations, given_deviations
 def fit_frf(
     record: FrfRecord,
     *,
-    count: int | None = None,
+    modes: int | None = None,
     frequencies: Sequence[float] | None = None,
     band: tuple[float, float] | None = None,
 ) -> FrfFit:
@@ -38,7 +38,7 @@ def fit_frf(
     ----------
     record : FrfRecord
         Measured functions.
-    count : int, optional
+    modes : int, optional
         Number of modes in the band; as many as the record clearly shows if not given.
     frequencies : sequence of float, optional
         Approximate natural frequencies of the modes, Hz; sdypy-EMA is then not needed.
@@ -72,9 +72,9 @@ def fit_frf(
             raise InputError(f"must be two frequencies, Hz, the lower one first, got {shown(band)}", "band")
         record = record.between(low, high)
     near = None if frequencies is None else _given(frequencies, record)
-    if near is not None and count is not None and count != len(near):
-        raise InputError(f"is {shown(count)}, but {len(near)} frequencies are given; leave it out", "count")
-    wanted = len(near) if near is not None else None if count is None else whole(count, "count", 1, MOST_FRF_MODES)
+    if near is not None and modes is not None and modes != len(near):
+        raise InputError(f"is {shown(modes)}, but {len(near)} frequencies are given; leave it out", "modes")
+    wanted = len(near) if near is not None else None if modes is None else whole(modes, "modes", 1, MOST_FRF_MODES)
     values = record.values.reshape(-1, len(record.frequencies)).T
     model = ModalSum.of(record.frequencies, MODAL_SUM_POWERS[record.kind], RESIDUAL_POWERS[0])
     if wanted is not None and 2 * wanted + values.shape[1] * (2 * wanted + len(RESIDUAL_POWERS[0])) > values.size:
@@ -92,10 +92,10 @@ def fit_frf(
     found = len(settled.frequencies)
     notes = [] if wanted is None or found == wanted else [f"the record supports {found} of {wanted} modes"]
     refined = refine(settled)
-    lines, modes = record.frequencies, refined.trial.frequencies
-    if not ((modes >= lines[0]) & (modes <= lines[-1])).all():
+    lines, resonances = record.frequencies, refined.trial.frequencies
+    if not ((resonances >= lines[0]) & (resonances <= lines[-1])).all():
         raise FitError(f"a mode left the band; {FRF_ADVICE}")
-    again = partial(fit_frf, count=count, frequencies=frequencies, band=band)
+    again = partial(fit_frf, modes=modes, frequencies=frequencies, band=band)
     return FrfFit(refined.corrected, record, refined, tuple(notes), again=again)
 
 

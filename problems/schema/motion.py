@@ -27,18 +27,20 @@ MOTION_KEYS = """\
                 amplitude grows from 0)
                 sweep: the same with frequencies = [FIRST, LAST] (Hz)
                 sampled: file, with the columns (name or number) x, y and
-                rotation, of which one is enough; time, unit, time_unit, rate
+                rotation, of which one is enough; time, unit, time_unit,
+                sample_rate (1/s)
                 fixed: displacement (m), rotation (rad)
   [load]        force and moment at the tip, in the laboratory frame
                 harmonic: force (N), moment (N m), frequency (Hz), stop (s),
                 ramp (cycles)
                 sampled: time = [0, 5], force = [[1, 0], [1, 0]], moment; or
                 file, with the columns force_x, force_y and moment, of which
-                one is enough; time, unit, time_unit, rate
+                one is enough; time, unit, time_unit,
+                sample_rate (1/s)
   [release]     the load that holds the beam until time 0: tip_force (N),
                 tip_moment (N m)
 """
-READING = ("time", "time_unit", "rate")  # keys that say how to read a file
+READING = ("time", "time_unit", "sample_rate")  # keys that say how to read a file
 AXES: dict[str, Quantity] = {"x": "position", "y": "position", "rotation": "slope"}
 COMPONENTS: dict[str, Quantity] = {"force_x": "force", "force_y": "force", "moment": "moment"}
 

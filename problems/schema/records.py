@@ -30,7 +30,7 @@ RECORD_KEYS = """\
                 "moment"), point (m; default: the tip), direction, frame
                 ("inertial" or "body"), gravity (true or false: whether an
                 accelerometer feels it), distance (m, of a strain gauge from
-                the neutral axis), unit, time, time_unit, rate, from, to (s),
+                the neutral axis), unit, time, time_unit, sample_rate (1/s), begin, end (s),
                 std (standard deviation), offset (bounds of an unknown time
                 offset, s), zero (bounds of an unknown reading at rest);
                 a key beside channels holds for all channels;
@@ -57,7 +57,7 @@ RECORDS_HELP = DAMPED_HELP + MOTION_KEYS + RECORD_KEYS
 SENSOR = {"point", "direction", "frame", "gravity", "distance"}
 UNKNOWN_KEYS = {"std", "offset", "zero"}
 CONFIGURATION = {"length", "axis", "tip_mass", "clamp_stiffness"}
-CHANNEL = {"file", "column", "unit", "sensor", "from", "to", *SENSOR, *READING, *UNKNOWN_KEYS}
+CHANNEL = {"file", "column", "unit", "sensor", "begin", "end", *SENSOR, *READING, *UNKNOWN_KEYS}
 RECORD = {"channels", "release_time", "camera", "base", "load", "release", "start", *CHANNEL, *CONFIGURATION}
 FIT = {"unknowns", "fixed", "bounds", "priors", "robust", "tolerance"}  # of ``fit_beam``
 
@@ -166,7 +166,7 @@ def _record(file: StudyFile, given: Any, model: Model, where: str) -> MotionReco
         channels.append(_channel(recordings[key], own, place))
     if {"release", "start"} <= given.keys():
         raise InputError("is given by the release; leave it out", f"{where}: start")
-    settings = {name: given[key] for name, key in {"start": "start", "release": "release_time"}.items() if key in given}
+    settings = {key: given[key] for key in ("start", "release_time") if key in given}
     if "camera" in given:
         settings["camera"] = made(given["camera"], Camera, f"{where}: camera")
     readers: dict[str, Callable[[Any, str], Any]] = {
@@ -198,4 +198,4 @@ def _channel(recording: Recording, given: Mapping[str, Any], where: str) -> Chan
     with located(where):
         sensor = Sensor(given.get("sensor", "position"), **settings)
         record = Measurement.from_recording(recording, given.get("column"), unit=given.get("unit"), sensor=sensor)
-        return Channel(record.cut(given.get("from"), given.get("to")), **unknown)
+        return Channel(record.cut(given.get("begin"), given.get("end")), **unknown)

@@ -96,8 +96,8 @@ def run_study(
     out: str | Path = "results",
     *,
     quick: bool = False,
-    jobs: int = 1,
     executor: Executor | None = None,
+    jobs: int = 1,
     progress: bool = False,
     command: str = "run_study",
 ) -> StudyReport:
@@ -113,11 +113,11 @@ def run_study(
         Folder of the results.
     quick : bool
         Whether to shorten the simulations, for a first look.
+    executor : Executor, optional
+        Executor of the computations.
     jobs : int
         Number of processes if no executor is given; with 2 or more, a script must call this under
         ``if __name__ == "__main__":``.
-    executor : Executor, optional
-        Executor of the computations.
     progress : bool
         Whether to show progress bars.
     command : str
@@ -151,8 +151,8 @@ def run_study(
         study,
         folder,
         effort=QUICK if quick else FULL,
-        jobs=jobs,
         executor=executor,
+        jobs=jobs,
         progress=flag(progress, "progress"),
     )
     shown = labelled(study, findings)

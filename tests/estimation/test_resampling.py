@@ -60,7 +60,7 @@ def test_the_scatter_of_the_runs_is_the_standard_error_where_the_noise_is_white(
     assert study.estimates[1] == pytest.approx(decay.damping_ratio)
     assert study.standard_errors["frequency"] == decay.standard_errors["frequency"]
     errors = np.array(list(study.standard_errors.values()))
-    np.testing.assert_allclose(study.deviations, errors, rtol=0.28)
+    np.testing.assert_allclose(study.stds, errors, rtol=0.28)
     assert (abs(study.means - study.estimates) < 4 * errors / math.sqrt(100)).all()
     half = np.diff(study.intervals()).ravel() / 2
     np.testing.assert_allclose(half, 1.96 * errors, rtol=0.4)
@@ -79,8 +79,8 @@ def test_blocks_keep_what_correlates_together():
     expected = (2 * estimated / (1 - estimated**2)) ** (2 / 3) * (1.5 * 500) ** (1 / 3)
     assert np.median([block_length(fit.fit) for fit in fits]) == pytest.approx(expected, rel=0.15)
     assert blocks.block == block_length(fits[0].fit)
-    assert scatter > 2 * singles.deviations[0]
-    assert blocks.deviations[0] == pytest.approx(scatter, rel=0.4)
+    assert scatter > 2 * singles.stds[0]
+    assert blocks.stds[0] == pytest.approx(scatter, rel=0.4)
     assert f"bootstrap of blocks of {blocks.block} residuals" in blocks.report()
 
 
@@ -90,7 +90,7 @@ def test_a_motion_is_fitted_again_too(transient):
     study = monte_carlo(transient, runs=40, seed=3)
     assert study.names == ("alpha",) and study.units == ("1/s",)
     error = transient.fit.errors[0]
-    assert study.deviations[0] == pytest.approx(error, rel=0.34)
+    assert study.stds[0] == pytest.approx(error, rel=0.34)
     assert abs(study.means[0] - transient.fit["alpha"]) < 3 * error / math.sqrt(40)
     assert abs(study.means[0] - 2.0) < 4 * error
 

@@ -132,7 +132,7 @@ def test_the_scatter_of_synthetic_records_is_about_the_standard_error(case):
     _, fit, *_ = case
     study = monte_carlo(fit, runs=12, seed=1)
     assert study.names == tuple(fit.estimates) and not study.failures
-    ratio = study.deviations / np.array(list(fit.standard_errors.values()))
+    ratio = study.stds / np.array(list(fit.standard_errors.values()))
     assert ((ratio > 0.4) & (ratio < 2.0)).all()  # 12 runs: a standard deviation is known to 21 %
     if not isinstance(fit, LeastSquaresResult):
         with pytest.raises(InputError, match="method: finds no residuals to draw from in this FrequencyMatch"):

@@ -212,10 +212,10 @@ def test_the_slope_is_the_derivative_of_the_position_and_continuous_across_nodes
 @pytest.mark.parametrize(
     ("s", "message"),
     [
-        (-1e-9, "s: the point must be on the beam, 0 to 0.5 m, got -1e-09"),
-        (0.6, "s: the point must be on the beam, 0 to 0.5 m, got 0.6"),
-        (float("nan"), "s: must be a finite number, got nan"),
-        ("tip", "s: must be a finite number, got 'tip'"),
+        (-1e-9, "point: the point must be on the beam, 0 to 0.5 m, got -1e-09"),
+        (0.6, "point: the point must be on the beam, 0 to 0.5 m, got 0.6"),
+        (float("nan"), "point: must be a finite number, got nan"),
+        ("tip", "point: must be a finite number, got 'tip'"),
     ],
 )
 def test_a_point_that_is_not_on_the_beam_is_rejected(model, s, message):

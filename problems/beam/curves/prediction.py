@@ -106,7 +106,7 @@ class ResponsePrediction(Displayed):
                 f"{np.count_nonzero(self.beyond)} of {len(self.beyond)} points lie beyond a jump of the predicted "
                 f"curve, the first at {self.record.f[self.beyond][0]:.5g} Hz; their predictions are those at the jump"
             )
-        deviations = dict(zip(("amplitude", "phase"), self.record.deviations, strict=False))
+        deviations = dict(zip(("amplitude", "phase"), self.record.stds, strict=False))
         for name, rest in self.residuals.items():
             own = self.amplitude_errors if name == "amplitude" else self.phase_errors
             ratio = root_mean_square(rest / np.hypot(own, deviations[name]))

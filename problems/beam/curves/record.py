@@ -200,7 +200,7 @@ class ResponseRecord(Displayed):
         return ", ".join([f"{self.sensor.quantity} {self.sensor.label}", size, *([self.sweep] if self.sweep else [])])
 
     @cached_property
-    def deviations(self) -> Array:
+    def stds(self) -> Array:
         """Standard deviations of amplitudes, phases and levels, given or proportional, (3, m)."""
         held = (
             0.1 * CURVE_ERROR

@@ -1,6 +1,6 @@
 """Weights of measured points: standard deviations of amplitudes, phases and levels, and their size from the residuals.
 
-A record has standard deviations of its amplitudes, phases and levels (``ResponseRecord.deviations``).  Those that were
+A record has standard deviations of its amplitudes, phases and levels (``ResponseRecord.stds``).  Those that were
 not given are proportions: a first fit takes them as they are, and the root mean square of its residuals gives one
 factor c for the amplitudes and levels of all records of one sensor, and one for their phases; a second fit uses these
 (iteratively reweighted least squares).  A factor of its own for each record would follow the scatter of a few points,
@@ -99,7 +99,7 @@ def first_weights(records: Sequence[ResponseRecord]) -> CurveWeights:
     ]
     groups = tuple(kinds.index(kind) for kind in kinds)
     return CurveWeights(
-        proportions=tuple(one.deviations for one in records),
+        proportions=tuple(one.stds for one in records),
         lengths=tuple(lengths),
         owners=tuple(owners),
         groups=groups,

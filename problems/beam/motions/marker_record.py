@@ -64,7 +64,7 @@ class MarkerRecord(Displayed):
     points: Sequence[float] | None = None
     base: BaseMotion | None = None
     start: Start | Equilibrium | State = "equilibrium"
-    release: float | Bounds = 0.0
+    release_time: float | Bounds = 0.0
     camera: Camera | None = None
     load: TipLoad | None = None
     model: Model | None = None
@@ -102,7 +102,7 @@ class MarkerRecord(Displayed):
             for direction, values in zip(((1.0, 0.0), (0.0, 1.0)), np.asarray(self.positions)[:, k].T, strict=True):
                 sensor = Sensor("position", place, direction)
                 channels.append(Channel(Measurement(self.time, values, sensor=sensor)))
-        return MotionRecord(channels, self.base, self.start, self.release, self.camera, self.load, self.model)
+        return MotionRecord(channels, self.base, self.start, self.release_time, self.camera, self.load, self.model)
 
     def _summary(self) -> str:
         points = 1 if self.points is None else len(self.points)

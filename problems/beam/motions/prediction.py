@@ -40,9 +40,9 @@ class MotionPrediction(Displayed):
         The measurements.
     readings : tuple of ndarray
         Predicted readings of each channel, in the unit of the sensor.
-    uncertainties : tuple of ndarray
+    reading_errors : tuple of ndarray
         Standard errors of the predicted readings due to the uncertainty of the estimates.
-    noise : tuple of float
+    std : tuple of float
         Standard deviation of the noise of each channel: the given one; else that of the same sensor in the fit; else an
         estimate from the third differences of the samples.
 
@@ -65,8 +65,8 @@ class MotionPrediction(Displayed):
 
     record: MotionRecord
     readings: tuple[Array, ...]
-    uncertainties: tuple[Array, ...]
-    noise: tuple[float, ...]
+    reading_errors: tuple[Array, ...]
+    std: tuple[float, ...]
 
     @property
     def residuals(self) -> tuple[Array, ...]:
@@ -88,15 +88,15 @@ class MotionPrediction(Displayed):
 
     @property
     def standard_errors(self) -> Mapping[str, float]:
-        """Root mean square of the ``uncertainties`` of each channel."""
-        return dict(zip(labels_of([self.record]), map(root_mean_square, self.uncertainties), strict=True))
+        """Root mean square of the ``reading_errors`` of each channel."""
+        return dict(zip(labels_of([self.record]), map(root_mean_square, self.reading_errors), strict=True))
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Channels whose error is beyond noise and uncertainty."""
         notes = []
         for (label, error), expected, noise in zip(
-            self.rms_errors.items(), self.standard_errors.values(), self.noise, strict=True
+            self.rms_errors.items(), self.standard_errors.values(), self.std, strict=True
         ):
             if error > LARGEST_PREDICTION_ERROR * math.hypot(expected, noise):
                 notes.append(
@@ -110,7 +110,7 @@ class MotionPrediction(Displayed):
         columns = ("channel", "unit", "rms_error", "relative_error", "standard_error", "noise")
         units = [channel.sensor.unit for channel in self.record.own_channels]
         errors = self.rms_errors, self.relative_errors, self.standard_errors
-        values = zip(*(one.values() for one in errors), self.noise, strict=True)
+        values = zip(*(one.values() for one in errors), self.std, strict=True)
         rows = [(label, unit, *own) for label, unit, own in zip(errors[0], units, values, strict=True)]
         table = Table("prediction", "Predicted less measured readings", columns, rows, [])
         return "\n".join([table.text(), *(f"  note: {note}" for note in self.warnings)])

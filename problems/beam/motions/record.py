@@ -174,7 +174,7 @@ class MotionRecord(Displayed):
         Motion of the clamp; fixed if not given.
     start : str, Equilibrium or State
         Start of the motion, as for ``simulate``.
-    release : float or (float, float)
+    release_time : float or (float, float)
         Start of the motion on the clock of the record, s: the release, or the start of the base motion; two numbers are
         the bounds of an unknown release.  Samples before it show the beam at rest.
     camera : Camera, optional
@@ -208,7 +208,7 @@ class MotionRecord(Displayed):
     channels: Sequence[Channel | Measurement]
     base: BaseMotion | None = None
     start: Start | Equilibrium | State = "equilibrium"
-    release: float | Bounds = 0.0
+    release_time: float | Bounds = 0.0
     camera: Camera | None = None
     load: TipLoad | None = None
     model: Model | None = None
@@ -226,8 +226,12 @@ class MotionRecord(Displayed):
         check_instance(self.start, "start", str, Equilibrium, State)
         check_instance(self.camera, "camera", Camera, NoneType)
         check_instance(self.load, "load", TipLoad, NoneType)
-        release = pair(self.release, "release") if is_sequence(self.release) else number(self.release, "release")
-        object.__setattr__(self, "release", release)
+        release = (
+            pair(self.release_time, "release_time")
+            if is_sequence(self.release_time)
+            else number(self.release_time, "release_time")
+        )
+        object.__setattr__(self, "release_time", release)
         object.__setattr__(self, "channels", tuple(self._without_jumps(one) for one in channels))
         self._check_samples()
         self._check_load()
@@ -247,12 +251,12 @@ class MotionRecord(Displayed):
     @property
     def release_bounds(self) -> Bounds:
         """Bounds of the release, s; equal if it is known."""
-        return self.release if isinstance(self.release, tuple) else (self.release, self.release)
+        return self.release_time if isinstance(self.release_time, tuple) else (self.release_time, self.release_time)
 
     @property
     def has_unknown_times(self) -> bool:
         """True if the release, or an offset of a channel, is unknown."""
-        return isinstance(self.release, tuple) or any(one.offset for one in self.own_channels)
+        return isinstance(self.release_time, tuple) or any(one.offset for one in self.own_channels)
 
     @property
     def origin(self) -> float:
@@ -281,7 +285,9 @@ class MotionRecord(Displayed):
         first, last = (one.time - shift + self.origin for shift in (late + most, early + least))
         clear = np.all([(last < jump) | (first > jump) for jump in (self.origin, *ends)], axis=0)
         if np.count_nonzero(clear) < 2:
-            raise InputError(f"leave too few samples of {channel.label} that are certain; narrow the bounds", "release")
+            raise InputError(
+                f"leave too few samples of {channel.label} that are certain; narrow the bounds", "release_time"
+            )
         return replace(channel, measurement=Measurement(one.time[clear], one.values[clear], one.name, one.sensor))
 
     def _check_samples(self) -> None:
@@ -292,7 +298,7 @@ class MotionRecord(Displayed):
             raise InputError("are constant; nothing moves", "channels")
         if not self.end > self.origin:
             raise InputError(
-                "must be before the last sample; give the start of the motion on the record's clock", "release"
+                "must be before the last sample; give the start of the motion on the record's clock", "release_time"
             )
         if isinstance(self.start, State) and self.earliest < 0.0:
             raise InputError(

@@ -51,7 +51,7 @@ class ValueBlock(Block):
     @property
     def stated(self) -> bool:
         """Whether the values have standard deviations."""
-        return self.record.deviations is not None
+        return self.record.stds is not None
 
     @property
     def systematic(self) -> float:

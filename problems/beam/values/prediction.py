@@ -28,7 +28,7 @@ class ValuePrediction(Displayed):
         The record.
     values : array (m,)
         Computed values, SI units.
-    errors : array (m,)
+    value_errors : array (m,)
         Standard errors of the computed values, from those of the properties.
 
     Examples
@@ -46,7 +46,7 @@ class ValuePrediction(Displayed):
 
     record: PropertyRecord
     values: Array
-    errors: Array
+    value_errors: Array
 
     @property
     def residuals(self) -> Array:
@@ -77,7 +77,7 @@ class ValuePrediction(Displayed):
     @property
     def standard_errors(self) -> dict[str, float]:
         """Standard error of each computed value."""
-        return dict(zip(self.record.labels, self.errors.tolist(), strict=True))
+        return dict(zip(self.record.labels, self.value_errors.tolist(), strict=True))
 
     def table(self) -> Table:
         """Return measured and computed values."""
@@ -87,7 +87,7 @@ class ValuePrediction(Displayed):
                 self.record.units,
                 self.record.measured.tolist(),
                 self.values.tolist(),
-                map(known, self.errors.tolist()),
+                map(known, self.value_errors.tolist()),
                 map(known, (100 * self.relative_errors).tolist()),
                 strict=True,
             )
@@ -107,7 +107,7 @@ class ValuePrediction(Displayed):
             "units": list(self.record.units),
             "measured": self.record.measured.tolist(),
             "computed": self.values.tolist(),
-            "standard_errors": [known(error) for error in self.errors.tolist()],
+            "standard_errors": [known(error) for error in self.value_errors.tolist()],
             "rms_error": self.rms_error,
             "relative_error": known(self.relative_error),
         }

@@ -55,7 +55,7 @@ class PropertyRecord(Displayed, ABC):
 
     @property
     @abstractmethod
-    def deviations(self) -> Array | None:
+    def stds(self) -> Array | None:
         """Standard deviations of the values, (m,); None if none are given."""
 
     @property
@@ -79,7 +79,7 @@ class PropertyRecord(Displayed, ABC):
     @property
     def scatter(self) -> Array:
         """Divisors of the residuals: the standard deviations, or the measured values if none are given, (m,)."""
-        return np.abs(self.measured) if self.deviations is None else self.deviations
+        return np.abs(self.measured) if self.stds is None else self.stds
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +179,7 @@ class StaticRecord(PropertyRecord):
         return np.asarray(np.asarray(self.values).ravel()[self.present])
 
     @cached_property
-    def deviations(self) -> Array | None:
+    def stds(self) -> Array | None:
         """Standard deviations of the values, (m,); None if none are given."""
         if self.std is None:
             return None
@@ -274,7 +274,7 @@ class FrequencyRecord(PropertyRecord):
         return np.asarray(self.frequencies)
 
     @property
-    def deviations(self) -> Array | None:
+    def stds(self) -> Array | None:
         """Standard deviations of the frequencies, Hz, (m,); None if none are given."""
         return None if self.std is None else np.asarray(self.std)
 

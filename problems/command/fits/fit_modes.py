@@ -24,7 +24,7 @@ def add_fit_modes(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_run)
     parser.add_argument("file", metavar="FILE", help="the record; inspect FILE shows its columns and units")
     parser.add_argument(
-        "--count",
+        "--modes",
         type=positive_count,
         metavar="N",
         help=f"largest number of modes (default: as many as the record supports, up to {MOST_DECAY_MODES})",
@@ -38,14 +38,14 @@ def _run(options: argparse.Namespace) -> Output:
     new_files([options.file], options.plot)
     (release,) = releases(options, 1)
     record = read_record(options.file, options)
-    return modes_output(options.file, record, options.count, release, options.plot, options.json)
+    return modes_output(options.file, record, options.modes, release, options.plot, options.json)
 
 
 def modes_output(
-    file: str, record: Measurement, count: int | None, release: float | None, plot: Path | None, as_json: bool
+    file: str, record: Measurement, modes: int | None, release: float | None, plot: Path | None, as_json: bool
 ) -> Output:
-    """Return the output of a fit of up to ``count`` modes to the record of a file."""
+    """Return the output of a fit of up to ``modes`` modes to the record of a file."""
     with located(file):
-        modes = fit_modes(record, count=count, release_time=release)
-    files = [] if plot is None else [figure_writer(plot, modes.figure)]
-    return Output(json_text(modes.to_dict()) if as_json else modes.report(), files)
+        fits = fit_modes(record, modes=modes, release_time=release)
+    files = [] if plot is None else [figure_writer(plot, fits.figure)]
+    return Output(json_text(fits.to_dict()) if as_json else fits.report(), files)

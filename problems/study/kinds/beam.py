@@ -98,22 +98,22 @@ class ModesOfBeam(Part):
     numbers = ModesNumbers
     naming = ("beam",)
 
-    count: Annotated[int, Meta(ge=1)] = 5
+    modes: Annotated[int, Meta(ge=1)] = 5
     beam: Annotated[str, Meta(description='"PART"')] = ""
     printed: Annotated[Printed, Meta(description="{frequency (Hz)}")] = field(default_factory=dict)
 
     def checked(self, source: Source, where: str) -> Self:
         """Return the part with its printed numbers."""
-        whole(self.count, f"{where}: count", 1, source.most_modes)
-        return replace(self, printed=printed_numbers(self.printed, {"frequency": self.count}, where))
+        whole(self.modes, f"{where}: modes", 1, source.most_modes)
+        return replace(self, printed=printed_numbers(self.printed, {"frequency": self.modes}, where))
 
     def finding(self, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
         """Return the table of frequencies, and the shapes."""
         beam = self.beam_in(found)
-        modes = natural_modes(Model(beam), count=self.count)
+        modes = natural_modes(Model(beam), count=self.modes)
         frequencies = modes.frequencies.tolist()
         columns = (
-            Column("mode", tuple(range(1, self.count + 1))),
+            Column("mode", tuple(range(1, self.modes + 1))),
             Column("frequency", tuple(frequencies), "Hz", printed=self.printed.get("frequency")),
         )
         table = self.data_table("Natural frequencies", columns)

@@ -43,7 +43,7 @@ SYNTHETIC_STD = 0.2e-3  # m, of synthetic decays
 MOST_DECAY_SAMPLES = 10_000_000  # of a synthetic decay
 
 
-class DecayRecord(Struct, frozen=True, rename={"begin": "from", "end": "to"}):
+class DecayRecord(Struct, frozen=True):
     """A measured free decay."""
 
     file: str
@@ -51,7 +51,7 @@ class DecayRecord(Struct, frozen=True, rename={"begin": "from", "end": "to"}):
     unit: Any = None
     time: Annotated[Any, Meta(description="column of the times")] = None
     time_unit: Any = None
-    rate: Annotated[Any, Meta(description="1/s")] = None
+    sample_rate: Annotated[Any, Meta(description="1/s")] = None
     begin: Annotated[float | None, Meta(description="s")] = None
     end: Annotated[float | None, Meta(description="s")] = None
     release_time: Annotated[float, Meta(description="s")] = math.nan
@@ -213,7 +213,7 @@ class Decays(Part):
             "damping_ratio; or eta1 (1/s), eta2 (1/m)}}"
         ),
     ] = None
-    rate: Annotated[Positive, Meta(description="1/s, of synthetic decays")] = 500.0
+    sample_rate: Annotated[Positive, Meta(description="1/s, of synthetic decays")] = 500.0
     duration: Annotated[Positive, Meta(description="s")] = 5.0
     noise: Annotated[float, Meta(ge=0.0, description="m")] = SYNTHETIC_STD
     seed: Annotated[int, Meta(ge=0)] | None = None
@@ -243,12 +243,12 @@ class Decays(Part):
     def _synthetic(self, given: SyntheticDecay, seed: int, mode: int) -> Decay:
         """Return a decay by Eq. (9) or (27) with white noise, released at rest at time 0."""
         seed = seed if self.seed is None else self.seed
-        if self.rate * self.duration > MOST_DECAY_SAMPLES:
+        if self.sample_rate * self.duration > MOST_DECAY_SAMPLES:
             raise InputError(
-                f"gives {self.rate * self.duration:.3g} samples, {MOST_DECAY_SAMPLES:g} at most; lower the rate",
+                f"gives {self.sample_rate * self.duration:.3g} samples, {MOST_DECAY_SAMPLES:g} at most; lower the rate",
                 "duration",
             )
-        time = np.arange(0.0, self.duration, 1 / self.rate)
+        time = np.arange(0.0, self.duration, 1 / self.sample_rate)
         ω, amplitude = cs.DM(2 * math.pi * given.frequency), cs.DM(given.amplitude)
         if given.eta1 is not None and given.eta2 is not None:
             exact = quadratic_decay(cs.DM(time), ω, cs.DM(given.eta1), cs.DM(given.eta2), amplitude, cs.DM(0.0))
@@ -257,7 +257,7 @@ class Decays(Part):
         noise = self.noise * np.random.default_rng((seed, mode)).standard_normal(len(time))
         law = "Eq. (27)" if given.damping_ratio is None else "Eq. (9)"
         about = (
-            f"Synthetic decays by {law}, because no raw record was published: {self.rate:g} samples/s, "
+            f"Synthetic decays by {law}, because no raw record was published: {self.sample_rate:g} samples/s, "
             f"{self.duration:g} s, white noise of {1e3 * self.noise:g} mm, seed {seed}."
         )
         return Decay(time, exact.full().ravel() + noise, Sensor(), f"mode {mode}, synthetic", about, 0.0)

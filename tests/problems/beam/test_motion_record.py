@@ -32,9 +32,9 @@ MOVING = State(MODEL.straight, np.zeros(MODEL.size))
         (lambda: MotionRecord([ONE], base=1.0), "base: must be a BaseMotion"),
         (lambda: MotionRecord([ONE], camera=1.0), "camera: must be a Camera"),
         (lambda: MotionRecord([ONE], camera=Camera(scale=(0.9, 1.1))), "camera: there are no positions for it"),
-        (lambda: MotionRecord([ONE], release=0.4), "release: must be before the last sample"),
-        (lambda: MotionRecord([ONE], release=(0.1, 0.0)), "release: the lower bound 0.1 is not below"),
-        (lambda: MotionRecord([SEEN], release=(0.0, 0.1), start=MOVING), "start: a State has no rest before it"),
+        (lambda: MotionRecord([ONE], release_time=0.4), "release_time: must be before the last sample"),
+        (lambda: MotionRecord([ONE], release_time=(0.1, 0.0)), "release_time: the lower bound 0.1 is not below"),
+        (lambda: MotionRecord([SEEN], release_time=(0.0, 0.1), start=MOVING), "start: a State has no rest before it"),
         (lambda: MotionRecord([Measurement(TIME, 0 * TIME)]), "channels: are constant; nothing moves"),
         (lambda: MotionRecord([Measurement(TIME[:5], TIME[:5])]), "channels: needs at least 10 samples, got 5"),
     ],
@@ -50,7 +50,7 @@ def test_a_record_that_makes_no_sense_is_refused(make, message):
         (MotionRecord([ONE, Measurement(TIME[:5], TIME[:5])]), {}, "channels: displacement x, tip has fewer than 10"),
         (MotionRecord([ONE, Measurement(TIME, 0 * TIME)]), {}, "channels: displacement x, tip is constant; leave it"),
         (
-            MotionRecord([SEEN], release=0.1),
+            MotionRecord([SEEN], release_time=0.1),
             {"unknowns": ("start_force_x_rate",)},
             "load: samples are, or may be, before the r",
         ),
@@ -68,7 +68,7 @@ def test_a_fit_that_makes_no_sense_is_refused(record, settings, message):
 
 
 def test_a_record_knows_the_span_of_its_motion():
-    record = MotionRecord([Channel(ONE, offset=(-0.01, 0.02)), SEEN], release=(0.1, 0.12))
+    record = MotionRecord([Channel(ONE, offset=(-0.01, 0.02)), SEEN], release_time=(0.1, 0.12))
     assert record.end == pytest.approx(0.39 + 0.01 - 0.1)
     assert record.earliest == pytest.approx(-0.02 - 0.12)
     assert MotionRecord([ONE]).release_bounds == (0.0, 0.0) and not MotionRecord([ONE]).has_unknown_times
@@ -80,15 +80,15 @@ def test_samples_that_may_be_on_either_side_of_a_jump_are_left_out():
     """Times from 0 to 0.39 s: the start is between 0.1 and 0.12 s, the base stops 0.125 s later."""
     force = Measurement(TIME, np.sin(9 * TIME), sensor=Sensor("force"))
     base = HarmonicBase(0.01, 2.0, stop=0.125)
-    left = MotionRecord([force, SEEN], base=base, release=(0.095, 0.125)).own_channels
+    left = MotionRecord([force, SEEN], base=base, release_time=(0.095, 0.125)).own_channels
     gone = [0.1, 0.11, 0.12, 0.22, 0.23, 0.24, 0.25]
     assert sorted(set(TIME) - set(left[0].measurement.time)) == pytest.approx(gone)
     assert left[1].measurement is SEEN
-    late = MotionRecord([Channel(force, offset=(-0.015, 0.015))], release=0.1).own_channels
+    late = MotionRecord([Channel(force, offset=(-0.015, 0.015))], release_time=0.1).own_channels
     assert sorted(set(TIME) - set(late[0].measurement.time)) == pytest.approx([0.09, 0.1, 0.11])
-    assert MotionRecord([force], base=base, release=0.1).own_channels[0].measurement is force
+    assert MotionRecord([force], base=base, release_time=0.1).own_channels[0].measurement is force
     with pytest.raises(InputError, match="release: leave too few samples of force x, clamp that are certain"):
-        MotionRecord([force], release=(-0.5, 0.385))
+        MotionRecord([force], release_time=(-0.5, 0.385))
 
 
 def test_markers_are_channels_of_positions_with_one_std():

@@ -20,14 +20,14 @@ def test_complex_values_are_amplitudes_and_phases():
 def test_the_controlled_quantity_is_ten_times_as_certain():
     driven = ResponseRecord([1.0], [2.0], base=BASE)
     held = ResponseRecord([1.0], [2.0], base=BASE, control="response")
-    assert driven.deviations[2, 0] == pytest.approx(held.deviations[2, 0] / 10)
-    assert held.deviations[0, 0] == pytest.approx(0.1 * 0.01 * 2.0)
+    assert driven.stds[2, 0] == pytest.approx(held.stds[2, 0] / 10)
+    assert held.stds[0, 0] == pytest.approx(0.1 * 0.01 * 2.0)
 
 
 def test_given_deviations_take_the_place_of_the_defaults():
     record = ResponseRecord([1.0, 2.0], [2.0, 3.0], [0.1, 0.2], base=BASE, amplitude_std=[0.1, 0.2])
-    np.testing.assert_allclose(record.deviations[0], [0.1, 0.2])
-    assert (record.deviations[1] > 0.009).all()
+    np.testing.assert_allclose(record.stds[0], [0.1, 0.2])
+    assert (record.stds[1] > 0.009).all()
 
 
 @pytest.mark.parametrize(

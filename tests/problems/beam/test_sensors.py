@@ -114,7 +114,7 @@ def test_an_offset_of_a_sensor_and_the_release_are_found_with_rest_before_it(swi
         time, values = np.concatenate([rest, own.time]), np.concatenate([value + noise, own.values])
         one = Measurement(time + 0.25 + late, values, sensor=sensor)
         channels.append(Channel(one, offset=(0.0, 0.03) if late else None))
-    found = fitted(swing, MotionRecord(channels, start=swing.start, release=(0.23, 0.26)))
+    found = fitted(swing, MotionRecord(channels, start=swing.start, release_time=(0.23, 0.26)))
     assert found.fit.names == ("alpha", "release_1", "offset_1_2")
     score = (found.fit.values - [TRUTH, 0.25, 0.013]) / found.fit.errors
     assert abs(score).max() < 3.0 and found.fit.errors[1:].max() < 3e-4
@@ -125,7 +125,7 @@ def test_a_release_at_a_sample_of_a_force_is_found_although_the_force_jumps_ther
     own = [swing.measurement(sensor, 0.02, seed) for seed, sensor in enumerate((X, Sensor("force")))]
     time = own[0].time - own[0].time[0]
     late = [Measurement(time + 0.1, one.values, sensor=one.sensor) for one in own]
-    found = fitted(swing, MotionRecord(late, start=swing.start, release=(0.081, 0.119)))
+    found = fitted(swing, MotionRecord(late, start=swing.start, release_time=(0.081, 0.119)))
     assert found.solution.problem.blocks[0].channels[1].measurement.time[0] == pytest.approx(0.12)
     score = (found.fit.values - [TRUTH, 0.1 - own[0].time[0]]) / found.fit.errors
     assert abs(score).max() < 3.0
@@ -201,7 +201,7 @@ def test_a_known_force_at_the_tip_fixes_the_scale_and_enters_the_force_at_the_cl
         Measurement(run.time + 0.1, values + 0.01 * values.std() * rng.normal(size=values.size), sensor=sensor)
         for sensor, values in ((X, run.tip[:, 0]), (Sensor("force"), run.clamp_force[:, 0]))
     ]
-    settings = {"load": push, "release": (0.09, 0.12)}
+    settings = {"load": push, "release_time": (0.09, 0.12)}
     both = fitted(swing, MotionRecord(channels, **settings))
     assert abs(both.fit.values - [TRUTH, 0.1]).max() < 3.0 * both.fit.errors.max()
     assert [np.sqrt(np.mean(one**2)) for one in both.residuals] == pytest.approx(

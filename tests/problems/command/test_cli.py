@@ -87,7 +87,7 @@ def files(tmp_path, monkeypatch) -> Path:
 
 class TestModes:
     def test_text(self, files, capsys):
-        assert main(["modes", "beam.toml", "--count", "3"]) == 0
+        assert main(["modes", "beam.toml", "--modes", "3"]) == 0
         captured = capsys.readouterr()
         rows = [line.split() for line in captured.out.splitlines()[4:7]]
         assert [row[0] for row in rows] == ["1", "2", "3"]
@@ -152,7 +152,7 @@ class TestMatch:
         printed = json.loads(capsys.readouterr().out)
         (identification,) = read_document("new/matched.json").identifications
         assert identification.result["unknowns"] == printed["unknowns"]
-        assert main(["modes", "new/matched.json", "--json", "--count", "3"]) == 0
+        assert main(["modes", "new/matched.json", "--json", "--modes", "3"]) == 0
         frequencies = json.loads(capsys.readouterr().out)["frequencies_hz"]
         assert frequencies == pytest.approx([1.85, 10.19, 26.84], rel=1e-6)
 
@@ -697,9 +697,9 @@ class TestUnusableInput:
     @pytest.mark.parametrize(
         ("arguments", "what"),
         [
-            (["modes", "beam.toml", "--count", "0"], "argument --count: must be a whole number above 0, got '0'"),
-            (["modes", "beam.toml", "--count", "81"], "count: must be a whole number, 1 to 80, got 81"),
-            (["modes", "beam.toml", "--count", "many"], "argument --count: must be a whole number above 0, got 'many'"),
+            (["modes", "beam.toml", "--modes", "0"], "argument --modes: must be a whole number above 0, got '0'"),
+            (["modes", "beam.toml", "--modes", "81"], "count: must be a whole number, 1 to 80, got 81"),
+            (["modes", "beam.toml", "--modes", "many"], "argument --modes: must be a whole number above 0, got 'many'"),
             (["modes", "absent.toml"], "absent.toml: cannot be read (No such file or directory)"),
             (["modes", "."], ".: cannot be read (Is a directory)"),
             (["modes", "beam.toml/below"], "beam.toml/below: cannot be read (Not a directory)"),

@@ -85,8 +85,8 @@ def test_a_file_whose_time_is_not_clear_is_shown_all_the_same(record, capsys):
     assert main(["inspect", name]) == 0
     text = capsys.readouterr().out
     assert "no column is clearly the time" in text
-    assert "--rate" in text
-    data = inspected(capsys, name, "--rate", "100", "--column", "a", "--unit", "mm")
+    assert "--sample-rate" in text
+    data = inspected(capsys, name, "--sample-rate", "100", "--column", "a", "--unit", "mm")
     assert data["channels"][0]["frequency"] == pytest.approx(4.0, abs=0.1)
     assert data["fit"]["problem"] == ""
 
@@ -109,8 +109,11 @@ def test_the_figure_is_written(record, tmp_path, suffix):
     ("arguments", "message"),
     [
         (["absent.csv"], "absent.csv: cannot be read"),
-        (["decay.csv", "--rate", "-3"], "rate: must be positive, got -3"),
-        (["decay.csv", "--plot", "absent.csv/figure.png", "--rate", "0"], "--rate: must be positive, got 0"),
+        (["decay.csv", "--sample-rate", "-3"], "rate: must be positive, got -3"),
+        (
+            ["decay.csv", "--plot", "absent.csv/figure.png", "--sample-rate", "0"],
+            "--sample-rate: must be positive, got 0",
+        ),
     ],
 )
 def test_unusable_arguments_are_refused_in_one_line(record, capsys, arguments, message):

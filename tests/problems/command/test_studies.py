@@ -83,7 +83,7 @@ class TestInit:
 
 class TestModes:
     def test_shapes_are_written_and_drawn(self, run, study, tmp_path):
-        assert run("modes", "study.toml", "--count", "2", "--out", "m.csv", "--plot", "m.PDF").code == 0
+        assert run("modes", "study.toml", "--modes", "2", "--out", "m.csv", "--plot", "m.PDF").code == 0
         header, *_ = (tmp_path / "m.csv").read_text().splitlines()
         assert header == "arc_length_m,mode1_x,mode1_y,mode2_x,mode2_y"
         table = np.loadtxt(tmp_path / "m.csv", delimiter=",", skiprows=1)
@@ -95,7 +95,7 @@ class TestModes:
         assert (tmp_path / "m.PDF").read_bytes().startswith(b"%PDF")
 
     def test_json_has_the_shapes(self, run, study):
-        data = json.loads(run("modes", "study.toml", "--count", "3", "--json").out)
+        data = json.loads(run("modes", "study.toml", "--modes", "3", "--json").out)
         assert np.shape(data["shapes"]) == (3, len(data["arc_length_m"]), 2)
 
 

@@ -38,7 +38,7 @@ sensor = "displacement"
 direction = [0.0, 1.0]
 start = "straight"
 release_time = 0.71
-to = 1.9
+end = 1.9
 
 [[predictions]]
 file = "beam_load52_tip.csv"
@@ -46,7 +46,7 @@ sensor = "displacement"
 direction = [0.0, 1.0]
 start = "straight"
 release_time = 0.44
-to = 1.9
+end = 1.9
 tip_mass = 0.052
 
 [fit]

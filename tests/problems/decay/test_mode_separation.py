@@ -40,7 +40,7 @@ def test_the_order_of_strength_does_not_matter():
 
 def test_each_mode_is_as_sure_as_alone_and_nothing_is_left_but_noise():
     together = sum(swing(*mode) for mode in MODES) + 2e-4 * noise(1)
-    fits = fit_modes(TIME, together, count=3)
+    fits = fit_modes(TIME, together, modes=3)
     for fit, mode in zip(fits, MODES, strict=True):
         alone = fit_decay(TIME, swing(*mode) + 2e-4 * noise(2), offset=False)
         assert fit.standard_errors["damping_ratio"] == pytest.approx(alone.standard_errors["damping_ratio"], rel=0.06)
@@ -58,7 +58,7 @@ def test_each_mode_is_as_sure_as_alone_and_nothing_is_left_but_noise():
 
 def test_one_mode_is_the_ordinary_fit():
     y = swing(*MODES[0]) + 2e-4 * noise(3)
-    np.testing.assert_allclose(fit_modes(TIME, y, count=1)[0].fit.values, fit_decay(TIME, y).fit.values, rtol=1e-6)
+    np.testing.assert_allclose(fit_modes(TIME, y, modes=1)[0].fit.values, fit_decay(TIME, y).fit.values, rtol=1e-6)
 
 
 @pytest.mark.parametrize("count", [0, 1.5, True, "two"])
@@ -87,7 +87,7 @@ def test_a_frequency_that_depends_on_amplitude_is_not_split_into_two_modes():
     A = 0.01 * np.exp(-rate * time)
     turned = 2 * math.pi * (6.92 * time - 0.06 * (1 - A / 0.01) / rate)
     y = A * np.cos(turned) + 2e-5 * np.random.default_rng(6).standard_normal(len(time))
-    (fit,) = fit_modes(time, y, count=2)
+    (fit,) = fit_modes(time, y, modes=2)
     assert 6.86 < fit.frequency < 6.92
     assert any("one mode near 6.8" in note and "frequency law" in note for note in fit.warnings)
 
@@ -103,5 +103,5 @@ def test_two_close_modes_that_beat_are_kept():
 
 def test_what_fades_within_a_period_is_no_mode():
     y = swing(*MODES[0]) + 0.005 * np.exp(-12.0 * TIME) * np.cos(15.0 * TIME) + 2e-5 * noise(8)
-    (fit,) = fit_modes(TIME, y, count=2)
+    (fit,) = fit_modes(TIME, y, modes=2)
     assert any("is no mode" in note or "supports 1 of 2" in note for note in fit.warnings)

@@ -287,9 +287,9 @@ def test_the_number_of_modes_can_be_given(four_modes):
     f, modes = four_modes
     values = modal_sum(f, modes)
     record = FrfRecord(f, values + 1e-6 * complex_noise(np.random.default_rng(10), values.shape), "receptance")
-    check(fit_frf(record, count=4), modes)
+    check(fit_frf(record, modes=4), modes)
     check(fit_frf(record, frequencies=[12.3, 34.5, 38.5, 77.0]), modes)
-    two = fit_frf(record, count=2)
+    two = fit_frf(record, modes=2)
     assert len(two.frequencies) == 2 and any("not noise" in warning for warning in two.warnings)
 
 

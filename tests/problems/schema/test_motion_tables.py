@@ -163,7 +163,7 @@ class TestRecords:
     RECORDS = """
     [[records]]
     file = "clamp.csv"
-    from = 0.2
+    begin = 0.2
     channels = [
         {column = "x_mm", direction = [2, 0]},
         {column = 4, sensor = "slope", point = 0.25, offset = [-0.01, 0.01]},
@@ -178,12 +178,12 @@ class TestRecords:
         assert first.measurement.values == pytest.approx(np.sin(TIME[20:]))
         assert second.sensor == Sensor("slope", point=0.25)
         assert second.offset == (-0.01, 0.01)
-        assert (record.base, record.start, record.release) == (None, "equilibrium", 0.0)
+        assert (record.base, record.start, record.release_time) == (None, "equilibrium", 0.0)
 
     def test_channels_of_one_file_are_read_at_once(self, file, monkeypatch):
         read = []
         monkeypatch.setattr(motion, "read_recording", lambda *a, **k: read.append(a) or read_recording(*a, **k))
-        other = self.RECORDS.replace("column = 4,", "column = 4, time_unit = 'ms',").replace("from = 0.2", "")
+        other = self.RECORDS.replace("column = 4,", "column = 4, time_unit = 'ms',").replace("begin = 0.2", "")
         text = "[base]\nfile = 'clamp.csv'\nx = 2\ny = 3\nrotation = 4\n"
         assert len(read_measurements(file(BEAM, LAWS, self.RECORDS)).records[0].channels) == 2
         assert len(read) == 1
@@ -200,7 +200,7 @@ class TestRecords:
         assert (first.base, second.base) == (FixedBase(rotation=0.1), FixedBase(rotation=0.2))
         assert first.load == second.load == HarmonicLoad((1e-3, 0.0), 2.0)
         assert first.start.tip_force == (1e-2, 0.0)
-        assert (second.start, second.release) == ("straight", (0.1, 0.3))
+        assert (second.start, second.release_time) == ("straight", (0.1, 0.3))
 
     def test_a_camera_and_a_prediction(self, file):
         text = self.RECORDS + "camera = {scale = [0.9, 1.1]}\n"
@@ -238,7 +238,7 @@ class TestRecords:
             ),
             ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\ncamera = {zoom = 1}\n', r"camera: unknown key 'zoom'"),
             ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\nstd = -1\n', r"\[records\]: std: must be positive"),
-            ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\nfrom = 3\n', r"\[records\]: cut: from 3"),
+            ('[[records]]\nfile = "clamp.csv"\ncolumn = 2\nbegin = 3\n', r"\[records\]: cut: from 3"),
             ("records = 3\n", r"must be a table \[records\], or several"),
         ],
     )

@@ -33,7 +33,7 @@ ratios = [0.0100, 0.0028]
 DECAYS = """
 [[parts]]
 kind = "decays"
-rate = 200.0
+sample_rate = 200.0
 duration = 2.0
 records = [
     {synthetic = {frequency = 3.0, damping_ratio = 0.02, amplitude = 0.01}},

@@ -38,7 +38,7 @@ printed = {value = [500.0, 5.0, 0.5, 8000.0, 210.0]}
 
 [[parts]]
 kind = "modes"
-count = 2
+modes = 2
 beam = "match"
 printed = {frequency = [1.0, 2.0]}
 

@@ -145,9 +145,9 @@ class TestNumpy:
     def test_npy_with_a_sampling_rate(self, tmp_path):
         path = tmp_path / "record.npy"
         np.save(path, MM)
-        with pytest.raises(InputError, match="or give the sampling rate with --rate"):
+        with pytest.raises(InputError, match="or give the sampling rate with --sample-rate"):
             Measurement.from_file(path)
-        record = Measurement.from_file(path, rate=RATE, unit="mm")
+        record = Measurement.from_file(path, sample_rate=RATE, unit="mm")
         np.testing.assert_allclose(record.time, TIME)
         np.testing.assert_allclose(record.values, 1e-3 * MM)
 
@@ -318,15 +318,15 @@ class TestPoseTracks:
         likelihood = np.where(np.arange(len(TIME)) % 10 == 3, 0.2, 0.99)
         rows = "".join(f"{k},{x},{2 * x},{p}\n" for k, (x, p) in enumerate(zip(MM, likelihood, strict=True)))
         path.write_text(f"scorer,net,net,net\nbodyparts,tip,tip,tip\ncoords,x,y,likelihood\n{rows}")
-        recording = read_recording(path, rate=RATE)
+        recording = read_recording(path, sample_rate=RATE)
         assert [channel.name for channel in recording.channels] == ["tip x", "tip y"]
         assert "50 coordinates with a likelihood below 0.6 are gaps" in recording.notes
-        record = Measurement.from_file(path, "tip y", rate=RATE, unit="0.25 mm")
+        record = Measurement.from_file(path, "tip y", sample_rate=RATE, unit="0.25 mm")
         seen = likelihood > 0.6
         np.testing.assert_allclose(record.time, TIME[seen])
         np.testing.assert_allclose(record.values, 0.5e-3 * MM[seen])
         with pytest.raises(InputError, match=r"is in px, a unit of pixels.*--unit, such as '0.25 mm'"):
-            Measurement.from_file(path, "tip y", rate=RATE)
+            Measurement.from_file(path, "tip y", sample_rate=RATE)
 
     def test_a_plain_table_with_likelihoods(self, tmp_path):
         path = tmp_path / "record.csv"

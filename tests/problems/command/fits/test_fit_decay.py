@@ -17,7 +17,7 @@ def near(data, name, truth):
 class TestModes:
     def test_both_modes_of_a_record_are_found(self, run, decay):
         decay("two.csv", SLOW, FAST)
-        slow, fast = json.loads(run("fit-modes", "two.csv", "--count", "2", "--json").out)["modes"]
+        slow, fast = json.loads(run("fit-modes", "two.csv", "--modes", "2", "--json").out)["modes"]
         for found, (frequency, ratio, _) in ((slow, SLOW), (fast, FAST)):
             assert near(found, "frequency", frequency) and near(found, "damping_ratio", ratio)
 
@@ -43,11 +43,11 @@ class TestModes:
 
     def test_fit_decay_with_modes_is_the_same(self, run, decay):
         decay("two.csv", SLOW, FAST)
-        assert run("fit-modes", "two.csv", "--count", "2").out == run("fit-decay", "two.csv", "--modes", "2").out
+        assert run("fit-modes", "two.csv", "--modes", "2").out == run("fit-decay", "two.csv", "--modes", "2").out
 
     def test_the_table_fits_a_terminal_and_the_figure_is_drawn(self, run, decay, tmp_path):
         decay("two.csv", SLOW, FAST)
-        done = run("fit-modes", "two.csv", "--count", "2", "--plot", "new/two.svg")
+        done = run("fit-modes", "two.csv", "--modes", "2", "--plot", "new/two.svg")
         assert done.code == 0 and max(map(len, done.out.splitlines())) <= 100
         assert (tmp_path / "new/two.svg").read_bytes().startswith(b"<?xml")
 
@@ -66,7 +66,7 @@ class TestBand:
 
     def test_the_errors_are_those_of_a_fit_of_both_modes(self, run, decay):
         decay("two.csv", SLOW, FAST)
-        both = json.loads(run("fit-modes", "two.csv", "--count", "2", "--json").out)["modes"][0]
+        both = json.loads(run("fit-modes", "two.csv", "--modes", "2", "--json").out)["modes"][0]
         band = json.loads(run("fit-decay", "two.csv", "--band", "2,4", "--json").out)
         for name in ("frequency_hz", "frequency_stderr_hz", "damping_ratio", "damping_ratio_stderr"):
             assert band[name] == pytest.approx(both[name], rel=0.02)
@@ -106,9 +106,9 @@ class TestSeveralFiles:
 
 def test_a_part_of_the_record(run, decay):
     decay("a.csv", SLOW)
-    data = json.loads(run("fit-decay", "a.csv", "--from", "1", "--to", "3", "--json").out)
+    data = json.loads(run("fit-decay", "a.csv", "--begin", "1", "--end", "3", "--json").out)
     assert (data["samples"], data["release_time_s"]) == (1001, 1.0)
-    data = json.loads(run("fit-decay", "a.csv", "--release", "2", "--json").out)
+    data = json.loads(run("fit-decay", "a.csv", "--release-time", "2", "--json").out)
     assert (data["release_time_s"], data["release_reason"]) == (2.0, "given")
     assert near(data, "frequency", 3.0)
 
@@ -154,10 +154,10 @@ def test_a_curve_that_fails_leaves_the_fit_and_the_figure(run, decay, tmp_path, 
             "--modes: fits modes with linear damping to one record; it does not go",
         ),
         (["a.csv", "--modes", "0"], "argument --modes: must be a whole number above 0"),
-        (["a.csv", "--release", "1,2"], "--release: has 2 times for 1 files"),
-        (["a.csv", "--from", "9"], "a.csv: --from, --to: cut: from 9 to 4.998 s there are 0 samples"),
-        (["a.csv", "--from", "nan"], "argument --from: must be a number, got 'nan'"),
-        (["a.csv", "--rate", "fast"], "argument --rate: must be a number, got 'fast'"),
+        (["a.csv", "--release-time", "1,2"], "--release-time: has 2 times for 1 files"),
+        (["a.csv", "--begin", "9"], "a.csv: --begin, --end: cut: from 9 to 4.998 s there are 0 samples"),
+        (["a.csv", "--begin", "nan"], "argument --begin: must be a number, got 'nan'"),
+        (["a.csv", "--sample-rate", "fast"], "argument --sample-rate: must be a number, got 'fast'"),
         (["a.csv", "--plot", "a.jpg"], "argument --plot: must end in .png, .svg or .pdf, got 'a.jpg'"),
         (["a.csv", "--plot", "plot"], "argument --plot: must end in .png, .svg or .pdf, got 'plot'"),
         (["a.csv", "--sensor", "smell"], "argument --sensor: invalid choice: 'smell'"),

@@ -23,7 +23,7 @@ printed = {standard = [1.67, 10.47]}
 
 [[parts]]
 kind = "modes"
-count = 2
+modes = 2
 beam = "match"
 """
 

@@ -92,9 +92,9 @@ READ = {
     "whole milliseconds since 1970": (
         lines(lambda k, t, y: f"{1_715_983_199_500 + 10 * k},{y:.6f}", "timestamp_ms,x_mm\n"), {},
     ),
-    "no time, but a sampling rate": (lines(lambda k, t, y: f"{y:.6f}", "x_mm\n"), {"rate": 100.0}),
+    "no time, but a sampling rate": (lines(lambda k, t, y: f"{y:.6f}", "x_mm\n"), {"sample_rate": 100.0}),
     "frame numbers and a sampling rate": (
-        lines(lambda k, t, y: f"{k + 17},{y:.6f}", "frame,x_mm\n"), {"rate": 100.0},
+        lines(lambda k, t, y: f"{k + 17},{y:.6f}", "frame,x_mm\n"), {"sample_rate": 100.0},
     ),
     "units given by hand": (table("a,b\n", time=1e3 * TIME), {"unit": "mm", "time_unit": "ms", "time": "a"}),
     "columns by number": (lines(lambda k, t, y: f"{y:.6f},{-y:.6f},{t:.4f}"), {"column": 1, "time": 3, "unit": "mm"}),
@@ -150,7 +150,8 @@ REFUSED = {
         "line 93: the time 0.9 s is earlier than that of line 92; remove the row, or sort the rows",
     ),
     "times rounded until they repeat": (
-        table("t_s,x_mm\n", form="{:.1f}{}{:.6f}"), {}, "line 3: .*; name another column with --time, or .*--rate",
+        table("t_s,x_mm\n", form="{:.1f}{}{:.6f}"), {},
+        "line 3: .*; name another column with --time, or .*--sample-rate",
     ),
     "a short row": (
         lines(lambda k, t, y: f"{t:.4f}" + f",{y:.6f}" * (k != 120), "t_s,x_mm\n"), {},
@@ -163,11 +164,12 @@ REFUSED = {
     "two columns of time": (
         lines(lambda k, t, y: f"{t},{t},{y}", "time_s,time_2_s,x_mm\n"), {}, "may be column 1 'time_s' or 2 .*--time",
     ),
-    "no column of time": (lines(lambda k, t, y: f"{y},{-y}", "a,b\n"), {}, "--time, or give .* --rate"),
+    "no column of time": (lines(lambda k, t, y: f"{y},{-y}", "a,b\n"), {}, "--time, or give .* --sample-rate"),
     "several columns": (lines(lambda k, t, y: f"{t},{y},{-y}", "time,a,b\n"), {}, "2 'a', 3 'b'; choose with --column"),
     "minutes or hours": (lines(lambda k, t, y: f"12:{k % 60:02d},{y:.6f}", "time,x_mm\n"), {}, "write times as"),
     "a rate for a column of times": (
-        table("time_s,x_mm\n"), {"time": "time_s", "rate": 100.0}, "has times in s; leave out --rate, or --time",
+        table("time_s,x_mm\n"), {"time": "time_s", "sample_rate": 100.0},
+        "has times in s; leave out --sample-rate, or --time",
     ),
     "a unit of another quantity": (table("time_s,x_mm\n"), {"unit": "ms"}, "is in ms, a unit of time, which no sensor"),
     "an unknown unit by hand": (table("time_s,x_mm\n"), {"unit": "smoot"}, "'smoot' is not a known unit; write"),

@@ -224,7 +224,11 @@ class DesignSpace:
         sizes = [len(unknown.names(self.beam.elements)) for unknown in self.unknowns]
         ends = np.cumsum([0, *sizes]).tolist()
         return tuple(
-            (slice(begin, end), isinstance(unknown, Smooth), self.bounds if unknown.bounds is None else unknown.bounds)
+            (
+                slice(begin, end),
+                isinstance(unknown, Smooth),
+                self.bounds if (own := unknown.relative_bounds) is None else own,
+            )
             for unknown, begin, end in zip(self.unknowns, ends[:-1], ends[1:], strict=True)
         )
 

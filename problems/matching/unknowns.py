@@ -10,7 +10,7 @@ L_j are Legendre polynomials at the centres of the elements.  The first two are 
 matter most; unlike cosines, they need not be flat at the ends.  Each polynomial is at most 1 in magnitude, so that m_j
 is the size of its term.  They are orthogonal, so that further terms hardly change the first ones.
 
-Factors stay within 1 - bounds and 1 + bounds.  For a smooth property these are linear constraints on m.
+Factors stay within 1 - b and 1 + b for the relative bounds b.  For a smooth property these are linear constraints on m.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def check_bounds(bounds: float, where: str) -> float:
 def _check(name: str, bounds: float | None, known: tuple[str, ...] = PROPERTIES) -> None:
     choice(name, known, "unknowns")
     if bounds is not None:
-        check_bounds(bounds, f"unknowns: {name}: bounds")
+        check_bounds(bounds, f"unknowns: {name}: relative_bounds")
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Global(Displayed):
     ----------
     name : str
         ``width``, ``thickness``, ``density``, ``elastic_modulus``, ``tip_mass`` or ``clamp_stiffness``.
-    bounds : float, optional
+    relative_bounds : float, optional
         Largest relative change, above 0 and at most 1; if not given, the ``bounds`` of ``match_frequencies``.
 
     Raises
@@ -71,17 +71,17 @@ class Global(Displayed):
     >>> from problems import Global, match_frequencies
     >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
     ...                     density=8000.0, elastic_modulus=210e9, elements=4)
-    >>> match = match_frequencies(beam, targets=[1.95], unknowns=[Global("thickness", bounds=0.2)])
+    >>> match = match_frequencies(beam, targets=[1.95], unknowns=[Global("thickness", relative_bounds=0.2)])
     >>> print(f"{1e3 * match.beam.thickness[0]:.3f} mm")
     0.525 mm
     """
 
     name: str
-    bounds: float | None = None
+    relative_bounds: float | None = None
 
     def __post_init__(self) -> None:
         """Validate."""
-        _check(self.name, self.bounds, PROPERTIES + LUMPED)
+        _check(self.name, self.relative_bounds, PROPERTIES + LUMPED)
 
     def shape(self, elements: int) -> Array:
         """Return T, (n, 1), or (1, 1) for the tip mass and the clamp."""
@@ -100,7 +100,7 @@ class PerElement(Displayed):
     ----------
     name : str
         ``width``, ``thickness``, ``density`` or ``elastic_modulus``.
-    bounds : float, optional
+    relative_bounds : float, optional
         Largest relative change of any element, above 0 and at most 1; if not given, that of ``match_frequencies``.
 
     Raises
@@ -114,18 +114,18 @@ class PerElement(Displayed):
     >>> from problems import PerElement, match_frequencies
     >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
     ...                     density=8000.0, elastic_modulus=210e9, elements=4)
-    >>> widths = PerElement("width", bounds=0.2)
+    >>> widths = PerElement("width", relative_bounds=0.2)
     >>> match = match_frequencies(beam, targets=[1.85, 10.4], unknowns=[widths])
     >>> [round(1e3 * width, 2) for width in match.beam.width]
     [4.77, 5.31, 4.67, 5.19]
     """
 
     name: str
-    bounds: float | None = None
+    relative_bounds: float | None = None
 
     def __post_init__(self) -> None:
         """Validate."""
-        _check(self.name, self.bounds)
+        _check(self.name, self.relative_bounds)
 
     def shape(self, elements: int) -> Array:
         """Return T, (n, n)."""
@@ -147,7 +147,7 @@ class Smooth(Displayed):
     terms : int
         Number of Legendre polynomials, from 1 to the number of elements: 1 for a constant, 2 for a linear taper, and so
         on.
-    bounds : float, optional
+    relative_bounds : float, optional
         Largest relative change of any element, above 0 and at most 1; if not given, that of ``match_frequencies``.
 
     Raises
@@ -169,11 +169,11 @@ class Smooth(Displayed):
 
     name: str
     terms: int = 3
-    bounds: float | None = None
+    relative_bounds: float | None = None
 
     def __post_init__(self) -> None:
         """Validate."""
-        _check(self.name, self.bounds)
+        _check(self.name, self.relative_bounds)
         whole(self.terms, f"unknowns: {self.name}: terms", 1, MAXIMUM_ELEMENTS)
 
     def shape(self, elements: int) -> Array:

@@ -57,7 +57,7 @@ class Air:
         Density, kg/m^3.
     viscosity : float
         Dynamic viscosity, Pa s.
-    density_error : float
+    density_std : float
         Standard error of the density, kg/m^3.
 
     Raises
@@ -68,13 +68,13 @@ class Air:
 
     density: float = 1.2
     viscosity: float = 1.81e-5
-    density_error: float = 0.0
+    density_std: float = 0.0
 
     def __post_init__(self) -> None:
         """Validate."""
         positive(self.density, "density")
         positive(self.viscosity, "viscosity")
-        _not_negative(self.density_error, "density_error")
+        _not_negative(self.density_std, "density_std")
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def implied_drag_coefficient(
     air = Air() if air is None else air
     unit = QuadraticDamping.from_drag(1.0, air.density, beam).eta2
     value, error = number(eta2, "eta2") / unit, _not_negative(eta2_error, "eta2_error") / unit
-    return DragCoefficient(value, math.hypot(error, value * air.density_error / air.density))
+    return DragCoefficient(value, math.hypot(error, value * air.density_std / air.density))
 
 
 def viscous_damping_ratios(modes: Modes, air: Air | None = None) -> Array:

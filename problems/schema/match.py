@@ -33,7 +33,7 @@ class MatchTable:
     seed: Any = None
     unknowns: Annotated[
         Any,
-        Meta(description='{width = "element", density = "global", thickness = {smooth = 3, bounds = 0.05}}'),
+        Meta(description='{width = "element", density = "global", thickness = {smooth = 3, relative_bounds = 0.05}}'),
     ] = None
 
     @property
@@ -99,16 +99,17 @@ def _unknowns(table: Any) -> tuple[PropertyUnknown, ...]:
 
 
 def _unknown(name: str, given: Any) -> PropertyUnknown:
-    """Make an unknown from "global", "element", {smooth = 3}, or {element = true, bounds = 0.05}."""
+    """Make an unknown from "global", "element", {smooth = 3}, or {element = true, relative_bounds = 0.05}."""
     table = {given: True} if given in ("global", "element") else given
     kinds = sorted({"global", "element", "smooth"} & set(table)) if isinstance(table, dict) else []
-    usable = len(kinds) == 1 and set(table) <= {kinds[0], "bounds"}
+    usable = len(kinds) == 1 and set(table) <= {kinds[0], "relative_bounds"}
     if not usable or (kinds[0] != "smooth" and table[kinds[0]] is not True):
         raise InputError(
-            f'must be "global", "element", {{smooth = 3}} or {{element = true, bounds = 0.05}}, got {shown(given)}',
+            'must be "global", "element", {smooth = 3} or {element = true, relative_bounds = 0.05}, '
+            f"got {shown(given)}",
             f"unknowns: {name}",
         )
-    bounds = table.get("bounds")
+    bounds = table.get("relative_bounds")
     if kinds[0] == "smooth":
-        return Smooth(name, terms=table["smooth"], bounds=bounds)
+        return Smooth(name, terms=table["smooth"], relative_bounds=bounds)
     return Global(name, bounds) if kinds[0] == "global" else PerElement(name, bounds)

@@ -54,7 +54,7 @@ PAIR = (1.0, 5.0, 9.0)
 CASES = {  # result of a fit, records for another fit, and a record to predict
     "decay": (lambda: fit_decay(swing(1, ONE)), swing(2, ONE), swing(3, ONE)),
     "decays": (lambda: fit_decays([swing(1, ONE), swing(2, ONE)]), [swing(3, ONE), swing(4, ONE)], swing(5, ONE)),
-    "decay modes": (lambda: fit_modes(swing(1, ONE, TWO), count=2), swing(2, ONE, TWO), swing(3, ONE, TWO)),
+    "decay modes": (lambda: fit_modes(swing(1, ONE, TWO), modes=2), swing(2, ONE, TWO), swing(3, ONE, TWO)),
     "frequency response": (lambda: fit_frf(lines(1), frequencies=[2.0]), lines(2), lines(3)),
     "rayleigh": (
         lambda: fit_rayleigh(PAIR, (0.02, 0.021, 0.035), ratio_std=0.001),

@@ -108,7 +108,7 @@ run = partial(simulate, MODEL, duration=0.1)
         (lambda: fit_decay(TIME, SWING, law=np.array(["linear", "quadratic"])), "law: must be one of linear, quadrat"),
         (lambda: fit_decays(Measurement(TIME, SWING)), "records: must be a sequence of Measurement, got a Measurement"),
         (lambda: fit_decays([Measurement(TIME, SWING)], release_times=1.0), "release_times: must be a sequence of num"),
-        (lambda: fit_modes(TIME, SWING, modes=10**400), "count: must be a whole number, 1 to 2, got 1000"),
+        (lambda: fit_modes(TIME, SWING, modes=10**400), "modes: must be a whole number, 1 to 2, got 1000"),
         (lambda: compare_decay_laws(TIME, SWING, laws=LAW), "laws: must be a sequence of laws, got Rayl"),
         (lambda: fit_rayleigh(1.0, 0.01), "frequencies: must be a sequence of numbers, got 1.0"),
         (lambda: MarkerRecord(TIME, POSITIONS, points=0.5), "points: must be a sequence of numbers, got 0.5"),

@@ -215,7 +215,7 @@ class Decays(Part):
     ] = None
     sample_rate: Annotated[Positive, Meta(description="1/s, of synthetic decays")] = 500.0
     duration: Annotated[Positive, Meta(description="s")] = 5.0
-    noise: Annotated[float, Meta(ge=0.0, description="m")] = SYNTHETIC_STD
+    std: Annotated[float, Meta(ge=0.0, description="m")] = SYNTHETIC_STD
     seed: Annotated[int, Meta(ge=0)] | None = None
     printed: Annotated[Printed, Meta(description="{frequency (Hz), damping_ratio (%), eta1, eta2}")] = field(
         default_factory=dict
@@ -254,11 +254,11 @@ class Decays(Part):
             exact = quadratic_decay(cs.DM(time), ω, cs.DM(given.eta1), cs.DM(given.eta2), amplitude, cs.DM(0.0))
         elif given.damping_ratio is not None:
             exact = linear_decay(cs.DM(time), ω, cs.DM(given.damping_ratio), amplitude, cs.DM(0.0))
-        noise = self.noise * np.random.default_rng((seed, mode)).standard_normal(len(time))
+        noise = self.std * np.random.default_rng((seed, mode)).standard_normal(len(time))
         law = "Eq. (27)" if given.damping_ratio is None else "Eq. (9)"
         about = (
             f"Synthetic decays by {law}, because no raw record was published: {self.sample_rate:g} samples/s, "
-            f"{self.duration:g} s, white noise of {1e3 * self.noise:g} mm, seed {seed}."
+            f"{self.duration:g} s, white noise of {1e3 * self.std:g} mm, seed {seed}."
         )
         return Decay(time, exact.full().ravel() + noise, Sensor(), f"mode {mode}, synthetic", about, 0.0)
 

@@ -87,7 +87,7 @@ def test_samples_that_may_be_on_either_side_of_a_jump_are_left_out():
     late = MotionRecord([Channel(force, offset=(-0.015, 0.015))], release_time=0.1).own_channels
     assert sorted(set(TIME) - set(late[0].measurement.time)) == pytest.approx([0.09, 0.1, 0.11])
     assert MotionRecord([force], base=base, release_time=0.1).own_channels[0].measurement is force
-    with pytest.raises(InputError, match="release: leave too few samples of force x, clamp that are certain"):
+    with pytest.raises(InputError, match="release_time: leave too few samples of force x, clamp that are certain"):
         MotionRecord([force], release_time=(-0.5, 0.385))
 
 

@@ -464,7 +464,10 @@ class TestExport:
                 ["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.1;2"],
                 "must be numbers separated by commas",
             ),
-            (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.6"], "--markers: s: the point must be on"),
+            (
+                ["beam.toml", "--format", "fmu", "--out", "x", "--markers", "0.6"],
+                "--markers: point: the point must be on",
+            ),
             (["beam.toml", "--format", "fmu", "--out", "x", "--markers", "nan"], "must be numbers separated by commas"),
             (
                 ["beam.toml", "--format", "json", "--out", "x", "--identification", "bad.json"],
@@ -475,7 +478,7 @@ class TestExport:
                 "decay.csv: is not JSON",
             ),
             (["beam.toml", "--format", "c", "--out", "beam.toml"], "beam.toml: is not a folder"),
-            (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "--markers: s: the point must be on"),
+            (["beam.toml", "--format", "c", "--out", "x", "--markers", "1"], "--markers: point: the point must be on"),
             (
                 ["beam.toml", "--format", "c", "--out", "x", "--identification", "good.json"],
                 "--identification: cannot be kept in c; choose json or fmu",

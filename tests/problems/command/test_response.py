@@ -96,7 +96,7 @@ def test_the_figure_is_a_picture(study, capsys):
         ("frequencies = [10.2, 10.8]", "frequencies = [10.2]", "[response]: frequencies: must", 2),
         ("base_amplitudes = [5e-5, 2e-4]", "", "[response]: base_amplitudes: give either", 2),
         ("modes = 2", "modes = 200", "[response]: modes: must be", 2),
-        ("middle = 0.25", "middle = 2.5", "[markers]: middle: s: the point must be on the beam", 2),
+        ("middle = 0.25", "middle = 2.5", "[markers]: middle: point: the point must be on the beam", 2),
         ("elastic_modulus = 210e9", "elastic_modulus = 210e9\naxis = [0.0, 1.0]\ngravity = [0.0, -1e3]", "unstable", 1),
     ],
 )

@@ -115,8 +115,8 @@ class TestSimulate:
     @pytest.mark.parametrize(
         ("marker", "what"),
         [
-            ("middle = 0.6", "[markers]: middle: s: the point must be on the beam, 0 to 0.5 m, got 0.6"),
-            ('middle = "x"', "[markers]: middle: s: must be a finite number"),
+            ("middle = 0.6", "[markers]: middle: point: the point must be on the beam, 0 to 0.5 m, got 0.6"),
+            ('middle = "x"', "[markers]: middle: point: must be a finite number"),
             (
                 "tip = 0.2",
                 "[markers]: 'tip': a name must be made of letters and digits and differ from time, tip, base",

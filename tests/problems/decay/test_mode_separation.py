@@ -23,7 +23,7 @@ def noise(seed):
 
 
 def test_modes_without_noise_are_given_back():
-    fits = fit_modes(TIME, sum(swing(*mode) for mode in MODES) + 0.1, count=3)
+    fits = fit_modes(TIME, sum(swing(*mode) for mode in MODES) + 0.1, modes=3)
     for fit, (frequency, ratio, r0) in zip(fits, MODES, strict=True):
         assert fit.frequency == pytest.approx(frequency, rel=1e-10)
         assert fit.damping_ratio == pytest.approx(ratio, rel=1e-8)
@@ -33,7 +33,7 @@ def test_modes_without_noise_are_given_back():
 
 def test_the_order_of_strength_does_not_matter():
     strong_high = [(1.85, 0.01, 0.004), (10.19, 0.0028, 0.05)]
-    low, high = fit_modes(TIME, sum(swing(*mode) for mode in strong_high) - 0.02, count=2)
+    low, high = fit_modes(TIME, sum(swing(*mode) for mode in strong_high) - 0.02, modes=2)
     assert (low.frequency, high.frequency) == pytest.approx((1.85, 10.19), rel=1e-9)
     assert (low.damping_ratio, high.damping_ratio) == pytest.approx((0.01, 0.0028), rel=1e-7)
 
@@ -61,21 +61,21 @@ def test_one_mode_is_the_ordinary_fit():
     np.testing.assert_allclose(fit_modes(TIME, y, modes=1)[0].fit.values, fit_decay(TIME, y).fit.values, rtol=1e-6)
 
 
-@pytest.mark.parametrize("count", [0, 1.5, True, "two"])
-def test_an_unusable_count_is_refused(count):
-    with pytest.raises(InputError, match="count: must be a whole number, 1 to 500"):
-        fit_modes(TIME, swing(*MODES[0]), count=count)
+@pytest.mark.parametrize("modes", [0, 1.5, True, "two"])
+def test_an_unusable_number_is_refused(modes):
+    with pytest.raises(InputError, match="modes: must be a whole number, 1 to 500"):
+        fit_modes(TIME, swing(*MODES[0]), modes=modes)
 
 
 def test_more_modes_than_there_are_are_left_out_with_a_warning():
-    (fit,) = fit_modes(TIME, swing(*MODES[0]) + 2e-4 * noise(4), count=2)
+    (fit,) = fit_modes(TIME, swing(*MODES[0]) + 2e-4 * noise(4), modes=2)
     assert fit.damping_ratio == pytest.approx(0.01, rel=0.01)
     assert any(
         warning.startswith("the record supports 1 of 2 modes: the rest is noise or drift") for warning in fit.warnings
     )
 
 
-def test_without_a_count_all_modes_are_found():
+def test_without_a_number_all_modes_are_found():
     fits = fit_modes(TIME, sum(swing(*mode) for mode in MODES) + 1e-4 * noise(5))
     assert [fit.frequency for fit in fits] == pytest.approx([mode[0] for mode in MODES], rel=1e-3)
     assert not any("supports" in warning for fit in fits for warning in fit.warnings)
@@ -96,7 +96,7 @@ def test_two_close_modes_that_beat_are_kept():
     time = np.arange(0.0, 20.0, 1 / 100)
     pair = [(6.9, 0.002, 0.01), (7.1, 0.002, 0.006)]
     y = sum(np.asarray(linear_decay(cs.DM(time), 2 * math.pi * f, ζ, r0, 0.0)).ravel() for f, ζ, r0 in pair)
-    fits = fit_modes(time, y + 1e-4 * np.random.default_rng(7).standard_normal(len(time)), count=2)
+    fits = fit_modes(time, y + 1e-4 * np.random.default_rng(7).standard_normal(len(time)), modes=2)
     assert [fit.frequency for fit in fits] == pytest.approx([6.9, 7.1], rel=1e-4)
     assert [fit.damping_ratio for fit in fits] == pytest.approx([0.002, 0.002], rel=0.02)
 

@@ -321,9 +321,9 @@ def test_without_sdypy_ema_approximate_frequencies_are_enough(four_modes, monkey
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"count": 0}, "count: must be a whole number, 1 to 20, got 0"),
-        ({"count": 2, "frequencies": [12.0]}, "count: is 2, but 1 frequencies are given"),
-        ({"count": 15, "band": (34.0, 38.0)}, "record: has too few frequencies, 33, for 15 modes"),
+        ({"modes": 0}, "modes: must be a whole number, 1 to 20, got 0"),
+        ({"modes": 2, "frequencies": [12.0]}, "modes: is 2, but 1 frequencies are given"),
+        ({"modes": 15, "band": (34.0, 38.0)}, "record: has too few frequencies, 33, for 15 modes"),
         ({"frequencies": [200.0]}, "frequencies: 200 Hz is outside the band, 2 to 100 Hz"),
         ({"frequencies": [12.0, 12.0]}, "frequencies: has a frequency twice"),
         ({"frequencies": 12.0}, "frequencies: must be one or more frequencies, got 12.0"),

@@ -118,7 +118,7 @@ class TestLumped:
         truth = beam.with_(tip_mass=2.6e-3, clamp_stiffness=0.8, elastic_modulus=205e9)
         given = beam.with_(tip_mass=2e-3, clamp_stiffness=1.1)
         targets = natural_modes(Model(truth), count=5).frequencies.tolist()
-        unknowns = [Global(name, bounds=0.4) for name in ("tip_mass", "clamp_stiffness", "elastic_modulus")]
+        unknowns = [Global(name, relative_bounds=0.4) for name in ("tip_mass", "clamp_stiffness", "elastic_modulus")]
         for guess in (None, [0.7, 0.65, 1.3]):
             match = match_frequencies(given, targets=targets, unknowns=unknowns, guess=guess)
             assert match.beam.tip_mass == pytest.approx(2.6e-3, rel=1e-4)
@@ -144,7 +144,9 @@ class TestCrossing:
     @pytest.mark.parametrize("start", [None, [1.3]])
     def test_bending_modes_are_followed_past_the_axial_one(self, stocky, start):
         measured = measure(stocky.with_(thickness=25e-3), [2, 4])
-        match = match_frequencies(stocky, targets=measured, unknowns=(Global("thickness", bounds=0.3),), guess=start)
+        match = match_frequencies(
+            stocky, targets=measured, unknowns=(Global("thickness", relative_bounds=0.3),), guess=start
+        )
         assert match.beam.thickness[0] == pytest.approx(25e-3, rel=1e-6)
         assert match.modes == (3, 5)
         assert match.warnings == ("target 2 is mode 4 of the given beam, and mode 5 of the matched one",)
@@ -152,7 +154,9 @@ class TestCrossing:
     def test_without_shapes_the_answer_says_that_modes_crossed(self, stocky):
         """Four bending modes at 25 mm, given as the lowest, although an axial mode is now below the fourth."""
         frequencies = natural_modes(Model(stocky.with_(thickness=25e-3)), count=5).frequencies[[0, 1, 2, 4]]
-        match = match_frequencies(stocky, targets=frequencies.tolist(), unknowns=(Global("thickness", bounds=0.3),))
+        match = match_frequencies(
+            stocky, targets=frequencies.tolist(), unknowns=(Global("thickness", relative_bounds=0.3),)
+        )
         assert match.beam.thickness[0] == pytest.approx(25e-3, rel=1e-6)
         assert any("are not the lowest" in note for note in match.warnings)
 
@@ -228,7 +232,7 @@ class TestIdentifiability:
     def test_spread_of_what_is_traded(self, beam):
         """E h^2 is determined: 10 % of modulus make 5 % of thickness; the width is not, and has its full range."""
         targets = natural_modes(Model(beam), count=3).frequencies.tolist()
-        unknowns = (Global("elastic_modulus"), Global("thickness"), Global("width", bounds=0.03))
+        unknowns = (Global("elastic_modulus"), Global("thickness"), Global("width", relative_bounds=0.03))
         spread = match_frequencies(beam, targets=targets, unknowns=unknowns).identifiability.spread
         assert spread == pytest.approx(np.array([[0.9, 1.1], [0.95, 1.05], [0.97, 1.03]]), abs=1e-6)
 
@@ -249,7 +253,7 @@ class TestIdentifiability:
 
     def test_spread_without_linear_programs_is_that_of_linear_programs(self, beam, monkeypatch):
         targets = (natural_modes(Model(beam), count=3).frequencies * [1.02, 0.99, 1.01]).tolist()
-        unknowns = (THICKNESS, Smooth("width", terms=3, bounds=0.05), Global("density"))
+        unknowns = (THICKNESS, Smooth("width", terms=3, relative_bounds=0.05), Global("density"))
         match = match_frequencies(beam, targets=targets, unknowns=unknowns)
         found = match.identifiability.spread
         assert found[-1, 0] == pytest.approx(0.9) and (found[:, 1] > found[:, 0]).sum() == len(found)

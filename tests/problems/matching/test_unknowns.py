@@ -21,7 +21,11 @@ def beam() -> Beam:
 
 @pytest.fixture
 def space(beam) -> DesignSpace:
-    unknowns = (Global("elastic_modulus"), PerElement("thickness", bounds=0.05), Smooth("width", terms=3, bounds=0.2))
+    unknowns = (
+        Global("elastic_modulus"),
+        PerElement("thickness", relative_bounds=0.05),
+        Smooth("width", terms=3, relative_bounds=0.2),
+    )
     return DesignSpace(beam, unknowns)
 
 
@@ -121,12 +125,12 @@ class TestUnusable:
             (lambda beam: DesignSpace(beam, "width"), "unknowns: must be a sequence of"),
             (lambda beam: Global("length"), "unknowns: must be one of width, thickness, density, elastic_modulus"),
             (
-                lambda beam: Global("width", bounds=1.5),
-                "unknowns: width: bounds: must be one number above 0 and at most 1",
+                lambda beam: Global("width", relative_bounds=1.5),
+                "unknowns: width: relative_bounds: must be one number above 0 and at most 1",
             ),
             (
-                lambda beam: PerElement("width", bounds=0.0),
-                "unknowns: width: bounds: must be one number above 0 and at most 1",
+                lambda beam: PerElement("width", relative_bounds=0.0),
+                "unknowns: width: relative_bounds: must be one number above 0 and at most 1",
             ),
             (
                 lambda beam: Smooth("width", terms=0),

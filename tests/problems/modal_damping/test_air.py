@@ -95,7 +95,7 @@ def test_errors_of_eta2_and_of_the_density_of_the_air_add_up_as_in_seeded_draws(
         implied_drag_coefficient(eta2, beam, Air(density=density)).value
         for eta2, density in zip(rng.normal(0.11, 0.004, 4000), rng.normal(1.2, 0.03, 4000), strict=True)
     ]
-    found = implied_drag_coefficient(0.11, beam, Air(density_error=0.03), eta2_error=0.004)
+    found = implied_drag_coefficient(0.11, beam, Air(density_std=0.03), eta2_error=0.004)
     assert found.standard_error == pytest.approx(np.std(draws), rel=0.05)
 
 
@@ -103,7 +103,7 @@ def test_errors_of_eta2_and_of_the_density_of_the_air_add_up_as_in_seeded_draws(
     ("make", "message"),
     [
         (lambda: Air(density=0.0), "^density: must be positive, got 0$"),
-        (lambda: Air(density_error=-1.0), "^density_error: must not be negative, got -1$"),
+        (lambda: Air(density_std=-1.0), "^density_std: must not be negative, got -1$"),
         (lambda: hydrodynamic_function(np.array([1.0, 2e4])), "^Reynolds number: 1 to 2e\\+04 is not within 1e-06 to"),
     ],
 )

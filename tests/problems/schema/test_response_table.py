@@ -89,7 +89,10 @@ def test_markers_are_points_of_the_output(file):
         ("[response]\nfrequencies = [2, 2]\nbase_amplitudes = 1e-4\n", r"frequencies: must be \[FROM, TO\]"),
         ("[response]\nfrequencies = [0, 1]\nbase_amplitudes = 1e-4\n", r"frequencies: must be positive"),
         ("[response]\nfrequencies = 2\nbase_amplitudes = 1e-4\n", r"frequencies: must"),
-        (RANGE + "base_amplitudes = 1e-4\n[markers]\nfar = 2.0\n", r"\[markers\]: far: s: the point must be on the"),
+        (
+            RANGE + "base_amplitudes = 1e-4\n[markers]\nfar = 2.0\n",
+            r"\[markers\]: far: point: the point must be on the",
+        ),
     ],
 )
 def test_what_makes_no_sense_is_refused_by_name(file, text, message):

@@ -88,14 +88,14 @@ class TestMatch:
         shapes = [[-1.0, 2.0], [1.0, 4.0]]
         objective = "worst-error"
         starts = 2
-        unknowns = {width = "element", density = "global", thickness = {smooth = 2, bounds = 0.05}}
+        unknowns = {width = "element", density = "global", thickness = {smooth = 2, relative_bounds = 0.05}}
         """
         _, request = read_match(file(BEAM, text))
         assert request == {
             "targets": MeasuredModes((10.19, 1.85), (0.01, 0.002), (0.2, 0.5), ((-1.0, 2.0), (1.0, 4.0))),
             "objective": "worst-error",
             "starts": 2,
-            "unknowns": (PerElement("width"), Global("density"), Smooth("thickness", terms=2, bounds=0.05)),
+            "unknowns": (PerElement("width"), Global("density"), Smooth("thickness", terms=2, relative_bounds=0.05)),
         }
 
     @pytest.mark.parametrize(

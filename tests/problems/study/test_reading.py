@@ -27,7 +27,7 @@ MATCH = """
 kind = "match"
 targets = [1.85, 10.19]
 bounds = 0.1
-unknowns = {width = "global", thickness = {smooth = 2, bounds = 0.05}}
+unknowns = {width = "global", thickness = {smooth = 2, relative_bounds = 0.05}}
 weightless = 7850.0
 printed = {standard = [1.67, 10.47], optimum = [1.84, 10.18], value = [5.0, 0.49, 8108.0, 205.130]}
 """
@@ -126,8 +126,8 @@ MISTAKES = {  # what is replaced, by what, and the message after the name of the
     "unknown need": ('beam = "match"\nlaws', 'beam = "mach"\nlaws',
                      ": [parts]: swing: needs the part 'mach', which does not exist"),
     "own need": ('beam = "match"\nlaws', 'beam = "swing"\nlaws', ": [parts]: the parts swing need each other"),
-    "unknown key of a part": ("count = 2", "size = 2", ": [parts]: modes: unknown key 'size'; known are beam, count"),
-    "count": ("count = 2", "count = 13", ": [parts]: modes: count: must be a whole number, 1 to 12, got 13"),
+    "unknown key of a part": ("modes = 2", "size = 2", ": [parts]: modes: unknown key 'size'; known are beam, draw"),
+    "modes": ("modes = 2", "modes = 13", ": [parts]: modes: modes: must be a whole number, 1 to 12, got 13"),
     "missing key": ("stop = 0.5}", "window = 0.5}", ": [parts]: shapes: runs: 1: the key 'stop' is missing"),
     "no runs": (f"[{{{RUN}, laws = [\"weak\"]}}]", "[]", ": [parts]: swing: runs: must be a list of 1 or more tables"),
     "runs of numbers": (f"[{{{RUN}, laws = [\"weak\"]}}]", "[1]", ": [parts]: swing: runs: 1: must be a table, got 1"),

@@ -54,7 +54,7 @@ class CombinedLaw(Part):
     laws: Annotated[tuple[LawChoice, ...], Meta(description="to draw beside it")] = ()
     beam: Annotated[str, Meta(description='"PART"')] = ""
     amplitudes: Annotated[tuple[Positive, ...], Meta(description="m, at the tip, up to which each mode is drawn")] = ()
-    air: Annotated[Air, Meta(description="{density, density_error (kg/m^3), viscosity (Pa s)}")] = field(
+    air: Annotated[Air, Meta(description="{density, density_std (kg/m^3), viscosity (Pa s)}")] = field(
         default_factory=Air
     )
     printed: Annotated[Printed, Meta(description="{eta2 (1/m)}")] = field(default_factory=dict)

@@ -62,7 +62,7 @@ COMBINED = """
 kind = "combined_law"
 decays = "decays"
 laws = ["modal"]
-air = {density = 1.2, density_error = 0.03}
+air = {density = 1.2, density_std = 0.03}
 printed = {eta2 = [0.11, 0.06]}
 """
 

@@ -35,7 +35,16 @@ from problems.beam.motions.marker_record import motion_record
 from problems.beam.motions.prediction import MotionPrediction
 from problems.beam.motions.prediction import predicted as predicted_motion
 from problems.beam.names import load_name, loads
-from problems.beam.properties import CLAMP_STIFFNESS, PROPERTY_POWERS, PROPERTY_UNITS, SAME_PROPERTY, Owners, kind_of, unit_of, value_of
+from problems.beam.properties import (
+    CLAMP_STIFFNESS,
+    PROPERTY_POWERS,
+    PROPERTY_UNITS,
+    SAME_PROPERTY,
+    Owners,
+    kind_of,
+    unit_of,
+    value_of,
+)
 from problems.beam.values.block import ValueBlock
 from problems.beam.values.prediction import ValuePrediction
 from problems.beam.values.prediction import predicted as predicted_values

@@ -22,7 +22,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.estimation.block import Account, Block
-from ancf_casadi.estimation.solve import Problem, solve
+from ancf_casadi.estimation.solve import FitProblem, solve
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.plot import png
 from problems import FrequencyRecord, MarkerRecord, ResponseRecord, StaticRecord, fit_beam
@@ -171,7 +171,7 @@ def deviation_of(noise):
     """Return the standard deviation that a block of three values, with a mean of its own, finds in a fit of two."""
     blocks = tuple(Mean(f"mean_{k}", part) for k, part in enumerate(np.split(noise, 2)))
     unknowns = tuple(Unknown(block.name, 0.0) for block in blocks)
-    solution = solve(Problem(blocks, unknowns))
+    solution = solve(FitProblem(blocks, unknowns))
     return solution.problem.blocks[0].scale
 
 

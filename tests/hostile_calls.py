@@ -244,7 +244,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "FrfRecord": (p.FrfRecord, {
             "frequencies": grid, "values": frf, "kind": "receptance", "coherence": None, "std": None, "points": None,
         }),
-        "Global": (p.Global, {"name": "density", "bounds": 0.1}),
+        "Global": (p.Global, {"name": "density", "relative_bounds": 0.1}),
         "LeastChange": (p.LeastChange, {"weight": 1.0}),
         "MarkerRecord": (p.MarkerRecord, {
             "time": time40, "positions": markers, "points": (0.5,), "base": base, "start": "equilibrium",
@@ -258,13 +258,13 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
             "channels": [record], "base": base, "start": "equilibrium", "release_time": 0.0,
             "camera": None, "load": None,
         }),
-        "PerElement": (p.PerElement, {"name": "density", "bounds": 0.1}),
+        "PerElement": (p.PerElement, {"name": "density", "relative_bounds": 0.1}),
         "ResponseRecord": (p.ResponseRecord, {
             "frequencies": grid[:5], "values": [1e-4] * 5, "phases": None, "sensor": a.Sensor(), "base": steady,
             "load": None, "levels": None, "sweep": "up", "control": "excitation", "amplitude_std": None,
             "phase_std": None, "level_std": None, "name": "",
         }),
-        "Smooth": (p.Smooth, {"name": "density", "terms": 2, "bounds": 0.1}),
+        "Smooth": (p.Smooth, {"name": "density", "terms": 2, "relative_bounds": 0.1}),
         "Smoothness": (p.Smoothness, {"weight": 1.0}),
         "StaticRecord": (p.StaticRecord, {
             "model": model, "loads": [point], "values": [1e-3], "sensors": a.Sensor(), "std": 1e-5,

@@ -30,9 +30,7 @@ StopAt = Literal["rest", "once"]
 
 SPLINE_DEGREE = 5  # the acceleration of the clamp is then twice continuously differentiable
 AMPLITUDE_ACCURACY = 0.10  # relative to the amplitude; gives the usual bounds of an estimate
-STOP_TOLERANCE = (
-    1e-9  # half periods; if ``stop`` is that close behind an instant of rest, the base stops at this instant
-)
+STOP_TOLERANCE = 1e-9  # half periods; if ``stop`` is that close behind an instant of rest, the base stops then
 
 
 @dataclass(frozen=True)

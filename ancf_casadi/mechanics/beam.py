@@ -37,10 +37,8 @@ BEAM_UNITS = {"width": "m", "thickness": "m", "density": "kg/m^3", "elastic_modu
          "clamp_stiffness": "N m/rad"}  # fmt: skip
 MINIMUM_ELEMENTS = 2
 MAXIMUM_ELEMENTS = 10_000  # a larger number is taken for a typing error
-SMALLEST_PROPERTY, LARGEST_PROPERTY = (
-    1e-100,
-    1e100,
-)  # bounds in SI units; products of values beyond them overflow or vanish
+# bounds in SI units; products of values beyond them overflow or vanish
+SMALLEST_PROPERTY, LARGEST_PROPERTY = 1e-100, 1e100
 
 
 @dataclass(frozen=True)

@@ -47,9 +47,7 @@ from ancf_casadi.response.harmonic_balance.fourier import basis_at
 from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
 
 FLOQUET_STAGES = 7
-STABILITY_TOLERANCE = (
-    1e-6  # of a magnitude; undamped vibrations stay on the unit circle only to rounding and truncation
-)
+STABILITY_TOLERANCE = 1e-6  # of a magnitude; undamped vibrations stay on the unit circle to rounding and truncation
 
 Bifurcation = Literal["fold", "branch point", "period doubling", "Neimark-Sacker"]
 

@@ -41,13 +41,9 @@ FRF_UNITS = {
     "relative-transmissibility": "1",
 }
 FRF_POWERS = {"receptance": 0, "mobility": 1, "accelerance": 2}  # powers of i omega
-SPAN, HALF_WIDTHS = (
-    (0.2, 1.3),
-    10.0,
-)  # these frequencies, relative to the first and last mode; half-widths about a resonance
-TRIAL_AMPLITUDE = (
-    0.01  # of the tip, in lengths of the beam, at which the damping ratios are compared with those at rest
-)
+# these frequencies, relative to the first and last mode; half-widths about a resonance
+SPAN, HALF_WIDTHS = (0.2, 1.3), 10.0
+TRIAL_AMPLITUDE = 0.01  # of the tip, in lengths of the beam; there, damping ratios are compared with those at rest
 
 
 @dataclass(frozen=True, eq=False)

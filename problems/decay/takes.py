@@ -206,7 +206,7 @@ class DecayModes(DecayFits):
     >>> time = np.linspace(0.0, 10.0, 2001)
     >>> y = 0.020 * np.exp(-0.1 * time) * np.cos(12.0 * time)
     >>> y += 0.005 * np.exp(-0.3 * time) * np.cos(60.0 * time)
-    >>> modes = fit_modes(time, y + np.random.default_rng(0).normal(scale=1e-4, size=time.size), count=2)
+    >>> modes = fit_modes(time, y + np.random.default_rng(0).normal(scale=1e-4, size=time.size), modes=2)
     >>> [f"{value:.2f} {modes.units[name]}" for name, value in modes.estimates.items() if "frequency" in name]
     ['1.91 Hz', '9.55 Hz']
     """

@@ -310,5 +310,5 @@ def test_a_sample_or_a_point_that_is_not_there_is_refused(driven):
     with pytest.raises(InputError, match=r"^index: must be a whole number, -583 to 582, got 583$"):
         driven.state(583)
     for quantity in ("position", "velocity", "slope", "curvature", "axial_force", "bending_moment"):
-        with pytest.raises(InputError, match=r"^s: the point must be on the beam, 0 to 0\.5 m, got 0\.6$"):
+        with pytest.raises(InputError, match=r"^point: the point must be on the beam, 0 to 0\.5 m, got 0\.6$"):
             getattr(driven, quantity)(0.6)

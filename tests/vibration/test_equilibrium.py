@@ -252,7 +252,7 @@ def test_loads_that_are_not_numbers_are_rejected_by_name(weightless, loads, mess
 
 
 def test_a_point_off_the_beam_has_no_position(weightless):
-    with pytest.raises(InputError, match=r"^s: the point must be on the beam, 0 to 0\.5 m, got 0\.51$"):
+    with pytest.raises(InputError, match=r"^point: the point must be on the beam, 0 to 0\.5 m, got 0\.51$"):
         static_equilibrium(weightless).position(0.51)
 
 

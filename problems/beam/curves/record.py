@@ -202,9 +202,7 @@ class ResponseRecord(Displayed):
     @cached_property
     def stds(self) -> Array:
         """Standard deviations of amplitudes, phases and levels, given or proportional, (3, m)."""
-        held = (
-            0.1 * CURVE_ERROR
-        )  # default standard deviation of what is controlled, relative to that of what is measured
+        held = 0.1 * CURVE_ERROR  # what is controlled is known ten times as well as what is measured
         floor = AMPLITUDE_FLOOR * self.amplitudes.max()
         amplitude = (
             np.hypot(CURVE_ERROR * self.amplitudes, floor) if self.control == "excitation" else held * self.amplitudes

@@ -96,7 +96,7 @@ def test_modes_are_separated_in_an_acceleration():
     other = 2 * math.pi * 19.0
     y = curve("linear", "constant", sensor) + 3.0 * np.exp(-0.005 * other * TIME) * np.cos(other * TIME)
     y += 0.05 * np.random.default_rng(2).standard_normal(len(TIME))
-    first, second = fit_modes(Measurement(TIME, y, sensor=sensor), count=2, release_time=0.0)
+    first, second = fit_modes(Measurement(TIME, y, sensor=sensor), modes=2, release_time=0.0)
     assert first.frequency == pytest.approx(3.0, abs=4 * first.standard_errors["frequency"])
     assert second.damping_ratio == pytest.approx(0.005, abs=4 * second.standard_errors["damping_ratio"])
     assert first.amplitude == pytest.approx(AMPLITUDE, rel=0.02)

@@ -33,18 +33,11 @@ LAWS = '[[damping]]\nlaw = "rayleigh"\nalpha = 0.2\n[[damping]]\nlaw = "quadrati
 TIME = np.arange(0.0, 1.0, 0.01)
 
 
-@pytest.fixture
-def file(tmp_path):
-    """Write a file beside a measured motion, and return its path as text."""
+@pytest.fixture(autouse=True)
+def _measured_motion(tmp_path):
+    """Write the measured motion beside the file of a test."""
     motion = np.column_stack([TIME, 1e3 * np.sin(TIME), 1e3 * np.cos(TIME), 0.1 * TIME])
     np.savetxt(tmp_path / "clamp.csv", motion, delimiter=",", header="t,x_mm,y_mm,turn", comments="")
-
-    def write(*parts: str) -> str:
-        path = tmp_path / "study.toml"
-        path.write_text("".join(parts))
-        return str(path)
-
-    return write
 
 
 class TestBase:

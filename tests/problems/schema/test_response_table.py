@@ -19,18 +19,6 @@ LAW = '[[damping]]\nlaw = "quadratic"\neta2 = 0.1\n'
 RANGE = "[response]\nfrequencies = [9.0, 11]\n"
 
 
-@pytest.fixture
-def file(tmp_path):
-    """Write a file and return its path as text."""
-
-    def write(*parts: str) -> str:
-        path = tmp_path / "study.toml"
-        path.write_text("".join(parts))
-        return str(path)
-
-    return write
-
-
 def test_each_level_drives_the_base_from_the_first_frequency(file):
     task = read_response(file(BEAM, LAW, RANGE, "base_amplitudes = [1e-4, 2e-4]\n"))
     assert task.frequencies == (9.0, 11.0)

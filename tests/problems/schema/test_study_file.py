@@ -39,18 +39,6 @@ def beam(**changes) -> Beam:
     return Beam.uniform(**{**given, "elements": 4, **changes})
 
 
-@pytest.fixture
-def file(tmp_path):
-    """Write a file and return its path as text."""
-
-    def write(*parts: str) -> str:
-        path = tmp_path / "study.toml"
-        path.write_text("".join(parts))
-        return str(path)
-
-    return write
-
-
 class TestBeam:
     def test_uniform(self, file):
         assert read_beam(file(BEAM)).model.beam == beam()

@@ -58,6 +58,17 @@ class PredictedChannel:
         """Root mean square of the standard errors."""
         return root_mean_square(self.errors)
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """A sentence if the error is beyond noise and uncertainty; else nothing."""
+        expected = math.hypot(self.standard_error, self.noise)
+        if not self.rms_error > LARGEST_PREDICTION_ERROR * expected:
+            return ()
+        return (
+            f"{self.name}: the error {self.rms_error:.2g} is {self.rms_error / expected:.2g} times as large as "
+            "noise and the uncertainty of the estimates explain; the model does not hold for this record",
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class RecordPrediction(Reported):
@@ -113,15 +124,7 @@ class RecordPrediction(Reported):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Channels whose error is beyond noise and uncertainty."""
-        notes = []
-        for one in self.channels:
-            expected = math.hypot(one.standard_error, one.noise)
-            if one.rms_error > LARGEST_PREDICTION_ERROR * expected:
-                notes.append(
-                    f"{one.name}: the error {one.rms_error:.2g} is {one.rms_error / expected:.2g} times as large as "
-                    "noise and the uncertainty of the estimates explain; the model does not hold for this record"
-                )
-        return tuple(notes)
+        return tuple(note for one in self.channels for note in one.warnings)
 
     def table(self) -> Table:
         """Return the errors of each channel."""

@@ -16,10 +16,10 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
-from ancf_casadi.estimation.prediction import LARGEST_PREDICTION_ERROR
+from ancf_casadi.estimation.prediction import PredictedChannel
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.support.arrays import Array, root_mean_square
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import delayed_interrupts
 from ancf_casadi.support.tables import Displayed, Table
 from problems.beam.motions.block import MotionBlock
@@ -69,70 +69,66 @@ class MotionPrediction(Displayed):
     std: tuple[float, ...]
 
     @property
+    def channels(self) -> tuple[PredictedChannel, ...]:
+        """Measured and predicted readings of each channel."""
+        labels, channels = labels_of([self.record]), self.record.own_channels
+        predicted = zip(self.readings, self.reading_errors, self.std, strict=True)
+        return tuple(
+            PredictedChannel(label, channel.sensor.unit, channel.measurement.values, *own)
+            for label, channel, own in zip(labels, channels, predicted, strict=True)
+        )
+
+    @property
     def residuals(self) -> tuple[Array, ...]:
         """Predicted less measured readings of each channel."""
-        pairs = zip(self.readings, self.record.own_channels, strict=True)
-        return tuple(reading - channel.measurement.values for reading, channel in pairs)
+        return tuple(np.real(one.residuals) for one in self.channels)
 
     @property
     def rms_errors(self) -> dict[str, float]:
         """Root mean square of the residuals of each channel, in the unit of the sensor."""
-        return dict(zip(labels_of([self.record]), map(root_mean_square, self.residuals), strict=True))
+        return {one.name: one.rms_error for one in self.channels}
 
     @property
     def relative_errors(self) -> dict[str, float]:
         """``rms_errors`` over the travel, the root mean square of the measured readings about their mean."""
-        travels = [float(channel.measurement.values.std()) for channel in self.record.own_channels]
+        travels = [float(np.std(one.measured)) for one in self.channels]
         pairs = zip(self.rms_errors.items(), travels, strict=True)
         return {label: error / travel if travel else math.nan for (label, error), travel in pairs}
 
     @property
     def standard_errors(self) -> Mapping[str, float]:
         """Root mean square of the ``reading_errors`` of each channel."""
-        return dict(zip(labels_of([self.record]), map(root_mean_square, self.reading_errors), strict=True))
+        return {one.name: one.standard_error for one in self.channels}
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Channels whose error is beyond noise and uncertainty."""
-        notes = []
-        for (label, error), expected, noise in zip(
-            self.rms_errors.items(), self.standard_errors.values(), self.std, strict=True
-        ):
-            if error > LARGEST_PREDICTION_ERROR * math.hypot(expected, noise):
-                notes.append(
-                    f"{label}: the error {error:.2g} is {error / math.hypot(expected, noise):.2g} times as large as "
-                    "noise and the uncertainty of the estimates explain; the model does not hold for this record"
-                )
-        return tuple(notes)
+        return tuple(note for one in self.channels for note in one.warnings)
 
     def report(self) -> str:
         """Return the result as text."""
         columns = ("channel", "unit", "rms_error", "relative_error", "standard_error", "noise")
-        units = [channel.sensor.unit for channel in self.record.own_channels]
-        errors = self.rms_errors, self.relative_errors, self.standard_errors
-        values = zip(*(one.values() for one in errors), self.std, strict=True)
-        rows = [(label, unit, *own) for label, unit, own in zip(errors[0], units, values, strict=True)]
+        relative = self.relative_errors
+        rows = [
+            (one.name, one.unit, one.rms_error, relative[one.name], one.standard_error, one.noise)
+            for one in self.channels
+        ]
         table = Table("prediction", "Predicted less measured readings", columns, rows, [])
         return "\n".join([table.text(), *(f"  note: {note}" for note in self.warnings)])
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON."""
+        relative = self.relative_errors
         return {
             "channels": [
                 {
-                    "channel": label,
-                    "unit": channel.sensor.unit,
-                    "rms_error": error,
-                    "relative_error": relative,
-                    "standard_error": own,
+                    "channel": one.name,
+                    "unit": one.unit,
+                    "rms_error": one.rms_error,
+                    "relative_error": relative[one.name],
+                    "standard_error": one.standard_error,
                 }
-                for (label, error), channel, relative, own in zip(
-                    self.rms_errors.items(),
-                    self.record.own_channels,
-                    self.relative_errors.values(),
-                    self.standard_errors.values(),
-                    strict=True,
-                )
+                for one in self.channels
             ],
             "warnings": list(self.warnings),
         }

@@ -76,7 +76,7 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Account:
-    """What a result says of a block.
+    """Lines, warnings and data of one block for the result.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class Block(ABC):
 
     @property
     def stated(self) -> bool:
-        """Whether the user states all standard deviations."""
+        """True if the user states all standard deviations."""
         return False
 
     @property

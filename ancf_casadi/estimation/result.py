@@ -1,4 +1,4 @@
-"""What every fit returns: estimates with units, standard errors, intervals, warnings, text, JSON and a figure.
+"""Results of fits: estimates with units, standard errors, intervals, warnings, text, JSON and a figure.
 
 The result of least squares states quantities q(x) of the unknowns x of its fit, by default the unknowns themselves.
 Those that depend on an unknown are its estimates.  With the derivatives Q = dq/dx and the covariance C of the free
@@ -134,7 +134,7 @@ class FitResult(Reported):
 
     @property
     def title(self) -> str:
-        """What was fitted, for the table and the one line that represents the result."""
+        """Name of the fitted model, for the table and the one line that represents the result."""
         return self.kind
 
     def to_dict(self) -> dict[str, Any]:

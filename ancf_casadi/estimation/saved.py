@@ -28,7 +28,7 @@ class SavedEstimate(msgspec.Struct, frozen=True):
 
 
 class SavedNumbers(msgspec.Struct, frozen=True):
-    """What every saved result states."""
+    """Content that every saved result has."""
 
     kind: Annotated[str, msgspec.Meta(min_length=1)]
     estimates: list[SavedEstimate]

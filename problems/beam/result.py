@@ -167,7 +167,7 @@ class BeamFit(LeastSquaresResult):
 
     @cached_property
     def accounts(self) -> tuple[Account, ...]:
-        """What the result says of each block of measurements."""
+        """Lines, warnings and data of each block of measurements."""
         return tuple(block.account(fitted) for block, fitted in self.solution.parts)
 
     @property

@@ -230,7 +230,7 @@ class MotionBlock(Block):
 
     @property
     def _lumped(self) -> bool:
-        """Whether a lumped property that the beam has is unknown."""
+        """True if a lumped property of the beam is unknown."""
         return bool(set(self.first) & set(self.model.lumped))
 
     def _motion(self, record: MotionRecord) -> SensitivityProblem:

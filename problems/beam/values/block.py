@@ -50,7 +50,7 @@ class ValueBlock(Block):
 
     @property
     def stated(self) -> bool:
-        """Whether the values have standard deviations."""
+        """True if the values have standard deviations."""
         return self.record.stds is not None
 
     @property

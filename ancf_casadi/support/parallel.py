@@ -136,6 +136,23 @@ def processes(jobs: int) -> Iterator[Executor]:
         pool.shutdown()
 
 
+@contextlib.contextmanager
+def unbroken() -> Iterator[None]:
+    """Turn the error of an executor whose process has ended into ours.
+
+    Raises
+    ------
+    NumericsError
+        If a process ends before its task is done.
+    """
+    try:
+        yield
+    except BrokenExecutor:
+        raise NumericsError(
+            "a process ended before its task was done, perhaps for lack of memory; use fewer jobs"
+        ) from None
+
+
 def _check_portable(tasks: Sequence[Callable[[], object]]) -> None:
     """Refuse tasks that cannot be sent to another process."""
     for position, task in enumerate(tasks, start=1):
@@ -180,14 +197,10 @@ def _finished(
         for k in order:
             yield k, tasks[k]()
         return
-    try:
+    with unbroken():
         futures = {executor.submit(tasks[k]): k for k in order}
         for future in as_completed(futures):
             yield futures[future], future.result()
-    except BrokenExecutor:
-        raise NumericsError(
-            "a process ended before its task was done, perhaps for lack of memory; use fewer jobs"
-        ) from None
 
 
 def _start_process() -> None:

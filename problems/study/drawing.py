@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import threading
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -38,6 +39,7 @@ STYLE: dict[Any, Any] = {
     "svg.hashsalt": "ancf-casadi",
 }
 
+_one_at_a_time = threading.Lock()  # the style is one for all threads
 _wanted: ContextVar[tuple[str, ...]] = ContextVar("wanted", default=("svg", "png"))
 
 
@@ -90,7 +92,7 @@ def drawn(name: str, caption: str, draw: Callable[[], Figure]) -> Drawing:
     svg, png, formats = io.StringIO(), io.BytesIO(), _wanted.get()
     if not formats:
         return Drawing(name, caption, "", b"")
-    with rc_context(STYLE):
+    with _one_at_a_time, rc_context(STYLE):
         figure = literal_text(draw)()
         if engine := figure.get_layout_engine():
             engine.execute(figure)

@@ -52,7 +52,7 @@ class Effort:
 
 
 FULL = Effort(steps_per_period=24, driving=1.0, window=1.0, formats=("svg", "png"))
-QUICK = Effort(steps_per_period=12, driving=0.05, window=0.3, formats=("svg",))
+QUICK = Effort(steps_per_period=12, driving=0.03, window=0.3, formats=("svg",))
 
 
 @dataclass(frozen=True)

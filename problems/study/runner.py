@@ -1,25 +1,29 @@
-"""Running a study: level by level, in any executor, with finished tasks kept.
+"""Running a study: each part as soon as those that it needs are found, in any executor, with finished tasks kept.
 
-A level holds the parts whose needs are met: those that other parts wait for, or all if there are none, so that the last
-level is long and keeps all processes busy.  First all tasks of its parts run, the longest first, then their findings.
-Each result is written as soon as it is there, so that a study that is stopped at any time continues from there.
+A part takes two steps, its tasks and its finding.  Tasks wait in one queue, and all processes stay busy as long as it
+holds any: first come the tasks of parts that other parts wait for, and among these the longest.  Each result is written
+as soon as it is there, so that a study that is stopped at any time continues from there.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
+import heapq
+import math
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
+from tqdm import tqdm
+
 from ancf_casadi.support.inputs import located
-from ancf_casadi.support.parallel import processes, run_all
+from ancf_casadi.support.parallel import COUNT_BAR, processes, unbroken
 from problems.study.drawing import only
 from problems.study.part import Effort, Finding, Found, Part, Study, Task
-from problems.study.store import Store, key_of, run_task
+from problems.study.store import Kept, Store, key_of, run_task
 
 STEPS_FOLDER = "steps"  # folder with the kept results
 
@@ -37,7 +41,7 @@ class PartTime:
     tasks : int
         Number of tasks.
     kept : int
-        Number of these that were kept from an earlier run.
+        Number of these, and of its finding, that were kept from an earlier run.
     """
 
     name: str
@@ -68,80 +72,142 @@ def run_parts(
         If a part fails.
     """
     findings = {"": Finding(None, beam=study.beam)}  # of the file
+    awaited = {name for part in study.parts for name in part.needs}
     waiting = list(study.parts)
+    running: dict[str, tuple[_Steps, list[str]]] = {}  # with the keys of the tasks that a part waits for
+    keys: dict[str, list[str]] = {part.name: [] for part in study.parts}
     with contextlib.ExitStack() as stack:
-        start = partial(stack.enter_context, processes(jobs)) if executor is None and jobs > 1 else lambda: executor
-        runner = _Runner(Store(folder / STEPS_FOLDER), start, progress)
-        while waiting:
-            ready = [part for part in waiting if all(name in findings for name in part.needs)]
-            awaited = {name for part in waiting for name in part.needs}
-            ready = [part for part in ready if part.name in awaited] or ready
-            ahead = {part.name for part in ready}
-            waiting = [part for part in waiting if part.name not in ahead]
-            findings |= runner.level(ready, findings, effort)
-    runner.store.discard_all_but(set(runner.keys))
+        own = executor is None and jobs > 1
+        start = partial(stack.enter_context, processes(jobs)) if own else lambda: executor
+        bar = stack.enter_context(tqdm(total=0, disable=not progress, bar_format=COUNT_BAR, desc="study"))
+        queue = stack.enter_context(
+            _Queue(Store(folder / STEPS_FOLDER), start, jobs + 1 if own else math.inf, bar)
+        )  # one task more than there are processes: none waits for this one
+
+        def go_on(name: str, steps: _Steps, results: Any) -> None:
+            try:
+                tasks = steps.send(results)
+            except StopIteration as end:
+                findings[name] = end.value
+            else:
+                put = queue.put(tasks, urgent=name in awaited)
+                keys[name] += put
+                running[name] = steps, put
+
+        while waiting or running:
+            for part in [part for part in waiting if findings.keys() >= set(part.needs)]:
+                waiting.remove(part)
+                go_on(part.name, _steps(part, findings, effort), None)
+            done = [name for name, (_, awaits) in running.items() if queue.kept.keys() >= set(awaits)]
+            for name in done:
+                steps, awaits = running.pop(name)
+                go_on(name, steps, [queue.kept[key].result(queue.tasks[key]) for key in awaits])
+            if not done:
+                queue.finish_one()
+    queue.store.discard_all_but(set(queue.tasks))
     del findings[""]
-    return findings, tuple(runner.steps[part.name] for part in study.parts)
-
-
-class _Runner:
-    """The executor, the store and the times of a study that runs."""
-
-    def __init__(self, store: Store, start: Callable[[], Executor | None], progress: bool) -> None:
-        self.store = store
-        self.keys: list[str] = []
-        self.steps: dict[str, PartTime] = {}
-        self._start, self._progress = start, progress
-
-    @cached_property
-    def _executor(self) -> Executor | None:
-        """The executor of all tasks, started with the first one, because each process takes a second to start."""
-        return self._start()
-
-    def level(self, parts: Sequence[Part], findings: Found, effort: Effort) -> dict[str, Finding]:
-        found = {
-            part.name: {name: replace(findings[name], tables=(), figures=(), warnings=()) for name in part.needs}
-            for part in parts
-        }
-        tasks = {part.name: part.tasks(found[part.name], effort) for part in parts}
-        results, times = self._run([task for part in parts for task in tasks[part.name]], "computing")
-        own = iter(results)
-        drawings = []
-        for part in parts:
-            of_part = tasks[part.name]
-            inputs = (part.kind, part, [next(own) for _ in of_part], found[part.name], effort)
-            # s, to draw a figure
-            drawings.append(Task(_finding, inputs, 0.2 * (1 + len(of_part))))  # most have a figure for each task
-        drawn, drawing_times = self._run(drawings, "drawing")
-        spent = iter(times)
-        for part, (seconds, kept) in zip(parts, drawing_times, strict=True):
-            name = part.name
-            of_tasks = [next(spent) for _ in tasks[name]]
-            total = seconds + sum(time for time, _ in of_tasks)
-            self.steps[name] = PartTime(name, total, len(of_tasks), sum(was for _, was in of_tasks) + kept)
-        return {part.name: finding for part, finding in zip(parts, drawn, strict=True)}
-
-    def _run(self, tasks: Sequence[Task], title: str) -> tuple[list[Any], list[tuple[float, bool]]]:
-        """Return the results of tasks, and for each its time and whether it was kept from an earlier run."""
-        keys = [key_of(task) for task in tasks]
-        self.keys += keys
-        by_key = dict(zip(keys, tasks, strict=True))  # equal tasks run once
-        kept = {key: found for key, task in by_key.items() if (found := self.store.get(key, task)) is not None}
-        missing = [key for key in by_key if key not in kept]
-        done = run_all(
-            [partial(run_task, by_key[key]) for key in missing],
-            sizes=[by_key[key].cost for key in missing],
-            title=title,
-            each=lambda k, result: self.store.keep(missing[k], result),
-            executor=self._executor if missing else None,
-            progress=self._progress and bool(missing),
+    times = [
+        PartTime(
+            part.name,
+            sum(queue.kept[key].seconds for key in keys[part.name]),
+            len(keys[part.name]) - 1,
+            sum(key in queue.earlier for key in keys[part.name]),
         )
-        all_kept = kept | dict(zip(missing, done, strict=True))
-        results = [all_kept[key].result(task) for key, task in zip(keys, tasks, strict=True)]
-        return results, [(all_kept[key].seconds, key in kept) for key in keys]
+        for part in study.parts
+    ]
+    return {part.name: findings[part.name] for part in study.parts}, tuple(times)
+
+
+_Steps = Generator[list[Task], Any, Finding]
+
+
+def _steps(part: Part, findings: Found, effort: Effort) -> _Steps:
+    """Yield the tasks of a part, then its finding as a task, and return the finding."""
+    found = {name: replace(findings[name], tables=(), figures=(), warnings=()) for name in part.needs}
+    tasks = part.tasks(found, effort)
+    results = yield list(tasks)
+    cost = 0.2 * (1 + len(tasks))  # s, to draw a figure; most parts have one for each task
+    drawing = Task(_finding, (part.kind, part, results, found, effort), cost)
+    finding: Finding
+    (finding,) = yield [drawing]
+    return finding
 
 
 def _finding(kind: str, part: Part, results: Sequence[Any], found: Found, effort: Effort) -> Finding:
     with located(part.name), only(effort.formats if part.draw else ()):
         finding = part.finding(results, found, effort)
     return finding if part.draw else replace(finding, figures=())
+
+
+class _Queue(contextlib.AbstractContextManager["_Queue"]):
+    """Tasks by key: those that wait, those that run, and the results, of this run or kept from an earlier one.
+
+    Parameters
+    ----------
+    store : Store
+        The kept results.
+    start : callable
+        Function that returns the executor; None to run the tasks in this process.
+    most : float
+        Number of tasks that the executor may have at once.
+    bar : tqdm
+        Progress bar, in which a task counts by its cost.
+    """
+
+    def __init__(self, store: Store, start: Callable[[], Executor | None], most: float, bar: Any) -> None:
+        self.store = store
+        self.tasks: dict[str, Task] = {}
+        self.kept: dict[str, Kept] = {}
+        self.earlier: set[str] = set()
+        self._start, self._most, self._bar = start, most, bar
+        self._waiting: list[tuple[bool, float, int, str]] = []  # a heap: not urgent, -cost, order, key
+        self._running: dict[Future[Kept], str] = {}
+
+    def __exit__(self, *_: object) -> None:
+        """Drop the tasks that an executor has not begun."""
+        for future in self._running:
+            future.cancel()
+
+    @cached_property
+    def _executor(self) -> Executor | None:
+        """The executor of all tasks, started with the first one, because each process takes a second to start."""
+        return self._start()
+
+    def put(self, tasks: Sequence[Task], *, urgent: bool) -> list[str]:
+        """Return the keys of tasks, of which those wait that have no result yet; equal tasks run once."""
+        keys = [key_of(task) for task in tasks]
+        for key, task in zip(keys, tasks, strict=True):
+            if key in self.tasks:
+                continue
+            self.tasks[key] = task
+            if (kept := self.store.get(key, task)) is not None:
+                self.kept[key] = kept
+                self.earlier.add(key)
+            else:
+                heapq.heappush(self._waiting, (not urgent, -task.cost, len(self.tasks), key))
+                self._bar.total += task.cost
+        return keys
+
+    def finish_one(self) -> None:
+        """Run tasks until at least one more is finished.
+
+        Raises
+        ------
+        NumericsError
+            If a process ends before its task is done.
+        """
+        if (executor := self._executor) is None:
+            key = heapq.heappop(self._waiting)[-1]
+            self._keep(key, run_task(self.tasks[key]))
+            return
+        with unbroken():
+            while self._waiting and len(self._running) < self._most:
+                key = heapq.heappop(self._waiting)[-1]
+                self._running[executor.submit(run_task, self.tasks[key])] = key
+            for future in wait(self._running, return_when=FIRST_COMPLETED).done:
+                self._keep(self._running.pop(future), future.result())
+
+    def _keep(self, key: str, kept: Kept) -> None:
+        self.store.keep(key, kept)
+        self.kept[key] = kept
+        self._bar.update(self.tasks[key].cost)

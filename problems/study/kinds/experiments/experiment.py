@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from ancf_casadi.decay.envelope import damping_curve
+from ancf_casadi.decay.envelope import DampingCurve, damping_curve
 from ancf_casadi.dynamics.base_motion import HarmonicBase
 from ancf_casadi.dynamics.integration import Method
 from ancf_casadi.dynamics.simulation import simulate
@@ -118,8 +118,6 @@ class ExperimentResult:
         This displacement around the stop.
     decay_time, decay : ndarray
         Tip displacement in the mode after the stop, m.
-    curve : ndarray (n, 3)
-        Amplitude (m), damping ratio and frequency (Hz) in windows of the decay.
     shapes : ndarray (13, 41, 2)
         Positions of points along the beam, m, over the last period before the stop.
     steps : int
@@ -140,7 +138,6 @@ class ExperimentResult:
     stop_motion: Array
     decay_time: Array
     decay: Array
-    curve: Array
     shapes: Array
     steps: int
 
@@ -207,13 +204,20 @@ def run_experiment(experiment: Experiment) -> ExperimentResult:
         expected_ratio=ratio(amplitude),
         decay_time=decay.time,
         decay=decay.values,
-        curve=_curve(decay),
         shapes=_shapes(run, end),
         steps=run.steps,
         motion=band(run.time, across, base.frequency),
         stop_time=run.time[near] - base.stop_time,
         stop_motion=across[near],
     )
+
+
+def decay_curve(result: ExperimentResult) -> DampingCurve:
+    """Return damping ratio and frequency in windows of the decay of an experiment."""
+    decay = Measurement(result.decay_time, result.decay)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return damping_curve(decay, release_time=float(decay.time[0]))
 
 
 def _excitation(experiment: Experiment, modes: Modes, ratio: float) -> tuple[HarmonicBase, float]:
@@ -240,13 +244,6 @@ def participation(modes: Modes, mode: int) -> float:
 
 def _method(name: str) -> Method:
     return "idas" if name == "idas" else "radau"
-
-
-def _curve(decay: Measurement) -> Array:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        curve = damping_curve(decay, release_time=float(decay.time[0]))
-    return np.column_stack([curve.amplitude, curve.damping_ratio, curve.frequency])
 
 
 def _shapes(run: Trajectory, end: int) -> Array:

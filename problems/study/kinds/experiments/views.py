@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any, Self, TypedDict, final
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
+from ancf_casadi.decay.envelope import DampingCurve
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from problems.modal_damping.combined_law import ratio_curves
 from problems.schema.beam import law_of
 from problems.study.data_table import Column
 from problems.study.drawing import drawn, new_figure, plain_log_ticks, series
-from problems.study.kinds.experiments.experiment import FEWEST_MODES, ExperimentResult
+from problems.study.kinds.experiments.experiment import FEWEST_MODES, ExperimentResult, decay_curve
 from problems.study.kinds.experiments.runs import ExperimentPart, RequestedRun, results_of, task_of
 from problems.study.part import Effort, Finding, Found, Task
 from problems.study.source import Source
@@ -56,47 +57,51 @@ class Amplitudes(ExperimentPart):
         by_run = results_of(self.runs, results)
         modes = natural_modes(Model(self.beam_in(found)), count=max(FEWEST_MODES, *(run.mode for run in self.runs)))
         figures = []
-        for k, (run, of_laws) in enumerate(zip(self.runs, by_run, strict=True), start=1):
+        curves = [[decay_curve(result) for result in of_laws] for of_laws in by_run]
+        for k, (run, of_laws, own) in enumerate(zip(self.runs, by_run, curves, strict=True), start=1):
             laws = [law_of(law.of(found), modes.model, law.name) for law in run.laws]
             caption = (
                 f"Mode {run.mode}: damping ratio and frequency against amplitude.  Markers: windows of the simulated "
                 "decays.  Lines: prediction of each law."
             )
-            draw = partial(_figure, run, of_laws, laws, modes)
+            draw = partial(_figure, run, of_laws[0].natural_frequency, own, laws, modes)
             figures.append(drawn(f"{self.name}_{k}", caption, draw))
         data = [
             {
                 "mode": run.mode,
                 "law": law.name,
-                "amplitude_m": result.curve[:, 0].tolist(),
-                "damping_ratio": result.curve[:, 1].tolist(),
-                "frequency_hz": result.curve[:, 2].tolist(),
+                "amplitude_m": curve.amplitude.tolist(),
+                "damping_ratio": curve.damping_ratio.tolist(),
+                "frequency_hz": curve.frequency.tolist(),
             }
-            for run, of_laws in zip(self.runs, by_run, strict=True)
-            for law, result in zip(run.laws, of_laws, strict=True)
+            for run, own in zip(self.runs, curves, strict=True)
+            for law, curve in zip(run.laws, own, strict=True)
         ]
         return Finding(data, figures=tuple(figures))
 
 
 def _figure(
-    run: RequestedRun, results: Sequence[ExperimentResult], laws: Sequence[DampingLaw | None], modes: Modes
+    run: RequestedRun,
+    natural_frequency: float,
+    curves: Sequence[DampingCurve],
+    laws: Sequence[DampingLaw | None],
+    modes: Modes,
 ) -> Figure:
     """Draw damping ratio and frequency against amplitude."""
     figure, (ratio, frequency) = new_figure(4.6, 2, sharex=True)
-    amplitudes = np.concatenate([result.curve[:, 0] for result in results])
+    amplitudes = np.concatenate([curve.amplitude for curve in curves])
     fine = np.geomspace(amplitudes.min(), amplitudes.max(), LAW_POINTS)
-    for k, (law, result) in enumerate(zip(laws, results, strict=True)):
+    for k, (law, curve) in enumerate(zip(laws, curves, strict=True)):
         style = series(k)
-        amplitude, ratios, frequencies = result.curve.T
-        step = max(1, len(amplitude) // LAW_POINTS)
+        step = max(1, len(curve.amplitude) // LAW_POINTS)
         marks = {"ls": "", "marker": style["marker"], "color": style["color"], "ms": 4}
-        ratio.plot(1e3 * amplitude[::step], 100 * ratios[::step], **marks)
-        change = 100 * (frequencies / result.natural_frequency - 1)
-        frequency.plot(1e3 * amplitude[::step], change[::step], **marks)
+        ratio.plot(1e3 * curve.amplitude[::step], 100 * curve.damping_ratio[::step], **marks)
+        change = 100 * (curve.frequency / natural_frequency - 1)
+        frequency.plot(1e3 * curve.amplitude[::step], change[::step], **marks)
         ratio.plot(1e3 * fine, 100 * ratio_curves(law, modes, fine)[:, run.mode - 1], color=style["color"],
                    ls=style["linestyle"], label=run.laws[k].title)  # fmt: skip
     frequency.axhline(0.0, color="black", lw=0.8, ls=":")
-    frequency.set_title(f"small motion: {results[0].natural_frequency:.5g} Hz")
+    frequency.set_title(f"small motion: {natural_frequency:.5g} Hz")
     ratio.set(ylabel="damping ratio, %", yscale="log")
     frequency.set(xlabel=f"tip amplitude of mode {run.mode}, mm", ylabel="change of the\nfrequency, %", xscale="log")
     plain_log_ticks(ratio, "y")

@@ -8,7 +8,7 @@ import pytest
 
 from ancf_casadi import InputError, Model, natural_modes
 from problems.study import paper
-from problems.study.kinds.experiments.experiment import Experiment, participation, run_experiment
+from problems.study.kinds.experiments.experiment import Experiment, decay_curve, participation, run_experiment
 
 LAWS = {
     "generic": ({"law": "modal", "ratios": list(paper.DAMPING_RATIOS), "frequencies": list(paper.TARGET_FREQUENCIES)},),
@@ -50,7 +50,7 @@ def test_no_law_is_no_damping(third):
     assert result.expected_ratio == 0.0
     assert abs(result.damping_ratio) < 1e-6
     assert result.amplitude == pytest.approx(1.5e-3, rel=0.01)
-    assert np.ptp(result.curve[:, 0]) < 2e-3 * result.amplitude
+    assert np.ptp(decay_curve(result).amplitude) < 2e-3 * result.amplitude
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -69,8 +69,8 @@ def test_quadratic_damping_falls_with_the_amplitude_and_generic_damping_does_not
     """Along one decay: eta1/(2 omega) + 4 eta2 A/(3 pi), and a constant."""
     for name in ("quadratic", "generic"):
         result = run_experiment(replace(first, terms=LAWS[name], shortening=0.5))
-        amplitude, ratio, _ = result.curve.T
-        slope, rest = np.polyfit(amplitude, ratio, 1)
+        curve = decay_curve(result)
+        slope, rest = np.polyfit(curve.amplitude, curve.damping_ratio, 1)
         expected = 4 * 0.11 / (3 * math.pi) if name == "quadratic" else 0.0
         assert slope == pytest.approx(expected, rel=0.1, abs=3e-3)
         if name == "quadratic":

@@ -105,6 +105,12 @@ channels = [                # one per sensor; point = arc length in m, the tip i
 # frequencies = [1.88, 11.8]      # Hz
 # std = [0.01, 0.05]        # Hz
 # tip_mass = 1e-3           # kg
+
+# [[statics]]               # for fit: the beam at rest under loads
+# loads = [{{mass = 1e-3}}, {{mass = 2e-3}}]    # kg; or force = [1e-3, 0.0], N; point = arc length, m
+# axis = [1.0, 0.0]         # the beam was held level
+# values = [0.0295, 0.0559] # m, displacement of the tip under each load
+# direction = [0.0, -1.0]
 """
 
 

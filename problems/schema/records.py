@@ -1,22 +1,34 @@
-"""The tables of a fit of a beam: [[records]] with files and sensors, [[frequencies]], and [fit] with the unknowns."""
+"""The tables of a fit of a beam: its measurements, one table each, and [fit] with the unknowns.
+
+[[records]] are motions in files, [[curves]] response curves, [[statics]] static tests and [[frequencies]] natural
+frequencies, all three as numbers.
+"""
 
 from __future__ import annotations
 
+import math
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from inspect import signature
 from typing import Any
 
+import numpy as np
+
 from ancf_casadi.damping import DampingLaw
+from ancf_casadi.dynamics.base_motion import HarmonicBase
+from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.records.measurement import Measurement
 from ancf_casadi.records.recording import Recording
 from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.support.inputs import check_keys, is_sequence, located, shown, whole
+from ancf_casadi.support.inputs import array, check_keys, is_sequence, located, shown, whole
+from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.record import Camera, Channel, MotionRecord
-from problems.beam.values.records import FrequencyRecord
+from problems.beam.values.records import FrequencyRecord, StaticRecord
 from problems.schema.beam import DAMPED_HELP, read_damped, read_terms, total
 from problems.schema.file import StudyFile
 from problems.schema.motion import MOTION_KEYS, READING, read_base, read_load, read_measured, read_release
@@ -40,10 +52,22 @@ RECORD_KEYS = """\
                 base, load, release, start: if they differ from the tables
   [[predictions]]
                 records to predict with the estimates; the same keys
+  [[curves]]    steady vibration: frequencies (Hz), values (amplitudes),
+                phases (rad), base = {amplitude (m), direction} or load =
+                {force (N), moment (N m)} at level 1, levels, sweep ("up" or
+                "down"), control ("excitation" or "response"), amplitude_std,
+                phase_std, level_std; sensor ("displacement" if not given),
+                point, direction, ...: as above
+  [[statics]]   beam at rest under loads: loads = [{mass = 1e-3}, ...], one
+                table for each case or a list of tables: mass (kg), or force
+                (N) and moment (N m), and point (m); values of the cases, std,
+                sensor ("displacement"), point, direction, ... as above, or
+                channels = [{sensor = "slope", values = [0.1, ...]}, ...];
+                tared (true or false: whether all sensors read 0 without loads)
   [[frequencies]]
                 natural frequencies: frequencies (Hz), std (Hz), modes (from 1)
-                a record, or frequencies, of another configuration of the beam:
-                length (m), axis, tip_mass (kg), clamp_stiffness (N m/rad)
+                a measurement in another configuration of the beam has length
+                (m), axis, tip_mass (kg), clamp_stiffness (N m/rad)
   [fit]         unknowns (properties such as "elastic_modulus", "tip_mass",
                 "thickness[1:5]"; "base_amplitude"; "start_force_x",
                 "start_force_y", "start_moment" and their _rate),
@@ -55,6 +79,7 @@ RECORD_KEYS = """\
 """
 RECORDS_HELP = DAMPED_HELP + MOTION_KEYS + RECORD_KEYS
 SENSOR = {"point", "direction", "frame", "gravity", "distance"}
+NUMBERS = ("frequencies", "statics", "curves")  # tables with the measured numbers
 UNKNOWN_KEYS = {"std", "offset", "zero"}
 CONFIGURATION = {"length", "axis", "tip_mass", "clamp_stiffness"}
 CHANNEL = {"file", "column", "unit", "sensor", "begin", "end", *SENSOR, *READING, *UNKNOWN_KEYS}
@@ -74,7 +99,7 @@ class Measurements:
         The law, with guesses of its parameters.
     laws : tuple of DampingLaw
         The laws to compare.
-    records : tuple of MotionRecord and FrequencyRecord
+    records : tuple of MotionRecord, FrequencyRecord, StaticRecord and ResponseRecord
         The measurements.
     predictions : tuple of MotionRecord
         Records to predict.
@@ -85,7 +110,7 @@ class Measurements:
     model: Model
     damping: DampingLaw | None
     laws: tuple[DampingLaw, ...]
-    records: tuple[MotionRecord | FrequencyRecord, ...]
+    records: tuple[MotionRecord | FrequencyRecord | StaticRecord | ResponseRecord, ...]
     predictions: tuple[MotionRecord, ...]
     settings: Mapping[str, Any]
 
@@ -105,21 +130,23 @@ def read_measurements(given: str | StudyFile) -> Measurements:
     fit, where = file.tables.get("fit", {}), file.where("fit")
     check_keys(fit, set(), {*FIT, "laws"}, where)
     law = source.damping
-    if law is None and file.several("records"):
+    if law is None and (file.several("records") or file.several("curves")):
         raise InputError("the table is missing; its parameters are the unknowns", file.where("damping"))
-    if not file.several("frequencies"):
-        file.needed("records", "it names the file to fit")
+    if not any(file.several(name) for name in NUMBERS):
+        file.needed("records", f"it names the file to fit; or add {', '.join(f'[[{name}]]' for name in NUMBERS)}")
     with located(where):
         laws = _laws(fit.get("laws"), read_terms(file, source.model), law)
     records, predictions = (
         [_record(file, table, source.model, file.where(name)) for table in file.several(name)]
         for name in ("records", "predictions")
     )
-    frequencies = [
-        _frequencies(table, source.model, file.where("frequencies")) for table in file.several("frequencies")
+    others: list[Any] = [
+        reader(table, source.model, file.where(name))
+        for name, reader in zip(NUMBERS, (_frequencies, _static, _curve), strict=True)
+        for table in file.several(name)
     ]
     settings = {key: fit[key] for key in FIT & fit.keys()}
-    return Measurements(source.model, law, laws, (*records, *frequencies), tuple(predictions), settings)
+    return Measurements(source.model, law, laws, (*records, *others), tuple(predictions), settings)
 
 
 def _configuration(given: Mapping[str, Any], model: Model, where: str) -> Model:
@@ -135,6 +162,65 @@ def _frequencies(given: Any, model: Model, where: str) -> FrequencyRecord:
     return made(own, FrequencyRecord, where, model=_configuration(given, model, where))
 
 
+def _static(given: Any, model: Model, where: str) -> StaticRecord:
+    keys = {"values", "std", "sensor", *SENSOR}
+    check_keys(given, {"loads"}, {"channels", "tared", "name", *keys, *CONFIGURATION}, where)
+    if not is_sequence(given["loads"]):
+        raise InputError(f"must be a list of tables, got {shown(given['loads'])}", f"{where}: loads")
+    loads = [_loads(case, f"{where}: loads: {k}") for k, case in enumerate(given["loads"], start=1)]
+    sensors, columns, deviations = [], [], []
+    for own, place in _channels(given, keys, where):
+        check_keys(own, {"values"}, keys, place)
+        sensors.append(_sensor(own, "displacement", place))
+        with located(place):
+            values, std = (array(own.get(key, math.nan), key, finite=False) for key in ("values", "std"))
+            if values.shape != (len(loads),):
+                raise InputError(f"must be a list with one value per load case, {len(loads)}", "values")
+            if std.shape not in ((), values.shape):
+                raise InputError(f"must be one number, or one per load case, {len(loads)}", "std")
+        columns.append(values)
+        deviations.append(np.broadcast_to(std, values.shape))
+    std = np.column_stack(deviations)
+    with located(where):
+        return StaticRecord(
+            _configuration(given, model, where),
+            loads,
+            np.column_stack(columns),
+            sensors,
+            None if np.isnan(std).all() else std,
+            **{key: given[key] for key in {"tared", "name"} & given.keys()},
+        )
+
+
+def _loads(case: Any, where: str) -> list[PointLoad]:
+    """Return the loads of a case, each a weight or a force and moment."""
+    tables = case if is_sequence(case) else [case]
+    return [
+        made(table, PointLoad.hung if isinstance(table, dict) and "mass" in table else PointLoad, where)
+        for table in tables
+    ]
+
+
+def _curve(given: Any, model: Model, where: str) -> ResponseRecord:
+    arguments = {name for name in signature(ResponseRecord).parameters if name not in ("sensor", "model")}
+    check_keys(given, {"frequencies", "values"}, {*arguments, "sensor", *SENSOR, *CONFIGURATION}, where)
+    own = {key: given[key] for key in arguments & given.keys()}
+    own_model = _configuration(given, model, where)
+    for name, kind, keys in (
+        ("base", HarmonicBase, {"amplitude", "direction"}),
+        ("load", HarmonicLoad, {"force", "moment"}),
+    ):
+        if name in own:  # whose frequency has no effect
+            own[name] = made(own[name], kind, f"{where}: {name}", keys, frequency=1.0)
+    return made(
+        own,
+        ResponseRecord,
+        where,
+        sensor=_sensor(given, "displacement", where),
+        model=None if own_model is model else own_model,
+    )
+
+
 def _laws(given: Any, terms: Sequence[DampingLaw], law: DampingLaw | None) -> tuple[DampingLaw, ...]:
     """Return the sums of the terms with the given numbers, from 1; if not given, each term, and their sum."""
     if given is None:
@@ -145,19 +231,26 @@ def _laws(given: Any, terms: Sequence[DampingLaw], law: DampingLaw | None) -> tu
     return tuple(law for law in laws if law is not None)
 
 
-def _record(file: StudyFile, given: Any, model: Model, where: str) -> MotionRecord:
-    check_keys(given, set(), RECORD, where)
-    own_model = _configuration(given, model, where)
-    shared = {key: given[key] for key in CHANNEL & given.keys()}
+def _channels(given: Mapping[str, Any], keys: set[str], where: str) -> list[tuple[dict[str, Any], str]]:
+    """Return the table of each channel, with the keys that hold for all, and its place."""
     listed = given.get("channels", [{}])
     if not is_sequence(listed) or not listed:
         raise InputError(f"must be a list of tables, got {shown(listed)}", f"{where}: channels")
-    channels = []
-    recordings: dict[str, Recording] = {}
+    shared = {key: given[key] for key in keys & given.keys()}
+    found = []
     for k, channel in enumerate(listed, start=1):
         place = f"{where}: channels: {k}" if "channels" in given else where
-        check_keys(channel, set(), CHANNEL, place)
-        own = shared | channel
+        check_keys(channel, set(), keys, place)
+        found.append((shared | channel, place))
+    return found
+
+
+def _record(file: StudyFile, given: Any, model: Model, where: str) -> MotionRecord:
+    check_keys(given, set(), RECORD, where)
+    own_model = _configuration(given, model, where)
+    channels = []
+    recordings: dict[str, Recording] = {}
+    for own, place in _channels(given, CHANNEL, where):
         key = repr([own.get(name) for name in ("file", *READING)])  # channels of one file are read at once
         if key not in recordings:
             check_keys(own, {"file"}, CHANNEL, place)
@@ -193,9 +286,14 @@ def _check_made(file: StudyFile, name: Any, where: str) -> None:
 
 def _channel(recording: Recording, given: Mapping[str, Any], where: str) -> Channel:
     """Return a sensor with its record."""
-    settings = {key: given[key] for key in SENSOR & given.keys()}
     unknown = {key: given[key] for key in UNKNOWN_KEYS & given.keys()}
+    sensor = _sensor(given, "position", where)
     with located(where):
-        sensor = Sensor(given.get("sensor", "position"), **settings)
         record = Measurement.from_recording(recording, given.get("column"), unit=given.get("unit"), sensor=sensor)
         return Channel(record.cut(given.get("begin"), given.get("end")), **unknown)
+
+
+def _sensor(given: Mapping[str, Any], quantity: str, where: str) -> Sensor:
+    """Return the sensor of a table, which may leave out its quantity."""
+    with located(where):
+        return Sensor(given.get("sensor", quantity), **{key: given[key] for key in SENSOR & given.keys()})

@@ -14,12 +14,12 @@ from ancf_casadi.exceptions import InputError
 from problems.beam.comparison import compare_laws
 from problems.beam.fitting import fit_beam
 from problems.schema.file import StudyFile
-from problems.schema.records import read_measurements
+from problems.schema.records import NUMBERS, read_measurements
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import drawn
 from problems.study.part import FilePart, Finding
 
-MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", "frequencies", "predictions", "fit"}
+MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", *NUMBERS, "predictions", "fit"}
 
 
 class MotionNumbers(TypedDict):

@@ -8,9 +8,10 @@ import sys
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, Model, natural_modes
+from ancf_casadi import Beam, Model, PointLoad, natural_modes, static_equilibrium
 from ancf_casadi.export import read_document
 
+STRIP = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 SHORT = {"duration = 2.0 ": "duration = 0.5 ", "stop = 1.0 ": "stop = 0.2 ", "elements = 8": "elements = 4"}
 
 
@@ -188,3 +189,25 @@ def test_a_fit_shows_progress_on_a_terminal(run, study, tmp_path):
     os.close(ours)
     assert b"fit: " in shown and b" steps" in shown
     assert b"Traceback" not in shown
+
+
+def test_modulus_and_tip_mass_from_numbers_in_the_file(run, tmp_path):
+    """A sag under two weights and two frequencies, of a beam whose modulus and tip mass the file does not know."""
+    truth = Beam.uniform(**STRIP, elements=4, tip_mass=1e-3)
+    level = Model(truth.with_(axis=(1.0, 0.0)))
+    rest = static_equilibrium(level).tip[1]
+    sag = [float(rest - static_equilibrium(level, loads=[PointLoad.hung(mass)]).tip[1]) for mass in (1e-3, 2e-3)]
+    frequencies = natural_modes(Model(truth), count=2).frequencies.tolist()
+    guess = {**STRIP, "elastic_modulus": 190e9, "elements": 4, "tip_mass": 0.5e-3}
+    tables = [
+        "[beam]", *(f"{key} = {value!r}" for key, value in guess.items()),
+        "[[statics]]", "axis = [1.0, 0.0]", "loads = [{mass = 1e-3}, {mass = 2e-3}]", f"values = {sag}",
+        "direction = [0.0, -1.0]", "std = 1e-5",
+        "[[frequencies]]", f"frequencies = {frequencies}", "std = 1e-3",
+        "[fit]", 'unknowns = ["elastic_modulus", "tip_mass"]',
+    ]  # fmt: skip
+    (tmp_path / "sag.toml").write_text("\n".join(tables))
+    done = run("fit", "sag.toml", "--json")
+    assert done.code == 0
+    found = {one["name"]: one["value"] for one in json.loads(done.out)["estimates"]}
+    assert found == {"elastic_modulus": pytest.approx(210e9, rel=1e-6), "tip_mass": pytest.approx(1e-3, rel=1e-5)}

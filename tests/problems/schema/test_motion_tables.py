@@ -8,6 +8,7 @@ from ancf_casadi import (
     HarmonicBase,
     HarmonicLoad,
     InputError,
+    PointLoad,
     SampledBase,
     SampledLoad,
     Sensor,
@@ -209,6 +210,71 @@ class TestRecords:
         (record,) = study.records
         assert study.damping is None and study.laws == ()
         assert record.model.beam.tip_mass == 1e-3 and record.std.tolist() == [0.01, 0.05] and record.modes == (1, 2)
+
+    def test_a_static_test_of_another_configuration(self, file):
+        """Two sensors, three load cases: a weight, a force with a moment, and both."""
+        text = """
+            [[statics]]
+            loads = [{mass = 1e-3, point = 0.4}, {force = [0.0, -2e-3], moment = 1e-4},
+                     [{mass = 1e-3}, {force = [0.0, -1e-3], point = 0.25}]]
+            axis = [1.0, 0.0]
+            direction = [0.0, -1.0]
+            channels = [{values = [0.02, 0.03, nan], std = 1e-4},
+                        {sensor = "slope", point = 0.2, values = [0.1, 0.2, 0.3], std = [1e-3, 2e-3, 3e-3]}]
+            tared = true
+            """
+        (record,) = read_measurements(file(BEAM, text)).records
+        assert record.cases == (
+            (PointLoad.hung(1e-3, point=0.4),),
+            (PointLoad((0.0, -2e-3), 1e-4),),
+            (PointLoad.hung(1e-3), PointLoad((0.0, -1e-3), point=0.25)),
+        )
+        assert record.model.beam.axis == (1.0, 0.0) and record.tared
+        assert record.columns == (
+            Sensor("displacement", direction=(0.0, -1.0)),
+            Sensor("slope", point=0.2, direction=(0.0, -1.0)),
+        )
+        assert record.measured.tolist() == [0.02, 0.1, 0.03, 0.2, 0.3]
+        assert record.stds.tolist() == [1e-4, 1e-3, 1e-4, 2e-3, 3e-3]
+
+    def test_a_response_curve(self, file):
+        text = """
+            [[curves]]
+            frequencies = [1.8, 1.9]
+            values = [0.01, 0.02]
+            phases = [-0.1, -1.5]
+            levels = [1.0, 2.0]
+            base = {amplitude = 1e-3}
+            sensor = "acceleration"
+            point = 0.3
+            control = "response"
+            level_std = 0.01
+            tip_mass = 1e-3
+            """
+        (record,) = read_measurements(file(BEAM, LAWS, text)).records
+        assert record.complex_values == pytest.approx([0.01 * np.exp(-0.1j), 0.02 * np.exp(-1.5j)])
+        assert (record.base.amplitude, record.sensor) == (1e-3, Sensor("acceleration", point=0.3))
+        assert record.levels.tolist() == [1.0, 2.0] and record.control == "response"
+        assert record.model.beam.tip_mass == 1e-3
+
+    @pytest.mark.parametrize(
+        ("text", "what"),
+        [
+            ("[[statics]]\nvalues = [1.0]\n", r"\[statics\]: the key 'loads' is missing"),
+            ("[[statics]]\nloads = {mass = 1}\nvalues = [1.0]\n", r"\[statics\]: loads: must be a list of tables"),
+            ("[[statics]]\nloads = [{mass = 1}]\n", r"\[statics\]: the key 'values' is missing"),
+            ("[[statics]]\nloads = [3]\nvalues = [1.0]\n", r"\[statics\]: loads: 1: must be a table"),
+            ("[[statics]]\nloads = [{mass = 1}]\nvalues = [1, 2]\n", r"values: must be a list with one value per load"),
+            ("[[statics]]\nloads = [{mass = 1}]\nvalues = [1]\nstd = [1, 2]\n", r"std: must be one number, or one per"),
+            ("[[statics]]\nloads = [{mass = 1}]\nvalues = [1]\nsensor = 'velocity'\n", r"\[statics\]: .*velocity"),
+            ("[[curves]]\nvalues = [1.0]\n", r"\[curves\]: the key 'frequencies' is missing"),
+            ("[[curves]]\nfrequencies = [1]\nvalues = [1]\n", r"\[curves\]: .*base.*load"),
+            ("[[curves]]\nfrequencies = [1]\nvalues = [1]\nbase = {frequency = 1}\n", r"base: .*'frequency'"),
+        ],
+    )
+    def test_unusable_numbers(self, file, text, what):
+        with pytest.raises(InputError, match=what):
+            read_measurements(file(BEAM, LAWS, text))
 
     def test_laws_to_compare(self, file):
         named = read_measurements(file(BEAM, LAWS, self.RECORDS, "[fit]\nlaws = [[2], [1, 2]]\n")).laws

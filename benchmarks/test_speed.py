@@ -20,7 +20,7 @@ from ancf_casadi import (
     simulate,
 )
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.semi_explicit import SemiExplicit
+from ancf_casadi.dynamics.idas import SemiExplicit
 from ancf_casadi.support.compilation import compiled, interpreted
 from problems import match_frequencies
 from problems.study import paper

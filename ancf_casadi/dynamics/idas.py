@@ -1,6 +1,14 @@
 """Time integration by IDAS, the variable-step backward differentiation formulas of SUNDIALS.
 
-``semi_explicit`` states the equation of motion with the scaled unknowns x and z, and its exact Jacobian.
+Form.  With the accelerations as algebraic unknowns, the Jacobian is as sparse as the mesh.  For the same reason, the
+low-rank part R B diag(d) B^T R^T e_t of the damping force is written R B (d * w) with the further unknowns
+w = B^T R^T e_t.
+
+Scaling.  The unknowns are x = (displacement/S, v/(S W)) and z = (a/(S W^2), w/(L W)), with S the length L of the beam
+for positions and 1/2 for slopes, and W the bending frequency of a single element.  One tolerance, relative to L, then
+serves all unknowns.  Without the scaling, the noise that Newton's method leaves in the positions, divided by the step,
+would become a velocity error that makes every other step fail.  The force balance is divided by diag(M) S W^2, so that
+a sparse factorisation finds its pivots on the diagonal and stays within the band of the mesh.
 
 Time.  Each smooth piece of the excitation is divided into segments t = begin + span s with s from 0 to 1.  IDAS
 restarts on each with consistent accelerations; begin and span are parameters, so that one integrator serves all
@@ -25,17 +33,22 @@ import functools
 import io
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as cs
 import numpy as np
 import scipy.sparse.linalg
 
-from ancf_casadi.dynamics.segments import ENERGY_STATES, InitialValueProblem, Segment, SegmentSolution
-from ancf_casadi.dynamics.semi_explicit import SemiExplicit
+from ancf_casadi.dynamics.equations import Balance, Equations
+from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
+from ancf_casadi.dynamics.segments import ENERGY_STATES, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
+from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.support.arrays import Array
 
 DEFAULTS: Mapping[str, Any] = {
     "reltol": 1e-12,
@@ -48,10 +61,148 @@ DEFAULTS: Mapping[str, Any] = {
 }
 
 
-def integrate_by_idas(problem: InitialValueProblem) -> Iterator[SegmentSolution]:
+@dataclass(frozen=True, eq=False)
+class SemiExplicit:
+    """The scaled equation of motion with the accelerations as algebraic unknowns.
+
+    Parameters
+    ----------
+    equations : Equations
+        The equation of motion.
+    """
+
+    equations: Equations
+
+    @cached_property
+    def element_frequency(self) -> float:
+        """W, the highest bending frequency of a single pinned element, pi^2 (E I/mu)^1/2/l^2, rad/s."""
+        model = self.equations.model
+        _, thickness, density, elastic_modulus = model.properties
+        stiffness = np.sqrt(elastic_modulus / density) * thickness / math.sqrt(12)
+        return float(math.pi**2 * stiffness.max() / model.beam.element_length**2)
+
+    @cached_property
+    def parameters(self) -> Array:
+        """W, the divisors of the force balance diag(M) S W^2, and the parameters of the forces."""
+        model = self.equations.model
+        diagonal = model.mass(model.properties).sparse().diagonal()[model.free]
+        divisors = diagonal * model.scale[model.free] * self.element_frequency**2
+        return np.concatenate([[self.element_frequency], divisors, self.equations.parameters])
+
+    @cached_property
+    def residual(self) -> cs.Function:
+        """(x, z, excitation, parameters) -> x_t, residual of the algebraic equations; differentiable in x and z."""
+        x, z, excitation, parameters = self._symbols
+        model, free = self.equations.model, self.equations.free
+        W, divisors, balance = self._parts(parameters)
+        e, e_t, e_tt = self._motion(x, z, excitation, W)
+        forces, *_ = balance.local(e, e_t, e_tt, excitation[3 * NODE :])
+        w = model.beam.length * W * z[free:]
+        if w.numel():
+            forces += balance.modal_damping(e, w)
+        modal = (balance.modal_velocities(e, e_t) - w) / (model.beam.length * W)
+        outputs = [cs.vertcat(W * x[free:], W * z[:free]), cs.vertcat(forces[model.free] / divisors, modal)]
+        names = ["x", "z", "excitation", "parameters"], ["x_t", "alg"]
+        options: Any = {"is_diff_in": [True, True, False, False], "custom_jacobian": self._jacobian}
+        options |= {"enable_forward": False, "enable_reverse": False}  # all derivatives come from the Jacobian
+        return cs.Function("residual", [x, z, excitation, parameters], outputs, *names, options)
+
+    @cached_property
+    def energetics(self) -> cs.Function:
+        """(x, z, excitation, parameters) -> powers as in ``Balance.forces``, and the force of the base, (4,)."""
+        x, z, excitation, parameters = self._symbols
+        W, _, balance = self._parts(parameters)
+        forces, powers = balance.forces(*self._motion(x, z, excitation, W), excitation[3 * NODE :])
+        inputs, options = [x, z, excitation, parameters], {"is_diff_in": [False] * 4}
+        return cs.Function("energetics", inputs, [powers, forces[:NODE]], options)
+
+    def scaled(self, state: State) -> Array:
+        """Return x of a state."""
+        model = self.equations.model
+        displacement = (state.coordinates - model.straight) / model.scale
+        velocity = state.velocities / (model.scale * self.element_frequency)
+        return np.concatenate([displacement[model.free], velocity[model.free]])
+
+    def unscaled(self, x: Array, excitations: Array) -> tuple[Array, Array]:
+        """Return all coordinates and velocities from x, (k, 2 N), and the excitations, (k, 15)."""
+        model = self.equations.model
+        displacement, velocities = np.split(x, 2, axis=-1)
+        scale = model.scale[model.free]
+        coordinates = model.straight[model.free] + scale * displacement
+        position, velocity = excitations[..., :NODE], excitations[..., NODE : 2 * NODE]
+        return np.hstack([position, coordinates]), np.hstack([velocity, scale * self.element_frequency * velocities])
+
+    @cached_property
+    def _jacobian(self) -> cs.Function:
+        """The Jacobian of ``residual``, assembled block by block.
+
+        Because of the dense rows and columns of B, CasADi alone would compute all other columns one at a time.
+        """
+        x, z, excitation, parameters = self._symbols
+        model, free, m = self.equations.model, self.equations.free, self.equations.projection.shape[1]
+        W, divisors, balance = self._parts(parameters)
+        e, e_t, _ = self._motion(x, z, excitation, W)
+        scale = cs.MX(cs.DM(model.scale[model.free]))
+        tangents = balance.tangents(e, e_t, excitation[3 * NODE :])
+        k, d, mass = (model.matrix(values, NODE) for values in tangents)
+        length, B, identity = model.beam.length, balance.turned_projection(e)[NODE:, :], cs.DM.eye(free)
+        none = cs.DM(free, free)
+        w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.modal_coefficients * length * W
+        jacobians = [
+            cs.horzcat(cs.DM(2 * free, free), cs.vertcat(W * identity, none)),
+            cs.horzcat(cs.vertcat(none, W * identity), cs.DM(2 * free, m)),
+            cs.MX(2 * free, excitation.numel()),
+            cs.MX(2 * free, parameters.numel()),
+            cs.vertcat(
+                cs.horzcat(_scaled(k, 1 / divisors, scale), _scaled(d, 1 / divisors, scale * W)),
+                cs.horzcat(cs.MX(m, free), w_by_v),
+            ),
+            cs.vertcat(
+                cs.horzcat(_scaled(mass, 1 / divisors, scale * W**2), _scaled(B, 1 / divisors, by_w)),
+                cs.horzcat(cs.MX(m, free), -cs.DM.eye(m)),
+            ),
+            cs.MX(free + m, excitation.numel()),
+            cs.MX(free + m, parameters.numel()),
+        ]
+        unused = [cs.MX.sym("out_x_t", cs.Sparsity(2 * free, 1)), cs.MX.sym("out_alg", cs.Sparsity(free + m, 1))]
+        ins = ["x", "z", "excitation", "parameters", "out_x_t", "out_alg"]
+        outs = [f"jac_{of}_{by}" for of in ("x_t", "alg") for by in ins[:4]]
+        return cs.Function("jac_residual", [x, z, excitation, parameters, *unused], jacobians, ins, outs)
+
+    @cached_property
+    def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
+        free, m = self.equations.free, self.equations.projection.shape[1]
+        sizes = {"x": 2 * free, "z": free + m, "excitation": EXCITATION, "parameters": self.parameters.size}
+        x, z, excitation, parameters = (cs.MX.sym(name, size) for name, size in sizes.items())
+        return x, z, excitation, parameters
+
+    def _parts(self, parameters: cs.MX) -> tuple[cs.MX, cs.MX, Balance]:
+        """Return W, the divisors, and the terms of the equation of motion."""
+        W, divisors, rest = cs.vertsplit(parameters, [0, 1, 1 + self.equations.free, parameters.numel()])
+        return W, divisors, self.equations.balance(rest)
+
+    def _motion(self, x: cs.MX, z: cs.MX, excitation: cs.MX, W: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
+        """Return e, e_t and e_tt."""
+        model, free = self.equations.model, self.equations.free
+        scale = model.scale[model.free]
+        moved = model.straight[model.free] + scale * x[:free], scale * W * x[free:], scale * W**2 * z[:free]
+        node = cs.vertsplit(excitation[: 3 * NODE], NODE)
+        e, e_t, e_tt = (cs.vertcat(own, part) for own, part in zip(node, moved, strict=True))
+        return e, e_t, e_tt
+
+
+def integrate_by_idas(
+    equations: Equations,
+    piece: Excitation,
+    start: State,
+    segments: Sequence[Segment],
+    tolerance: float,
+    largest_step: float,
+    options: Mapping[str, Any],
+) -> Iterator[SegmentSolution]:
     """Integrate over a smooth piece of the excitation, and yield the solution on each segment.
 
-    The options of the problem override ``DEFAULTS``.
+    The arguments are those of ``integrate_by_radau``; the options override ``DEFAULTS``.
 
     Raises
     ------
@@ -60,8 +211,8 @@ def integrate_by_idas(problem: InitialValueProblem) -> Iterator[SegmentSolution]
     SimulationError
         If IDAS fails.
     """
-    form, excitation, largest_step = SemiExplicit(problem.equations), problem.excitation, problem.largest_step
-    settings = {**DEFAULTS, "abstol": problem.tolerance, **problem.options}
+    form, excitation = SemiExplicit(equations), piece.function
+    settings = {**DEFAULTS, "abstol": tolerance, **options}
     s, interval = cs.MX.sym("s"), cs.MX.sym("interval", 2)
     x, z = cs.MX.sym("x", form.residual.size1_in(0)), cs.MX.sym("z", form.residual.size1_in(1))
     begin, span = cs.vertsplit(interval)
@@ -81,8 +232,8 @@ def integrate_by_idas(problem: InitialValueProblem) -> Iterator[SegmentSolution]
         except RuntimeError as error:
             raise InputError(_refusal(str(error)), "options") from None
 
-    x0 = form.scaled(problem.start)
-    for segment in problem.segments:
+    x0 = form.scaled(start)
+    for segment in segments:
         p = [segment.start, segment.length]
         constant, matrix = linear(0.0, x0, 0.0, p)
         z0 = -scipy.sparse.linalg.splu(matrix.sparse()).solve(constant.full().ravel())
@@ -144,3 +295,10 @@ def _failure(message: str, segment: Segment) -> SimulationError:
         "proportional to the strain rate, or more elements",
         time,
     )
+
+
+def _scaled(matrix: cs.MX, left: cs.MX, right: cs.MX) -> cs.MX:
+    """Return diag(left) matrix diag(right)."""
+    rows, columns = matrix.sparsity().get_triplet()
+    factors = cs.vec(cs.MX(left)[rows]) * cs.vec(cs.MX(right)[columns])
+    return cs.MX(matrix.sparsity(), cs.vec(matrix.nz[:]) * factors)

@@ -20,8 +20,8 @@ from ancf_casadi import (
 )
 from ancf_casadi.dynamics.derivatives.tangent import Tangent
 from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.idas import SemiExplicit
 from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
-from ancf_casadi.dynamics.semi_explicit import SemiExplicit
 from ancf_casadi.export import Document, beam_functions, read_document, write_document
 from ancf_casadi.support.banded import BandedFactors, lapack_storage
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, HarmonicBase, ModalDamping, Model, QuadraticDamping, natural_modes, static_equilibrium
+from ancf_casadi.dynamics.derivatives.differentiable import Runs
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion
-from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.records.sensor import Sensor

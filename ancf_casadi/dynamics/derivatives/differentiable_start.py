@@ -1,8 +1,22 @@
 """The first state of a motion, and its Jacobian with respect to the parameters.
 
-A start at rest depends on the properties P of the elements, the lumped properties, and the load s that holds the beam,
-through the static equilibrium (``release_load``).  Unless it is an impact, the beam moves with its clamp as one rigid
-body (``start``), so that its velocities depend on the parameters b of the base motion as well.
+A start at rest depends on the properties P of the elements, the lumped properties, and the load that holds the beam,
+through the static equilibrium.  Unless it is an impact, the beam moves with its clamp as one rigid body (``start``), so
+that its velocities depend on the parameters b of the base motion as well.
+
+A load p = (Fx, Fy, m) at the tip holds the beam in q(p, x), where the forces R(q, p, x) on the free coordinates vanish;
+x are the properties P of the elements and the lumped properties that the model has.  If the load changes slowly, at the
+rate p', the beam moves through these shapes with the velocity v,
+
+    R(q, p, x) = 0,    h = R_q v + R_p p' = 0,    K = R_q,
+
+and is released with this shape and velocity, which bend the beam without stretching it, unlike a linear mode shape.
+For a hanging beam, Fx and Fx' set the amplitude and phase of the first mode; force and moment set those of the first
+two.  By the implicit function theorem,
+
+    dq = -K^-1 (R_p dp + R_x dx),    dv = -K^-1 (h_q dq + h_p dp + h_x dx + R_p dp'),
+
+in which h_q, h_p and h_x are the derivatives of K, R_p and R_x along the change (v, p') of q and p.
 """
 
 from __future__ import annotations
@@ -12,16 +26,22 @@ from functools import cached_property
 
 import casadi as cs
 import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
 
-from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES, held_start, start_jacobians
-from ancf_casadi.dynamics.derivatives.run import Excitation
+from ancf_casadi.damping import RayleighDamping
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.excitation import Excitation
 from ancf_casadi.dynamics.start import Start, check_clamp, initial_state, rigid_motion
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE, equilibrium_under
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.layout import Layout
 from ancf_casadi.vibration.equilibrium import Equilibrium
+
+LOAD_NAMES = ("force_x", "force_y", "moment")  # N, N, N m
+START_LOAD_NAMES = (*LOAD_NAMES, *(f"{name}_rate" for name in LOAD_NAMES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,24 +85,22 @@ class DifferentiableStart:
         free = model.size - NODE
         jacobian = np.zeros((2 * free, self.layout.size))
         if isinstance(self.start, State):
-            return initial_state(model, excitation.function, self.start), jacobian
+            return initial_state(model, excitation, self.start), jacobian
         check_clamp(model, excitation.at(0.0)[:NODE])
-        coordinates, velocities = model.straight, np.zeros(model.size)
+        state = State(model.straight, np.zeros(model.size))
         if self.start != "straight":
-            held = held_start(model, self._jacobians, load if load.size else self._own_load(excitation))
-            coordinates, velocities = held.coordinates, held.velocities
-            jacobian[:, self.layout["properties"]] = held.by_properties
-            lumped = self.layout["lumped"]
-            jacobian[:, lumped] = held.by_lumped[:, : lumped.stop - lumped.start]
-            if load.size:
-                jacobian[:, self.layout["start"]] = held.by_load
+            state, held = held_start(model, self._jacobians, load if load.size else self._own_load(excitation))
+            sizes = {"properties": model.properties.size, "lumped": len(model.lumped), "start": len(START_LOAD_NAMES)}
+            for (name, _), part in zip(sizes.items(), Layout.of(**sizes).split(held.T), strict=True):
+                own = self.layout[name]
+                jacobian[:, own] = part.T[:, : own.stop - own.start]
         if self.start == "impact":
-            return State(coordinates, velocities), jacobian
-        found = self._rigid_velocities(coordinates, excitation.at(0.0)[NODE : 2 * NODE])
+            return state, jacobian
+        found = self._rigid_velocities(state.coordinates, excitation.at(0.0)[NODE : 2 * NODE])
         rigid, by_coordinates, by_velocity = (part.full() for part in found)
         jacobian[free:] += by_coordinates @ jacobian[:free]
         jacobian[free:, self.layout["base"]] += by_velocity @ excitation.jacobian(0.0)[NODE : 2 * NODE]
-        return State(coordinates, velocities + rigid.ravel()), jacobian
+        return State(state.coordinates, state.velocities + rigid.ravel()), jacobian
 
     def _own_load(self, excitation: Excitation) -> Array:
         """Return the load that holds the beam, and its rate, if they are not parameters."""
@@ -104,3 +122,53 @@ class DifferentiableStart:
         moved = rigid_motion(self.model)(e, clamp_velocity)
         jacobians = [cs.jacobian(moved[NODE:], e)[:, NODE:], cs.jacobian(moved[NODE:], clamp_velocity)]
         return cs.Function("rigid_velocities", [e, clamp_velocity], [moved, *jacobians])
+
+
+def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: Array) -> tuple[State, Array]:
+    """Return the state in which a beam is released from a load with a rate of change, and its Jacobian.
+
+    The Jacobian (2 N, 4 n + k + 6) is that of the free coordinates and velocities with respect to P, element by
+    element, the lumped properties, and (p, p').
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    jacobians : pair of Function
+        ``start_jacobians`` of the beam, or of one that differs in its properties P and its lumped properties alone.
+    load : array (6,)
+        The load and its rate of change, in the order of ``START_LOAD_NAMES``.
+
+    Raises
+    ------
+    InputError
+        If a load is not finite.
+    EquilibriumError
+        If there is no equilibrium under the load.
+    """
+    p, rate = np.split(load, [len(LOAD_NAMES)])
+    coordinates = equilibrium_under(model, p).coordinates
+    lumped = [getattr(model.beam, name) for name in jacobians[0].name_in()[3:]]
+    given = coordinates, p, model.properties, *lumped
+    found = stiffness, by_p, by_x = jacobians[0](*given)
+    factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(stiffness.sparse()))
+    q_p, q_x = -factors.solve(by_p.full()), -factors.solve(by_x.full())
+    velocities = np.concatenate([np.zeros(NODE), q_p @ rate])
+    change = velocities, rate, *(np.zeros_like(x) for x in given[2:])
+    h_q, h_p, h_x = (part.full() for part in jacobians[1](*given, *found, *change))
+    v_p, v_x = -factors.solve(h_q @ q_p + h_p), -factors.solve(h_q @ q_x + h_x)
+    return State(coordinates, velocities), np.block([[q_x, q_p, np.zeros_like(q_p)], [v_x, v_p, q_p]])
+
+
+def start_jacobians(model: Model) -> tuple[cs.Function, cs.Function]:
+    """(e, p, P, each lumped property by its name) -> K, R_p, R_x of the free coordinates; its forward derivative."""
+    e, load, still = cs.MX.sym("e", model.size), cs.MX.sym("load", len(LOAD_NAMES)), cs.MX.zeros(model.size)
+    properties, lumped = cs.MX.sym("P", *model.properties.shape), [cs.MX.sym(name) for name in model.lumped]
+    equations = Equations(model, RayleighDamping())
+    parameters = equations.given(properties=cs.vec(properties), lumped=cs.vertcat(cs.MX(0, 1), *lumped))
+    forces = equations.balance(parameters).local(e, still, still, load)[0][model.free]
+    by_x = cs.horzcat(*(cs.jacobian(forces, x) for x in (properties, *lumped)))
+    outputs = [cs.jacobian(forces, e)[:, model.free], cs.jacobian(forces, load), by_x]
+    names = ["e", "load", "P", *model.lumped], ["K", "R_p", "R_x"]
+    jacobians = cs.Function("start_jacobians", [e, load, properties, *lumped], outputs, *names)
+    return jacobians, jacobians.forward(1)

@@ -103,8 +103,7 @@ class SampledMotion:
     @cached_property
     def _forces(self) -> cs.MX:
         """R and the elastic forces at all nodes, (4 n + 4, s)."""
-        forces, *_ = self._balance.local(self.e, self.e_t, self.e_tt, self.load)
-        return forces + self._balance.of_low_rank(self.e, self.e_t) if self._balance.projection.numel() else forces
+        return self._balance.forces(self.e, self.e_t, self.e_tt, self.load)[0]
 
     @cached_property
     def _moment(self) -> cs.MX:

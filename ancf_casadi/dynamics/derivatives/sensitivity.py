@@ -8,8 +8,8 @@ linearised steps (``tangent``),
 
     G dZ + R_u du = 0,    G = dR/dZ,    u = (q, v, excitations, parameters),
 
-by ``forward`` for few parameters and by ``reverse`` for few results.  Samples are the quintic polynomials through the
-ends of the steps, and their time derivatives (``sampling``); the correction that ``simulate`` makes there for the axial
+forward for few parameters and in reverse for few results (``chain``).  Samples are the quintic polynomials through the
+ends of the steps, and their time derivatives (``run``); the correction that ``simulate`` makes there for the axial
 forces is below the tolerance.
 
 References
@@ -29,17 +29,23 @@ import numpy as np
 import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.derivatives.differentiable_start import DifferentiableStart
-from ancf_casadi.dynamics.derivatives.forward import forward
-from ancf_casadi.dynamics.derivatives.linearised import LinearisedSteps
-from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES
-from ancf_casadi.dynamics.derivatives.reverse import reverse
-from ancf_casadi.dynamics.derivatives.run import Excitation, MotionRun, Passage, stop_if_interrupted
-from ancf_casadi.dynamics.derivatives.sampling import before, sampled, samples_of, shift_weights, shifted
-from ancf_casadi.dynamics.equations import EXCITATION, Equations, ExcitationPiece, excitation_pieces
+from ancf_casadi.dynamics.derivatives.chain import forward, reverse
+from ancf_casadi.dynamics.derivatives.differentiable_start import START_LOAD_NAMES, DifferentiableStart
+from ancf_casadi.dynamics.derivatives.run import (
+    MotionRun,
+    Passage,
+    sampled,
+    samples_of,
+    shift_weights,
+    shifted,
+    stop_if_interrupted,
+)
+from ancf_casadi.dynamics.derivatives.tangent import Tangent
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.excitation import EXCITATION, Excitation, excitation_pieces
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
-from ancf_casadi.dynamics.segments import SAME_TIME, InitialValueProblem, Segment
+from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.dynamics.start import Start
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.trajectory import State
@@ -148,16 +154,16 @@ class SensitivityProblem:
         times = self.times + shifts[self.clocks] if shifts.size else self.times
         if times.max() > last + SAME_TIME * (last - first):
             raise SimulationError(f"a sample at {times.max():g} s is after the end of the motion", last)
-        pieces = excitation_pieces(self.base, self.load, first, last)
-        state, jacobian = self._start.state(model, self._excitation(pieces[0], b), start_load)
+        pieces = excitation_pieces(self.equations.model, self.base, self.load, first, last, b)
+        state, jacobian = self._start.state(model, pieces[0], start_load)
         passages: list[Passage] = []
         left = self.most_steps if most_steps is None else most_steps
         for piece in pieces:
-            passage, state = self._pass(self._excitation(piece, b), state, parameters, max(left, 1))
+            passage, state = self._pass(piece, state, parameters, max(left, 1))
             samples = samples_of(times, passage.steps, piece.begin, piece.end, first=not passages)
             passages.append(replace(passage, samples=samples))
             left -= len(passage.steps)
-        rest = before(times, first, last)
+        rest = np.flatnonzero(times < first - SAME_TIME * (last - first))
         orders = self.orders + bool(shifts.size)
         found = sampled(passages, times, rest, model.size, orders)
         return MotionRun(
@@ -175,12 +181,12 @@ class SensitivityProblem:
         """Return the derivatives of the samples, (k, orders, 4 n + 4, d), along directions of the values, (..., d)."""
         b, shifts = (directions[self.layout[name]] for name in ("base", "shifts"))
         parameters = self.equations.layout.join(directions.shape[1], **self._parts(directions))
-        found = forward(self._linearisation, run, run.start_jacobian @ directions, b, parameters)
+        found = forward(self._tangent, run, run.start_jacobian @ directions, b, parameters)
         return found + shifted(run, shifts) if shifts.size else found
 
     def reverse(self, run: MotionRun, weights: Array) -> Array:
         """Return the derivatives (..., d), by the values, of d sums of the samples, weights (k, orders, 4 n + 4, d)."""
-        start, b, parameters = reverse(self._linearisation, run, weights)
+        start, b, parameters = reverse(self._tangent, run, weights)
         direct = self.layout.join(weights.shape[3], base=b)
         for name, part in self._parts(direct).items():
             part[:] = parameters[self.equations.layout[name]]
@@ -193,8 +199,8 @@ class SensitivityProblem:
         return Collocation(replace(self.equations, make=partial(compiled, derivatives=True)))
 
     @cached_property
-    def _linearisation(self) -> LinearisedSteps:
-        return LinearisedSteps(self._form)
+    def _tangent(self) -> Tangent:
+        return Tangent(self._form)
 
     @cached_property
     def _start(self) -> DifferentiableStart:
@@ -214,24 +220,12 @@ class SensitivityProblem:
             changed |= {name: number(value, name) for name, value in zip(model.lumped, lumped.tolist(), strict=True)}
         return Model(model.beam.with_(**changed), model.measures)
 
-    def _excitation(self, piece: ExcitationPiece, b: Array) -> Excitation:
-        return Excitation(self.equations.model, piece, b)
-
     def _pass(self, excitation: Excitation, state: State, parameters: Array, most_steps: int) -> tuple[Passage, State]:
         """Compute a smooth piece of the motion in at most ``most_steps``, and the state at its end; no samples yet."""
-        begin, end = excitation.piece.begin, excitation.piece.end
-        segments = [Segment(begin, end - begin, 1, 0)]
-        problem = InitialValueProblem(
-            equations=self._form.equations,
-            excitation=excitation.function,
-            start=state,
-            segments=segments,
-            tolerance=self.tolerance,
-            largest_step=min(self.largest_step, excitation.piece.largest_step),
-        )
-        stepper = Stepper(self._form, parameters, problem)
+        largest_step = min(self.largest_step, excitation.largest_step)
+        stepper = Stepper(self._form, parameters, excitation, state, self.tolerance, largest_step)
         steps: list[RadauStep] = []
-        while not steps or stepper.now < end - SAME_TIME * steps[-1].length:
+        while not steps or stepper.now < excitation.end - SAME_TIME * steps[-1].length:
             if len(steps) >= most_steps:
                 raise SimulationError(
                     f"the motion takes too many steps: {len(steps)} up to {stepper.now:g} s, the last of them "
@@ -241,13 +235,10 @@ class SensitivityProblem:
             stop_if_interrupted()
             stepper.advance()
             steps.append(stepper.last_step)
-        jacobian = self._acceleration_jacobian(steps[0], excitation.at(begin), parameters)
-        return Passage(excitation, begin, jacobian, steps, []), stepper.state
-
-    def _acceleration_jacobian(self, first: RadauStep, excitation: Array, parameters: Array) -> Array:
-        """Return the derivatives of the first accelerations as in ``Passage``, under an excitation (15,)."""
-        jacobian = self._force_jacobian(first.q, first.v, first.a, excitation, parameters).full()
-        return np.asarray(-scipy.sparse.linalg.splu(self._form.mass(parameters)).solve(jacobian))
+        first, node = steps[0], excitation.at(excitation.begin)
+        forces = self._force_jacobian(first.q, first.v, first.a, node, parameters).full()
+        jacobian = -scipy.sparse.linalg.splu(self._form.mass(parameters)).solve(forces)
+        return Passage(excitation, jacobian, steps, []), stepper.state
 
     @cached_property
     def _force_jacobian(self) -> cs.Function:

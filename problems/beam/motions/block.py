@@ -24,8 +24,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
+from ancf_casadi.dynamics.derivatives.differentiable import Runs
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion, orders_of
-from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted

@@ -5,7 +5,7 @@ With mass-normalised modes, Phi^T M Phi = I, Eq. (30), the inverse transformatio
     C = M Phi diag(2 zeta omega) Phi^T M,                Eq. (32)
     Q = R C R^T e_t,
 
-in which R turns the matrix with the clamp (``turning``).  With fewer measured modes than degrees of freedom, Phi has
+in which R turns the matrix with the clamp (``law``).  With fewer measured modes than degrees of freedom, Phi has
 no inverse; Eq. (32) is then the definition of C and leaves all other modes undamped.
 """
 
@@ -19,8 +19,7 @@ from typing import Any, final
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping.law import DampingLaw, Forces, Parameter, S, values_by_name
-from ancf_casadi.damping.turning import turned
+from ancf_casadi.damping.law import DampingLaw, Forces, Parameter, S, checked_values, turned
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
@@ -93,7 +92,7 @@ class ModalDamping(DampingLaw):
 
     def with_parameters(self, values: Sequence[float] | Array) -> ModalDamping:
         """Return the law with other damping ratios."""
-        return replace(self, ratios=tuple(values_by_name(self, values).values()))
+        return replace(self, ratios=checked_values(self, values))
 
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return zero."""

@@ -8,7 +8,7 @@ Position, velocity and acceleration of the clamped node (``excitation``) are par
 node give the generalized force of the base on it.  Q_tip is the generalized force of the tip load (``tip_load``).
 
 The damping force has a local part, as sparse as the mesh, and a low-rank part R B diag(d) B^T R^T e_t, which turns with
-the clamp (``damping.turning``).  Each integrator keeps its matrices sparse in its own way.
+the clamp (``damping.law``).  Each integrator keeps its matrices sparse in its own way.
 
 Gravity, the properties of the elements, the parameters of the law, B, the tip mass and the stiffness of the clamp are
 inputs.  Only the forces of one element and their derivatives (``element_forces``) are compiled: mapped over the
@@ -25,7 +25,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.damping.turning import turned
+from ancf_casadi.damping.law import turned
 from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.tip_load import tip_force, tip_stiffness

@@ -14,7 +14,7 @@ from functools import cached_property
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
+from ancf_casadi.dynamics.base_motion import BaseMotion, Piece, pieces_between
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE, HarmonicLoad, TipLoad
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
@@ -94,8 +94,7 @@ def excitation_pieces(
     model: Model, base: BaseMotion, load: TipLoad | None, begin: float, end: float, b: Array | None = None
 ) -> list[Excitation]:
     """Return the excitation between two instants (s), piece by piece; b are the parameters of the base, if changed."""
-    moving = base.pieces_between(begin, end)
-    loading = (NO_LOAD if load is None else load).pieces_between(begin, end)
+    moving, loading = (pieces_between(one.pieces(), begin, end) for one in (base, load or NO_LOAD))
     instants = [begin]
     for instant in sorted(last for *_, last in (*moving, *loading)):
         # of the time considered; pieces of base and load that end so close together end together

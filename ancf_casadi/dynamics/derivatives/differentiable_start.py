@@ -90,7 +90,11 @@ class DifferentiableStart:
         state = State(model.straight, np.zeros(model.size))
         if self.start != "straight":
             state, held = held_start(model, self._jacobians, load if load.size else self._own_load(excitation))
-            sizes = {"properties": model.properties.size, "lumped": len(model.lumped), "start": len(START_LOAD_NAMES)}
+            sizes = {
+                "properties": model.properties.size,
+                "lumped": len(self.model.lumped),
+                "start": len(START_LOAD_NAMES),
+            }
             for (name, _), part in zip(sizes.items(), Layout.of(**sizes).split(held.T), strict=True):
                 own = self.layout[name]
                 jacobian[:, own] = part.T[:, : own.stop - own.start]

@@ -314,7 +314,7 @@ class MotionBlock(Block):
         parameters = self.equations.given(
             properties=cs.vec(self._properties(given)), law=self._law(given), lumped=self._lumped_values(given)
         )
-        return SampledMotion(self.equations, e, e_t, e_tt, load, parameters)
+        return SampledMotion.of(self.equations, e, e_t, e_tt, load, parameters)
 
     def _reading(
         self, number: int, record: MotionRecord, channel: Channel, sampled: SampledMotion, given: Mapping[str, cs.MX]

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.damping import Parameter
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, choice, number, physical, positive, positive_or_infinite, vector
+from ancf_casadi.support.inputs import array, choice, number, physical, positive, vector
 from ancf_casadi.support.tables import Displayed
 
 StopAt = Literal["rest", "once"]
@@ -236,7 +236,6 @@ class HarmonicBase(_Oscillation):
     def __post_init__(self) -> None:
         """Validate, and normalise the direction."""
         physical(self.frequency, "frequency")
-        positive_or_infinite(self.stop, "stop")
         self._validate()
 
     @property
@@ -352,22 +351,17 @@ class SampledBase(BaseMotion):
 
 
 def checked_samples(least: int, time: ArrayLike, **samples: Any) -> dict[str, Array]:
-    """Return ``least`` or more increasing instants (k,), and two samples, (k, 2) and (k,), the latter 0 if not given.
-
-    Raises
-    ------
-    InputError
-        If there are fewer instants, the shapes differ, a value is not finite or the times do not increase.
-    """
-    found = {"time": array(time, "time")}
-    size = found["time"].size
-    if found["time"].ndim != 1 or size < least:
+    """Return increasing instants (k,), ``least`` or more, and two checked samples, (k, 2) and (k,), 0 if not given."""
+    instants = array(time, "time")
+    size = instants.size
+    if instants.ndim != 1 or size < least:
         raise InputError(f"needs at least {least} instants", "time")
-    if (np.diff(found["time"]) <= 0.0).any():
+    if (np.diff(instants) <= 0.0).any():
         raise InputError("must increase", "time")
-    physical(float(np.ptp(found["time"])), "time")
+    physical(float(np.ptp(instants)), "time")
+    found = {"time": instants}
     for (name, values), shape in zip(samples.items(), ((size, 2), (size,)), strict=True):
-        found[name] = np.zeros(shape) if values is None and len(shape) == 1 else array(values, name)
+        found[name] = np.zeros(size) if values is None else array(values, name)
         if found[name].shape != shape:
             raise InputError(f"must have the shape {shape}, got {found[name].shape}", name)
     return found

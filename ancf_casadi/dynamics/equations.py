@@ -116,21 +116,10 @@ class Equations:
         )
 
     def mapped(self, name: str, balance: Balance, *vectors: cs.MX) -> list[list[cs.MX]]:
-        """Evaluate one of the element Functions for all elements.
+        """Evaluate an element Function for all elements, from coordinates and so on at all nodes, (4 n + 4, s) each.
 
-        Parameters
-        ----------
-        name : str
-            Name of the Function.
-        balance : Balance
-            The terms of the equation of motion, with their parameters.
-        vectors : MX (4 n + 4, s)
-            Coordinates, velocities and so on at all nodes, in s columns, one per state of the beam.
-
-        Returns
-        -------
-        list of list of MX
-            For each output of the Function, the values for the elements of each group, side by side, state by state.
+        Each of the s columns is a state of the beam.  For each output of the Function, a list has the values for the
+        elements of each group, side by side, state by state.
         """
         states, c = vectors[0].size2(), cs.vertcat(balance.gravity, balance.coefficients)
         results = []

@@ -94,22 +94,7 @@ def set_up(
     start: Start | Equilibrium | State,
     make: Callable[[cs.Function], cs.Function] = as_it_is,
 ) -> MotionSetup:
-    """Check the arguments that ``simulate`` and ``motion`` share, and return the setup of the motion.
-
-    Parameters
-    ----------
-    model, duration, damping, base, load, sample_rate, start
-        As in ``simulate``.
-    make : callable
-        Compiles the Functions of an element, or leaves them to the virtual machine.
-
-    Raises
-    ------
-    InputError
-        If an argument is not usable.
-    EquilibriumError
-        If there is no equilibrium to start from.
-    """
+    """Check the arguments, those of ``simulate``, and return the setup of the motion; ``make`` as of ``Equations``."""
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
     check_instance(base, "base", BaseMotion, NoneType)
@@ -159,24 +144,13 @@ def _base_of(model: Model, start: Start | Equilibrium | State) -> BaseMotion:
 
 
 def initial_state(model: Model, excitation: Excitation, start: Start | Equilibrium | State) -> State:
-    """Return the initial state of a motion.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    excitation : Excitation
-        The first piece of the excitation.
-    start : {"equilibrium", "straight", "impact"}, Equilibrium or State
-        The start, as in ``simulate``.
+    """Return the initial state of a motion under the first piece of its excitation.
 
     Raises
     ------
     InputError
         If the start is unknown, belongs to another model, or is a state that stretches the beam or disagrees with the
         motion of the clamp; or if the base motion begins away from the clamp of a beam at rest.
-    EquilibriumError
-        If there is no equilibrium to start from.
     """
     if isinstance(start, State):
         _check_state(model, excitation.at(start.time), start)
@@ -199,20 +173,7 @@ def initial_state(model: Model, excitation: Excitation, start: Start | Equilibri
 
 
 def check_clamp(model: Model, node: Array) -> None:
-    """Refuse a base motion that begins away from the clamp of the beam at rest.
-
-    Parameters
-    ----------
-    model : Model
-        The beam, at rest with its clamp at the origin and along its axis.
-    node : array (4,)
-        Position and slope of the clamped node at the beginning of the motion.
-
-    Raises
-    ------
-    InputError
-        If they differ from those at rest.
-    """
+    """Refuse a base motion that begins with a clamped node (4,) away from that of the beam at rest."""
     if _distance(model, model.straight, node) > START_TOLERANCE:
         raise InputError(
             f"begins with the clamp at {_point(node)} m, turned by {_rotation(model, node):.6g} rad, but the beam "

@@ -54,19 +54,7 @@ def radau_tolerance(travel: float) -> float:
 
 
 def expected_travel(model: Model, times: Array, excitations: Array, start: State) -> float:
-    """Return the expected travel of a motion, relative to the length of the beam.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    times : array (k,)
-        Instants of the motion, s.
-    excitations : array (k, 15)
-        The excitation at these instants.
-    start : State
-        The initial state.
-    """
+    """Return the expected travel of a motion, relative to the length of the beam, from the excitations (k, 15)."""
     length = model.beam.length
     position, slope, velocity = excitations[:, :2], excitations[:, 2:NODE], excitations[0, NODE : 2 * NODE]
     travel = np.linalg.norm(position - position[0], axis=1).max()
@@ -132,13 +120,7 @@ def checked_excitation(model: Model, pieces: Sequence[Excitation]) -> tuple[Arra
 
 
 def check_speed(model: Model, speed: float, at: str, where: str) -> None:
-    """Check a velocity, m/s, against that of longitudinal waves in the beam, (E/rho)^1/2.
-
-    Raises
-    ------
-    InputError
-        If it is more than ten times as fast.
-    """
+    """Refuse a velocity, m/s, of more than ten times that of longitudinal waves in the beam, (E/rho)^1/2."""
     _, _, density, modulus = model.properties
     waves = math.sqrt(float((modulus / density).max()))
     if not speed <= MOST_WAVE_SPEEDS * waves:

@@ -64,17 +64,7 @@ class Projection:
 
 
 def project_model(modes: Modes, nodal: Slopes, selected: Slopes, drag_points: int) -> Projection:
-    """Project mass, stiffness and drag of the full model.
-
-    Parameters
-    ----------
-    modes : Modes
-        The modes kept.
-    nodal, selected : Slopes
-        The slopes at all nodes and midpoints, and at the selected points.
-    drag_points : int
-        Number of Gauss points of the drag.
-    """
+    """Project the full model on the modes, by the slopes at all nodes and midpoints and at the selected points."""
     model, rest = modes.model, modes.equilibrium.coordinates
     p, beam = model.properties, model.beam
     mass = model.mass(p).full()[::2, ::2]

@@ -213,16 +213,7 @@ def simulate_reduced(
 
 
 def project(reduced: ReducedModel, state: State, base: Array) -> Array:
-    """Return the modal coordinates and velocities nearest to a state of the full model, (2 m,).
-
-    Parameters
-    ----------
-    reduced : ReducedModel
-        The reduced model.
-    state : State
-        State of the full model.
-    base : array (9,)
-        Motion of the clamp.
+    """Return the modal coordinates and velocities nearest to a state, (2 m,), whose clamp has the motion ``base`` (9,).
 
     Raises
     ------

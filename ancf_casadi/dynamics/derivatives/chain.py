@@ -25,14 +25,7 @@ from ancf_casadi.support.layout import Layout
 def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters: Array) -> Array:
     """Return the derivatives of the samples along d directions, (k, orders, 4 n + 4, d), at fixed instants.
 
-    Parameters
-    ----------
-    tangent : Tangent
-        The Functions of a linearised step.
-    run : MotionRun
-        The motion.
-    start, b, parameters : array (..., d)
-        Directions of the first q and v, the parameters of the base motion and those of the equation of motion.
+    The directions (..., d) are those of the first q and v, of b, and of the parameters of the equation of motion.
     """
     free, d = len(start) // 2, start.shape[1]
     dq, dv = start[:free], start[free:]
@@ -60,18 +53,9 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
 
 
 def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Array, Array]:
-    """Return the derivatives of d sums of the samples with respect to the first q and v, b, and the parameters.
+    """Return the derivatives (..., d) of d weighted sums of the samples by the first q and v, b, and the parameters.
 
-    Each is an array (..., d).  The instants of the samples are fixed.
-
-    Parameters
-    ----------
-    tangent : Tangent
-        The Functions of a linearised step.
-    run : MotionRun
-        The motion.
-    weights : array (k, orders, 4 n + 4, d)
-        Weights of the samples in the sums.
+    The weights are an array (k, orders, 4 n + 4, d); the instants of the samples are fixed.
     """
     d, given_layout = weights.shape[3], tangent.layout
     free = given_layout["q"].stop

@@ -66,14 +66,7 @@ class DifferentiableStart:
     def state(self, model: Model, excitation: Excitation, load: Array) -> tuple[State, Array]:
         """Return the first state, and the Jacobian of q and v with respect to the values, (2 N, ...).
 
-        Parameters
-        ----------
-        model : Model
-            The beam with the properties P and the lumped properties.
-        excitation : Excitation
-            Base motion and tip load.
-        load : array (6,) or (0,)
-            The load s; empty if the load at the start is not a parameter.
+        The model has the properties P and the lumped properties; the load s is empty if it is not a parameter.
 
         Raises
         ------
@@ -129,24 +122,14 @@ class DifferentiableStart:
 
 
 def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: Array) -> tuple[State, Array]:
-    """Return the state in which a beam is released from a load with a rate of change, and its Jacobian.
+    """Return the state in which a beam is released from (p, p') in the order of ``START_LOAD_NAMES``, and its Jacobian.
 
+    ``jacobians`` are those of the beam, or of one that differs in its properties P and its lumped properties alone.
     The Jacobian (2 N, 4 n + k + 6) is that of the free coordinates and velocities with respect to P, element by
     element, the lumped properties, and (p, p').
 
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    jacobians : pair of Function
-        ``start_jacobians`` of the beam, or of one that differs in its properties P and its lumped properties alone.
-    load : array (6,)
-        The load and its rate of change, in the order of ``START_LOAD_NAMES``.
-
     Raises
     ------
-    InputError
-        If a load is not finite.
     EquilibriumError
         If there is no equilibrium under the load.
     """

@@ -112,17 +112,7 @@ class Tangent:
         return min(2 * STAGES * NODE - 1, STAGES * self._free - 1)
 
     def low_rank(self, excitations: Array, h: float, modal_coefficients: Array) -> tuple[Array, Array]:
-        """Return U and V (3 N, 3 m) of the low-rank part U V^T of G, in the order of G.
-
-        Parameters
-        ----------
-        excitations : array (3, 15)
-            The excitations at the stages.
-        h : float
-            Length of the step, s.
-        modal_coefficients : array (m,)
-            d, 1/s.
-        """
+        """Return U and V (3 N, 3 m) of the low-rank part U V^T of G, in the order of G, for excitations (3, 15), d."""
         if not modal_coefficients.size:
             return (np.zeros((len(self.order), 0)),) * 2
         B = [self.form.equations.turned_projection(excitation).full() for excitation in excitations]

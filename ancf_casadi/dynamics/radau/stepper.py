@@ -52,14 +52,9 @@ def integrate_by_radau(
     tolerance: float,
     largest_step: float,
 ) -> Iterator[SegmentSolution]:
-    """Integrate over a smooth piece of the excitation, and yield the solution on each segment.
+    """Integrate over a smooth piece of the excitation, and yield the solution on each of its consecutive segments.
 
-    Parameters
-    ----------
-    form, parameters, piece, start, tolerance, largest_step
-        As of ``Stepper``; all pieces of a motion share the Functions.
-    segments : sequence of Segment
-        Consecutive time segments.
+    The other arguments are those of ``Stepper``.
 
     Raises
     ------

@@ -12,7 +12,7 @@ offset_1_2, zero_1_2                         time offset and zero of the second 
 
 from __future__ import annotations
 
-from ancf_casadi.dynamics.derivatives.differentiable_start import LOAD_NAMES, START_LOAD_NAMES
+from ancf_casadi.dynamics.derivatives.release_load import LOAD_NAMES, START_LOAD_NAMES
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from problems.beam.motions.record import MotionRecord
 

@@ -14,11 +14,12 @@ from __future__ import annotations
 import numpy as np
 
 from ancf_casadi.dynamics.derivatives.run import MotionRun, Passage, clamp_jacobians, sample_weights
-from ancf_casadi.dynamics.derivatives.tangent import LinearisedStep, Tangent
+from ancf_casadi.dynamics.derivatives.tangent import Tangent
 from ancf_casadi.dynamics.excitation import EXCITATION
+from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.layout import Layout
 
 
@@ -37,17 +38,17 @@ def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters
     for passage in run.passages:
         excitation = passage.excitation
         da = passage.acceleration_jacobian @ np.vstack([dq, dv, excitation.jacobian(excitation.begin) @ b, parameters])
-        for linear in tangent.steps(run, passage):
-            step = linear.step
+        for step, samples, factors in tangent.steps(run, passage):
             given = [excitation.jacobian(step.start + c * step.length) @ b for c in RADAU.nodes.tolist()]
-            dZ = linear.increments(np.vstack([dq, dv, *given, parameters])).reshape(STAGES, free, d)
+            du = np.vstack([dq, dv, *given, parameters])
+            dZ = tangent.increments(step, factors, run.parameters, du).reshape(STAGES, free, d)
             dV = np.einsum("ij,jkl->ikl", RADAU.inverse, dZ) / step.length
             accelerations = np.tensordot(RADAU.inverse[-1], dV - dv, 1) / step.length
             ends = np.array([dq, dv, da, dq + dZ[-1], dV[-1], accelerations])
-            if linear.samples.size:
-                times = run.times[linear.samples]
-                result[linear.samples, :, :NODE] = clamp_jacobians(excitation, times, orders) @ b
-                result[linear.samples, :, NODE:] = np.tensordot(sample_weights(step, times, orders), ends, 1)
+            if samples.size:
+                times = run.times[samples]
+                result[samples, :, :NODE] = clamp_jacobians(excitation, times, orders) @ b
+                result[samples, :, NODE:] = np.tensordot(sample_weights(step, times, orders), ends, 1)
             dq, dv, da = ends[3:]
     return result
 
@@ -64,16 +65,16 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
     q = v = np.zeros((free, d))
     for passage in reversed(run.passages):
         excitation, a = passage.excitation, np.zeros((free, d))
-        for linear in tangent.steps(run, passage, backwards=True):
-            step = linear.step
-            ends = _sampled(run, passage, linear, weights, b)
+        for step, samples, factors in tangent.steps(run, passage, backwards=True):
+            ends = _sampled(run, passage, step, samples, weights, b)
             q, v, a = ends[3] + q, ends[4] + v, ends[5] + a
             by_velocities = RADAU.inverse[-1] / step.length
             velocities = np.multiply.outer(by_velocities, a)
             velocities[-1] += v
             increments = np.einsum("ji,jkl->ikl", RADAU.inverse, velocities) / step.length
             increments[-1] += q
-            by_q, by_v, given, parameters = given_layout.split(linear.given(increments.reshape(-1, d)))
+            found = tangent.given(step, factors, run.parameters, increments.reshape(-1, d))
+            by_q, by_v, given, parameters = given_layout.split(found)
             for c, one in zip(RADAU.nodes.tolist(), given.reshape(STAGES, EXCITATION, d), strict=True):
                 b += excitation.jacobian(step.start + c * step.length).T @ one
             p += parameters
@@ -89,11 +90,10 @@ def reverse(tangent: Tangent, run: MotionRun, weights: Array) -> tuple[Array, Ar
     return np.vstack([q + still[NODE:], v]), b, p
 
 
-def _sampled(run: MotionRun, passage: Passage, linear: LinearisedStep, weights: Array, b: Array) -> Array:
+def _sampled(run: MotionRun, passage: Passage, step: RadauStep, samples: Index, weights: Array, b: Array) -> Array:
     """Return the weights (6, N, d) of q, v and a at both ends of a step from its samples; add those of b to ``b``."""
-    samples = linear.samples
     if not samples.size:
         return np.zeros((6, weights.shape[2] - NODE, weights.shape[3]))
     times, own, orders = run.times[samples], weights[samples], weights.shape[1]
     b += np.einsum("soim,soid->md", clamp_jacobians(passage.excitation, times, orders), own[:, :, :NODE])
-    return np.asarray(np.tensordot(sample_weights(linear.step, times, orders), own[:, :, NODE:], ((0, 1), (0, 1))))
+    return np.asarray(np.tensordot(sample_weights(step, times, orders), own[:, :, NODE:], ((0, 1), (0, 1))))

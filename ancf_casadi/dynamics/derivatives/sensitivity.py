@@ -2,9 +2,11 @@
 
 The parameters are theta of the law, b of the base motion, the properties P of the elements, the lumped properties m
 (mass at the tip, stiffness of the clamp), for a beam released from an unknown load, this load and its rate, s, and the
-shifts d of the clocks by which the motion was sampled.  The derivatives are those of the Radau steps that were taken,
-with fixed lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the
-linearised steps (``tangent``),
+shifts d of the clocks by which the motion was sampled.  A start at rest depends on P, m and s through the static
+equilibrium (``release_load``); unless it is an impact, the beam moves with its clamp as one rigid body (``start``), so
+that its velocities depend on b as well.  The derivatives are those of the Radau steps that were taken, with fixed
+lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the linearised steps
+(``tangent``),
 
     G dZ + R_u du = 0,    G = dR/dZ,    u = (q, v, excitations, parameters),
 
@@ -30,7 +32,7 @@ import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.derivatives.chain import forward, reverse
-from ancf_casadi.dynamics.derivatives.differentiable_start import START_LOAD_NAMES, DifferentiableStart
+from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES, held_start, start_jacobians
 from ancf_casadi.dynamics.derivatives.run import (
     MotionRun,
     Passage,
@@ -46,8 +48,8 @@ from ancf_casadi.dynamics.excitation import EXCITATION, Excitation, excitation_p
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
 from ancf_casadi.dynamics.segments import SAME_TIME
-from ancf_casadi.dynamics.start import Start
-from ancf_casadi.dynamics.tip_load import TipLoad
+from ancf_casadi.dynamics.start import Start, check_clamp, initial_state, rigid_motion
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.beam import PROPERTIES
@@ -155,7 +157,7 @@ class SensitivityProblem:
         if times.max() > last + SAME_TIME * (last - first):
             raise SimulationError(f"a sample at {times.max():g} s is after the end of the motion", last)
         pieces = excitation_pieces(self.equations.model, self.base, self.load, first, last, b)
-        state, jacobian = self._start.state(model, pieces[0], start_load)
+        state, jacobian = self._first(model, pieces[0], start_load)
         passages: list[Passage] = []
         left = self.most_steps if most_steps is None else most_steps
         for piece in pieces:
@@ -203,8 +205,38 @@ class SensitivityProblem:
         return Tangent(self._form)
 
     @cached_property
-    def _start(self) -> DifferentiableStart:
-        return DifferentiableStart(self.equations.model, self.start, self.layout)
+    def _start_jacobians(self) -> tuple[cs.Function, cs.Function]:
+        return start_jacobians(self.equations.model)
+
+    @cached_property
+    def _rigid_motion(self) -> cs.Function:
+        return rigid_motion(self.equations.model)
+
+    def _first(self, model: Model, excitation: Excitation, load: Array) -> tuple[State, Array]:
+        """Return the first state of a beam, and the Jacobian of q and v with respect to the values, (2 N, ...)."""
+        free, layout = self.equations.free, self.layout
+        jacobian, start = np.zeros((2 * free, layout.size)), self.start
+        if isinstance(start, State):
+            return initial_state(model, excitation, start), jacobian
+        node, velocity, _, own_load = np.split(excitation.at(0.0), [NODE, 2 * NODE, 3 * NODE])
+        check_clamp(model, node)
+        state = State(model.straight, np.zeros(model.size))
+        if start != "straight":
+            if not self.held:
+                if isinstance(start, Equilibrium):
+                    own_load = np.array([*start.tip_force, start.tip_moment])
+                load = np.concatenate([own_load, np.zeros(LOAD_SIZE)])
+            state, held = held_start(model, self._start_jacobians, load)
+            sizes = model.properties.size, len(self.equations.model.lumped), len(START_LOAD_NAMES)
+            given = slice(layout["properties"].start, layout["start"].stop)
+            jacobian[:, given] = held[:, np.repeat([True, self.lumped, self.held], sizes)]
+        if start == "impact":
+            return state, jacobian
+        moved = self._rigid_motion(state.coordinates, velocity)
+        by_coordinates, by_velocity = self._rigid_motion.jacobian()(state.coordinates, velocity, moved)
+        jacobian[free:] += by_coordinates.full()[NODE:, NODE:] @ jacobian[:free]
+        jacobian[free:, layout["base"]] += by_velocity.full()[NODE:] @ excitation.jacobian(0.0)[NODE : 2 * NODE]
+        return State(state.coordinates, state.velocities + moved.full().ravel()), jacobian
 
     def _parts(self, values: Array) -> dict[str, Array]:
         """Return views of the parts of values, or of directions, that are parameters of the equation of motion."""

@@ -38,43 +38,6 @@ StepFunction = Callable[..., Array]  # (step, parameters, vector) -> value of a 
 
 
 @dataclass(frozen=True, eq=False)
-class LinearisedStep:
-    """A step and its linearisation G dZ + R_u du = 0, for d directions side by side.
-
-    Parameters
-    ----------
-    step : RadauStep
-        The step.
-    samples : array
-        Indices of the samples in the step.
-    factors : BandedFactors
-        The factors of G, with the unknowns in the order of ``Tangent.order``.
-    tangent : Tangent
-        The Functions.
-    parameters : array
-        The parameters of the equation of motion.
-    """
-
-    step: RadauStep
-    samples: Index
-    factors: BandedFactors
-    tangent: Tangent
-    parameters: Array
-
-    def increments(self, du: Array) -> Array:
-        """Return dZ = -G^-1 R_u du, (3 N, d)."""
-        tangent = self.tangent
-        right = np.column_stack([tangent.forward(self.step, self.parameters, direction) for direction in du.T])
-        return -self.factors.solve(right[tangent.inverse_order], overwrite=True)[tangent.order]
-
-    def given(self, weights: Array) -> Array:
-        """Return -R_u^T G^-T w for weights w of the increments, (3 N, d)."""
-        tangent = self.tangent
-        residuals = -self.factors.solve_transposed(weights[tangent.inverse_order])[tangent.order]
-        return np.column_stack([tangent.reverse(self.step, self.parameters, direction) for direction in residuals.T])
-
-
-@dataclass(frozen=True, eq=False)
 class Tangent:
     """The Functions of a linearised step.
 
@@ -131,18 +94,10 @@ class Tangent:
         band += (self._band(first) @ cs.vec(d)) / h + (self._band(second) @ cs.vec(m)) / h**2
         return cs.Function("tangent_matrix", [z, h, u], [cs.densify(band)], {"is_diff_in": [False] * 3})
 
-    @cached_property
-    def forward(self) -> StepFunction:
-        """R_u du, (3 N,)."""
-        return self._product(transposed=False)
-
-    @cached_property
-    def reverse(self) -> StepFunction:
-        """R_u^T dR, as long as u."""
-        return self._product(transposed=True)
-
-    def steps(self, run: MotionRun, passage: Passage, *, backwards: bool = False) -> Iterator[LinearisedStep]:
-        """Go through the steps of a piece.
+    def steps(
+        self, run: MotionRun, passage: Passage, *, backwards: bool = False
+    ) -> Iterator[tuple[RadauStep, Index, BandedFactors]]:
+        """Go through the steps of a piece, each with the indices of the samples in it, and with the factors of G.
 
         Raises
         ------
@@ -154,8 +109,26 @@ class Tangent:
         for step, samples in zip(passage.steps[::order], passage.samples[::order], strict=True):
             stop_if_interrupted()
             band = lapack_storage(self._bound_matrix(step, run.parameters), self.bandwidth)
-            factors = BandedFactors.of(band, self.bandwidth, *self.low_rank(step.excitations, step.length, d))
-            yield LinearisedStep(step, samples, factors, self, run.parameters)
+            low_rank = self.low_rank(step.excitations, step.length, d)
+            yield step, samples, BandedFactors.of(band, self.bandwidth, *low_rank)
+
+    def increments(self, step: RadauStep, factors: BandedFactors, parameters: Array, du: Array) -> Array:
+        """Return dZ = -G^-1 R_u du for d directions side by side, (3 N, d)."""
+        right = np.column_stack([self._forward(step, parameters, direction) for direction in du.T])
+        return -factors.solve(right[self.inverse_order], overwrite=True)[self.order]
+
+    def given(self, step: RadauStep, factors: BandedFactors, parameters: Array, weights: Array) -> Array:
+        """Return -R_u^T G^-T w for weights w of the increments, (3 N, d)."""
+        residuals = -factors.solve_transposed(weights[self.inverse_order])[self.order]
+        return np.column_stack([self._reverse(step, parameters, direction) for direction in residuals.T])
+
+    @cached_property
+    def _forward(self) -> StepFunction:
+        return self._product(transposed=False)
+
+    @cached_property
+    def _reverse(self) -> StepFunction:
+        return self._product(transposed=True)
 
     @cached_property
     def _bound_matrix(self) -> StepFunction:

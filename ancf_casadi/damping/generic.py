@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, final
+from typing import final
 
 import casadi as cs
 import numpy as np
@@ -72,7 +72,9 @@ class ModalDamping(DampingLaw):
             given = getattr(self, name)
             if not is_sequence(given) and (name, given) != ("frequencies", None):
                 raise InputError(f"must have one value per mode, got {shown(given)}", name)
-        object.__setattr__(self, "ratios", tuple(_damping_ratio(zeta, "ratios") for zeta in self.ratios))
+        object.__setattr__(self, "ratios", tuple(number(zeta, "ratios") for zeta in self.ratios))
+        if wrong := [zeta for zeta in self.ratios if not 0.0 <= zeta < 1.0]:
+            raise InputError(f"a damping ratio must be at least 0 and below 1, got {wrong[0]:g}", "ratios")
         if not 1 <= len(self.ratios) <= self.modes.count:
             raise InputError(f"has {len(self.ratios)} values for {self.modes.count} modes", "ratios")
         given = self.modes.frequencies[: len(self.ratios)] if self.frequencies is None else self.frequencies
@@ -125,17 +127,3 @@ class ModalDamping(DampingLaw):
         coefficients = 4 * math.pi * np.array(self.ratios) * np.array(self.frequencies)
         squares = (self.projection(modes.model).T @ modes.shapes) ** 2
         return np.asarray(coefficients @ squares / (2 * modes.angular_frequencies))
-
-
-def _damping_ratio(value: Any, where: str) -> float:
-    """Return a damping ratio as a float.
-
-    Raises
-    ------
-    InputError
-        If it is not a number from 0 to below 1.
-    """
-    zeta = number(value, where)
-    if not 0.0 <= zeta < 1.0:
-        raise InputError(f"a damping ratio must be at least 0 and below 1, got {zeta:g}", where)
-    return zeta

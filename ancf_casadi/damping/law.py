@@ -18,7 +18,6 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any, Protocol, Self, TypeVar, cast, final
 
 import casadi as cs
@@ -237,8 +236,7 @@ class SumOfLaws(DampingLaw):
 
     def _split(self, parameters: S) -> list[S]:
         """Return the parameters of each term."""
-        ends = np.cumsum([0, *(len(law.parameters) for law in self.laws)]).tolist()
-        return [cs.reshape(parameters[begin:end], end - begin, 1) for begin, end in pairwise(ends)]
+        return cs.vertsplit(parameters, np.cumsum([0, *(len(law.parameters) for law in self.laws)]).tolist())
 
 
 def weighted_sum(forces: Sequence[Any], parameters: S, e_t: S) -> S:

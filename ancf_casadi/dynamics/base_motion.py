@@ -5,8 +5,8 @@ clamp from its rest position move the clamped node to
 
     r_0 = u,    tau_0 = R(phi) axis.
 
-Velocity and acceleration follow by symbolic differentiation.  The integrator restarts at the end of each piece, so that
-no step crosses a kink.  Base motions are symbolic in their parameters too.
+Velocity and acceleration follow by symbolic differentiation, also for symbolic parameters of the motion.  Integrators
+restart at the end of each piece, so that no step crosses a kink.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ class _Oscillation(BaseMotion):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The amplitude, m."""
-        lower, upper = (1.0 - AMPLITUDE_ACCURACY) * self.amplitude, (1.0 + AMPLITUDE_ACCURACY) * self.amplitude
+        lower, upper = ((1.0 + part) * self.amplitude for part in (-AMPLITUDE_ACCURACY, AMPLITUDE_ACCURACY))
         return (Parameter("amplitude", self.amplitude, "m", "amplitude of the base motion", lower, upper),)
 
     @property
@@ -353,15 +353,14 @@ class SampledBase(BaseMotion):
 def checked_samples(least: int, time: ArrayLike, **samples: Any) -> dict[str, Array]:
     """Return increasing instants (k,), ``least`` or more, and two checked samples, (k, 2) and (k,), 0 if not given."""
     instants = array(time, "time")
-    size = instants.size
-    if instants.ndim != 1 or size < least:
+    if instants.ndim != 1 or instants.size < least:
         raise InputError(f"needs at least {least} instants", "time")
     if (np.diff(instants) <= 0.0).any():
         raise InputError("must increase", "time")
     physical(float(np.ptp(instants)), "time")
     found = {"time": instants}
-    for (name, values), shape in zip(samples.items(), ((size, 2), (size,)), strict=True):
-        found[name] = np.zeros(size) if values is None else array(values, name)
+    for (name, values), shape in zip(samples.items(), ((instants.size, 2), instants.shape), strict=True):
+        found[name] = np.zeros(instants.size) if values is None else array(values, name)
         if found[name].shape != shape:
             raise InputError(f"must have the shape {shape}, got {found[name].shape}", name)
     return found
@@ -369,13 +368,11 @@ def checked_samples(least: int, time: ArrayLike, **samples: Any) -> dict[str, Ar
 
 def pieces_between(pieces: Iterable[Piece], begin: float, end: float) -> list[tuple[Piece, float, float]]:
     """Return the pieces between two instants (s), at least one, each with its own first and last instant."""
-    found = []
+    found: list[tuple[Piece, float, float]] = []
     for piece in pieces:
-        if piece.end > begin:
+        if piece.end > begin and (begin < end or not found):
             found.append((piece, begin, min(piece.end, end)))
             begin = piece.end
-        if begin >= end:
-            break
     return found
 
 

@@ -1,6 +1,6 @@
 """Forces of the reduced beam in motion, as CasADi expressions.
 
-With e = u + P r' (``kinematics``), and n the slope r' turned by 90 degrees, the virtual displacements are
+With e = u + P r' (``projection``), and n the slope r' turned by 90 degrees, the virtual displacements are
 de = P n Theta dq, and velocity and acceleration are
 
     e_t = u_t + P n theta_t,    e_tt = u_tt + P (n theta_tt - r' theta_t^2),    theta_t = phi_t + Theta q_t.

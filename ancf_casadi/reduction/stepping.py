@@ -182,7 +182,11 @@ def simulate_reduced(
         reduced.model, duration=duration, damping=None, base=base, load=None, sample_rate=sample_rate, start=start
     )
     state, instants, length = setup.start, setup.times, float(np.ptp(setup.times))
-    longest_step = _longest_step(reduced, length, positive(steps_per_period, "steps_per_period"))
+    per_second = float(reduced.modes.frequencies[-1]) * positive(steps_per_period, "steps_per_period")
+    if length * per_second > MOST_REDUCED_STEPS:
+        raise InputError(
+            f"makes {length * per_second:.1e} steps, more than {MOST_REDUCED_STEPS:.0e}", "steps_per_period"
+        )
     advance = _stepper(reduced, length)
 
     samples: list[Array] = []  # of (q, v)
@@ -192,7 +196,7 @@ def simulate_reduced(
         clamp = piece.clamp
         count = int(np.searchsorted(instants, piece.end, side="right"))
         x = project(reduced, state, clamp(piece.begin).full().ravel())
-        for starts, h, sampled in _portions(piece.begin, instants[taken:count], piece.end, longest_step):
+        for starts, h, sampled in _portions(piece.begin, instants[taken:count], piece.end, 1 / per_second):
             with delayed_interrupts():
                 stages = clamp(
                     (starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, BASE_INSTANTS)).reshape(1, -1)
@@ -201,7 +205,10 @@ def simulate_reduced(
                     where = f"before {piece.end:g} s"
                     raise InputError(f"its position, velocity or acceleration is not finite {where}", "base")
                 path = advance(x, stages, h)
-            _check_finite(path, starts)
+            lost = ~np.isfinite(path[1:]).all(axis=1)
+            if lost.any():
+                message = "the motion does not stay finite because the steps are too long; increase steps_per_period"
+                raise SimulationError(message, float(starts[lost][0]))
             samples.append(path[sampled])
             x, steps = path[-1], steps + len(h)
         clamps.append(clamp(instants[None, taken:count]).full().T[: count - taken])  # CasADi returns 1 for no instant
@@ -241,16 +248,6 @@ def _full_state(reduced: ReducedModel, q: Array, v: Array, base: Array, at: floa
     return State(e.full().ravel(), e_t.full().ravel(), at)
 
 
-def _longest_step(reduced: ReducedModel, duration: float, steps_per_period: float) -> float:
-    """Return the longest step, s, or raise an InputError if it leads to too many steps."""
-    per_second = float(reduced.modes.frequencies[-1]) * steps_per_period
-    if duration * per_second > MOST_REDUCED_STEPS:
-        raise InputError(
-            f"makes {duration * per_second:.1e} steps, more than {MOST_REDUCED_STEPS:.0e}", "steps_per_period"
-        )
-    return 1 / per_second
-
-
 def _portions(now: float, instants: Array, end: float, longest: float) -> Iterator[tuple[Array, Array, Index]]:
     """Yield the steps from ``now`` to ``end``, at most ``STEPS_PER_CALL`` at a time.
 
@@ -268,14 +265,6 @@ def _portions(now: float, instants: Array, end: float, longest: float) -> Iterat
         starts = marks[interval] + (steps - before[interval]) * lengths[interval]
         yield starts, lengths[interval], sampled[taken:count] - begin
         taken = count
-
-
-def _check_finite(path: Array, starts: Array) -> None:
-    """Raise a SimulationError at the first step that is not finite."""
-    lost = ~np.isfinite(path[1:]).all(axis=1)
-    if lost.any():
-        message = "the motion does not stay finite because the steps are too long; increase steps_per_period"
-        raise SimulationError(message, float(starts[lost][0]))
 
 
 def _stepper(reduced: ReducedModel, duration: float) -> Callable[[Array, Array, Array], Array]:

@@ -257,15 +257,15 @@ class _Motion(cs.Callback):
         inputs = len(self._inputs)
         try:
             run = self._runs.run(arg[:inputs])
+            if not self._count:
+                return [cs.DM(run.samples.reshape(len(run.samples), -1).T)]
+            seeds = [self._unstacked(part) for part in arg[inputs + 1 :]]
+            found = self._along(run, seeds) if self._forward else self._of_sums(run, seeds[0])
+            return [self._stacked(part) for part in found]
         except AncfError as error:
             if not (self._count or interrupted()):
                 warnings.warn(str(error), RuntimeWarning, stacklevel=2)
             return [cs.DM.nan(shape) for shape in self._found]
-        if not self._count:
-            return [cs.DM(run.samples.reshape(len(run.samples), -1).T)]
-        seeds = [self._unstacked(part) for part in arg[inputs + 1 :]]
-        found = self._along(run, seeds) if self._forward else self._of_sums(run, seeds[0])
-        return [self._stacked(part) for part in found]
 
     def has_forward(self, nfwd: int) -> bool:
         """Return whether there are derivatives along directions."""

@@ -90,19 +90,13 @@ class MotionRun:
         return sum(len(passage.steps) for passage in self.passages)
 
 
-def end_of(step: RadauStep) -> tuple[Array, Array, Array]:
-    """Return q, v and a at the end of a step."""
-    velocities = RADAU.inverse @ step.increments / step.length
-    return step.q + step.increments[-1], velocities[-1], RADAU.inverse[-1] @ (velocities - step.v) / step.length
-
-
 def stop_if_interrupted() -> None:
     """Raise a SimulationError if ``noted_interrupts`` has noted a Ctrl-C."""
     if interrupted():
         raise SimulationError("the motion was interrupted")
 
 
-def sample_weights(step: RadauStep, times: Array, orders: int = 1) -> Array:
+def sample_weights(step: RadauStep, times: Array, orders: int) -> Array:
     """Return the weights (s, orders, 6) of q, v and a at both ends of a step in the time derivatives at s instants."""
     h, power = step.length, np.arange(6)
     place, factor, parts = (times - step.start) / h, np.ones(6), []
@@ -136,20 +130,11 @@ def sampled(passages: list[Passage], times: Array, rest: Index, size: int, order
     for passage in passages:
         for step, samples in zip(passage.steps, passage.samples, strict=True):
             if samples.size:
-                ends = np.array([step.q, step.v, step.a, *end_of(step)])
+                velocities = RADAU.inverse @ step.increments / step.length
+                accelerations = RADAU.inverse[-1] @ (velocities - step.v) / step.length
+                last = step.q + step.increments[-1], velocities[-1], accelerations
+                ends = np.array([step.q, step.v, step.a, *last])
                 nodes = [passage.excitation.derivatives(time) for time in times[samples].tolist()]
                 result[samples, :, :NODE] = np.reshape(nodes, (samples.size, -1, NODE))[:, :orders]
                 result[samples, :, NODE:] = sample_weights(step, times[samples], orders) @ ends
-    return result
-
-
-def shifted(run: MotionRun, shifts: Array) -> Array:
-    """Return the derivatives (k, orders, 4 n + 4, d) of the samples along directions (c, d) of the shifts."""
-    return np.asarray(run.rates[..., None] * shifts[run.clocks][:, None, None, :])
-
-
-def shift_weights(run: MotionRun, weights: Array, count: int) -> Array:
-    """Return the derivatives (c, d), by the shifts, of d sums of the samples with weights (k, orders, 4 n + 4, d)."""
-    result = np.zeros((count, weights.shape[-1]))
-    np.add.at(result, run.clocks, np.einsum("kon,kond->kd", run.rates, weights))
     return result

@@ -33,15 +33,7 @@ import scipy.sparse.linalg
 from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.derivatives.chain import forward, reverse
 from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES, held_start, start_jacobians
-from ancf_casadi.dynamics.derivatives.run import (
-    MotionRun,
-    Passage,
-    sampled,
-    samples_of,
-    shift_weights,
-    shifted,
-    stop_if_interrupted,
-)
+from ancf_casadi.dynamics.derivatives.run import MotionRun, Passage, sampled, samples_of, stop_if_interrupted
 from ancf_casadi.dynamics.derivatives.tangent import Tangent
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.excitation import EXCITATION, Excitation, excitation_pieces
@@ -184,7 +176,7 @@ class SensitivityProblem:
         b, shifts = (directions[self.layout[name]] for name in ("base", "shifts"))
         parameters = self.equations.layout.join(directions.shape[1], **self._parts(directions))
         found = forward(self._tangent, run, run.start_jacobian @ directions, b, parameters)
-        return found + shifted(run, shifts) if shifts.size else found
+        return found + run.rates[..., None] * shifts[run.clocks][:, None, None, :] if shifts.size else found
 
     def reverse(self, run: MotionRun, weights: Array) -> Array:
         """Return the derivatives (..., d), by the values, of d sums of the samples, weights (k, orders, 4 n + 4, d)."""
@@ -193,7 +185,7 @@ class SensitivityProblem:
         for name, part in self._parts(direct).items():
             part[:] = parameters[self.equations.layout[name]]
         if run.clocks.size:
-            direct[self.layout["shifts"]] = shift_weights(run, weights, direct[self.layout["shifts"]].shape[0])
+            np.add.at(direct[self.layout["shifts"]], run.clocks, np.einsum("kon,kond->kd", run.rates, weights))
         return np.asarray(direct + run.start_jacobian.T @ start)
 
     @cached_property

@@ -106,7 +106,7 @@ def test_equations_of_motion(benchmark, make):
     equations = SemiExplicit(Equations(model(), RayleighDamping(alpha=0.228, beta=3.18e-5)))
     residual = make(equations.residual)
     buffer, call = residual.buffer()
-    inputs = [np.zeros(residual.size_in(k), order="F") for k in range(3)] + [equations.parameters]
+    inputs = [np.zeros(residual.size_in(k), order="F") for k in range(3)]
     outputs = [np.zeros(residual.size_out(k), order="F") for k in range(2)]
     inputs[2][2:4, 0] = (0.0, -1.0)
     for k, values in enumerate(inputs):

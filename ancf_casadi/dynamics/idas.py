@@ -82,39 +82,30 @@ class SemiExplicit:
         return float(math.pi**2 * stiffness.max() / model.beam.element_length**2)
 
     @cached_property
-    def parameters(self) -> Array:
-        """W, the divisors of the force balance diag(M) S W^2, and the parameters of the forces."""
-        model = self.equations.model
-        diagonal = model.mass(model.properties).sparse().diagonal()[model.free]
-        divisors = diagonal * model.scale[model.free] * self.element_frequency**2
-        return np.concatenate([[self.element_frequency], divisors, self.equations.parameters])
-
-    @cached_property
     def residual(self) -> cs.Function:
-        """(x, z, excitation, parameters) -> x_t, residual of the algebraic equations; differentiable in x and z."""
-        x, z, excitation, parameters = self._symbols
-        model, free = self.equations.model, self.equations.free
-        W, divisors, balance = self._parts(parameters)
-        e, e_t, e_tt = self._motion(x, z, excitation, W)
-        forces, *_ = balance.local(e, e_t, e_tt, excitation[3 * NODE :])
+        """(x, z, excitation) -> x_t, residual of the algebraic equations; differentiable in x and z."""
+        x, z, excitation = self._symbols
+        model, free, W = self.equations.model, self.equations.free, self.element_frequency
+        e, e_t, e_tt = self._motion
+        forces, *_ = self._balance.local(e, e_t, e_tt, excitation[3 * NODE :])
         w = model.beam.length * W * z[free:]
         if w.numel():
-            forces += balance.modal_damping(e, w)
-        modal = (balance.modal_velocities(e, e_t) - w) / (model.beam.length * W)
-        outputs = [cs.vertcat(W * x[free:], W * z[:free]), cs.vertcat(forces[model.free] / divisors, modal)]
-        names = ["x", "z", "excitation", "parameters"], ["x_t", "alg"]
-        options: Any = {"is_diff_in": [True, True, False, False], "custom_jacobian": self._jacobian}
+            forces += self._balance.modal_damping(e, w)
+        modal = (self._balance.modal_velocities(e, e_t) - w) / (model.beam.length * W)
+        outputs = [cs.vertcat(W * x[free:], W * z[:free]), cs.vertcat(forces[model.free] / self._divisors, modal)]
+        options: Any = {"is_diff_in": [True, True, False], "custom_jacobian": self._jacobian}
         options |= {"enable_forward": False, "enable_reverse": False}  # all derivatives come from the Jacobian
-        return cs.Function("residual", [x, z, excitation, parameters], outputs, *names, options)
+        names = ["x", "z", "excitation"], ["x_t", "alg"]
+        return cs.Function("residual", [x, z, excitation], outputs, *names, options)
 
     @cached_property
     def energetics(self) -> cs.Function:
-        """(x, z, excitation, parameters) -> powers as in ``Balance.forces``, and the force of the base, (4,)."""
-        x, z, excitation, parameters = self._symbols
-        W, _, balance = self._parts(parameters)
-        forces, powers = balance.forces(*self._motion(x, z, excitation, W), excitation[3 * NODE :])
-        inputs, options = [x, z, excitation, parameters], {"is_diff_in": [False] * 4}
-        return cs.Function("energetics", inputs, [powers, forces[:NODE]], options)
+        """(x, z, excitation) -> powers as in ``Balance.forces``, the force of the base (4,), e and e_t."""
+        x, z, excitation = self._symbols
+        e, e_t, e_tt = self._motion
+        forces, powers = self._balance.forces(e, e_t, e_tt, excitation[3 * NODE :])
+        options = {"is_diff_in": [False] * 3}
+        return cs.Function("energetics", [x, z, excitation], [powers, forces[:NODE], e, e_t], options)
 
     def scaled(self, state: State) -> Array:
         """Return x of a state."""
@@ -123,36 +114,25 @@ class SemiExplicit:
         velocity = state.velocities / (model.scale * self.element_frequency)
         return np.concatenate([displacement[model.free], velocity[model.free]])
 
-    def unscaled(self, x: Array, excitations: Array) -> tuple[Array, Array]:
-        """Return all coordinates and velocities from x, (k, 2 N), and the excitations, (k, 15)."""
-        model = self.equations.model
-        displacement, velocities = np.split(x, 2, axis=-1)
-        scale = model.scale[model.free]
-        coordinates = model.straight[model.free] + scale * displacement
-        position, velocity = excitations[..., :NODE], excitations[..., NODE : 2 * NODE]
-        return np.hstack([position, coordinates]), np.hstack([velocity, scale * self.element_frequency * velocities])
-
     @cached_property
     def _jacobian(self) -> cs.Function:
         """The Jacobian of ``residual``, assembled block by block.
 
         Because of the dense rows and columns of B, CasADi alone would compute all other columns one at a time.
         """
-        x, z, excitation, parameters = self._symbols
+        x, z, excitation = self._symbols
         model, free, m = self.equations.model, self.equations.free, self.equations.projection.shape[1]
-        W, divisors, balance = self._parts(parameters)
-        e, e_t, _ = self._motion(x, z, excitation, W)
+        W, divisors, balance, (e, e_t, _) = self.element_frequency, self._divisors, self._balance, self._motion
         scale = cs.MX(cs.DM(model.scale[model.free]))
         tangents = balance.tangents(e, e_t, excitation[3 * NODE :])
         k, d, mass = (model.matrix(values, NODE) for values in tangents)
-        length, B, identity = model.beam.length, balance.turned_projection(e)[NODE:, :], cs.DM.eye(free)
-        none = cs.DM(free, free)
+        length, B, identity = model.beam.length, balance.turned_projection(e)[NODE:, :], cs.MX.eye(free)
+        none = cs.MX(free, free)
         w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.modal_coefficients * length * W
         jacobians = [
-            cs.horzcat(cs.DM(2 * free, free), cs.vertcat(W * identity, none)),
-            cs.horzcat(cs.vertcat(none, W * identity), cs.DM(2 * free, m)),
+            cs.horzcat(cs.MX(2 * free, free), cs.vertcat(W * identity, none)),
+            cs.horzcat(cs.vertcat(none, W * identity), cs.MX(2 * free, m)),
             cs.MX(2 * free, excitation.numel()),
-            cs.MX(2 * free, parameters.numel()),
             cs.vertcat(
                 cs.horzcat(_scaled(k, 1 / divisors, scale), _scaled(d, 1 / divisors, scale * W)),
                 cs.horzcat(cs.MX(m, free), w_by_v),
@@ -162,28 +142,33 @@ class SemiExplicit:
                 cs.horzcat(cs.MX(m, free), -cs.DM.eye(m)),
             ),
             cs.MX(free + m, excitation.numel()),
-            cs.MX(free + m, parameters.numel()),
         ]
         unused = [cs.MX.sym("out_x_t", cs.Sparsity(2 * free, 1)), cs.MX.sym("out_alg", cs.Sparsity(free + m, 1))]
-        ins = ["x", "z", "excitation", "parameters", "out_x_t", "out_alg"]
-        outs = [f"jac_{of}_{by}" for of in ("x_t", "alg") for by in ins[:4]]
-        return cs.Function("jac_residual", [x, z, excitation, parameters, *unused], jacobians, ins, outs)
+        ins = ["x", "z", "excitation", "out_x_t", "out_alg"]
+        outs = [f"jac_{of}_{by}" for of in ("x_t", "alg") for by in ins[:3]]
+        return cs.Function("jac_residual", [x, z, excitation, *unused], jacobians, ins, outs)
 
     @cached_property
-    def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
+    def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
         free, m = self.equations.free, self.equations.projection.shape[1]
-        sizes = {"x": 2 * free, "z": free + m, "excitation": EXCITATION, "parameters": self.parameters.size}
-        x, z, excitation, parameters = (cs.MX.sym(name, size) for name, size in sizes.items())
-        return x, z, excitation, parameters
+        return cs.MX.sym("x", 2 * free), cs.MX.sym("z", free + m), cs.MX.sym("excitation", EXCITATION)
 
-    def _parts(self, parameters: cs.MX) -> tuple[cs.MX, cs.MX, Balance]:
-        """Return W, the divisors, and the terms of the equation of motion."""
-        W, divisors, rest = cs.vertsplit(parameters, [0, 1, 1 + self.equations.free, parameters.numel()])
-        return W, divisors, self.equations.balance(rest)
+    @cached_property
+    def _balance(self) -> Balance:
+        return self.equations.balance(cs.MX(cs.DM(self.equations.parameters)))
 
-    def _motion(self, x: cs.MX, z: cs.MX, excitation: cs.MX, W: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """Return e, e_t and e_tt."""
-        model, free = self.equations.model, self.equations.free
+    @cached_property
+    def _divisors(self) -> cs.MX:
+        """Divisors of the force balance, diag(M) S W^2."""
+        model = self.equations.model
+        diagonal = model.mass(model.properties).sparse().diagonal()[model.free]
+        return cs.MX(cs.DM(diagonal * model.scale[model.free] * self.element_frequency**2))
+
+    @cached_property
+    def _motion(self) -> tuple[cs.MX, cs.MX, cs.MX]:
+        """The coordinates e, e_t and e_tt."""
+        x, z, excitation = self._symbols
+        model, free, W = self.equations.model, self.equations.free, self.element_frequency
         scale = model.scale[model.free]
         moved = model.straight[model.free] + scale * x[:free], scale * W * x[free:], scale * W**2 * z[:free]
         node = cs.vertsplit(excitation[: 3 * NODE], NODE)
@@ -216,11 +201,11 @@ def integrate_by_idas(
     s, interval = cs.MX.sym("s"), cs.MX.sym("interval", 2)
     x, z = cs.MX.sym("x", form.residual.size1_in(0)), cs.MX.sym("z", form.residual.size1_in(1))
     begin, span = cs.vertsplit(interval)
-    x_t, alg = form.residual(x, z, excitation(begin + span * s), form.parameters)
-    powers, reaction = form.energetics(x, z, excitation(begin + span * s), form.parameters)
+    x_t, alg = form.residual(x, z, excitation(begin + span * s))
+    powers, *sampled = form.energetics(x, z, excitation(begin + span * s))
     dae = {"t": s, "x": x, "z": z, "p": interval, "ode": span * x_t, "alg": alg, "quad": span * powers}
     linear = cs.Function("linear", [s, x, z, interval], [alg, cs.jacobian(alg, z)])  # alg is linear in z
-    forces = cs.Function("forces", [x, z, s, interval], [reaction])
+    samples = cs.Function("samples", [x, z, s, interval], sampled)
 
     @functools.cache
     def solver(points: int, length: float) -> cs.Function:
@@ -245,13 +230,14 @@ def integrate_by_idas(
                 raise _failure(printed.getvalue() + str(error), segment) from None
         states = np.vstack([x0, result["xf"].full().T])
         unknowns = np.vstack([z0, result["zf"].full().T])
-        coordinates, velocities = form.unscaled(states, excitation(segment.instants[None, :]).full().T)
+        found = samples(states.T, unknowns.T, np.linspace(0.0, 1.0, segment.points + 1)[None, :], p)
+        forces, coordinates, velocities = (part.full().T for part in found)
         energies = np.vstack([np.zeros(ENERGY_STATES), result["qf"].full().T])
         kept = segment.kept
         yield SegmentSolution(
             coordinates=coordinates[kept],
             velocities=velocities[kept],
-            forces=forces(states.T, unknowns.T, np.linspace(0.0, 1.0, segment.points + 1)[None, :], p).full().T[kept],
+            forces=forces[kept],
             energies=energies[kept],
             end=State(coordinates[-1], velocities[-1], segment.end),
             end_energies=energies[-1],

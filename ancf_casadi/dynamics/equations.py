@@ -68,27 +68,30 @@ class Equations:
         return self.law.projection(self.model)
 
     @cached_property
+    def _parts(self) -> dict[str, Array]:
+        """All inputs of the forces besides the motion, by name."""
+        parts = {
+            "gravity": self.model.beam.gravity,
+            "properties": self.model.properties.T.ravel(),
+            "law": [parameter.value for parameter in self.law.parameters],
+            "projection": self.projection.T.ravel(),
+            "lumped": [*self.model.lumped.values()],
+        }
+        return {name: np.asarray(values, dtype=float) for name, values in parts.items()}
+
+    @cached_property
     def parameters(self) -> Array:
-        """All inputs of the forces besides the motion: gravity, properties, parameters of the law, B, lumped ones."""
-        law = [parameter.value for parameter in self.law.parameters]
-        parts = [self.model.beam.gravity, self.model.properties.T.ravel(), law, self.projection.T.ravel()]
-        return np.concatenate([np.asarray(part, dtype=float) for part in (*parts, [*self.model.lumped.values()])])
+        """Gravity, properties, parameters of the law, B and lumped properties, one after the other."""
+        return np.concatenate([*self._parts.values()])
 
     @cached_property
     def layout(self) -> Layout:
         """Layout of ``parameters``."""
-        return Layout.of(
-            gravity=2,
-            properties=self.model.properties.size,
-            law=len(self.law.parameters),
-            projection=self.projection.size,
-            lumped=len(self.model.lumped),
-        )
+        return Layout.of(**{name: values.size for name, values in self._parts.items()})
 
     def given(self, **parts: cs.MX) -> cs.MX:
         """Return ``parameters`` with some parts, by their names in ``layout``, in place of the values of the model."""
-        own = zip(self.layout.sizes, self.layout.split(self.parameters), strict=True)
-        return cs.vertcat(*({name: cs.MX(cs.DM(values)) for (name, _), values in own} | parts).values())
+        return cs.vertcat(*({name: cs.MX(cs.DM(values)) for name, values in self._parts.items()} | parts).values())
 
     def balance_for(self, p: cs.MX) -> Balance:
         """Return the terms of the equation of motion for p: gravity, properties and parameters of the law."""

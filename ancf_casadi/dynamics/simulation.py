@@ -162,8 +162,9 @@ def simulate(
         used = ("idas" if options else "radau") if method == "auto" else method
         if tolerance is None:
             tolerance = (idas_tolerance if used == "idas" else radau_tolerance)(setup.travel)
-        use, done, interrupted = IntegratorUse(float(setup.times[0]), used, tolerance), list[SegmentSolution](), False
-        length = float(np.ptp(setup.times))
+        use = IntegratorUse(float(setup.times[0]), used, tolerance)
+        done: list[SegmentSolution] = []
+        interrupted, length = False, float(np.ptp(setup.times))
         with tqdm(total=length, disable=hidden, bar_format=TIME_BAR) as bar:
             try:
                 for solution in _integrate(setup, use, largest_step, options or {}):

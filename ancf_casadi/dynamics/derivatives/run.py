@@ -61,8 +61,6 @@ class MotionRun:
         The parameters of the equation of motion.
     times : array (k,)
         The samples, s, on the clock of the base motion.
-    clocks : array (k,) or (0,)
-        Index of the unknown shift of each sample; empty if there are none.
     rest : array
         Indices of the samples before the motion, at rest.
     start_jacobian : array (2 N, ...)
@@ -77,7 +75,6 @@ class MotionRun:
 
     parameters: Array
     times: Array
-    clocks: Index
     rest: Index
     start_jacobian: Array
     passages: list[Passage]

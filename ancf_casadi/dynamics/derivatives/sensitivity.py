@@ -149,23 +149,22 @@ class SensitivityProblem:
         if times.max() > last + SAME_TIME * (last - first):
             raise SimulationError(f"a sample at {times.max():g} s is after the end of the motion", last)
         pieces = excitation_pieces(self.equations.model, self.base, self.load, first, last, b)
-        state, jacobian = self._first(model, pieces[0], start_load)
+        state, start_jacobian = self._first(model, pieces[0], start_load)
         passages: list[Passage] = []
         left = self.most_steps if most_steps is None else most_steps
         for piece in pieces:
-            passage, state = self._pass(piece, state, parameters, max(left, 1))
-            samples = samples_of(times, passage.steps, piece.begin, piece.end, first=not passages)
-            passages.append(replace(passage, samples=samples))
-            left -= len(passage.steps)
+            steps, jacobian, state = self._pass(piece, state, parameters, max(left, 1))
+            samples = samples_of(times, steps, piece.begin, piece.end, first=not passages)
+            passages.append(Passage(piece, jacobian, steps, samples))
+            left -= len(steps)
         rest = np.flatnonzero(times < first - SAME_TIME * (last - first))
         orders = self.orders + bool(shifts.size)
         found = sampled(passages, times, rest, model.size, orders)
         return MotionRun(
             parameters=parameters,
             times=times,
-            clocks=self.clocks,
             rest=rest,
-            start_jacobian=jacobian,
+            start_jacobian=start_jacobian,
             passages=passages,
             samples=found[:, : self.orders],
             rates=found[:, 1:] if shifts.size else np.zeros(0),
@@ -176,7 +175,7 @@ class SensitivityProblem:
         b, shifts = (directions[self.layout[name]] for name in ("base", "shifts"))
         parameters = self.equations.layout.join(directions.shape[1], **self._parts(directions))
         found = forward(self._tangent, run, run.start_jacobian @ directions, b, parameters)
-        return found + run.rates[..., None] * shifts[run.clocks][:, None, None, :] if shifts.size else found
+        return found + run.rates[..., None] * shifts[self.clocks][:, None, None, :] if shifts.size else found
 
     def reverse(self, run: MotionRun, weights: Array) -> Array:
         """Return the derivatives (..., d), by the values, of d sums of the samples, weights (k, orders, 4 n + 4, d)."""
@@ -184,8 +183,8 @@ class SensitivityProblem:
         direct = self.layout.join(weights.shape[3], base=b)
         for name, part in self._parts(direct).items():
             part[:] = parameters[self.equations.layout[name]]
-        if run.clocks.size:
-            np.add.at(direct[self.layout["shifts"]], run.clocks, np.einsum("kon,kond->kd", run.rates, weights))
+        if self.clocks.size:
+            np.add.at(direct[self.layout["shifts"]], self.clocks, np.einsum("kon,kond->kd", run.rates, weights))
         return np.asarray(direct + run.start_jacobian.T @ start)
 
     @cached_property
@@ -244,8 +243,10 @@ class SensitivityProblem:
             changed |= {name: number(value, name) for name, value in zip(model.lumped, lumped.tolist(), strict=True)}
         return Model(model.beam.with_(**changed), model.measures)
 
-    def _pass(self, excitation: Excitation, state: State, parameters: Array, most_steps: int) -> tuple[Passage, State]:
-        """Compute a smooth piece of the motion in at most ``most_steps``, and the state at its end; no samples yet."""
+    def _pass(
+        self, excitation: Excitation, state: State, parameters: Array, most_steps: int
+    ) -> tuple[list[RadauStep], Array, State]:
+        """Return at most ``most_steps`` over a smooth piece, ``Passage.acceleration_jacobian``, and the last state."""
         largest_step = min(self.largest_step, excitation.largest_step)
         stepper = Stepper(self._form, parameters, excitation, state, self.tolerance, largest_step)
         steps: list[RadauStep] = []
@@ -262,7 +263,7 @@ class SensitivityProblem:
         first, node = steps[0], excitation.at(excitation.begin)
         forces = self._force_jacobian(first.q, first.v, first.a, node, parameters).full()
         jacobian = -scipy.sparse.linalg.splu(self._form.mass(parameters)).solve(forces)
-        return Passage(excitation, jacobian, steps, []), stepper.state
+        return steps, jacobian, stepper.state
 
     @cached_property
     def _force_jacobian(self) -> cs.Function:

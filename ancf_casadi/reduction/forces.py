@@ -45,7 +45,7 @@ BASE_SIZE = 9  # displacement (x, y) and rotation of the clamp, their velocities
 
 @dataclass(frozen=True, eq=False)
 class ReducedMotion:
-    """A motion of the reduced beam, and its forces without damping.
+    """A motion of the reduced beam, its forces without damping, and those that a damping law combines.
 
     Parameters
     ----------

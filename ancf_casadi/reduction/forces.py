@@ -32,6 +32,7 @@ from typing import Any
 import casadi as cs
 
 from ancf_casadi.damping import DampingLaw
+from ancf_casadi.dynamics.tip_load import tip_force
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.element import SMOOTHING_SPEED
 from ancf_casadi.mechanics.model import Model
@@ -129,11 +130,9 @@ class ReducedMotion:
         """Return the force of a load (force x and y, N, and moment, N m) at the tip, (m + 2,)."""
         x, y = self.slope
         position, slope = (cs.DM(row) for row in self.projection.slopes.shape[-2:])
-        tau_x, tau_y = slope.T @ x, slope.T @ y
-        turn = load[2, :] / (tau_x**2 + tau_y**2)
-        force_x = position @ load[0, :] - slope @ (tau_y * turn)
-        force_y = position @ load[1, :] + slope @ (tau_x * turn)
-        return cs.vertcat(self.modal_force(force_x, force_y), load[:2, :])
+        fx, fy, hx, hy = cs.vertsplit(tip_force(cs.vertcat(slope.T @ x, slope.T @ y), load))
+        modal = self.modal_force(position @ fx + slope @ hx, position @ fy + slope @ hy)
+        return cs.vertcat(modal, load[:2, :])
 
     def bending(self, q: Expression) -> Expression:
         """Return K_b times modal coordinates or their velocities, (m,)."""

@@ -27,7 +27,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.radau import newton, samples, stepper
+from ancf_casadi.dynamics.radau import newton, stepper
 from ancf_casadi.dynamics.radau.stepper import Stepper
 from ancf_casadi.support.compilation import Buffered
 
@@ -86,7 +86,6 @@ def clocks(parts: dict[str, float]) -> Iterator[None]:
 
     with (
         patch.object(newton, "Buffered", Clocked),
-        patch.object(samples, "Buffered", Clocked),
         patch.object(stepper, "Buffered", Clocked),
     ):
         yield

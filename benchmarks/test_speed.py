@@ -20,7 +20,7 @@ from ancf_casadi import (
     simulate,
 )
 from ancf_casadi.dynamics.equations import Equations
-from ancf_casadi.dynamics.semi_explicit import SemiExplicit
+from ancf_casadi.dynamics.idas import SemiExplicit
 from ancf_casadi.support.compilation import compiled, interpreted
 from problems import match_frequencies
 from problems.study import paper
@@ -106,7 +106,7 @@ def test_equations_of_motion(benchmark, make):
     equations = SemiExplicit(Equations(model(), RayleighDamping(alpha=0.228, beta=3.18e-5)))
     residual = make(equations.residual)
     buffer, call = residual.buffer()
-    inputs = [np.zeros(residual.size_in(k), order="F") for k in range(3)] + [equations.parameters]
+    inputs = [np.zeros(residual.size_in(k), order="F") for k in range(3)]
     outputs = [np.zeros(residual.size_out(k), order="F") for k in range(2)]
     inputs[2][2:4, 0] = (0.0, -1.0)
     for k, values in enumerate(inputs):

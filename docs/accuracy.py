@@ -24,7 +24,7 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.damping import ProportionalStiffness
-from ancf_casadi.dynamics.integration import Method
+from ancf_casadi.dynamics.simulation import Method
 from ancf_casadi.vibration.modes import Modes
 
 LENGTH = 0.5

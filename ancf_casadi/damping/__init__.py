@@ -7,8 +7,7 @@ velocities e_t are those in the laboratory frame: external damping resists motio
     quadratic       quadratic                Q = int S^T (gamma1 v + gamma2 |v| v) dp,             Eqs. (19)-(26)
     friction        dry friction             Q = int S^T gamma0 v/|v| dp
     generic         modal (generic)          Q = R M Phi diag(2 zeta omega) Phi^T M R^T e_t,       Eqs. (28)-(32)
-    law             parameters of a law, sums of laws
-    turning         rotation R of the modal law with the clamp
+    law             parameters of a law, sums of laws, rotation R of the modal law with the clamp
 
 Each force has a local part, a sum over the elements, and a low-rank part R B diag(d) B^T R^T e_t, which the integrators
 keep apart so that their matrices stay sparse.  Both parts are symbolic in the properties of the beam and in the

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
@@ -36,10 +36,9 @@ from ancf_casadi.damping.law import (
     Forces,
     Parameter,
     S,
-    amplitude_of_each,
+    at_tip_amplitudes,
     check_coefficients,
     nonzero,
-    values_by_name,
     weighted_sum,
 )
 from ancf_casadi.mechanics.shape import gauss
@@ -94,10 +93,6 @@ class FrictionDamping(DampingLaw):
         """The coefficient eta0 (m/s^2), if it is not 0."""
         return nonzero(Parameter("eta0", self.eta0, "m/s^2", "dry friction, divided by the mass per length"))
 
-    def with_parameters(self, values: Sequence[float] | Array) -> FrictionDamping:
-        """Return the law with another coefficient and the same smoothing speed."""
-        return replace(self, **values_by_name(self, values))
-
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return ``eta0 52/81 int S^T mu v/(|v|^2 + v0^2)^(1/2) dp``."""
         forces = [body.friction_force(e_t, properties, self.smoothing_speed)] if self.eta0 else []
@@ -115,9 +110,8 @@ class FrictionDamping(DampingLaw):
         InputError
             If there is not one amplitude per mode.
         """
-        tip, model = amplitude_of_each(modes, amplitudes), modes.model
-        omega, shapes = modes.angular_frequencies, modes.shapes / modes.tip_amplitudes()
-        modal_mass = (shapes * (model.mass(model.properties).sparse() @ shapes)).sum(axis=0)
+        tip, shapes, modal_mass = at_tip_amplitudes(modes, amplitudes)
+        omega, model = modes.angular_frequencies, modes.model
         # relative to the smoothing speed; below it, friction is linear in the velocity to 1e-12
         speed = np.maximum(omega * tip, 1e-6 * self.smoothing_speed)
         points, weights = gauss(48)  # Gauss points in a quarter of a period, which resolve the turn of the motion

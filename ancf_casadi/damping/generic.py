@@ -5,7 +5,7 @@ With mass-normalised modes, Phi^T M Phi = I, Eq. (30), the inverse transformatio
     C = M Phi diag(2 zeta omega) Phi^T M,                Eq. (32)
     Q = R C R^T e_t,
 
-in which R turns the matrix with the clamp (``turning``).  With fewer measured modes than degrees of freedom, Phi has
+in which R turns the matrix with the clamp (``law``).  With fewer measured modes than degrees of freedom, Phi has
 no inverse; Eq. (32) is then the definition of C and leaves all other modes undamped.
 """
 
@@ -14,13 +14,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, final
+from typing import final
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping.law import DampingLaw, Forces, Parameter, S, values_by_name
-from ancf_casadi.damping.turning import turned
+from ancf_casadi.damping.law import DampingLaw, Forces, Parameter, S, checked_values, turned
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
@@ -73,7 +72,9 @@ class ModalDamping(DampingLaw):
             given = getattr(self, name)
             if not is_sequence(given) and (name, given) != ("frequencies", None):
                 raise InputError(f"must have one value per mode, got {shown(given)}", name)
-        object.__setattr__(self, "ratios", tuple(_damping_ratio(zeta, "ratios") for zeta in self.ratios))
+        object.__setattr__(self, "ratios", tuple(number(zeta, "ratios") for zeta in self.ratios))
+        if wrong := [zeta for zeta in self.ratios if not 0.0 <= zeta < 1.0]:
+            raise InputError(f"a damping ratio must be at least 0 and below 1, got {wrong[0]:g}", "ratios")
         if not 1 <= len(self.ratios) <= self.modes.count:
             raise InputError(f"has {len(self.ratios)} values for {self.modes.count} modes", "ratios")
         given = self.modes.frequencies[: len(self.ratios)] if self.frequencies is None else self.frequencies
@@ -93,7 +94,7 @@ class ModalDamping(DampingLaw):
 
     def with_parameters(self, values: Sequence[float] | Array) -> ModalDamping:
         """Return the law with other damping ratios."""
-        return replace(self, ratios=tuple(values_by_name(self, values).values()))
+        return replace(self, ratios=checked_values(self, values))
 
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return zero."""
@@ -126,17 +127,3 @@ class ModalDamping(DampingLaw):
         coefficients = 4 * math.pi * np.array(self.ratios) * np.array(self.frequencies)
         squares = (self.projection(modes.model).T @ modes.shapes) ** 2
         return np.asarray(coefficients @ squares / (2 * modes.angular_frequencies))
-
-
-def _damping_ratio(value: Any, where: str) -> float:
-    """Return a damping ratio as a float.
-
-    Raises
-    ------
-    InputError
-        If it is not a number from 0 to below 1.
-    """
-    zeta = number(value, where)
-    if not 0.0 <= zeta < 1.0:
-        raise InputError(f"a damping ratio must be at least 0 and below 1, got {zeta:g}", where)
-    return zeta

@@ -1,4 +1,16 @@
-"""Base class of the damping laws, their parameters, and the sum of several laws."""
+"""Base class of the damping laws, their parameters, and the sum of several laws.
+
+The matrix B = M Phi of the modal law belongs to a beam whose axis at the clamp is a, |a| = 1.  If the clamped node has
+the slope tau, |tau| = 1, the clamp has turned the beam and its modes by the angle from a to tau, with the rotation
+
+    R = [[c, -s], [s, c]],    c = a . tau,    s = a x tau.
+
+R acts on the pairs (x, y) of the positions and of the slopes, which are rows of B, and the damping force is
+
+    Q = R B diag(d) B^T R^T e_t.
+
+The velocities e_t remain those in the laboratory frame: external damping resists motion relative to the still air.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +18,11 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Any, Protocol, TypeVar, final
+from typing import Any, Protocol, Self, TypeVar, cast, final
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.damping.turning import turned
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
@@ -21,6 +31,7 @@ from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.modes import Modes
 
 S = TypeVar("S", cs.SX, cs.MX)
+Direction = tuple[float, float] | cs.MX
 
 
 @dataclass(frozen=True)
@@ -111,15 +122,18 @@ class DampingLaw(Displayed, ABC):
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters of the law."""
 
-    @abstractmethod
-    def with_parameters(self, values: Sequence[float] | Array) -> DampingLaw:
+    def with_parameters(self, values: Sequence[float] | Array) -> Self:
         """Return the law with other values of its parameters, given in their order.
+
+        A law that is not a dataclass, or whose parameters are not among its fields, must override this method.
 
         Raises
         ------
         InputError
             If a value is out of range.
         """
+        names, law = (parameter.name for parameter in self.parameters), cast(Any, self)
+        return cast(Self, replace(law, **dict(zip(names, checked_values(self, values), strict=True))))
 
     @abstractmethod
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
@@ -222,8 +236,7 @@ class SumOfLaws(DampingLaw):
 
     def _split(self, parameters: S) -> list[S]:
         """Return the parameters of each term."""
-        ends = np.cumsum([0, *(len(law.parameters) for law in self.laws)]).tolist()
-        return [cs.reshape(parameters[begin:end], end - begin, 1) for begin, end in pairwise(ends)]
+        return cs.vertsplit(parameters, np.cumsum([0, *(len(law.parameters) for law in self.laws)]).tolist())
 
 
 def weighted_sum(forces: Sequence[Any], parameters: S, e_t: S) -> S:
@@ -253,11 +266,6 @@ def checked_values(law: DampingLaw, values: Sequence[float] | Array) -> tuple[fl
     return found
 
 
-def values_by_name(law: DampingLaw, values: Sequence[float] | Array) -> dict[str, Any]:
-    """Return the values by the names of the parameters of a law."""
-    return dict(zip((parameter.name for parameter in law.parameters), checked_values(law, values), strict=True))
-
-
 def check_coefficients(law: DampingLaw, *names: str) -> None:
     """Check the coefficients of a law, and keep them as floats.
 
@@ -273,8 +281,8 @@ def check_coefficients(law: DampingLaw, *names: str) -> None:
         object.__setattr__(law, name, value)
 
 
-def amplitude_of_each(modes: Modes, amplitudes: Sequence[float] | Array) -> Array:
-    """Return the magnitude of the tip amplitude of each mode, (m,), m.
+def at_tip_amplitudes(modes: Modes, amplitudes: Sequence[float] | Array) -> tuple[Array, Array, Array]:
+    """Return the tip amplitudes (m,), m, the shapes (4 n + 4, m) that are 1 at the tip, and their modal masses (m,).
 
     Raises
     ------
@@ -285,9 +293,20 @@ def amplitude_of_each(modes: Modes, amplitudes: Sequence[float] | Array) -> Arra
     found = numbers(amplitudes, "amplitudes")
     if len(found) != modes.count:
         raise InputError(f"has {len(found)} values for {modes.count} modes", "amplitudes")
-    return np.abs(found)
+    shapes, model = modes.shapes / modes.tip_amplitudes(), modes.model
+    return np.abs(found), shapes, (shapes * (model.mass(model.properties).sparse() @ shapes)).sum(axis=0)
 
 
 def _terms(law: DampingLaw) -> tuple[DampingLaw, ...]:
     """Return the terms of a law, including those of nested sums."""
     return tuple(term for part in law.laws for term in _terms(part)) if isinstance(law, SumOfLaws) else (law,)
+
+
+def turned(vectors: cs.MX, start: Direction, end: Direction) -> cs.MX:
+    """Return the columns of ``vectors``, with their pairs (x, y) turned by the angle between two unit vectors.
+
+    From a to tau, this multiplies by R; from tau to a, by R^T.
+    """
+    cosine, sine = start[0] * end[0] + start[1] * end[1], start[0] * end[1] - start[1] * end[0]
+    rotation = cs.blockcat([[cosine, -sine], [sine, cosine]])
+    return cs.reshape(rotation @ cs.reshape(vectors, 2, -1), *vectors.shape)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, final, get_args
 
 import numpy as np
@@ -20,7 +20,6 @@ from ancf_casadi.damping.law import (
     S,
     check_coefficients,
     nonzero,
-    values_by_name,
     weighted_sum,
 )
 from ancf_casadi.support.arrays import Array
@@ -88,10 +87,6 @@ class RayleighDamping(DampingLaw):
     def dissipative(self) -> bool:
         """False with the tangent stiffness, which may be indefinite."""
         return self.stiffness != "tangent" or not self.beta
-
-    def with_parameters(self, values: Sequence[float] | Array) -> RayleighDamping:
-        """Return the law with other coefficients."""
-        return replace(self, **values_by_name(self, values))
 
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return alpha M e_t and the stiffness-proportional force, Eqs. (11), (14)."""

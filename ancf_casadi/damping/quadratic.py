@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
@@ -34,10 +34,9 @@ from ancf_casadi.damping.law import (
     Forces,
     Parameter,
     S,
-    amplitude_of_each,
+    at_tip_amplitudes,
     check_coefficients,
     nonzero,
-    values_by_name,
     weighted_sum,
 )
 from ancf_casadi.exceptions import InputError
@@ -135,10 +134,6 @@ class QuadraticDamping(DampingLaw):
             Parameter("eta2", self.eta2, "1/m", "quadratic air drag, divided by the mass per length"),
         )
 
-    def with_parameters(self, values: Sequence[float] | Array) -> QuadraticDamping:
-        """Return the law with other coefficients."""
-        return replace(self, **values_by_name(self, values))
-
     def local_force(self, body: Forces, e: S, e_t: S, properties: S, parameters: S) -> S:
         """Return ``eta1 int S^T mu v dp + eta2 1183/876 int S^T mu |v| v dp``, Eq. (23)."""
         forces = []
@@ -159,9 +154,7 @@ class QuadraticDamping(DampingLaw):
         InputError
             If there is not one amplitude per mode.
         """
-        tip, model = amplitude_of_each(modes, amplitudes), modes.model
-        shapes = modes.shapes / modes.tip_amplitudes()
-        modal_mass = (shapes * (model.mass(model.properties).sparse() @ shapes)).sum(axis=0)
+        (tip, shapes, modal_mass), model = at_tip_amplitudes(modes, amplitudes), modes.model
         b, c = (
             (shapes * function(shapes, model.properties).full()).sum(axis=0) / modal_mass
             for function in (model.line_inertia_force, model.drag_force)

@@ -5,17 +5,17 @@ clamp from its rest position move the clamped node to
 
     r_0 = u,    tau_0 = R(phi) axis.
 
-Velocity and acceleration follow by symbolic differentiation.  The integrator restarts at the end of each piece, so that
-no step crosses a kink.  Base motions are symbolic in their parameters too.
+Velocity and acceleration follow by symbolic differentiation, also for symbolic parameters of the motion.  Integrators
+restart at the end of each piece, so that no step crosses a kink.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Literal, final, get_args
+from typing import Any, Literal, final, get_args
 
 import casadi as cs
 import numpy as np
@@ -23,7 +23,8 @@ from numpy.typing import ArrayLike
 
 from ancf_casadi.damping import Parameter
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import array, choice, number, physical, positive, positive_or_infinite, vector
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.inputs import array, choice, number, physical, positive, vector
 from ancf_casadi.support.tables import Displayed
 
 StopAt = Literal["rest", "once"]
@@ -53,27 +54,7 @@ class Piece:
     largest_step: float = math.inf
 
 
-class Piecewise(Displayed, ABC):
-    """Base class of functions of time with smooth pieces."""
-
-    @abstractmethod
-    def pieces(self) -> tuple[Piece, ...]:
-        """Return the smooth pieces in order, from time 0; the last has no end."""
-
-    @final
-    def pieces_between(self, begin: float, end: float) -> list[tuple[Piece, float, float]]:
-        """Return the smooth pieces between two instants (s), at least one, each with its own first and last instant."""
-        found = []
-        for piece in self.pieces():
-            if piece.end > begin:
-                found.append((piece, begin, min(piece.end, end)))
-                begin = piece.end
-            if begin >= end:
-                break
-        return found
-
-
-class BaseMotion(Piecewise):
+class BaseMotion(Displayed, ABC):
     """Base class of the base motions.
 
     Examples
@@ -90,6 +71,10 @@ class BaseMotion(Piecewise):
     >>> len(Turn().pieces())
     1
     """
+
+    @abstractmethod
+    def pieces(self) -> tuple[Piece, ...]:
+        """Return the smooth pieces in order, from time 0; the last has no end."""
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -160,7 +145,7 @@ class _Oscillation(BaseMotion):
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The amplitude, m."""
-        lower, upper = (1.0 - AMPLITUDE_ACCURACY) * self.amplitude, (1.0 + AMPLITUDE_ACCURACY) * self.amplitude
+        lower, upper = ((1.0 + part) * self.amplitude for part in (-AMPLITUDE_ACCURACY, AMPLITUDE_ACCURACY))
         return (Parameter("amplitude", self.amplitude, "m", "amplitude of the base motion", lower, upper),)
 
     @property
@@ -251,7 +236,6 @@ class HarmonicBase(_Oscillation):
     def __post_init__(self) -> None:
         """Validate, and normalise the direction."""
         physical(self.frequency, "frequency")
-        positive_or_infinite(self.stop, "stop")
         self._validate()
 
     @property
@@ -351,19 +335,8 @@ class SampledBase(BaseMotion):
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays relative to the first sample."""
-        time = array(self.time, "time")
-        if time.ndim != 1 or time.size <= SPLINE_DEGREE:
-            raise InputError(f"needs at least {SPLINE_DEGREE + 1} instants", "time")
-        if (np.diff(time) <= 0.0).any():
-            raise InputError("must increase", "time")
-        physical(time[-1] - time[0], "time")
-        displacement = array(self.displacement, "displacement")
-        rotation = np.zeros(time.size) if self.rotation is None else array(self.rotation, "rotation")
-        if displacement.shape != (time.size, 2):
-            raise InputError(f"must have the shape ({time.size}, 2), got {displacement.shape}", "displacement")
-        if rotation.shape != time.shape:
-            raise InputError(f"must have the shape ({time.size},), got {rotation.shape}", "rotation")
-        for name, values in (("time", time), ("displacement", displacement), ("rotation", rotation)):
+        samples = checked_samples(SPLINE_DEGREE + 1, self.time, displacement=self.displacement, rotation=self.rotation)
+        for name, values in samples.items():
             object.__setattr__(self, name, values - values[0])
 
     def pieces(self) -> tuple[Piece, ...]:
@@ -375,6 +348,32 @@ class SampledBase(BaseMotion):
         spline = make_interp_spline(time, motion, k=SPLINE_DEGREE)
         curve = cs.Function.bspline("curve", [spline.t.tolist()], spline.c.ravel().tolist(), [SPLINE_DEGREE], 3)
         return _held((Piece(float(time[-1]), lambda t, parameters: curve(t)),))
+
+
+def checked_samples(least: int, time: ArrayLike, **samples: Any) -> dict[str, Array]:
+    """Return increasing instants (k,), ``least`` or more, and two checked samples, (k, 2) and (k,), 0 if not given."""
+    instants = array(time, "time")
+    if instants.ndim != 1 or instants.size < least:
+        raise InputError(f"needs at least {least} instants", "time")
+    if (np.diff(instants) <= 0.0).any():
+        raise InputError("must increase", "time")
+    physical(float(np.ptp(instants)), "time")
+    found = {"time": instants}
+    for (name, values), shape in zip(samples.items(), ((instants.size, 2), instants.shape), strict=True):
+        found[name] = np.zeros(instants.size) if values is None else array(values, name)
+        if found[name].shape != shape:
+            raise InputError(f"must have the shape {shape}, got {found[name].shape}", name)
+    return found
+
+
+def pieces_between(pieces: Iterable[Piece], begin: float, end: float) -> list[tuple[Piece, float, float]]:
+    """Return the pieces between two instants (s), at least one, each with its own first and last instant."""
+    found: list[tuple[Piece, float, float]] = []
+    for piece in pieces:
+        if piece.end > begin and (begin < end or not found):
+            found.append((piece, begin, min(piece.end, end)))
+            begin = piece.end
+    return found
 
 
 def ramped(steady: Piece, phase: Callable[[cs.MX], cs.MX], ramp: float, end: float) -> tuple[Piece, ...]:

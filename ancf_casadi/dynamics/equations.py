@@ -4,12 +4,11 @@ The free coordinates q, their velocities v and accelerations a obey
 
     q_t = v,    v_t = a,    0 = M e_tt + Q_damp(e, e_t) + Q_e(e) - Q_g - Q_tip(e, t)   (rows of the free coordinates).
 
-The excitation has 15 components.  Position, velocity and acceleration of the clamped node, which carries the base
-motion, are part of e, e_t and e_tt; the rows of this node give the generalized force of the base on it.  The last three
-are the load at the tip, force and moment, with the generalized force Q_tip (``tip_load``).
+Position, velocity and acceleration of the clamped node (``excitation``) are part of e, e_t and e_tt; the rows of this
+node give the generalized force of the base on it.  Q_tip is the generalized force of the tip load (``tip_load``).
 
 The damping force has a local part, as sparse as the mesh, and a low-rank part R B diag(d) B^T R^T e_t, which turns with
-the clamp (``damping.turning``).  Each integrator keeps its matrices sparse in its own way.
+the clamp (``damping.law``).  Each integrator keeps its matrices sparse in its own way.
 
 Gravity, the properties of the elements, the parameters of the law, B, the tip mass and the stiffness of the clamp are
 inputs.  Only the forces of one element and their derivatives (``element_forces``) are compiled: mapped over the
@@ -18,7 +17,6 @@ elements, they serve all beams, all meshes and all values of the parameters of a
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -27,16 +25,13 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.damping.turning import turned
-from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
+from ancf_casadi.damping.law import turned
 from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
-from ancf_casadi.dynamics.tip_load import LOAD_SIZE, HarmonicLoad, TipLoad, tip_force, tip_stiffness
+from ancf_casadi.dynamics.excitation import EXCITATION
+from ancf_casadi.dynamics.tip_load import tip_force, tip_stiffness
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.layout import Layout
-
-NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)
-EXCITATION = 3 * NODE + LOAD_SIZE  # components of the excitation
 
 
 def as_it_is(function: cs.Function) -> cs.Function:
@@ -73,27 +68,30 @@ class Equations:
         return self.law.projection(self.model)
 
     @cached_property
+    def _parts(self) -> dict[str, Array]:
+        """All inputs of the forces besides the motion, by name."""
+        parts = {
+            "gravity": self.model.beam.gravity,
+            "properties": self.model.properties.T.ravel(),
+            "law": [parameter.value for parameter in self.law.parameters],
+            "projection": self.projection.T.ravel(),
+            "lumped": [*self.model.lumped.values()],
+        }
+        return {name: np.asarray(values, dtype=float) for name, values in parts.items()}
+
+    @cached_property
     def parameters(self) -> Array:
-        """All inputs of the forces besides the motion: gravity, properties, parameters of the law, B, lumped ones."""
-        law = [parameter.value for parameter in self.law.parameters]
-        parts = [self.model.beam.gravity, self.model.properties.T.ravel(), law, self.projection.T.ravel()]
-        return np.concatenate([np.asarray(part, dtype=float) for part in (*parts, [*self.model.lumped.values()])])
+        """Gravity, properties, parameters of the law, B and lumped properties, one after the other."""
+        return np.concatenate([*self._parts.values()])
 
     @cached_property
     def layout(self) -> Layout:
         """Layout of ``parameters``."""
-        return Layout.of(
-            gravity=2,
-            properties=self.model.properties.size,
-            law=len(self.law.parameters),
-            projection=self.projection.size,
-            lumped=len(self.model.lumped),
-        )
+        return Layout.of(**{name: values.size for name, values in self._parts.items()})
 
     def given(self, **parts: cs.MX) -> cs.MX:
         """Return ``parameters`` with some parts, by their names in ``layout``, in place of the values of the model."""
-        own = zip(self.layout.sizes, self.layout.split(self.parameters), strict=True)
-        return cs.vertcat(*({name: cs.MX(cs.DM(values)) for (name, _), values in own} | parts).values())
+        return cs.vertcat(*({name: cs.MX(cs.DM(values)) for name, values in self._parts.items()} | parts).values())
 
     def balance_for(self, p: cs.MX) -> Balance:
         """Return the terms of the equation of motion for p: gravity, properties and parameters of the law."""
@@ -121,21 +119,10 @@ class Equations:
         )
 
     def mapped(self, name: str, balance: Balance, *vectors: cs.MX) -> list[list[cs.MX]]:
-        """Evaluate one of the element Functions for all elements.
+        """Evaluate an element Function for all elements, from coordinates and so on at all nodes, (4 n + 4, s) each.
 
-        Parameters
-        ----------
-        name : str
-            Name of the Function.
-        balance : Balance
-            The terms of the equation of motion, with their parameters.
-        vectors : MX (4 n + 4, s)
-            Coordinates, velocities and so on at all nodes, in s columns, one per state of the beam.
-
-        Returns
-        -------
-        list of list of MX
-            For each output of the Function, the values for the elements of each group, side by side, state by state.
+        Each of the s columns is a state of the beam.  For each output of the Function, a list has the values for the
+        elements of each group, side by side, state by state.
         """
         states, c = vectors[0].size2(), cs.vertcat(balance.gravity, balance.coefficients)
         results = []
@@ -242,6 +229,17 @@ class Balance:
         total = cs.vertcat(at_nodes[:-NODE, :], at_nodes[-NODE:, :] - at_tip)
         return total, sum(lost[1:], lost[0]), cs.sum1(e_t[-NODE:, :] * at_tip)
 
+    def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX) -> tuple[cs.MX, cs.MX]:
+        """Return the forces at all nodes, (4 n + 4, s), and three powers, (3, s), from the same as ``local``.
+
+        The powers are those lost to damping, supplied by the base and supplied by the tip load.
+        """
+        forces, lost, supplied = self.local(e, e_t, e_tt, load)
+        if self.projection.numel():
+            low_rank = self.of_low_rank(e, e_t)
+            forces, lost = forces + low_rank, lost + cs.sum1(e_t * low_rank)
+        return forces, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * forces[:NODE, :]), supplied)
+
     def of_low_rank(self, e: cs.MX, e_t: cs.MX) -> cs.MX:
         """Return the low-rank part R B diag(d) B^T R^T e_t of the damping force, (4 n + 4, s)."""
         states = zip(cs.horzsplit(e), cs.horzsplit(e_t), strict=True)
@@ -260,67 +258,3 @@ class Balance:
     def resistance(self, e: cs.MX, e_t: cs.MX, u: cs.MX, w: cs.MX) -> cs.MX:
         """Return D u + M w, without the low-rank part of the damping force."""
         return self.equations.model.sum_at_nodes(self.equations.mapped("resistance", self, e, e_t, u, w)[0])
-
-
-def clamped_node(model: Model, piece: Piece, t: cs.MX, parameters: cs.MX) -> cs.MX:
-    """Return position, velocity and acceleration of the clamped node, (12,), at time t in a piece of a base motion."""
-    x, y, angle = cs.vertsplit(cs.densify(piece.at(t, parameters)))
-    ax, ay = model.beam.axis
-    node = cs.vertcat(x, y, cs.cos(angle) * ax - cs.sin(angle) * ay, cs.sin(angle) * ax + cs.cos(angle) * ay)
-    velocity = cs.densify(cs.jacobian(node, t))
-    acceleration = cs.densify(cs.jacobian(velocity, t))
-    return cs.vertcat(node, velocity, acceleration)
-
-
-@dataclass(frozen=True)
-class ExcitationPiece:
-    """A smooth piece of the excitation between two instants.
-
-    Parameters
-    ----------
-    base, load : Piece
-        The pieces of the base motion and of the tip load.
-    begin, end : float
-        First and last instant, s.
-    """
-
-    base: Piece
-    load: Piece
-    begin: float
-    end: float
-
-    @property
-    def largest_step(self) -> float:
-        """Largest step of an integrator that misses no event in the piece, s."""
-        return min(self.base.largest_step, self.load.largest_step)
-
-    def at(self, model: Model, t: cs.MX, parameters: cs.MX) -> cs.MX:
-        """Return the excitation, (15,), at time t for the parameters of the base motion."""
-        load = cs.densify(self.load.at(t, cs.MX(0, 1)))
-        return cs.vertcat(clamped_node(model, self.base, t, parameters), load)
-
-    def function(self, model: Model, base: BaseMotion) -> cs.Function:
-        """(t) -> the excitation, (15,), for the values of the parameters of the base motion."""
-        t, values = cs.MX.sym("t"), [parameter.value for parameter in base.parameters]
-        return cs.Function("excitation", [t], [self.at(model, t, cs.MX(cs.DM(values)))])
-
-
-def excitation_pieces(base: BaseMotion, load: TipLoad | None, begin: float, end: float) -> list[ExcitationPiece]:
-    """Return the smooth pieces of a base motion and a tip load together between two instants (s)."""
-    moving = base.pieces_between(begin, end)
-    loading = (NO_LOAD if load is None else load).pieces_between(begin, end)
-    instants = [begin]
-    for instant in sorted(last for *_, last in (*moving, *loading)):
-        # of the time considered; pieces of base and load that end so close together end together
-        if instant - instants[-1] > 1e-9 * (end - begin):
-            instants.append(instant)
-    instants[-1] = end
-    return [
-        ExcitationPiece(_at((first + last) / 2, moving), _at((first + last) / 2, loading), first, last)
-        for first, last in itertools.pairwise(instants)
-    ]
-
-
-def _at(instant: float, pieces: list[tuple[Piece, float, float]]) -> Piece:
-    """Return the piece at an instant."""
-    return next(piece for piece, _, last in pieces if instant <= last)

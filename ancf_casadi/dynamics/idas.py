@@ -1,6 +1,14 @@
 """Time integration by IDAS, the variable-step backward differentiation formulas of SUNDIALS.
 
-``semi_explicit`` states the equation of motion with the scaled unknowns x and z, and its exact Jacobian.
+Form.  With the accelerations as algebraic unknowns, the Jacobian is as sparse as the mesh.  For the same reason, the
+low-rank part R B diag(d) B^T R^T e_t of the damping force is written R B (d * w) with the further unknowns
+w = B^T R^T e_t.
+
+Scaling.  The unknowns are x = (displacement/S, v/(S W)) and z = (a/(S W^2), w/(L W)), with S the length L of the beam
+for positions and 1/2 for slopes, and W the bending frequency of a single element.  One tolerance, relative to L, then
+serves all unknowns.  Without the scaling, the noise that Newton's method leaves in the positions, divided by the step,
+would become a velocity error that makes every other step fail.  The force balance is divided by diag(M) S W^2, so that
+a sparse factorisation finds its pivots on the diagonal and stays within the band of the mesh.
 
 Time.  Each smooth piece of the excitation is divided into segments t = begin + span s with s from 0 to 1.  IDAS
 restarts on each with consistent accelerations; begin and span are parameters, so that one integrator serves all
@@ -25,17 +33,22 @@ import functools
 import io
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import casadi as cs
 import numpy as np
 import scipy.sparse.linalg
 
-from ancf_casadi.dynamics.segments import ENERGY_STATES, InitialValueProblem, Segment, SegmentSolution
-from ancf_casadi.dynamics.semi_explicit import SemiExplicit
+from ancf_casadi.dynamics.equations import Balance, Equations
+from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
+from ancf_casadi.dynamics.segments import ENERGY_STATES, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
+from ancf_casadi.mechanics.model import NODE
+from ancf_casadi.support.arrays import Array
 
 DEFAULTS: Mapping[str, Any] = {
     "reltol": 1e-12,
@@ -48,10 +61,133 @@ DEFAULTS: Mapping[str, Any] = {
 }
 
 
-def integrate_by_idas(problem: InitialValueProblem) -> Iterator[SegmentSolution]:
+@dataclass(frozen=True, eq=False)
+class SemiExplicit:
+    """The scaled equation of motion with the accelerations as algebraic unknowns.
+
+    Parameters
+    ----------
+    equations : Equations
+        The equation of motion.
+    """
+
+    equations: Equations
+
+    @cached_property
+    def element_frequency(self) -> float:
+        """W, the highest bending frequency of a single pinned element, pi^2 (E I/mu)^1/2/l^2, rad/s."""
+        model = self.equations.model
+        _, thickness, density, elastic_modulus = model.properties
+        stiffness = np.sqrt(elastic_modulus / density) * thickness / math.sqrt(12)
+        return float(math.pi**2 * stiffness.max() / model.beam.element_length**2)
+
+    @cached_property
+    def residual(self) -> cs.Function:
+        """(x, z, excitation) -> x_t, residual of the algebraic equations; differentiable in x and z."""
+        x, z, excitation = self._symbols
+        model, free, W = self.equations.model, self.equations.free, self.element_frequency
+        e, e_t, e_tt = self._motion
+        forces, *_ = self._balance.local(e, e_t, e_tt, excitation[3 * NODE :])
+        w = model.beam.length * W * z[free:]
+        if w.numel():
+            forces += self._balance.modal_damping(e, w)
+        modal = (self._balance.modal_velocities(e, e_t) - w) / (model.beam.length * W)
+        outputs = [cs.vertcat(W * x[free:], W * z[:free]), cs.vertcat(forces[model.free] / self._divisors, modal)]
+        options: Any = {"is_diff_in": [True, True, False], "custom_jacobian": self._jacobian}
+        options |= {"enable_forward": False, "enable_reverse": False}  # all derivatives come from the Jacobian
+        names = ["x", "z", "excitation"], ["x_t", "alg"]
+        return cs.Function("residual", [x, z, excitation], outputs, *names, options)
+
+    @cached_property
+    def energetics(self) -> cs.Function:
+        """(x, z, excitation) -> powers as in ``Balance.forces``, the force of the base (4,), e and e_t."""
+        x, z, excitation = self._symbols
+        e, e_t, e_tt = self._motion
+        forces, powers = self._balance.forces(e, e_t, e_tt, excitation[3 * NODE :])
+        options = {"is_diff_in": [False] * 3}
+        return cs.Function("energetics", [x, z, excitation], [powers, forces[:NODE], e, e_t], options)
+
+    def scaled(self, state: State) -> Array:
+        """Return x of a state."""
+        model = self.equations.model
+        displacement = (state.coordinates - model.straight) / model.scale
+        velocity = state.velocities / (model.scale * self.element_frequency)
+        return np.concatenate([displacement[model.free], velocity[model.free]])
+
+    @cached_property
+    def _jacobian(self) -> cs.Function:
+        """The Jacobian of ``residual``, assembled block by block.
+
+        Because of the dense rows and columns of B, CasADi alone would compute all other columns one at a time.
+        """
+        x, z, excitation = self._symbols
+        model, free, m = self.equations.model, self.equations.free, self.equations.projection.shape[1]
+        W, divisors, balance, (e, e_t, _) = self.element_frequency, self._divisors, self._balance, self._motion
+        scale = cs.MX(cs.DM(model.scale[model.free]))
+        tangents = balance.tangents(e, e_t, excitation[3 * NODE :])
+        k, d, mass = (model.matrix(values, NODE) for values in tangents)
+        length, B, identity = model.beam.length, balance.turned_projection(e)[NODE:, :], cs.MX.eye(free)
+        none = cs.MX(free, free)
+        w_by_v, by_w = _scaled(B.T, cs.MX.ones(m) / length, scale), balance.modal_coefficients * length * W
+        jacobians = [
+            cs.horzcat(cs.MX(2 * free, free), cs.vertcat(W * identity, none)),
+            cs.horzcat(cs.vertcat(none, W * identity), cs.MX(2 * free, m)),
+            cs.MX(2 * free, excitation.numel()),
+            cs.vertcat(
+                cs.horzcat(_scaled(k, 1 / divisors, scale), _scaled(d, 1 / divisors, scale * W)),
+                cs.horzcat(cs.MX(m, free), w_by_v),
+            ),
+            cs.vertcat(
+                cs.horzcat(_scaled(mass, 1 / divisors, scale * W**2), _scaled(B, 1 / divisors, by_w)),
+                cs.horzcat(cs.MX(m, free), -cs.DM.eye(m)),
+            ),
+            cs.MX(free + m, excitation.numel()),
+        ]
+        unused = [cs.MX.sym("out_x_t", cs.Sparsity(2 * free, 1)), cs.MX.sym("out_alg", cs.Sparsity(free + m, 1))]
+        ins = ["x", "z", "excitation", "out_x_t", "out_alg"]
+        outs = [f"jac_{of}_{by}" for of in ("x_t", "alg") for by in ins[:3]]
+        return cs.Function("jac_residual", [x, z, excitation, *unused], jacobians, ins, outs)
+
+    @cached_property
+    def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
+        free, m = self.equations.free, self.equations.projection.shape[1]
+        return cs.MX.sym("x", 2 * free), cs.MX.sym("z", free + m), cs.MX.sym("excitation", EXCITATION)
+
+    @cached_property
+    def _balance(self) -> Balance:
+        return self.equations.balance(cs.MX(cs.DM(self.equations.parameters)))
+
+    @cached_property
+    def _divisors(self) -> cs.MX:
+        """Divisors of the force balance, diag(M) S W^2."""
+        model = self.equations.model
+        diagonal = model.mass(model.properties).sparse().diagonal()[model.free]
+        return cs.MX(cs.DM(diagonal * model.scale[model.free] * self.element_frequency**2))
+
+    @cached_property
+    def _motion(self) -> tuple[cs.MX, cs.MX, cs.MX]:
+        """The coordinates e, e_t and e_tt."""
+        x, z, excitation = self._symbols
+        model, free, W = self.equations.model, self.equations.free, self.element_frequency
+        scale = model.scale[model.free]
+        moved = model.straight[model.free] + scale * x[:free], scale * W * x[free:], scale * W**2 * z[:free]
+        node = cs.vertsplit(excitation[: 3 * NODE], NODE)
+        e, e_t, e_tt = (cs.vertcat(own, part) for own, part in zip(node, moved, strict=True))
+        return e, e_t, e_tt
+
+
+def integrate_by_idas(
+    equations: Equations,
+    piece: Excitation,
+    start: State,
+    segments: Sequence[Segment],
+    tolerance: float,
+    largest_step: float,
+    options: Mapping[str, Any],
+) -> Iterator[SegmentSolution]:
     """Integrate over a smooth piece of the excitation, and yield the solution on each segment.
 
-    The options of the problem override ``DEFAULTS``.
+    The arguments are those of ``integrate_by_radau``; the options override ``DEFAULTS``.
 
     Raises
     ------
@@ -60,16 +196,16 @@ def integrate_by_idas(problem: InitialValueProblem) -> Iterator[SegmentSolution]
     SimulationError
         If IDAS fails.
     """
-    form, excitation, largest_step = SemiExplicit(problem.equations), problem.excitation, problem.largest_step
-    settings = {**DEFAULTS, "abstol": problem.tolerance, **problem.options}
+    form, excitation = SemiExplicit(equations), piece.function
+    settings = {**DEFAULTS, "abstol": tolerance, **options}
     s, interval = cs.MX.sym("s"), cs.MX.sym("interval", 2)
     x, z = cs.MX.sym("x", form.residual.size1_in(0)), cs.MX.sym("z", form.residual.size1_in(1))
     begin, span = cs.vertsplit(interval)
-    x_t, alg = form.residual(x, z, excitation(begin + span * s), form.parameters)
-    powers, reaction = form.energetics(x, z, excitation(begin + span * s), form.parameters)
+    x_t, alg = form.residual(x, z, excitation(begin + span * s))
+    powers, *sampled = form.energetics(x, z, excitation(begin + span * s))
     dae = {"t": s, "x": x, "z": z, "p": interval, "ode": span * x_t, "alg": alg, "quad": span * powers}
     linear = cs.Function("linear", [s, x, z, interval], [alg, cs.jacobian(alg, z)])  # alg is linear in z
-    forces = cs.Function("forces", [x, z, s, interval], [reaction])
+    samples = cs.Function("samples", [x, z, s, interval], sampled)
 
     @functools.cache
     def solver(points: int, length: float) -> cs.Function:
@@ -81,8 +217,8 @@ def integrate_by_idas(problem: InitialValueProblem) -> Iterator[SegmentSolution]
         except RuntimeError as error:
             raise InputError(_refusal(str(error)), "options") from None
 
-    x0 = form.scaled(problem.start)
-    for segment in problem.segments:
+    x0 = form.scaled(start)
+    for segment in segments:
         p = [segment.start, segment.length]
         constant, matrix = linear(0.0, x0, 0.0, p)
         z0 = -scipy.sparse.linalg.splu(matrix.sparse()).solve(constant.full().ravel())
@@ -94,13 +230,14 @@ def integrate_by_idas(problem: InitialValueProblem) -> Iterator[SegmentSolution]
                 raise _failure(printed.getvalue() + str(error), segment) from None
         states = np.vstack([x0, result["xf"].full().T])
         unknowns = np.vstack([z0, result["zf"].full().T])
-        coordinates, velocities = form.unscaled(states, excitation(segment.instants[None, :]).full().T)
+        found = samples(states.T, unknowns.T, np.linspace(0.0, 1.0, segment.points + 1)[None, :], p)
+        forces, coordinates, velocities = (part.full().T for part in found)
         energies = np.vstack([np.zeros(ENERGY_STATES), result["qf"].full().T])
         kept = segment.kept
         yield SegmentSolution(
             coordinates=coordinates[kept],
             velocities=velocities[kept],
-            forces=forces(states.T, unknowns.T, np.linspace(0.0, 1.0, segment.points + 1)[None, :], p).full().T[kept],
+            forces=forces[kept],
             energies=energies[kept],
             end=State(coordinates[-1], velocities[-1], segment.end),
             end_energies=energies[-1],
@@ -144,3 +281,10 @@ def _failure(message: str, segment: Segment) -> SimulationError:
         "proportional to the strain rate, or more elements",
         time,
     )
+
+
+def _scaled(matrix: cs.MX, left: cs.MX, right: cs.MX) -> cs.MX:
+    """Return diag(left) matrix diag(right)."""
+    rows, columns = matrix.sparsity().get_triplet()
+    factors = cs.vec(cs.MX(left)[rows]) * cs.vec(cs.MX(right)[columns])
+    return cs.MX(matrix.sparsity(), cs.vec(matrix.nz[:]) * factors)

@@ -2,22 +2,17 @@
 
 Each smooth piece of the excitation, base motion and tip load, is divided into segments that end at samples of the
 result.  After each segment, progress is shown and Ctrl-C takes effect.  If a run is interrupted or fails, the finished
-segments are kept.
-
-Both integrators take an ``InitialValueProblem`` and yield one ``SegmentSolution`` per segment.
+segments are kept.  Both integrators yield one ``SegmentSolution`` per segment.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterator
+from dataclasses import dataclass
 
-import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.support.arrays import Array
 
@@ -61,37 +56,6 @@ class Segment:
     def kept(self) -> slice:
         """Indices of the samples of the result in ``instants``."""
         return slice(0 if self.first else 1, self.samples + 1)
-
-
-@dataclass(frozen=True, eq=False)
-class InitialValueProblem:
-    """The motion from a state to the end of a smooth piece of the excitation, as an integrator receives it.
-
-    Parameters
-    ----------
-    equations : Equations
-        The equation of motion.
-    excitation : Function
-        (t) -> the excitation, (15,): position, velocity and acceleration of the clamped node, and the tip load.
-    start : State
-        The state at the start of the first segment.
-    segments : sequence of Segment
-        Consecutive time segments.
-    tolerance : float
-        Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.
-    largest_step : float
-        Largest step, s.
-    options : mapping
-        Options of CasADi's IDAS interface; Radau has none.
-    """
-
-    equations: Equations
-    excitation: cs.Function
-    start: State
-    segments: Sequence[Segment]
-    tolerance: float
-    largest_step: float = math.inf
-    options: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

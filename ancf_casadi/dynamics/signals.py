@@ -169,24 +169,25 @@ def parameter_signals(equations: Equations) -> tuple[Signal, ...]:
 
 def state_signals(equilibrium: Equilibrium) -> tuple[Signal, ...]:
     """Return the state (q, v) in order, starting at rest in an equilibrium."""
-    model = equilibrium.model
-    positions, velocities = [], []
+    model, coordinates = equilibrium.model, []
     for k in range(model.size)[model.free]:
         node, component = divmod(k - NODE * model.root, NODE)
         name, unit, what = COORDINATES[component]
-        start = float(equilibrium.coordinates[k])
-        positions.append(Signal(f"{name}_{node}", unit, f"{what}, of node {node}", start))
-        velocities.append(Signal(f"velocity_{name}_{node}", f"{unit}/s", f"velocity of {name}_{node}"))
-    return (*positions, *velocities)
+        coordinates.append(Signal(f"{name}_{node}", unit, f"{what}, of node {node}", float(equilibrium.coordinates[k])))
+    return _with_velocities(coordinates)
 
 
 def modal_signals(frequencies: Sequence[float]) -> tuple[Signal, ...]:
     """Return the modal coordinates and velocities (q, v), at rest, of modes with the given frequencies (Hz)."""
-    unit, known = "m kg^0.5", list(enumerate(frequencies, start=1))
-    return (
-        *(Signal(f"q_{k}", unit, f"modal coordinate of mode {k}, {f:.6g} Hz") for k, f in known),
-        *(Signal(f"velocity_q_{k}", f"{unit}/s", f"velocity of q_{k}") for k, _ in known),
+    numbered = enumerate(frequencies, start=1)
+    return _with_velocities(
+        [Signal(f"q_{k}", "m kg^0.5", f"modal coordinate of mode {k}, {f:.6g} Hz") for k, f in numbered]
     )
+
+
+def _with_velocities(coordinates: Sequence[Signal]) -> tuple[Signal, ...]:
+    rates = (Signal(f"velocity_{q.name}", f"{q.unit}/s", f"velocity of {q.name}") for q in coordinates)
+    return (*coordinates, *rates)
 
 
 def base_signals() -> tuple[Signal, ...]:

@@ -25,10 +25,11 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.base_motion import BaseMotion, FixedBase
-from ancf_casadi.dynamics.equations import Equations, as_it_is, excitation_pieces
+from ancf_casadi.dynamics.equations import Equations, as_it_is
+from ancf_casadi.dynamics.excitation import Excitation, excitation_pieces
 from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.dynamics.tip_load import TipLoad, equilibrium_under
-from ancf_casadi.dynamics.tolerance import check_excitation, check_speed, expected_travel
+from ancf_casadi.dynamics.tolerance import check_speed, checked_excitation, expected_travel
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import NODE, Model
@@ -44,42 +45,6 @@ START_TOLERANCE = 1e-6  # deviation of a state from its base, relative to length
 
 
 @dataclass(frozen=True, eq=False)
-class TimedPiece:
-    """A smooth piece of the excitation between two instants.
-
-    Parameters
-    ----------
-    begin, end : float
-        First and last instant, s.
-    excitation : Function
-        (t) -> the excitation, (15,): position, velocity and acceleration of the clamped node, and the tip load.
-    largest_step : float
-        Largest step of an integrator that misses no event in the piece, s.
-    """
-
-    begin: float
-    end: float
-    excitation: cs.Function
-    largest_step: float
-
-
-@dataclass(frozen=True, eq=False)
-class ExcitationSamples:
-    """The excitation at instants throughout a motion.
-
-    Parameters
-    ----------
-    times : array (k,)
-        Instants, s; the end of each piece is also the start of the next.
-    values : array (k, 15)
-        Position, velocity and acceleration of the clamped node, and the tip load.
-    """
-
-    times: Array
-    values: Array
-
-
-@dataclass(frozen=True, eq=False)
 class MotionSetup:
     """Setup of a motion.
 
@@ -91,10 +56,10 @@ class MotionSetup:
         Motion of the clamp.
     load : TipLoad or None
         Load at the tip.
-    pieces : sequence of TimedPiece
+    pieces : sequence of Excitation
         The smooth pieces of both, from the first to the last sample.
-    checked : ExcitationSamples
-        The excitation at instants throughout the motion.
+    checked : (array (k,), array (k, 15))
+        Instants throughout the motion, s, and the excitation there.
     start : State
         The initial state.
     sample_rate : float
@@ -106,8 +71,8 @@ class MotionSetup:
     equations: Equations
     base: BaseMotion
     load: TipLoad | None
-    pieces: Sequence[TimedPiece]
-    checked: ExcitationSamples
+    pieces: Sequence[Excitation]
+    checked: tuple[Array, Array]
     start: State
     sample_rate: float
     times: Array
@@ -115,7 +80,7 @@ class MotionSetup:
     @cached_property
     def travel(self) -> float:
         """The expected travel, relative to the length of the beam."""
-        return expected_travel(self.equations.model, self.checked.times, self.checked.values, self.start)
+        return expected_travel(self.equations.model, *self.checked, self.start)
 
 
 def set_up(
@@ -129,58 +94,37 @@ def set_up(
     start: Start | Equilibrium | State,
     make: Callable[[cs.Function], cs.Function] = as_it_is,
 ) -> MotionSetup:
-    """Check the arguments that ``simulate`` and ``motion`` share, and return the setup of the motion.
-
-    Parameters
-    ----------
-    model, duration, damping, base, load, sample_rate, start
-        As in ``simulate``.
-    make : callable
-        Compiles the Functions of an element, or leaves them to the virtual machine.
-
-    Raises
-    ------
-    InputError
-        If an argument is not usable.
-    EquilibriumError
-        If there is no equilibrium to start from.
-    """
+    """Check the arguments, those of ``simulate``, and return the setup of the motion; ``make`` as of ``Equations``."""
     check_instance(model, "model", Model)
     check_instance(damping, "damping", DampingLaw, NoneType)
     check_instance(base, "base", BaseMotion, NoneType)
     check_instance(load, "load", TipLoad, NoneType)
     check_instance(start, "start", str, Equilibrium, State)
     duration, sample_rate = physical(duration, "duration"), physical(sample_rate, "sample_rate")
-    base = base_of(model, base, start)
+    base = _base_of(model, start) if base is None else base
     equations = Equations(model, RayleighDamping() if damping is None else damping, make)
-    times = sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
+    times = _sample_times(duration, sample_rate, start.time if isinstance(start, State) else 0.0)
     begin, end = float(times[0]), float(times[-1])
     if load is not None and load.begin >= end:
         raise InputError(
             f"begins at {load.begin:g} s, after the end of the motion at {end:g} s; its times are those of the motion",
             "load",
         )
-    pieces = timed_pieces(model, base, load, begin, end)
+    pieces = excitation_pieces(model, base, load, begin, end)
     return MotionSetup(
         equations=equations,
         base=base,
         load=load,
         pieces=pieces,
         checked=checked_excitation(model, pieces),
-        start=initial_state(model, pieces[0].excitation, start),
+        start=initial_state(model, pieces[0], start),
         sample_rate=sample_rate,
         times=times,
     )
 
 
-def sample_times(duration: float, sample_rate: float, origin: float = 0.0) -> Array:
-    """Return the instants of the samples, s, from ``origin`` on.
-
-    Raises
-    ------
-    InputError
-        If there are too many samples, or fewer than two.
-    """
+def _sample_times(duration: float, sample_rate: float, origin: float) -> Array:
+    """Return the instants of the samples, s, from ``origin`` on."""
     if duration * sample_rate > MOST_TRAJECTORY_SAMPLES:
         raise InputError(
             f"{duration * sample_rate:.3g} samples are more than {MOST_TRAJECTORY_SAMPLES:.0e}", "sample_rate"
@@ -191,63 +135,33 @@ def sample_times(duration: float, sample_rate: float, origin: float = 0.0) -> Ar
     return times
 
 
-def timed_pieces(model: Model, base: BaseMotion, load: TipLoad | None, begin: float, end: float) -> list[TimedPiece]:
-    """Return the smooth pieces of a base motion and a tip load together between two instants (s)."""
-    pieces = excitation_pieces(base, load, begin, end)
-    return [TimedPiece(piece.begin, piece.end, piece.function(model, base), piece.largest_step) for piece in pieces]
-
-
-def checked_excitation(model: Model, pieces: Sequence[TimedPiece]) -> ExcitationSamples:
-    """Return the excitation at instants throughout a motion.
-
-    Raises
-    ------
-    InputError
-        If the excitation is beyond all reason; see ``check_excitation``.
-    """
-    # instants at which each piece of the excitation is checked
-    every = [np.linspace(piece.begin, piece.end, 1001) for piece in pieces]
-    found = [piece.excitation(times[None, :]).full().T for piece, times in zip(pieces, every, strict=True)]
-    samples = ExcitationSamples(np.concatenate(every), np.vstack(found))
-    check_excitation(model, samples.times, samples.values)
-    return samples
-
-
-def base_of(model: Model, base: BaseMotion | None, start: Start | Equilibrium | State) -> BaseMotion:
-    """Return the given base motion; if there is none, a clamp fixed at its place in a given state or at the origin."""
-    if base is not None:
-        return base
+def _base_of(model: Model, start: Start | Equilibrium | State) -> BaseMotion:
+    """Return a clamp that is fixed at its place in a given state, or at the origin."""
     if not isinstance(start, State) or start.coordinates.shape != (model.size,):
         return FixedBase()
     x, y, *_ = start.coordinates[:NODE].tolist()
     return FixedBase((x, y), _rotation(model, start.coordinates))
 
 
-def initial_state(model: Model, excitation: cs.Function, start: Start | Equilibrium | State) -> State:
-    """Return the initial state of a motion.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    excitation : Function
-        (t) -> the excitation, (15,).
-    start : {"equilibrium", "straight", "impact"}, Equilibrium or State
-        The start, as in ``simulate``.
+def initial_state(model: Model, excitation: Excitation, start: Start | Equilibrium | State) -> State:
+    """Return the initial state of a motion under the first piece of its excitation.
 
     Raises
     ------
     InputError
         If the start is unknown, belongs to another model, or is a state that stretches the beam or disagrees with the
         motion of the clamp; or if the base motion begins away from the clamp of a beam at rest.
-    EquilibriumError
-        If there is no equilibrium to start from.
     """
     if isinstance(start, State):
-        _check_state(model, excitation(start.time).full().ravel(), start)
+        _check_state(model, excitation.at(start.time), start)
         return start
-    check_start(model, start)
-    node, velocity, _, load = np.split(excitation(0.0).full().ravel(), [NODE, 2 * NODE, 3 * NODE])
+    if isinstance(start, Equilibrium):
+        if start.model != model:
+            raise InputError("the equilibrium belongs to another model", "start")
+    elif not is_one_of(start, get_args(Start)):
+        known = ", ".join(get_args(Start))
+        raise InputError(f"must be one of {known}, an Equilibrium or a State, got {shown(start)}", "start")
+    node, velocity, _, load = np.split(excitation.at(0.0), [NODE, 2 * NODE, 3 * NODE])
     check_clamp(model, node)
     if isinstance(start, Equilibrium):
         coordinates = start.coordinates
@@ -258,37 +172,8 @@ def initial_state(model: Model, excitation: cs.Function, start: Start | Equilibr
     return State(coordinates, rigid_motion(model)(coordinates, velocity).full().ravel())
 
 
-def check_start(model: Model, start: Start | Equilibrium | State) -> None:
-    """Refuse an unknown start, or an equilibrium of another model.
-
-    Raises
-    ------
-    InputError
-        If the start is unknown, or an equilibrium of another model.
-    """
-    if isinstance(start, Equilibrium):
-        if start.model != model:
-            raise InputError("the equilibrium belongs to another model", "start")
-    elif not isinstance(start, State) and not is_one_of(start, get_args(Start)):
-        known = ", ".join(get_args(Start))
-        raise InputError(f"must be one of {known}, an Equilibrium or a State, got {shown(start)}", "start")
-
-
 def check_clamp(model: Model, node: Array) -> None:
-    """Refuse a base motion that begins away from the clamp of the beam at rest.
-
-    Parameters
-    ----------
-    model : Model
-        The beam, at rest with its clamp at the origin and along its axis.
-    node : array (4,)
-        Position and slope of the clamped node at the beginning of the motion.
-
-    Raises
-    ------
-    InputError
-        If they differ from those at rest.
-    """
+    """Refuse a base motion that begins with a clamped node (4,) away from that of the beam at rest."""
     if _distance(model, model.straight, node) > START_TOLERANCE:
         raise InputError(
             f"begins with the clamp at {_point(node)} m, turned by {_rotation(model, node):.6g} rad, but the beam "

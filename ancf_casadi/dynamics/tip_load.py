@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import final
@@ -26,17 +26,17 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.dynamics.base_motion import Piece, Piecewise, check_ramp, ramped
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.dynamics.base_motion import Piece, check_ramp, checked_samples, pieces_between, ramped
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import array, check_size, number, physical, positive_or_infinite, vector
+from ancf_casadi.support.inputs import check_size, number, physical, positive_or_infinite, vector
+from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 
 LOAD_SIZE = 3  # components of a load: force x and y, N, and moment, N m
 
 
-class TipLoad(Piecewise):
+class TipLoad(Displayed, ABC):
     """Base class of the loads at the tip.
 
     Examples
@@ -65,7 +65,7 @@ class TipLoad(Piecewise):
         """Return the load (k, 3) at instants (k,), s: before a jump there, but after a jump at the first of them."""
         found = np.zeros((times.size, LOAD_SIZE))
         if times.size:
-            pieces, t = self.pieces_between(times.min(), times.max()), cs.MX.sym("t")
+            pieces, t = pieces_between(self.pieces(), times.min(), times.max()), cs.MX.sym("t")
             owners = np.minimum(np.searchsorted([last for *_, last in pieces], times), len(pieces) - 1)
             for k in np.unique(owners).tolist():
                 load = cs.Function("load", [t], [cs.densify(pieces[k][0].at(t, cs.MX(0, 1)))])
@@ -174,20 +174,9 @@ class SampledLoad(TipLoad):
 
     def __post_init__(self) -> None:
         """Validate, and keep arrays."""
-        time, force = array(self.time, "time"), array(self.force, "force")
-        if time.ndim != 1 or time.size < 2:
-            raise InputError("needs at least 2 instants", "time")
-        check_size(time, "time")
-        if (np.diff(time) <= 0.0).any():
-            raise InputError("must increase", "time")
-        for interval in (np.diff(time).min(), time[-1] - time[0]):
-            physical(float(interval), "time")
-        moment = np.zeros(time.size) if self.moment is None else array(self.moment, "moment")
-        if force.shape != (time.size, 2):
-            raise InputError(f"must have the shape ({time.size}, 2), got {force.shape}", "force")
-        if moment.shape != time.shape:
-            raise InputError(f"must have the shape ({time.size},), got {moment.shape}", "moment")
-        for name, values in (("time", time), ("force", force), ("moment", moment)):
+        samples = checked_samples(2, self.time, force=self.force, moment=self.moment)
+        physical(float(np.diff(samples["time"]).min()), "time")
+        for name, values in samples.items():
             check_size(values, name)
             object.__setattr__(self, name, values)
 

@@ -22,9 +22,11 @@ the first step.  The limits are far beyond experiments: a gantry travels some te
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
+from ancf_casadi.dynamics.excitation import Excitation
 from ancf_casadi.dynamics.tip_load import equilibrium_under
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import EquilibriumError, InputError
@@ -52,19 +54,7 @@ def radau_tolerance(travel: float) -> float:
 
 
 def expected_travel(model: Model, times: Array, excitations: Array, start: State) -> float:
-    """Return the expected travel of a motion, relative to the length of the beam.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    times : array (k,)
-        Instants of the motion, s.
-    excitations : array (k, 15)
-        The excitation at these instants.
-    start : State
-        The initial state.
-    """
+    """Return the expected travel of a motion, relative to the length of the beam, from the excitations (k, 15)."""
     length = model.beam.length
     position, slope, velocity = excitations[:, :2], excitations[:, 2:NODE], excitations[0, NODE : 2 * NODE]
     travel = np.linalg.norm(position - position[0], axis=1).max()
@@ -92,17 +82,8 @@ def _rest(model: Model, excitation: Array) -> Array:
     return np.asarray(coordinates.reshape(-1, NODE)[:, :2] + excitation[:2])
 
 
-def check_excitation(model: Model, times: Array, excitations: Array) -> None:
-    """Check the size of a base motion and a tip load.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    times : array (k,)
-        Instants of the motion, s.
-    excitations : array (k, 15)
-        Position, velocity and acceleration of the clamped node, and the tip load, at these instants.
+def checked_excitation(model: Model, pieces: Sequence[Excitation]) -> tuple[Array, Array]:
+    """Return instants throughout a motion, (k,), s, and the excitation there, (k, 15), after a check of its size.
 
     Raises
     ------
@@ -110,6 +91,9 @@ def check_excitation(model: Model, times: Array, excitations: Array) -> None:
         If the base motion is not finite, moves the clamp by more than 1000 lengths of the beam, or is faster than ten
         times the longitudinal waves in the beam; or if the load bends the beam by more than 1000 lengths.
     """
+    instants = [np.linspace(piece.begin, piece.end, 1001) for piece in pieces]
+    values = [piece.function(own[None, :]).full().T for piece, own in zip(pieces, instants, strict=True)]
+    times, excitations = np.concatenate(instants), np.vstack(values)
     length, clamp = model.beam.length, excitations[:, : 3 * NODE]
     finite = np.isfinite(clamp).all(axis=1)
     if not finite.all():
@@ -132,16 +116,11 @@ def check_excitation(model: Model, times: Array, excitations: Array) -> None:
             "are possible. Check the unit",
             "load",
         )
+    return times, excitations
 
 
 def check_speed(model: Model, speed: float, at: str, where: str) -> None:
-    """Check a velocity, m/s, against that of longitudinal waves in the beam, (E/rho)^1/2.
-
-    Raises
-    ------
-    InputError
-        If it is more than ten times as fast.
-    """
+    """Refuse a velocity, m/s, of more than ten times that of longitudinal waves in the beam, (E/rho)^1/2."""
     _, _, density, modulus = model.properties
     waves = math.sqrt(float((modulus / density).max()))
     if not speed <= MOST_WAVE_SPEEDS * waves:

@@ -93,13 +93,6 @@ class IntegratorUse(Displayed):
     tolerance: float
 
 
-def relative_to(clamp: Array, coordinates: Array) -> Array:
-    """Return nodal coordinates (k, 4 n + 4) relative to the position (k, 2) of the clamp."""
-    nodes = coordinates.reshape(len(clamp), -1, NODE).copy()
-    nodes[:, :, :2] -= clamp[:, None, :]
-    return nodes.reshape(coordinates.shape)
-
-
 class Motion(Reported):
     """Base class of simulated motions of a beam."""
 
@@ -124,7 +117,9 @@ class Motion(Reported):
     @property
     def relative_coordinates(self) -> Array:
         """Nodal coordinates relative to the position of the clamp, (k, 4 n + 4)."""
-        return relative_to(self.coordinates[:, :2], self.coordinates)
+        nodes = self.coordinates.reshape(len(self.time), -1, NODE).copy()
+        nodes[:, :, :2] -= nodes[:, :1, :2]
+        return nodes.reshape(self.coordinates.shape)
 
     def position(self, point: float) -> Array:
         """Return the position of the material point at arc length ``point`` (m), (k, 2), m.

@@ -1,6 +1,6 @@
 """Forces of the reduced beam in motion, as CasADi expressions.
 
-With e = u + P r' (``kinematics``), and n the slope r' turned by 90 degrees, the virtual displacements are
+With e = u + P r' (``projection``), and n the slope r' turned by 90 degrees, the virtual displacements are
 de = P n Theta dq, and velocity and acceleration are
 
     e_t = u_t + P n theta_t,    e_tt = u_tt + P (n theta_tt - r' theta_t^2),    theta_t = phi_t + Theta q_t.
@@ -15,10 +15,11 @@ coordinates (q, u).
 
 A motion may have N instants side by side.  Then q and v are (m, N), a component of r' is (k, N), and so on.
 
-A damping law combines the forces of ``ProjectedForces`` as it combines those of the full model.  The strain-rate force
-is that of bending alone, K_b q_t.  The tangent stiffness also includes the tension that balances gravity and the
-acceleration of the clamp, but not the tension due to the motion of the beam itself.  The modal (generic) law,
-R B diag(d) B^T R^T e_t of Eq. (32), turns by the rotation phi of the clamp.
+A damping law combines the forces of ``ReducedMotion`` as it combines those of the full model (``damping.Forces``); they
+are the forces of the motion itself, whatever their arguments.  The strain-rate force is that of bending alone, K_b q_t.
+The tangent stiffness also includes the tension that balances gravity and the acceleration of the clamp, but not the
+tension due to the motion of the beam itself.  The modal (generic) law, R B diag(d) B^T R^T e_t of Eq. (32), turns by
+the rotation phi of the clamp.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from typing import Any
 import casadi as cs
 
 from ancf_casadi.damping import DampingLaw
+from ancf_casadi.dynamics.tip_load import tip_force
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.element import SMOOTHING_SPEED
 from ancf_casadi.mechanics.model import Model
@@ -44,7 +46,7 @@ BASE_SIZE = 9  # displacement (x, y) and rotation of the clamp, their velocities
 
 @dataclass(frozen=True, eq=False)
 class ReducedMotion:
-    """A motion of the reduced beam, and its forces without damping.
+    """A motion of the reduced beam, its forces without damping, and those that a damping law combines.
 
     Parameters
     ----------
@@ -128,11 +130,9 @@ class ReducedMotion:
         """Return the force of a load (force x and y, N, and moment, N m) at the tip, (m + 2,)."""
         x, y = self.slope
         position, slope = (cs.DM(row) for row in self.projection.slopes.shape[-2:])
-        tau_x, tau_y = slope.T @ x, slope.T @ y
-        turn = load[2, :] / (tau_x**2 + tau_y**2)
-        force_x = position @ load[0, :] - slope @ (tau_y * turn)
-        force_y = position @ load[1, :] + slope @ (tau_x * turn)
-        return cs.vertcat(self.modal_force(force_x, force_y), load[:2, :])
+        fx, fy, hx, hy = cs.vertsplit(tip_force(cs.vertcat(slope.T @ x, slope.T @ y), load))
+        modal = self.modal_force(position @ fx + slope @ hx, position @ fy + slope @ hy)
+        return cs.vertcat(modal, load[:2, :])
 
     def bending(self, q: Expression) -> Expression:
         """Return K_b times modal coordinates or their velocities, (m,)."""
@@ -148,7 +148,7 @@ class ReducedMotion:
         """
         properties = cs.SX(cs.DM(model.properties))
         position, velocity = cs.vertcat(self.q, self.base[:2, :]), cs.vertcat(self.v, self.base[3:5, :])
-        local = law.local_force(ProjectedForces(self), position, velocity, properties, parameters)
+        local = law.local_force(self, position, velocity, properties, parameters)
         return local + self._low_rank_damping(law, parameters, model)
 
     @property
@@ -163,6 +163,48 @@ class ReducedMotion:
             projection.rest_energy + cs.dot(cs.DM(projection.rest_force) + self.bending(self.q) / 2, self.q),
             -cs.dot(self.gravity, slope.T @ moment + mass * u),
         )
+
+    def inertia_force(self, v: Expression, properties: Expression) -> Expression:
+        """Return the force of M e_t."""
+        x, y = self.slope_velocity
+        moment, mass = cs.DM(self.projection.mass_moment), self.projection.total_mass
+        x_t, y_t = self.base[3, :], self.base[4, :]
+        modal = self.inertia(x, y) + self.modal_force(moment @ x_t, moment @ y_t)
+        return cs.vertcat(modal, moment.T @ x + mass * x_t, moment.T @ y + mass * y_t)
+
+    def line_inertia_force(self, v: Expression, properties: Expression) -> Expression:
+        """Return the force of int S^T mu r_t dp, which excludes the mass at the tip."""
+        tip, mass = self.projection.slopes.shape[-2:-1], self.projection.tip_mass
+        x, y = self._velocities(tip)
+        return self.inertia_force(v, properties) - self._of_points(tip, mass * x, mass * y)
+
+    def strain_rate_force(self, q: Expression, v: Expression, properties: Expression) -> Expression:
+        """Return the force of Q_v in bending, K_b q_t."""
+        return _without_resultant(self.bending(self.v))
+
+    def tangent_force(self, q: Expression, v: Expression, properties: Expression) -> Expression:
+        """Return the force of K e_t, under the tension due to gravity and the acceleration of the clamp."""
+        (x, y), gravity = self.slope, self.relative_gravity
+        moment = _columns(self.projection.mass_moment, x)
+        tension = moment * (x * _rows(gravity[0, :], x) + y * _rows(gravity[1, :], x))
+        rotations = cs.DM(self.projection.slopes.rotations)
+        return _without_resultant(self.bending(self.v) + rotations.T @ (self.angular_velocity * tension))
+
+    def reference_force(self, v: Expression, properties: Expression) -> Expression:
+        """Refuse K e_t with K of the straight beam, which the reduced model does not have."""
+        raise InputError(
+            "the reduced model has no force of the reference stiffness, which resists rigid rotations; "
+            "use stiffness='strain-rate'",
+            "damping",
+        )
+
+    def drag_force(self, v: Expression, properties: Expression) -> Expression:
+        """Return the force of int S^T mu |v| v dp."""
+        return self._surface_force(lambda square: cs.sqrt(square + SMOOTHING_SPEED**2))
+
+    def friction_force(self, v: Expression, properties: Expression, smoothing_speed: float) -> Expression:
+        """Return the force of int S^T mu v/(|v|^2 + v0^2)^(1/2) dp with the smoothing speed v0."""
+        return self._surface_force(lambda square: 1 / cs.sqrt(square + smoothing_speed**2))
 
     @cached_property
     def _factored_jacobian(self) -> tuple[Expression, Expression]:
@@ -186,79 +228,21 @@ class ReducedMotion:
         modal = self.modal_force(*_rotated(angle, slopes[0] @ force, slopes[1] @ force))
         return cs.vertcat(modal, *_rotated(angle, clamp[0].T @ force, clamp[1].T @ force))
 
-
-@dataclass(frozen=True, eq=False)
-class ProjectedForces:
-    """The forces that a damping law combines, on the coordinates (q, u), each (m + 2,); see ``damping.Forces``.
-
-    The forces are those of ``motion``; their arguments are not used.
-
-    Parameters
-    ----------
-    motion : ReducedMotion
-        The motion of the reduced beam.
-    """
-
-    motion: ReducedMotion
-
-    def inertia_force(self, v: Expression, properties: Expression) -> Expression:
-        """Return the force of M e_t."""
-        motion, (x, y) = self.motion, self.motion.slope_velocity
-        moment, mass = cs.DM(motion.projection.mass_moment), motion.projection.total_mass
-        x_t, y_t = motion.base[3, :], motion.base[4, :]
-        modal = motion.inertia(x, y) + motion.modal_force(moment @ x_t, moment @ y_t)
-        return cs.vertcat(modal, moment.T @ x + mass * x_t, moment.T @ y + mass * y_t)
-
-    def line_inertia_force(self, v: Expression, properties: Expression) -> Expression:
-        """Return the force of int S^T mu r_t dp, which excludes the mass at the tip."""
-        tip, mass = self.motion.projection.slopes.shape[-2:-1], self.motion.projection.tip_mass
-        x, y = self._velocities(tip)
-        return self.inertia_force(v, properties) - self._of_points(tip, mass * x, mass * y)
-
-    def strain_rate_force(self, q: Expression, v: Expression, properties: Expression) -> Expression:
-        """Return the force of Q_v in bending, K_b q_t."""
-        return _without_resultant(self.motion.bending(self.motion.v))
-
-    def tangent_force(self, q: Expression, v: Expression, properties: Expression) -> Expression:
-        """Return the force of K e_t, under the tension due to gravity and the acceleration of the clamp."""
-        motion = self.motion
-        (x, y), gravity = motion.slope, motion.relative_gravity
-        moment = _columns(motion.projection.mass_moment, x)
-        tension = moment * (x * _rows(gravity[0, :], x) + y * _rows(gravity[1, :], x))
-        rotations = cs.DM(motion.projection.slopes.rotations)
-        return _without_resultant(motion.bending(motion.v) + rotations.T @ (motion.angular_velocity * tension))
-
-    def reference_force(self, v: Expression, properties: Expression) -> Expression:
-        """Refuse K e_t with K of the straight beam, which the reduced model does not have."""
-        raise InputError(
-            "the reduced model has no force of the reference stiffness, which resists rigid rotations; "
-            "use stiffness='strain-rate'",
-            "damping",
-        )
-
-    def drag_force(self, v: Expression, properties: Expression) -> Expression:
-        """Return the force of int S^T mu |v| v dp."""
-        return self._surface_force(lambda square: cs.sqrt(square + SMOOTHING_SPEED**2))
-
-    def friction_force(self, v: Expression, properties: Expression, smoothing_speed: float) -> Expression:
-        """Return the force of int S^T mu v/(|v|^2 + v0^2)^(1/2) dp with the smoothing speed v0."""
-        return self._surface_force(lambda square: 1 / cs.sqrt(square + smoothing_speed**2))
-
     def _surface_force(self, factor: Callable[[Expression], Expression]) -> Expression:
         """Return the force of int S^T mu f(|v|^2) v dp."""
-        projection = self.motion.projection
+        projection = self.projection
         x, y = self._velocities(projection.drag_shape)
         weight = _columns(projection.drag_mass, x) * factor(x**2 + y**2)
         return self._of_points(projection.drag_shape, weight * x, weight * y)
 
     def _velocities(self, shape: Array) -> tuple[Expression, Expression]:
         """Return the velocities (d,) of points whose positions are u + ``shape`` (d, k) times the slopes."""
-        x, y = (cs.DM(shape) @ part for part in self.motion.slope_velocity)
-        return x + _rows(self.motion.base[3, :], x), y + _rows(self.motion.base[4, :], y)
+        x, y = (cs.DM(shape) @ part for part in self.slope_velocity)
+        return x + _rows(self.base[3, :], x), y + _rows(self.base[4, :], y)
 
     def _of_points(self, shape: Array, x: Expression, y: Expression) -> Expression:
         """Return the force of forces (x, y) at such points."""
-        modal = self.motion.modal_force(cs.DM(shape.T) @ x, cs.DM(shape.T) @ y)
+        modal = self.modal_force(cs.DM(shape.T) @ x, cs.DM(shape.T) @ y)
         return cs.vertcat(modal, cs.sum1(x), cs.sum1(y))
 
 

@@ -1,6 +1,25 @@
-"""Constants of the reduced model: mass, stiffness, gravity and drag of the full model, projected once.
+"""Projection of the full beam on bending in a few modes, without stretching.
 
-With the nodal coordinates e = u + P r' (``kinematics``) these are
+The slope r' = lambda (cos theta, sin theta) keeps the length lambda it has at rest.  Its angle to the x axis is
+
+    theta(s, t) = phi(t) + theta_0(s) + sum_k Theta_k(s) q_k(t),
+
+with the rotation phi of the clamp, the angle theta_0 at rest, and the rotation Theta_k of the slope in mode k of the
+full beam.  Integration along the beam gives the positions.  The beam therefore keeps its length exactly, at any
+amplitude, and needs no separate function for the shortening of its projection.
+
+Mesh.  The slopes at the 2 n + 1 nodes and midpoints are integrated by Simpson's rule, which is exact for the cubic
+elements.  The nodal coordinates are e = u + P r' with a constant matrix P and the displacement u of the clamp.  The
+state at rest and, to first order in q, the modes of the full beam are exact.
+
+Selected points.  The slopes at a few points determine all others (discrete empirical interpolation).  Random bent
+shapes give snapshots of r'.  The snapshots lie close to the space of their leading left singular vectors U.  QR with
+pivoting selects as many points as there are vectors, and r' = U (U_selected)^-1 r'_selected holds at all points.  The
+state at rest and the first-order motion are snapshots of large weight, so the interpolation error affects large motion
+only.
+
+Constants.  With the nodal coordinates e = u + P r', mass, stiffness, gravity and drag of the full model are projected
+once,
 
     P^T M P = R^T R,    P^T M 1,    1^T M 1             inertia and gravity, M of one component,
     K_b = W^T K W,    f_0 = (dr'/dq)^T P^T Q_e          bending,
@@ -10,6 +29,11 @@ and the elastic force Q_e at rest.  The elastic force f_0 + K_b q is linear in q
 
 The drag acts at Gauss points along the whole beam.  With their masses as weights, sums over these points integrate
 polynomials exactly over the mass of the elements.
+
+References
+----------
+Drmac and Gugercin 2016, "A new selection operator for the discrete empirical interpolation method - improved a priori
+error bound and extensions" (the selection by QR).
 """
 
 from __future__ import annotations
@@ -17,12 +41,117 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.mechanics.shape import gauss
-from ancf_casadi.reduction.kinematics import Slopes
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.modes import Modes
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Nodal slopes at points of the beam, and the shape that they determine.
+
+    Parameters
+    ----------
+    angles : array (k,)
+        Angle theta_0 of the slope at rest, rad.
+    lengths : array (k,)
+        Length lambda of the slope, which is constant.
+    rotations : array (k, m)
+        Rotation Theta of the slope per unit modal coordinate, rad/(m kg^1/2).
+    shape : array (2 n + 2, k), or (2 n + 4, k) with an elastic clamp
+        Matrix P from one component of the slopes to the same component of all nodal coordinates, relative to the
+        clamp.
+    rows : array of int (k,)
+        Places of the points among the nodes and midpoints; the base of an elastic clamp comes first.
+    """
+
+    angles: Array
+    lengths: Array
+    rotations: Array
+    shape: Array
+    rows: Index
+
+    @property
+    def at_rest(self) -> Array:
+        """The slopes at rest, (k, 2)."""
+        return np.asarray(self.lengths * np.array([np.cos(self.angles), np.sin(self.angles)])).T
+
+    @property
+    def jacobian(self) -> Array:
+        """Jacobian of the slopes with respect to the modal coordinates, at rest, (k, 2, m)."""
+        x, y = self.at_rest.T
+        return np.stack([-y[:, None] * self.rotations, x[:, None] * self.rotations], axis=1)
+
+
+def nodal_slopes(modes: Modes) -> Slopes:
+    """Return the slopes at all nodes and midpoints of the mesh.
+
+    Raises
+    ------
+    InputError
+        If one of the modes stretches the beam.
+    """
+    model, length = modes.model, modes.model.beam.length
+    points = np.linspace(0.0, length, 2 * model.beam.elements + 1)
+    interpolation = np.array([model.slope_interpolation(min(float(s), length)) for s in points])
+    rest, change = interpolation @ modes.equilibrium.coordinates, interpolation @ modes.shapes
+    (x, y), square = rest.T, (rest**2).sum(axis=1)
+    rotations = (x[:, None] * change[:, 1] - y[:, None] * change[:, 0]) / square[:, None]
+    strains = (x[:, None] * change[:, 0] + y[:, None] * change[:, 1]) / square[:, None]
+    # axial strain per unit rotation; a mode with more is not a bending mode
+    axial = np.abs(strains).max(axis=0) > 0.1 * np.abs(rotations).max(axis=0)
+    if axial.any():
+        raise InputError(
+            f"mode {axial.argmax() + 1} stretches the beam, and the reduced model only bends; keep fewer modes", "modes"
+        )
+    root = model.root  # 1 with an elastic clamp, whose base has its own slope and turns with phi alone
+    angles = np.concatenate([[np.arctan2(*model.beam.axis[::-1])] * root, np.arctan2(y, x)])
+    return Slopes(
+        angles=np.unwrap(angles),
+        lengths=np.concatenate([np.ones(root), np.sqrt(square)]),
+        rotations=np.vstack([np.zeros((root, modes.count)), rotations]),
+        shape=_simpson(model),
+        rows=np.arange(root + len(points)),
+    )
+
+
+def select_points(slopes: Slopes, count: int, rows: Index | None = None) -> Slopes:
+    """Return the slopes at the ``count`` points, or at given ones, that best determine all slopes; more than modes."""
+    points, m = slopes.rotations.shape
+    # rad, of the slope in a snapshot: root of the sum of squares over the modes
+    largest = 0.8 / np.sqrt(m) / np.abs(slopes.rotations).max(axis=0)
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (200, m)) * largest  # random bent shapes
+    angles = slopes.angles + q @ slopes.rotations.T
+    bent = np.vstack([slopes.lengths * np.cos(angles), slopes.lengths * np.sin(angles)])
+    first_order = np.concatenate([slopes.at_rest[:, :, None], slopes.jacobian * largest], axis=2).reshape(points, -1)
+    # weight of the state at rest and of the first-order motion among the snapshots
+    snapshots = np.column_stack([1e4 * first_order, bent.T])
+    basis = scipy.linalg.svd(snapshots, full_matrices=False)[0][:, :count]
+    if rows is None:
+        rows = np.sort(scipy.linalg.qr(basis.T, pivoting=True, mode="r")[1][:count])
+    return Slopes(
+        angles=slopes.angles[rows],
+        lengths=slopes.lengths[rows],
+        rotations=slopes.rotations[rows],
+        shape=np.linalg.solve(basis[rows].T, (slopes.shape @ basis).T).T,
+        rows=rows,
+    )
+
+
+def _simpson(model: Model) -> Array:
+    """Return P, from the slopes at nodes and midpoints (and of an elastic clamp) to the nodal coordinates."""
+    elements, l = model.beam.elements, model.beam.element_length
+    shape = np.zeros((2 * elements + 2, 2 * elements + 1))
+    nodes = np.arange(elements + 1)
+    shape[2 * nodes + 1, 2 * nodes] = 1.0
+    for i in range(elements):
+        shape[2 * i + 2] = shape[2 * i]
+        shape[2 * i + 2, 2 * i : 2 * i + 3] += l / 6 * np.array([1.0, 4.0, 1.0])
+    return np.asarray(scipy.linalg.block_diag(*[np.array([[0.0], [1.0]])] * model.root, shape))
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,17 +193,7 @@ class Projection:
 
 
 def project_model(modes: Modes, nodal: Slopes, selected: Slopes, drag_points: int) -> Projection:
-    """Project mass, stiffness and drag of the full model.
-
-    Parameters
-    ----------
-    modes : Modes
-        The modes kept.
-    nodal, selected : Slopes
-        The slopes at all nodes and midpoints, and at the selected points.
-    drag_points : int
-        Number of Gauss points of the drag.
-    """
+    """Project the full model on the modes, by the slopes at all nodes and midpoints and at the selected points."""
     model, rest = modes.model, modes.equilibrium.coordinates
     p, beam = model.properties, model.beam
     mass = model.mass(p).full()[::2, ::2]

@@ -36,7 +36,6 @@ from ancf_casadi.damping import DampingLaw, RayleighDamping
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.signals import (
     MotionFunctions,
-    Signal,
     base_signals,
     modal_signals,
     output_signals,
@@ -46,8 +45,7 @@ from ancf_casadi.dynamics.signals import (
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
-from ancf_casadi.reduction.kinematics import nodal_slopes, select_points
-from ancf_casadi.reduction.projection import Projection, project_model
+from ancf_casadi.reduction.projection import Projection, nodal_slopes, project_model, select_points
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.support.tables import counted
@@ -214,7 +212,8 @@ def rebuilt(first: ReducedModel, model: Model) -> ReducedModel:
 
 def _assembled(modes: Modes, law: DampingLaw, projection: Projection, markers: Sequence[float]) -> ReducedModel:
     """Return the reduced model with its Functions."""
-    parameters = _parameters(modes.model, law)
+    signals = parameter_signals(Equations(modes.model, law))
+    parameters = *signals[:2], *signals[2 + modes.model.properties.size :]  # without the properties of the elements
     functions = _functions(modes, law, projection, len(parameters), markers)
     return ReducedModel(
         modes=modes,
@@ -227,12 +226,6 @@ def _assembled(modes: Modes, law: DampingLaw, projection: Projection, markers: S
         step=_step(functions["rhs"], modes),
         **functions,
     )
-
-
-def _parameters(model: Model, law: DampingLaw) -> tuple[Signal, ...]:
-    """Return gravity and the parameters of the law: those of the full model without the properties of the elements."""
-    signals = parameter_signals(Equations(model, law))
-    return *signals[:2], *signals[2 + model.properties.size :]
 
 
 def _projection(modes: Modes, slope_points: int | None, drag_points: int | None) -> Projection:
@@ -265,24 +258,21 @@ def _functions(
     forces = (motion.undamped_forces(cs.SX.zeros(m)) + motion.damping(law, p[2:], model))[:m]
     positions = cs.horzcat(cs.SX(2, 0), *(cs.DM(model.interpolation(s)) @ e for s in markers))
 
+    D, LT, permutation = cs.ldl(motion.mass)
+    a = cs.ldl_solve(-forces, D, LT, permutation)
+
     def function(name: str, arguments: Sequence[str], **outputs: cs.SX) -> cs.Function:
         symbols = [inputs[argument] for argument in arguments]
         return cs.Function(f"reduced_{name}", symbols, cs.cse([*outputs.values()]), [*arguments], [*outputs])
 
     return {
-        "rhs": function("rhs", ("q", "v", "base", "p"), a=_solve(motion.mass, -forces)),
+        "rhs": function("rhs", ("q", "v", "base", "p"), a=a),
         "mass": function("mass", ("q",), M=M),
         "energies": function("energies", ("q", "v", "base", "p"), T=T, U=U, V=V),
         "tip": function("tip", ("q", "base"), r=e[-4:-2]),
         "markers": function("markers", ("q", "base"), r=positions),
         "coordinates": function("coordinates", ("q", "v", "base"), e=e, e_t=e_t),
     }
-
-
-def _solve(matrix: cs.SX, vector: cs.SX) -> cs.SX:
-    """Return A^-1 b for a positive definite matrix A = L D L^T."""
-    D, LT, permutation = cs.ldl(matrix)
-    return cs.ldl_solve(vector, D, LT, permutation)
 
 
 def _step(rhs: cs.Function, modes: Modes) -> cs.Function:

@@ -16,15 +16,14 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from types import NoneType
 from typing import Any
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
+from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.segments import SAME_TIME
-from ancf_casadi.dynamics.start import Start, base_of, checked_excitation, initial_state, sample_times, timed_pieces
+from ancf_casadi.dynamics.start import Start, set_up
 from ancf_casadi.dynamics.trajectory import Motion, State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.model import Model
@@ -32,7 +31,7 @@ from ancf_casadi.reduction.forces import BASE_SIZE
 from ancf_casadi.reduction.reduced import BASE_INSTANTS, ReducedModel
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import compiled, interpreted
-from ancf_casadi.support.inputs import check_instance, physical, positive, whole
+from ancf_casadi.support.inputs import check_instance, positive, whole
 from ancf_casadi.support.interrupts import delayed_interrupts
 from ancf_casadi.support.tables import counted
 from ancf_casadi.vibration.equilibrium import Equilibrium
@@ -179,56 +178,49 @@ def simulate_reduced(
     """
     began = time.perf_counter()
     check_instance(reduced, "reduced", ReducedModel)
-    check_instance(base, "base", BaseMotion, NoneType)
-    check_instance(start, "start", str, Equilibrium, State)
-    origin = start.time if isinstance(start, State) else 0.0
-    instants = sample_times(physical(duration, "duration"), physical(sample_rate, "sample_rate"), origin)
-    end, base = float(instants[-1]), base_of(reduced.model, base, start)
-    longest_step = _longest_step(reduced, end - origin, positive(steps_per_period, "steps_per_period"))
-    pieces = base.pieces_between(origin, end)
-    excitations = timed_pieces(reduced.model, base, None, origin, end)
-    checked_excitation(reduced.model, excitations)
-    state = initial_state(reduced.model, excitations[0].excitation, start)
-    advance = _stepper(reduced, end - origin)
+    setup = set_up(
+        reduced.model, duration=duration, damping=None, base=base, load=None, sample_rate=sample_rate, start=start
+    )
+    state, instants, length = setup.start, setup.times, float(np.ptp(setup.times))
+    per_second = float(reduced.modes.frequencies[-1]) * positive(steps_per_period, "steps_per_period")
+    if length * per_second > MOST_REDUCED_STEPS:
+        raise InputError(
+            f"makes {length * per_second:.1e} steps, more than {MOST_REDUCED_STEPS:.0e}", "steps_per_period"
+        )
+    advance = _stepper(reduced, length)
 
     samples: list[Array] = []  # of (q, v)
     clamps: list[Array] = []  # motion of the clamp at these samples
     steps, taken = 0, 0
-    for piece, now, piece_end in pieces:
-        clamp = _clamp_motion(piece, base)
-        count = int(np.searchsorted(instants, piece_end, side="right"))
-        x = project(reduced, state, clamp(now).full().ravel())
-        for starts, h, sampled in _portions(now, instants[taken:count], piece_end, longest_step):
+    for piece in setup.pieces:
+        clamp = piece.clamp
+        count = int(np.searchsorted(instants, piece.end, side="right"))
+        x = project(reduced, state, clamp(piece.begin).full().ravel())
+        for starts, h, sampled in _portions(piece.begin, instants[taken:count], piece.end, 1 / per_second):
             with delayed_interrupts():
                 stages = clamp(
                     (starts[:, None] + h[:, None] * np.linspace(0.0, 1.0, BASE_INSTANTS)).reshape(1, -1)
                 ).full()
                 if not np.isfinite(stages).all():
-                    where = f"before {piece_end:g} s"
+                    where = f"before {piece.end:g} s"
                     raise InputError(f"its position, velocity or acceleration is not finite {where}", "base")
                 path = advance(x, stages, h)
-            _check_finite(path, starts)
+            lost = ~np.isfinite(path[1:]).all(axis=1)
+            if lost.any():
+                message = "the motion does not stay finite because the steps are too long; increase steps_per_period"
+                raise SimulationError(message, float(starts[lost][0]))
             samples.append(path[sampled])
             x, steps = path[-1], steps + len(h)
         clamps.append(clamp(instants[None, taken:count]).full().T[: count - taken])  # CasADi returns 1 for no instant
         q, v = np.split(x, 2)
-        state = _full_state(reduced, q, v, clamp(piece_end).full().ravel(), piece_end)
+        state = _full_state(reduced, q, v, clamp(piece.end).full().ravel(), piece.end)
         taken = count
     q, v = np.split(np.vstack(samples), 2, axis=1)
     return ReducedTrajectory(reduced, instants, q, v, np.vstack(clamps), steps, time.perf_counter() - began)
 
 
 def project(reduced: ReducedModel, state: State, base: Array) -> Array:
-    """Return the modal coordinates and velocities nearest to a state of the full model, (2 m,).
-
-    Parameters
-    ----------
-    reduced : ReducedModel
-        The reduced model.
-    state : State
-        State of the full model.
-    base : array (9,)
-        Motion of the clamp.
+    """Return the modal coordinates and velocities nearest to a state, (2 m,), whose clamp has the motion ``base`` (9,).
 
     Raises
     ------
@@ -256,16 +248,6 @@ def _full_state(reduced: ReducedModel, q: Array, v: Array, base: Array, at: floa
     return State(e.full().ravel(), e_t.full().ravel(), at)
 
 
-def _longest_step(reduced: ReducedModel, duration: float, steps_per_period: float) -> float:
-    """Return the longest step, s, or raise an InputError if it leads to too many steps."""
-    per_second = float(reduced.modes.frequencies[-1]) * steps_per_period
-    if duration * per_second > MOST_REDUCED_STEPS:
-        raise InputError(
-            f"makes {duration * per_second:.1e} steps, more than {MOST_REDUCED_STEPS:.0e}", "steps_per_period"
-        )
-    return 1 / per_second
-
-
 def _portions(now: float, instants: Array, end: float, longest: float) -> Iterator[tuple[Array, Array, Index]]:
     """Yield the steps from ``now`` to ``end``, at most ``STEPS_PER_CALL`` at a time.
 
@@ -283,22 +265,6 @@ def _portions(now: float, instants: Array, end: float, longest: float) -> Iterat
         starts = marks[interval] + (steps - before[interval]) * lengths[interval]
         yield starts, lengths[interval], sampled[taken:count] - begin
         taken = count
-
-
-def _check_finite(path: Array, starts: Array) -> None:
-    """Raise a SimulationError at the first step that is not finite."""
-    lost = ~np.isfinite(path[1:]).all(axis=1)
-    if lost.any():
-        message = "the motion does not stay finite because the steps are too long; increase steps_per_period"
-        raise SimulationError(message, float(starts[lost][0]))
-
-
-def _clamp_motion(piece: Piece, base: BaseMotion) -> cs.Function:
-    """Return the Function (t) -> displacement and rotation of the clamp, velocities and accelerations, (9,)."""
-    t = cs.MX.sym("t")
-    position = cs.densify(piece.at(t, cs.MX(cs.DM([own.value for own in base.parameters]))))
-    velocity = cs.densify(cs.jacobian(position, t))
-    return cs.Function("clamp", [t], [cs.vertcat(position, velocity, cs.densify(cs.jacobian(velocity, t)))])
 
 
 def _stepper(reduced: ReducedModel, duration: float) -> Callable[[Array, Array, Array], Array]:

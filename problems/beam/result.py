@@ -264,8 +264,7 @@ class BeamFit(LeastSquaresResult):
         found = self.estimates
         load = [found.get(load_name(name, record + 1), value) for name, value in loads(one)]
         model = self.configured(block.model)
-        held = held_start(model, start_jacobians(model), np.array(load))
-        return State(held.coordinates, held.velocities)
+        return held_start(model, start_jacobians(model), np.array(load))[0]
 
     def predict(self, record: Any) -> MotionPrediction | ResponsePrediction | ValuePrediction:
         """Compute another record of the same beam with the estimates, without fitting, and compare.

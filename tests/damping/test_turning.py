@@ -20,8 +20,8 @@ from ancf_casadi import (
 )
 from ancf_casadi.dynamics.derivatives.tangent import Tangent
 from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.idas import SemiExplicit
 from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
-from ancf_casadi.dynamics.semi_explicit import SemiExplicit
 from ancf_casadi.export import Document, beam_functions, read_document, write_document
 from ancf_casadi.support.banded import BandedFactors, lapack_storage
 
@@ -276,10 +276,10 @@ def test_the_jacobian_that_idas_uses_is_that_of_differences_under_a_turned_clamp
     form, random, m = SemiExplicit(equations), np.random.default_rng(7), len(RATIOS)
     (excitation,) = excitations_turned([1.0])
     x, z = (1e-3 * random.normal(size=form.residual.size1_in(k)) for k in range(2))
-    by_x, by_z = (form.residual.jacobian()(x, z, excitation, form.parameters, 0, 0)[k].full() for k in (4, 5))
+    by_x, by_z = (form.residual.jacobian()(x, z, excitation, 0, 0)[k].full() for k in (3, 4))
 
     def remainder(x, z):
-        return form.residual(x, z, excitation, form.parameters)[1].full().ravel()
+        return form.residual(x, z, excitation)[1].full().ravel()
 
     free = equations.free
     rates = np.column_stack([remainder(x + unit, z) - remainder(x - unit, z) for unit in np.eye(x.size)[free:]]) / 2

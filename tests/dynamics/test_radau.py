@@ -18,12 +18,12 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.equations import Equations, excitation_pieces
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.excitation import excitation_pieces
 from ancf_casadi.dynamics.radau import step_control
 from ancf_casadi.dynamics.radau import stepper as radau
 from ancf_casadi.dynamics.radau.collocation import Collocation, first_equal
 from ancf_casadi.dynamics.radau.newton import Newton
-from ancf_casadi.dynamics.segments import InitialValueProblem, Segment
 from ancf_casadi.dynamics.start import initial_state
 
 BEAM = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
@@ -34,10 +34,9 @@ BLOW = HarmonicBase(amplitude=0.1e-3, frequency=94.3388)
 def stepper(model, law, base, start, end, tolerance):
     """Return a stepper that has reached the end."""
     equations = Equations(model, law)
-    excitation = excitation_pieces(base, None, 0.0, end)[0].function(model, base)
+    excitation = excitation_pieces(model, base, None, 0.0, end)[0]
     state = initial_state(model, excitation, start)
-    problem = InitialValueProblem(equations, excitation, state, [Segment(0.0, end, 1, 0)], tolerance)
-    run = radau.Stepper(Collocation(equations), equations.parameters, problem)
+    run = radau.Stepper(Collocation(equations), equations.parameters, excitation, state, tolerance)
     run.reach(end)
     return run
 

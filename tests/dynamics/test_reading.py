@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from ancf_casadi import Beam, HarmonicBase, ModalDamping, Model, QuadraticDamping, natural_modes, static_equilibrium
+from ancf_casadi.dynamics.derivatives.differentiable import Runs
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion
-from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.records.sensor import Sensor
@@ -52,7 +52,7 @@ def readings(model):
     symbols = [cs.MX.sym(name, *motion.size_in(k)) for k, name in enumerate("abcdef")]
     parts = cs.vertsplit(motion(*symbols), model.size)
     parameters = equations.given(properties=cs.vec(symbols[2]), law=symbols[0], lumped=symbols[3])
-    sampled = SampledMotion(equations, *parts, cs.MX.zeros(3, TIMES.size), parameters)
+    sampled = SampledMotion.of(equations, *parts, cs.MX.zeros(3, TIMES.size), parameters)
     outputs = cs.vertcat(*(sampled.read(sensor) for sensor in SENSORS))
     values = [np.array([own.value for own in law.parameters]), np.array([0.02]), model.properties]
     values += [np.array([*model.lumped.values()]), np.array([0.001, 0.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.004, 0.009])]
@@ -123,7 +123,7 @@ def test_the_clamp_carries_weight_and_load_at_rest():
     equations = Equations(model, QuadraticDamping(eta2=0.1))
     held = static_equilibrium(model, tip_force=(0.0, -0.01)).coordinates
     still = cs.MX.zeros(model.size)
-    motion = SampledMotion(
+    motion = SampledMotion.of(
         equations, cs.MX(cs.DM(held)), still, still, cs.MX.zeros(3), cs.MX(cs.DM(equations.parameters))
     )
 

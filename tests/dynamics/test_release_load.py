@@ -4,7 +4,7 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi import Beam, InputError, Model, QuadraticDamping, State, motion, simulate, static_equilibrium
+from ancf_casadi import Beam, InputError, Model, QuadraticDamping, motion, simulate, static_equilibrium
 from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES, held_start, start_jacobians
 
 LOAD = np.array([4e-3, -1e-3, 1e-4, 0.03, 0.01, 2e-3])  # N, N, N m, and the same per second
@@ -28,7 +28,7 @@ def held(model, load=LOAD):
 def test_the_velocity_is_that_of_the_equilibria_as_the_load_changes(model):
     h = 1e-4
     ends = [rest(model, LOAD[:3] + sign * h * LOAD[3:]) for sign in (1, -1)]
-    start = held(model)
+    start, _ = held(model)
     assert np.linalg.norm(start.coordinates[-4:-2] - rest(model, np.zeros(3)).tip) > 0.05
     np.testing.assert_allclose(start.coordinates, rest(model, LOAD).coordinates, atol=1e-12)
     expected = (ends[0].coordinates - ends[1].coordinates) / (2 * h)
@@ -38,23 +38,25 @@ def test_the_velocity_is_that_of_the_equilibria_as_the_load_changes(model):
 @pytest.mark.slow
 @pytest.mark.parametrize("place", [1.0, -0.4])
 def test_derivatives_by_load_and_properties_agree_with_central_differences(model, place):
-    load, start = place * LOAD, held(model, place * LOAD)
+    load = place * LOAD
+    _, jacobian = held(model, load)
+    by_properties, by_load = jacobian[:, :12], jacobian[:, 12:]
     for k, size in enumerate((1e-4, 1e-4, 1e-5, 1e-2, 1e-2, 1e-3)):
-        ends = [held(model, load + sign * 1e-2 * size * (np.arange(6) == k)) for sign in (1, -1)]
+        ends = [held(model, load + sign * 1e-2 * size * (np.arange(6) == k))[0] for sign in (1, -1)]
         difference = np.concatenate(
             [(getattr(ends[0], name) - getattr(ends[1], name))[4:] for name in ("coordinates", "velocities")]
         )
         expected = difference / (2e-2 * size)
-        np.testing.assert_allclose(start.by_load[:, k], expected, atol=1e-6 * abs(expected).max())
+        np.testing.assert_allclose(by_load[:, k], expected, atol=1e-6 * abs(expected).max())
     for k, name in enumerate(("width", "thickness", "density", "elastic_modulus")):
         values = np.array(getattr(model.beam, name))
         ends = [
-            held(Model(model.beam.with_(**{name: (values * (1 + sign * 1e-5)).tolist()})), load) for sign in (1, -1)
+            held(Model(model.beam.with_(**{name: (values * (1 + sign * 1e-5)).tolist()})), load)[0] for sign in (1, -1)
         ]
         expected = np.concatenate(
             [(getattr(ends[0], part) - getattr(ends[1], part))[4:] / 2e-5 for part in ("coordinates", "velocities")]
         )
-        found = start.by_properties.reshape(-1, 3, 4)[:, :, k] @ values
+        found = by_properties.reshape(-1, 3, 4)[:, :, k] @ values
         assert abs(expected).max() > 1e-3
         np.testing.assert_allclose(found, expected, atol=1e-6 * abs(expected).max())
 
@@ -63,14 +65,14 @@ def test_derivatives_by_lumped_properties_agree_with_central_differences(model):
     """The load and its rate bend a strip with a heavy tip on a soft clamp."""
     values = {"tip_mass": 1e-3, "clamp_stiffness": 1e-3}
     heavy = Model(model.beam.with_(**values))
-    start = held(heavy)
+    by_lumped = held(heavy)[1][:, 12:14]
     for k, (name, value) in enumerate(values.items()):
-        ends = [held(Model(heavy.beam.with_(**{name: value * (1 + sign * 1e-4)}))) for sign in (1, -1)]
+        ends = [held(Model(heavy.beam.with_(**{name: value * (1 + sign * 1e-4)})))[0] for sign in (1, -1)]
         expected = np.concatenate(
             [(getattr(ends[0], part) - getattr(ends[1], part))[4:] / 2e-4 for part in ("coordinates", "velocities")]
         )
         assert abs(expected).max() > 1e-3
-        np.testing.assert_allclose(start.by_lumped[:, k] * value, expected, atol=1e-6 * abs(expected).max())
+        np.testing.assert_allclose(by_lumped[:, k] * value, expected, atol=1e-6 * abs(expected).max())
 
 
 @pytest.mark.slow
@@ -78,10 +80,7 @@ def test_the_motion_from_an_unknown_load_is_that_of_the_state_and_so_are_its_der
     """Compare with ``simulate`` from the state, and with differences of tightly integrated motions."""
     law = QuadraticDamping(eta1=0.6, eta2=4.0)
     settings = {"duration": 0.1, "sample_rate": 100.0}
-    start = held(model)
-    run = simulate(
-        model, damping=law, start=State(start.coordinates, start.velocities), method="radau", tolerance=1e-9, **settings
-    )
+    run = simulate(model, damping=law, start=held(model)[0], method="radau", tolerance=1e-9, **settings)
     function, tight = (
         motion(model, damping=law, tolerance=tolerance, start_load=True, **settings) for tolerance in (1e-7, 1e-9)
     )

@@ -21,7 +21,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics.derivatives import runs as module
+from ancf_casadi.dynamics.derivatives import differentiable as module
 from ancf_casadi.dynamics.derivatives.run import MotionRun
 from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.dynamics.equations import Equations

@@ -21,7 +21,7 @@ from ancf_casadi import (
     simulate,
     static_equilibrium,
 )
-from ancf_casadi.dynamics import integration
+from ancf_casadi.dynamics import simulation
 from ancf_casadi.dynamics.base_motion import Piece
 from ancf_casadi.support import compilation
 
@@ -55,7 +55,7 @@ def test_the_motion_does_not_depend_on_how_often_the_integrator_restarts(rubber,
         return simulate(rubber, base=base, duration=0.3, sample_rate=100.0, tolerance=1e-9)
 
     usual = run()
-    monkeypatch.setattr(integration, "SEGMENTS", segments)
+    monkeypatch.setattr(simulation, "SEGMENTS", segments)
     other = run()
     np.testing.assert_array_equal(other.time, usual.time)
     assert abs(other.coordinates - usual.coordinates).max() < 1e-6

@@ -299,6 +299,9 @@ def test_a_sampled_load_passes_through_its_samples_and_stays_between_them():
     expected = PchipInterpolator(time, np.column_stack([force, moment]))(fine)
     np.testing.assert_allclose(load.values(fine), expected, rtol=1e-9, atol=1e-15)
     assert not load.values(np.array([0.0, 0.09, time[-1] + 1e-3, 0.99])).any()
+    for k in (0, 100, 198):
+        np.testing.assert_allclose(load.values(time[[k]]), load.values(time)[[k]], rtol=1e-9, atol=1e-15)
+    assert not load.values(np.array([time[-1] + 1.0])).any()
 
 
 @BOTH

@@ -28,7 +28,7 @@ from ancf_casadi import (
     simulate_reduced,
     static_equilibrium,
 )
-from ancf_casadi.dynamics import integration, start
+from ancf_casadi.dynamics import simulation, start
 
 STEEL = {"length": 0.5, "width": 5e-3, "thickness": 0.5e-3, "density": 8000.0, "elastic_modulus": 210e9}
 BENDING_STIFFNESS = 210e9 * 5e-3 * 0.5e-3**3 / 12
@@ -214,7 +214,7 @@ class TestBaseMotions:
 class TestInterruptions:
     def at_segment(self, monkeypatch, number, action):
         """Do something when the given segment is finished."""
-        original = integration.integrate_by_radau
+        original = simulation.integrate_by_radau
 
         def eventful(*arguments):
             for count, path in enumerate(original(*arguments), start=1):
@@ -222,7 +222,7 @@ class TestInterruptions:
                     action()
                 yield path
 
-        monkeypatch.setattr(integration, "integrate_by_radau", eventful)
+        monkeypatch.setattr(simulation, "integrate_by_radau", eventful)
 
     @pytest.mark.slow
     def test_ctrl_c_ends_a_run_with_what_is_done(self, hanging, monkeypatch):

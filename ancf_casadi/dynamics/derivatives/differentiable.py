@@ -4,26 +4,40 @@
 law, the parameters b of the base motion, the properties P of the elements and, on request, the lumped properties and
 the load s from which the beam is released.  The Function can stand in any CasADi expression.  Its derivatives are exact
 (``sensitivity``), forward for few parameters and reverse for few results.
+
+CasADi asks for values and derivatives separately and in any order.  ``Runs`` keeps the last run, so that one
+integration serves the value and all derivatives at a point.
 """
 
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Sequence
+from typing import Any
 
 import casadi as cs
+import numpy as np
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.derivatives.runs import Runs
+from ancf_casadi.dynamics.derivatives.run import MotionRun
 from ancf_casadi.dynamics.derivatives.sensitivity import MOST_KEPT_STEPS, SensitivityProblem
 from ancf_casadi.dynamics.start import Start, set_up
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.dynamics.tolerance import radau_tolerance
 from ancf_casadi.dynamics.trajectory import State
-from ancf_casadi.exceptions import InputError
+from ancf_casadi.exceptions import AncfError, InputError
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.callbacks import kept
 from ancf_casadi.support.inputs import flag, physical, positive, positive_or_infinite
+from ancf_casadi.support.interrupts import interrupted
+from ancf_casadi.support.progress import step
 from ancf_casadi.vibration.equilibrium import Equilibrium
+
+FEW_STEPS = 2000  # a motion of at most so many steps is never given up, however few the first run took
+OPTIONAL = ("lumped", "start", "shifts")  # inputs of a motion that has such values
 
 
 def motion(
@@ -106,3 +120,189 @@ def motion(
         lumped=flag(lumped, "lumped"),
     )
     return Runs(problem).function()
+
+
+class Runs:
+    """The runs of a motion, of which the last one is kept.
+
+    Parameters
+    ----------
+    problem : SensitivityProblem
+        The motion.
+    patience : float
+        A run is given up after this many times the steps of the first run, but not before ``FEW_STEPS``.
+    """
+
+    def __init__(self, problem: SensitivityProblem, patience: float = math.inf) -> None:
+        self.problem = problem
+        self._patience, self._most_steps = patience, problem.most_steps
+        self._last: tuple[Array, MotionRun | AncfError] | None = None
+        self._last_forward: tuple[MotionRun, Array, Array] | None = None
+
+    def function(self) -> cs.Function:
+        """Return the motion as a Function (damping, base, properties, *OPTIONAL) -> samples (orders N, k)."""
+        sizes, model = dict(self.problem.layout.sizes), self.problem.equations.model
+        inputs = {"damping": (sizes["damping"], 1), "base": (sizes["base"], 1), "properties": model.properties.shape}
+        inputs |= {name: (sizes[name], 1) for name in OPTIONAL if sizes[name]}
+        output = cs.Sparsity.dense(self.problem.orders * model.size, self.problem.times.size)
+        patterns = {name: cs.Sparsity.dense(*shape) for name, shape in inputs.items()}
+        return kept(_Motion(self, patterns, output), "motion")
+
+    def run(self, inputs: Sequence[cs.DM]) -> MotionRun:
+        """Return the run for some inputs; if they equal the last inputs up to rounding, the run that is kept.
+
+        Raises
+        ------
+        AncfError
+            If there is no motion.
+        """
+        values = np.concatenate([part.full().ravel(order="F") for part in inputs])
+        # relative difference that a solver may cause by rounding; such inputs are the same
+        if self._last is None or not np.allclose(self._last[0], values, rtol=1e-14, atol=0.0):
+            self._last = values, self._solve(values)
+        found = self._last[1]
+        if isinstance(found, AncfError):
+            raise found
+        return found
+
+    @property
+    def failure(self) -> AncfError | None:
+        """Error of the last run, if it failed."""
+        found = self._last[1] if self._last else None
+        return found if isinstance(found, AncfError) else None
+
+    def forward(self, run: MotionRun, directions: Array) -> Array:
+        """Return the derivatives along some directions; if these equal the last ones, the derivatives that are kept."""
+        last = self._last_forward
+        if last is None or last[0] is not run or not np.array_equal(last[1], directions):
+            self._last_forward = last = run, directions, self.problem.forward(run, directions)
+        return last[2]
+
+    def forget(self) -> None:
+        """Drop the last run and its steps."""
+        self._last = self._last_forward = None
+
+    def _solve(self, values: Array) -> MotionRun | AncfError:
+        self.forget()
+        try:
+            run = self.problem.solve(values, self._most_steps)
+        except AncfError as error:
+            return error.with_traceback(None)
+        finally:
+            step()
+        if math.isfinite(self._patience):
+            self._most_steps = min(self._most_steps, max(FEW_STEPS, round(self._patience * run.steps)))
+            self._patience = math.inf
+        return run
+
+
+class _Motion(cs.Callback):
+    """A motion as CasADi evaluates it, or its derivatives: (inputs, output, seeds) -> derivatives.
+
+    With d directions, seeds and derivatives are those of each direction side by side.
+
+    Parameters
+    ----------
+    runs : Runs
+        The runs of the motion.
+    inputs : dict
+        Names and shapes of the inputs of the motion.
+    output : Sparsity
+        Shape of the samples.
+    directions : int
+        Number of directions, 0 for the motion itself.
+    forward : bool
+        Whether derivatives are those along directions of the inputs, or those of weighted sums of the samples.
+    """
+
+    def __init__(
+        self, runs: Runs, inputs: dict[str, cs.Sparsity], output: cs.Sparsity, directions: int = 0, forward: bool = True
+    ) -> None:
+        cs.Callback.__init__(self)
+        self._runs, self._inputs, self._output, self._count, self._forward = runs, inputs, output, directions, forward
+        own = [*inputs.values()]
+        self._given, self._found = own, [output]
+        if directions:
+            seeds, found = ([cs.repmat(one, 1, directions) for one in shapes] for shapes in (own, [output]))
+            self._given = [*own, output, *(seeds if forward else found)]
+            self._found = found if forward else seeds
+        self.construct("sensitivity" if directions else "integration", {})
+
+    def get_n_in(self) -> int:
+        """Return the number of inputs."""
+        return len(self._given)
+
+    def get_n_out(self) -> int:
+        """Return the number of outputs."""
+        return len(self._found)
+
+    def get_sparsity_in(self, i: int) -> cs.Sparsity:
+        """Return the shape of an input."""
+        return self._given[i]
+
+    def get_sparsity_out(self, i: int) -> cs.Sparsity:
+        """Return the shape of an output."""
+        return self._found[i]
+
+    def get_name_in(self, i: int) -> str:
+        """Return the name of an input."""
+        return [*self._inputs][i] if i < len(self._inputs) else f"i{i}"
+
+    def get_name_out(self, i: int) -> str:
+        """Return the name of an output."""
+        return f"o{i}" if self._count else "coordinates"
+
+    def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
+        """Return the samples or their derivatives; if there is no motion, nan, and samples with a warning."""
+        inputs = len(self._inputs)
+        try:
+            run = self._runs.run(arg[:inputs])
+            if not self._count:
+                return [cs.DM(run.samples.reshape(len(run.samples), -1).T)]
+            seeds = [self._unstacked(part) for part in arg[inputs + 1 :]]
+            found = self._along(run, seeds) if self._forward else self._of_sums(run, seeds[0])
+            return [self._stacked(part) for part in found]
+        except AncfError as error:
+            if not (self._count or interrupted()):
+                warnings.warn(str(error), RuntimeWarning, stacklevel=2)
+            return [cs.DM.nan(shape) for shape in self._found]
+
+    def has_forward(self, nfwd: int) -> bool:
+        """Return whether there are derivatives along directions."""
+        return not self._count
+
+    def get_forward(self, nfwd: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
+        """Return the derivatives along some directions."""
+        return kept(_Motion(self._runs, self._inputs, self._output, nfwd, forward=True), name)
+
+    def has_reverse(self, nadj: int) -> bool:
+        """Return whether there are derivatives of weighted sums."""
+        return not self._count
+
+    def get_reverse(self, nadj: int, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
+        """Return the derivatives of some weighted sums."""
+        return kept(_Motion(self._runs, self._inputs, self._output, nadj, forward=False), name)
+
+    def _along(self, run: MotionRun, seeds: Sequence[Array]) -> list[Array]:
+        """Return the derivatives of the samples along directions of the inputs."""
+        directions = np.vstack([part.reshape(-1, self._count) for part in seeds])
+        return [self._runs.forward(run, directions).reshape(len(run.samples), -1, self._count)]
+
+    def _of_sums(self, run: MotionRun, weights: Array) -> list[Array]:
+        """Return the derivatives of weighted sums of the samples with respect to the inputs."""
+        problem = self._runs.problem
+        found = problem.reverse(run, weights.reshape(*run.samples.shape, self._count))
+        parts = problem.layout.split(found)
+        parts = parts[:3] + [part for part in parts[3:] if len(part)]
+        sizes = [(shape.size2(), shape.size1(), self._count) for shape in self._inputs.values()]
+        return [part.reshape(size) for part, size in zip(parts, sizes, strict=True)]
+
+    def _unstacked(self, matrix: cs.DM) -> Array:
+        """Return d matrices (r, c) side by side, (r, d c), as an array (c, r, d)."""
+        rows, columns = matrix.shape
+        return np.asarray(matrix.full().reshape(rows, self._count, columns // self._count).transpose(2, 0, 1))
+
+    def _stacked(self, array: Array) -> cs.DM:
+        """Return an array (c, r, d) as d matrices (r, c) side by side, (r, d c)."""
+        columns, rows, count = array.shape
+        return cs.DM(array.transpose(1, 2, 0).reshape(rows, count * columns))

@@ -24,23 +24,22 @@ accelerations then have errors of 6e-2 and 1e-2.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as cs
 
-from ancf_casadi.dynamics.equations import Balance, Equations
+from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.mechanics.accurate_strain import axial_strains_near, curvature_at
-from ancf_casadi.mechanics.model import NODE
-from ancf_casadi.records.sensor import Sensor
+from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.records.sensor import AT_CLAMP, Sensor
 from ancf_casadi.support.arrays import Array
-
-ORDERS = {"velocity": 2, "acceleration": 3, "force": 3, "moment": 3}  # 1 for all others
 
 
 def orders_of(sensor: Sensor) -> int:
     """Return the number of time derivatives that a sensor needs: 1 for the coordinates alone."""
-    return ORDERS.get(sensor.quantity, 1)
+    return 3 if sensor.quantity in AT_CLAMP else 1 + sensor.derivatives
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,22 +48,30 @@ class SampledMotion:
 
     Parameters
     ----------
-    equations : Equations
-        The equation of motion.
+    model : Model
+        The beam.
+    properties : MX (4, n)
+        Properties of its elements.
     e, e_t, e_tt : MX (4 n + 4, s)
         Coordinates, velocities and accelerations at s samples; without rows where no sensor needs them.
-    load : MX (3, s)
-        Load at the tip.
-    parameters : MX
-        The parameters of the equation of motion, in the order of ``Equations.parameters``.
+    balance : callable
+        Returns R and the elastic forces at all nodes, (4 n + 4, s), if a sensor reads them.
     """
 
-    equations: Equations
+    model: Model
+    properties: cs.MX
     e: cs.MX
     e_t: cs.MX
     e_tt: cs.MX
-    load: cs.MX
-    parameters: cs.MX
+    balance: Callable[[], cs.MX]
+
+    @staticmethod
+    def of(equations: Equations, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX, parameters: cs.MX) -> SampledMotion:
+        """Return samples under the tip loads (3, s), with parameters in the order of ``Equations.parameters``."""
+        terms = equations.balance(parameters)
+        return SampledMotion(
+            equations.model, terms.properties, e, e_t, e_tt, lambda: terms.forces(e, e_t, e_tt, load)[0]
+        )
 
     def read(self, sensor: Sensor) -> cs.MX:
         """Return the readings of a sensor, (1, s).
@@ -74,7 +81,7 @@ class SampledMotion:
         InputError
             If the sensor is not on the beam.
         """
-        model = self.equations.model
+        model = self.model
         s = model.beam.length if sensor.point is None else sensor.point
         match sensor.quantity:
             case "position" | "displacement":
@@ -97,14 +104,8 @@ class SampledMotion:
                 return self._moment
 
     @cached_property
-    def _balance(self) -> Balance:
-        return self.equations.balance(self.parameters)
-
-    @cached_property
     def _forces(self) -> cs.MX:
-        """R and the elastic forces at all nodes, (4 n + 4, s)."""
-        forces, *_ = self._balance.local(self.e, self.e_t, self.e_tt, self.load)
-        return forces + self._balance.of_low_rank(self.e, self.e_t) if self._balance.projection.numel() else forces
+        return self.balance()
 
     @cached_property
     def _moment(self) -> cs.MX:
@@ -123,12 +124,12 @@ class SampledMotion:
 
     def _strain(self, s: float, distance: float | None) -> cs.MX:
         """Return the strain on the surface, (1, s)."""
-        model = self.equations.model
+        model = self.model
 
         def at(matrix: Array) -> tuple[cs.MX, cs.MX]:
             return self._rows(matrix, self.e)
 
-        thickness = self._balance.properties[1, model.element_at(s)]
+        thickness = self.properties[1, model.element_at(s)]
         z = thickness / 2 if distance is None else distance
         axial = sum(weight * strain for weight, _, strain in axial_strains_near(model, s, at))
         strain: cs.MX = axial - z * curvature_at(model, s, at)
@@ -139,7 +140,7 @@ class SampledMotion:
         (dx, dy), (x, y) = sensor.unit_direction, components
         if sensor.frame == "inertial":
             return dx * x + dy * y
-        tx, ty = self._rows(self.equations.model.slope_interpolation(s), self.e)
+        tx, ty = self._rows(self.model.slope_interpolation(s), self.e)
         return (dx * (tx * x + ty * y) + dy * (tx * y - ty * x)) / cs.sqrt(tx**2 + ty**2)
 
     @staticmethod

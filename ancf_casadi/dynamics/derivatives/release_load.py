@@ -17,8 +17,6 @@ in which h_q, h_p and h_x are the derivatives of K, R_p and R_x along the change
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import casadi as cs
 import numpy as np
 import scipy.sparse
@@ -27,6 +25,7 @@ import scipy.sparse.linalg
 from ancf_casadi.damping import RayleighDamping
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import equilibrium_under
+from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.arrays import Array
 
@@ -34,42 +33,15 @@ LOAD_NAMES = ("force_x", "force_y", "moment")  # N, N, N m
 START_LOAD_NAMES = (*LOAD_NAMES, *(f"{name}_rate" for name in LOAD_NAMES))
 
 
-@dataclass(frozen=True, eq=False)
-class HeldStart:
-    """State of a beam released from a changing load, with its derivatives.
+def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: Array) -> tuple[State, Array]:
+    """Return the state in which a beam is released from (p, p') in the order of ``START_LOAD_NAMES``, and its Jacobian.
 
-    Parameters
-    ----------
-    coordinates, velocities : array (4 n + 4,)
-        Nodal coordinates and velocities.
-    by_properties, by_lumped, by_load : array (2 N, 4 n), (2 N, k), (2 N, 6)
-        Derivatives of the free coordinates and velocities with respect to P, element by element, the lumped properties,
-        and (p, p').
-    """
-
-    coordinates: Array
-    velocities: Array
-    by_properties: Array
-    by_lumped: Array
-    by_load: Array
-
-
-def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: Array) -> HeldStart:
-    """Return the state in which a beam is released from a load with a rate of change.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    jacobians : pair of Function
-        ``start_jacobians`` of the beam, or of one that differs in its properties P and its lumped properties alone.
-    load : array (6,)
-        The load and its rate of change, in the order of ``START_LOAD_NAMES``.
+    ``jacobians`` are those of the beam, or of one that differs in its properties P and its lumped properties alone.
+    The Jacobian (2 N, 4 n + k + 6) is that of the free coordinates and velocities with respect to P, element by
+    element, the lumped properties, and (p, p').
 
     Raises
     ------
-    InputError
-        If a load is not finite.
     EquilibriumError
         If there is no equilibrium under the load.
     """
@@ -84,9 +56,7 @@ def held_start(model: Model, jacobians: tuple[cs.Function, cs.Function], load: A
     change = velocities, rate, *(np.zeros_like(x) for x in given[2:])
     h_q, h_p, h_x = (part.full() for part in jacobians[1](*given, *found, *change))
     v_p, v_x = -factors.solve(h_q @ q_p + h_p), -factors.solve(h_q @ q_x + h_x)
-    by_load = np.block([[q_p, np.zeros_like(q_p)], [v_p, q_p]])
-    by_properties, by_lumped = np.hsplit(np.vstack([q_x, v_x]), [model.properties.size])
-    return HeldStart(coordinates, velocities, by_properties, by_lumped, by_load)
+    return State(coordinates, velocities), np.block([[q_x, q_p, np.zeros_like(q_p)], [v_x, v_p, q_p]])
 
 
 def start_jacobians(model: Model) -> tuple[cs.Function, cs.Function]:

@@ -1,73 +1,31 @@
-"""A computed motion: its steps, and the other data from which its derivatives are computed."""
+"""A computed motion: its steps, and samples of its coordinates and their time derivatives at given instants.
+
+Within a step of length h, the coordinates are the quintic polynomial through q, v and a at both ends, and its time
+derivatives are their velocities, accelerations and so on,
+
+    d^m q/dt^m = sum_k w_k^(m)(x) y_k,    x = (t - t_0)/h,    y = (q, v, a, q_1, v_1, a_1).
+
+The step is of order 5, so that for a smooth motion the error of the coordinates is of order h^5, that of velocities
+h^5, of accelerations h^4, and of the third derivative, which only serves the derivative by a shift, h^3.
+
+The clamped node follows the base motion exactly.  Before the first instant of the motion the beam is at rest in its
+first shape.  A sample at t + d, with an unknown shift d of its clock, changes with d by its own time derivative.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
-import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.equations import ExcitationPiece
+from ancf_casadi.dynamics.excitation import Excitation
 from ancf_casadi.dynamics.radau.stepper import RadauStep
-from ancf_casadi.dynamics.radau.tableau import RADAU
+from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU
+from ancf_casadi.dynamics.segments import SAME_TIME
 from ancf_casadi.exceptions import SimulationError
-from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.interrupts import interrupted
-
-
-@dataclass(frozen=True, eq=False)
-class Excitation:
-    """The excitation on a smooth piece, and its Jacobian with respect to b.
-
-    Parameters
-    ----------
-    model : Model
-        The beam.
-    piece : ExcitationPiece
-        The piece.
-    b : array (m,)
-        The parameters of the base motion.
-    """
-
-    model: Model
-    piece: ExcitationPiece
-    b: Array
-
-    @cached_property
-    def function(self) -> cs.Function:
-        """(t) -> the excitation, (15,)."""
-        t, b, values = self._symbols
-        return cs.Function("excitation", [t], [cs.Function("values", [t, b], [values])(t, self.b)])
-
-    def at(self, time: float) -> Array:
-        """Return the excitation, (15,), at a time."""
-        return np.asarray(self.function(time).full().ravel())
-
-    def jacobian(self, time: float) -> Array:
-        """Return the derivatives of the excitation with respect to b, (15, m), at a time."""
-        return np.asarray(self._jacobian(time, self.b).full())
-
-    def derivatives(self, time: float) -> Array:
-        """Return the clamped node and the time derivative of its acceleration, (16,), at a time."""
-        return np.asarray(self._derivatives(time, self.b).full().ravel())
-
-    @cached_property
-    def _jacobian(self) -> cs.Function:
-        t, b, values = self._symbols
-        return cs.Function("excitation_jacobian", [t, b], [cs.jacobian(values, b)])
-
-    @cached_property
-    def _derivatives(self) -> cs.Function:
-        t, b, values = self._symbols
-        jerk = cs.densify(cs.jacobian(values[2 * NODE : 3 * NODE], t))
-        return cs.Function("clamp_derivatives", [t, b], [cs.vertcat(values[: 3 * NODE], jerk)])
-
-    @cached_property
-    def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        t, b = cs.MX.sym("t"), cs.MX.sym("b", self.b.size)
-        return t, b, self.piece.at(self.model, t, b)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +36,6 @@ class Passage:
     ----------
     excitation : Excitation
         Base motion and tip load.
-    begin : float
-        First instant, s.
     acceleration_jacobian : array (N, ...)
         Derivatives of the first accelerations with respect to q, v, the excitation and the parameters of the equation
         of motion.
@@ -90,7 +46,6 @@ class Passage:
     """
 
     excitation: Excitation
-    begin: float
     acceleration_jacobian: Array
     steps: list[RadauStep]
     samples: list[Index]
@@ -106,8 +61,6 @@ class MotionRun:
         The parameters of the equation of motion.
     times : array (k,)
         The samples, s, on the clock of the base motion.
-    clocks : array (k,) or (0,)
-        Index of the unknown shift of each sample; empty if there are none.
     rest : array
         Indices of the samples before the motion, at rest.
     start_jacobian : array (2 N, ...)
@@ -122,7 +75,6 @@ class MotionRun:
 
     parameters: Array
     times: Array
-    clocks: Index
     rest: Index
     start_jacobian: Array
     passages: list[Passage]
@@ -135,13 +87,51 @@ class MotionRun:
         return sum(len(passage.steps) for passage in self.passages)
 
 
-def end_of(step: RadauStep) -> tuple[Array, Array, Array]:
-    """Return q, v and a at the end of a step."""
-    velocities = RADAU.inverse @ step.increments / step.length
-    return step.q + step.increments[-1], velocities[-1], RADAU.inverse[-1] @ (velocities - step.v) / step.length
-
-
 def stop_if_interrupted() -> None:
     """Raise a SimulationError if ``noted_interrupts`` has noted a Ctrl-C."""
     if interrupted():
         raise SimulationError("the motion was interrupted")
+
+
+def sample_weights(step: RadauStep, times: Array, orders: int) -> Array:
+    """Return the weights (s, orders, 6) of q, v and a at both ends of a step in the time derivatives at s instants."""
+    h, power = step.length, np.arange(6)
+    place, factor, parts = (times - step.start) / h, np.ones(6), []
+    for order in range(orders):
+        parts.append(factor * place[:, None] ** np.maximum(power - order, 0) / h**order)
+        factor = factor * (power - order)
+    return np.asarray(np.stack(parts, axis=1) @ QUINTIC.T * np.array([1.0, h, h**2, 1.0, h, h**2]))
+
+
+def clamp_jacobians(excitation: Excitation, times: Array, orders: int) -> Array:
+    """Return the derivatives (s, orders, 4, m) of samples of the clamped node by the m parameters of the base."""
+    found = [excitation.jacobian(time)[: orders * NODE].reshape(orders, NODE, -1) for time in times.tolist()]
+    return np.array(found)
+
+
+def samples_of(times: Array, steps: list[RadauStep], begin: float, end: float, *, first: bool) -> list[Index]:
+    """Return the indices of the samples in each step of a piece; the ``first`` piece has its first instant too."""
+    ends = np.array([step.start + step.length for step in steps])
+    slack = SAME_TIME * (end - begin)
+    inside = (times <= end + slack) & (times > (begin - slack if first else begin + slack))
+    owner = np.minimum(np.searchsorted(ends, times - slack), len(steps) - 1)
+    return [np.flatnonzero(inside & (owner == k)) for k in range(len(steps))]
+
+
+def sampled(passages: list[Passage], times: Array, rest: Index, size: int, orders: int) -> Array:
+    """Return the coordinates and their time derivatives, (k, orders, 4 n + 4), at the samples ``times`` (k,)."""
+    result = np.zeros((times.size, orders, size))
+    first = passages[0]
+    result[rest, 0, :NODE] = first.excitation.at(first.excitation.begin)[:NODE]
+    result[rest, 0, NODE:] = first.steps[0].q
+    for passage in passages:
+        for step, samples in zip(passage.steps, passage.samples, strict=True):
+            if samples.size:
+                velocities = RADAU.inverse @ step.increments / step.length
+                accelerations = RADAU.inverse[-1] @ (velocities - step.v) / step.length
+                last = step.q + step.increments[-1], velocities[-1], accelerations
+                ends = np.array([step.q, step.v, step.a, *last])
+                nodes = [passage.excitation.derivatives(time) for time in times[samples].tolist()]
+                result[samples, :, :NODE] = np.reshape(nodes, (samples.size, -1, NODE))[:, :orders]
+                result[samples, :, NODE:] = sample_weights(step, times[samples], orders) @ ends
+    return result

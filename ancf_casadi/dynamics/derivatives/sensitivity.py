@@ -2,14 +2,16 @@
 
 The parameters are theta of the law, b of the base motion, the properties P of the elements, the lumped properties m
 (mass at the tip, stiffness of the clamp), for a beam released from an unknown load, this load and its rate, s, and the
-shifts d of the clocks by which the motion was sampled.  The derivatives are those of the Radau steps that were taken,
-with fixed lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the
-linearised steps (``tangent``),
+shifts d of the clocks by which the motion was sampled.  A start at rest depends on P, m and s through the static
+equilibrium (``release_load``); unless it is an impact, the beam moves with its clamp as one rigid body (``start``), so
+that its velocities depend on b as well.  The derivatives are those of the Radau steps that were taken, with fixed
+lengths: exact for the computed motion, and as accurate as this motion.  They are chained through the linearised steps
+(``tangent``),
 
     G dZ + R_u du = 0,    G = dR/dZ,    u = (q, v, excitations, parameters),
 
-by ``forward`` for few parameters and by ``reverse`` for few results.  Samples are the quintic polynomials through the
-ends of the steps, and their time derivatives (``sampling``); the correction that ``simulate`` makes there for the axial
+forward for few parameters and in reverse for few results (``chain``).  Samples are the quintic polynomials through the
+ends of the steps, and their time derivatives (``run``); the correction that ``simulate`` makes there for the axial
 forces is below the tolerance.
 
 References
@@ -29,19 +31,17 @@ import numpy as np
 import scipy.sparse.linalg
 
 from ancf_casadi.dynamics.base_motion import BaseMotion
-from ancf_casadi.dynamics.derivatives.differentiable_start import DifferentiableStart
-from ancf_casadi.dynamics.derivatives.forward import forward
-from ancf_casadi.dynamics.derivatives.linearised import LinearisedSteps
-from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES
-from ancf_casadi.dynamics.derivatives.reverse import reverse
-from ancf_casadi.dynamics.derivatives.run import Excitation, MotionRun, Passage, stop_if_interrupted
-from ancf_casadi.dynamics.derivatives.sampling import before, sampled, samples_of, shift_weights, shifted
-from ancf_casadi.dynamics.equations import EXCITATION, Equations, ExcitationPiece, excitation_pieces
+from ancf_casadi.dynamics.derivatives.chain import forward, reverse
+from ancf_casadi.dynamics.derivatives.release_load import START_LOAD_NAMES, held_start, start_jacobians
+from ancf_casadi.dynamics.derivatives.run import MotionRun, Passage, sampled, samples_of, stop_if_interrupted
+from ancf_casadi.dynamics.derivatives.tangent import Tangent
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.excitation import EXCITATION, Excitation, excitation_pieces
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.stepper import RadauStep, Stepper
-from ancf_casadi.dynamics.segments import SAME_TIME, InitialValueProblem, Segment
-from ancf_casadi.dynamics.start import Start
-from ancf_casadi.dynamics.tip_load import TipLoad
+from ancf_casadi.dynamics.segments import SAME_TIME
+from ancf_casadi.dynamics.start import Start, check_clamp, initial_state, rigid_motion
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE, TipLoad
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.beam import PROPERTIES
@@ -148,24 +148,23 @@ class SensitivityProblem:
         times = self.times + shifts[self.clocks] if shifts.size else self.times
         if times.max() > last + SAME_TIME * (last - first):
             raise SimulationError(f"a sample at {times.max():g} s is after the end of the motion", last)
-        pieces = excitation_pieces(self.base, self.load, first, last)
-        state, jacobian = self._start.state(model, self._excitation(pieces[0], b), start_load)
+        pieces = excitation_pieces(self.equations.model, self.base, self.load, first, last, b)
+        state, start_jacobian = self._first(model, pieces[0], start_load)
         passages: list[Passage] = []
         left = self.most_steps if most_steps is None else most_steps
         for piece in pieces:
-            passage, state = self._pass(self._excitation(piece, b), state, parameters, max(left, 1))
-            samples = samples_of(times, passage.steps, piece.begin, piece.end, first=not passages)
-            passages.append(replace(passage, samples=samples))
-            left -= len(passage.steps)
-        rest = before(times, first, last)
+            steps, jacobian, state = self._pass(piece, state, parameters, max(left, 1))
+            samples = samples_of(times, steps, piece.begin, piece.end, first=not passages)
+            passages.append(Passage(piece, jacobian, steps, samples))
+            left -= len(steps)
+        rest = np.flatnonzero(times < first - SAME_TIME * (last - first))
         orders = self.orders + bool(shifts.size)
         found = sampled(passages, times, rest, model.size, orders)
         return MotionRun(
             parameters=parameters,
             times=times,
-            clocks=self.clocks,
             rest=rest,
-            start_jacobian=jacobian,
+            start_jacobian=start_jacobian,
             passages=passages,
             samples=found[:, : self.orders],
             rates=found[:, 1:] if shifts.size else np.zeros(0),
@@ -175,17 +174,17 @@ class SensitivityProblem:
         """Return the derivatives of the samples, (k, orders, 4 n + 4, d), along directions of the values, (..., d)."""
         b, shifts = (directions[self.layout[name]] for name in ("base", "shifts"))
         parameters = self.equations.layout.join(directions.shape[1], **self._parts(directions))
-        found = forward(self._linearisation, run, run.start_jacobian @ directions, b, parameters)
-        return found + shifted(run, shifts) if shifts.size else found
+        found = forward(self._tangent, run, run.start_jacobian @ directions, b, parameters)
+        return found + run.rates[..., None] * shifts[self.clocks][:, None, None, :] if shifts.size else found
 
     def reverse(self, run: MotionRun, weights: Array) -> Array:
         """Return the derivatives (..., d), by the values, of d sums of the samples, weights (k, orders, 4 n + 4, d)."""
-        start, b, parameters = reverse(self._linearisation, run, weights)
+        start, b, parameters = reverse(self._tangent, run, weights)
         direct = self.layout.join(weights.shape[3], base=b)
         for name, part in self._parts(direct).items():
             part[:] = parameters[self.equations.layout[name]]
-        if run.clocks.size:
-            direct[self.layout["shifts"]] = shift_weights(run, weights, direct[self.layout["shifts"]].shape[0])
+        if self.clocks.size:
+            np.add.at(direct[self.layout["shifts"]], self.clocks, np.einsum("kon,kond->kd", run.rates, weights))
         return np.asarray(direct + run.start_jacobian.T @ start)
 
     @cached_property
@@ -193,12 +192,42 @@ class SensitivityProblem:
         return Collocation(replace(self.equations, make=partial(compiled, derivatives=True)))
 
     @cached_property
-    def _linearisation(self) -> LinearisedSteps:
-        return LinearisedSteps(self._form)
+    def _tangent(self) -> Tangent:
+        return Tangent(self._form)
 
     @cached_property
-    def _start(self) -> DifferentiableStart:
-        return DifferentiableStart(self.equations.model, self.start, self.layout)
+    def _start_jacobians(self) -> tuple[cs.Function, cs.Function]:
+        return start_jacobians(self.equations.model)
+
+    @cached_property
+    def _rigid_motion(self) -> cs.Function:
+        return rigid_motion(self.equations.model)
+
+    def _first(self, model: Model, excitation: Excitation, load: Array) -> tuple[State, Array]:
+        """Return the first state of a beam, and the Jacobian of q and v with respect to the values, (2 N, ...)."""
+        free, layout = self.equations.free, self.layout
+        jacobian, start = np.zeros((2 * free, layout.size)), self.start
+        if isinstance(start, State):
+            return initial_state(model, excitation, start), jacobian
+        node, velocity, _, own_load = np.split(excitation.at(0.0), [NODE, 2 * NODE, 3 * NODE])
+        check_clamp(model, node)
+        state = State(model.straight, np.zeros(model.size))
+        if start != "straight":
+            if not self.held:
+                if isinstance(start, Equilibrium):
+                    own_load = np.array([*start.tip_force, start.tip_moment])
+                load = np.concatenate([own_load, np.zeros(LOAD_SIZE)])
+            state, held = held_start(model, self._start_jacobians, load)
+            sizes = model.properties.size, len(self.equations.model.lumped), len(START_LOAD_NAMES)
+            given = slice(layout["properties"].start, layout["start"].stop)
+            jacobian[:, given] = held[:, np.repeat([True, self.lumped, self.held], sizes)]
+        if start == "impact":
+            return state, jacobian
+        moved = self._rigid_motion(state.coordinates, velocity)
+        by_coordinates, by_velocity = self._rigid_motion.jacobian()(state.coordinates, velocity, moved)
+        jacobian[free:] += by_coordinates.full()[NODE:, NODE:] @ jacobian[:free]
+        jacobian[free:, layout["base"]] += by_velocity.full()[NODE:] @ excitation.jacobian(0.0)[NODE : 2 * NODE]
+        return State(state.coordinates, state.velocities + moved.full().ravel()), jacobian
 
     def _parts(self, values: Array) -> dict[str, Array]:
         """Return views of the parts of values, or of directions, that are parameters of the equation of motion."""
@@ -214,24 +243,14 @@ class SensitivityProblem:
             changed |= {name: number(value, name) for name, value in zip(model.lumped, lumped.tolist(), strict=True)}
         return Model(model.beam.with_(**changed), model.measures)
 
-    def _excitation(self, piece: ExcitationPiece, b: Array) -> Excitation:
-        return Excitation(self.equations.model, piece, b)
-
-    def _pass(self, excitation: Excitation, state: State, parameters: Array, most_steps: int) -> tuple[Passage, State]:
-        """Compute a smooth piece of the motion in at most ``most_steps``, and the state at its end; no samples yet."""
-        begin, end = excitation.piece.begin, excitation.piece.end
-        segments = [Segment(begin, end - begin, 1, 0)]
-        problem = InitialValueProblem(
-            equations=self._form.equations,
-            excitation=excitation.function,
-            start=state,
-            segments=segments,
-            tolerance=self.tolerance,
-            largest_step=min(self.largest_step, excitation.piece.largest_step),
-        )
-        stepper = Stepper(self._form, parameters, problem)
+    def _pass(
+        self, excitation: Excitation, state: State, parameters: Array, most_steps: int
+    ) -> tuple[list[RadauStep], Array, State]:
+        """Return at most ``most_steps`` over a smooth piece, ``Passage.acceleration_jacobian``, and the last state."""
+        largest_step = min(self.largest_step, excitation.largest_step)
+        stepper = Stepper(self._form, parameters, excitation, state, self.tolerance, largest_step)
         steps: list[RadauStep] = []
-        while not steps or stepper.now < end - SAME_TIME * steps[-1].length:
+        while not steps or stepper.now < excitation.end - SAME_TIME * steps[-1].length:
             if len(steps) >= most_steps:
                 raise SimulationError(
                     f"the motion takes too many steps: {len(steps)} up to {stepper.now:g} s, the last of them "
@@ -241,13 +260,10 @@ class SensitivityProblem:
             stop_if_interrupted()
             stepper.advance()
             steps.append(stepper.last_step)
-        jacobian = self._acceleration_jacobian(steps[0], excitation.at(begin), parameters)
-        return Passage(excitation, begin, jacobian, steps, []), stepper.state
-
-    def _acceleration_jacobian(self, first: RadauStep, excitation: Array, parameters: Array) -> Array:
-        """Return the derivatives of the first accelerations as in ``Passage``, under an excitation (15,)."""
-        jacobian = self._force_jacobian(first.q, first.v, first.a, excitation, parameters).full()
-        return np.asarray(-scipy.sparse.linalg.splu(self._form.mass(parameters)).solve(jacobian))
+        first, node = steps[0], excitation.at(excitation.begin)
+        forces = self._force_jacobian(first.q, first.v, first.a, node, parameters).full()
+        jacobian = -scipy.sparse.linalg.splu(self._form.mass(parameters)).solve(forces)
+        return steps, jacobian, stepper.state
 
     @cached_property
     def _force_jacobian(self) -> cs.Function:

@@ -13,6 +13,7 @@ by Woodbury's identity.  With B_i turned with the clamp at stage i, and U = diag
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,13 +22,19 @@ import numpy as np
 import scipy.linalg
 import scipy.sparse
 
-from ancf_casadi.dynamics.equations import EXCITATION
+from ancf_casadi.dynamics.derivatives.run import MotionRun, Passage, stop_if_interrupted
+from ancf_casadi.dynamics.equations import Balance
+from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
+from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
 from ancf_casadi.support.arrays import Array, Index
-from ancf_casadi.support.banded import lapack_place
+from ancf_casadi.support.banded import BandedFactors, lapack_place, lapack_storage
+from ancf_casadi.support.compilation import Buffered
 from ancf_casadi.support.layout import Layout
+
+StepFunction = Callable[..., Array]  # (step, parameters, vector) -> value of a Function (Z, h, u, [vector])
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,17 +75,7 @@ class Tangent:
         return min(2 * STAGES * NODE - 1, STAGES * self._free - 1)
 
     def low_rank(self, excitations: Array, h: float, modal_coefficients: Array) -> tuple[Array, Array]:
-        """Return U and V (3 N, 3 m) of the low-rank part U V^T of G, in the order of G.
-
-        Parameters
-        ----------
-        excitations : array (3, 15)
-            The excitations at the stages.
-        h : float
-            Length of the step, s.
-        modal_coefficients : array (m,)
-            d, 1/s.
-        """
+        """Return U and V (3 N, 3 m) of the low-rank part U V^T of G, in the order of G, for excitations (3, 15), d."""
         if not modal_coefficients.size:
             return (np.zeros((len(self.order), 0)),) * 2
         B = [self.form.equations.turned_projection(excitation).full() for excitation in excitations]
@@ -90,28 +87,60 @@ class Tangent:
     def matrix(self) -> cs.Function:
         """(Z, h, u) -> G without its low-rank part, in the band storage of LAPACK."""
         z, h, u = self._symbols
-        all_e, all_e_t, _, load, parameters = self._motion(z, h, u)
-        k, d, m = self.form.equations.balance(parameters).tangents(all_e, all_e_t, load)
+        all_e, all_e_t, _, load = self._motion(z, h, u)
+        k, d, m = self._balance(u).tangents(all_e, all_e_t, load)
         first, second = RADAU.inverse, RADAU.inverse @ RADAU.inverse
         band = self._band(np.eye(STAGES)) @ cs.vec(k)
         band += (self._band(first) @ cs.vec(d)) / h + (self._band(second) @ cs.vec(m)) / h**2
         return cs.Function("tangent_matrix", [z, h, u], [cs.densify(band)], {"is_diff_in": [False] * 3})
 
-    @cached_property
-    def forward(self) -> cs.Function:
-        """(Z, h, u, du) -> R_u du, (3 N,)."""
-        z, h, u = self._symbols
-        seed = cs.MX.sym("du", u.numel())
-        product = cs.jtimes(self._residual(z, h, u), u, seed)
-        return cs.Function("tangent_forward", [z, h, u, seed], [cs.densify(product)], {"is_diff_in": [False] * 4})
+    def steps(
+        self, run: MotionRun, passage: Passage, *, backwards: bool = False
+    ) -> Iterator[tuple[RadauStep, Index, BandedFactors]]:
+        """Go through the steps of a piece, each with the indices of the samples in it, and with the factors of G.
+
+        Raises
+        ------
+        SimulationError
+            If ``noted_interrupts`` has noted a Ctrl-C.
+        """
+        order = -1 if backwards else 1
+        d = cs.evalf(self.form.equations.balance(cs.MX(cs.DM(run.parameters))).modal_coefficients).full().ravel()
+        for step, samples in zip(passage.steps[::order], passage.samples[::order], strict=True):
+            stop_if_interrupted()
+            band = lapack_storage(self._bound_matrix(step, run.parameters), self.bandwidth)
+            low_rank = self.low_rank(step.excitations, step.length, d)
+            yield step, samples, BandedFactors.of(band, self.bandwidth, *low_rank)
+
+    def increments(self, step: RadauStep, factors: BandedFactors, parameters: Array, du: Array) -> Array:
+        """Return dZ = -G^-1 R_u du for d directions side by side, (3 N, d)."""
+        right = np.column_stack([self._forward(step, parameters, direction) for direction in du.T])
+        return -factors.solve(right[self.inverse_order], overwrite=True)[self.order]
+
+    def given(self, step: RadauStep, factors: BandedFactors, parameters: Array, weights: Array) -> Array:
+        """Return -R_u^T G^-T w for weights w of the increments, (3 N, d)."""
+        residuals = -factors.solve_transposed(weights[self.inverse_order])[self.order]
+        return np.column_stack([self._reverse(step, parameters, direction) for direction in residuals.T])
 
     @cached_property
-    def reverse(self) -> cs.Function:
-        """(Z, h, u, dR) -> R_u^T dR, as long as u."""
+    def _forward(self) -> StepFunction:
+        return self._product(transposed=False)
+
+    @cached_property
+    def _reverse(self) -> StepFunction:
+        return self._product(transposed=True)
+
+    @cached_property
+    def _bound_matrix(self) -> StepFunction:
+        return _bound(self.matrix)
+
+    def _product(self, *, transposed: bool) -> StepFunction:
+        """Return the product of R_u, or of its transpose, and a vector."""
         z, h, u = self._symbols
-        seed = cs.MX.sym("dR", STAGES * self._free)
-        product = cs.jtimes(self._residual(z, h, u), u, seed, True)
-        return cs.Function("tangent_reverse", [z, h, u, seed], [cs.densify(product)], {"is_diff_in": [False] * 4})
+        forces, _ = self._balance(u).forces(*self._motion(z, h, u))
+        seed = cs.MX.sym("seed", len(self.order) if transposed else u.numel())
+        product = cs.densify(cs.jtimes(cs.vec(forces[NODE:, :]), u, seed, transposed))
+        return _bound(cs.Function("tangent_product", [z, h, u, seed], [product], {"is_diff_in": [False] * 4}))
 
     def _band(self, weights: Array) -> cs.DM:
         """Return the matrix that sums weighted element matrices of the stages into band storage.
@@ -142,12 +171,24 @@ class Tangent:
     def _symbols(self) -> tuple[cs.MX, cs.MX, cs.MX]:
         return cs.MX.sym("Z", self._free, STAGES), cs.MX.sym("h"), cs.MX.sym("u", self.layout.size)
 
-    def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX, cs.MX]:
-        """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages, and the parameters."""
-        q, v, excitations, parameters = cs.vertsplit(u, self.layout.offsets)
-        return *stage_motion(z, q, v, h, cs.reshape(excitations, EXCITATION, STAGES)), parameters
+    def _motion(self, z: cs.MX, h: cs.MX, u: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
+        """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages."""
+        q, v, excitations, _ = cs.vertsplit(u, self.layout.offsets)
+        return stage_motion(z, q, v, h, cs.reshape(excitations, EXCITATION, STAGES))
 
-    def _residual(self, z: cs.MX, h: cs.MX, u: cs.MX) -> cs.MX:
-        """Return R, stage by stage."""
-        forces, _ = self.form.forces(*self._motion(z, h, u))
-        return cs.vec(forces[NODE:, :])
+    def _balance(self, u: cs.MX) -> Balance:
+        return self.form.equations.balance(u[self.layout["parameters"]])
+
+
+def _bound(function: cs.Function) -> StepFunction:
+    """Return a Function (Z, h, u, [vector]) that is evaluated for a step, bound to arrays."""
+    inputs = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
+    call = Buffered(function, *inputs)
+
+    def evaluate(step: RadauStep, parameters: Array, *vector: Array) -> Array:
+        u = np.concatenate([step.q, step.v, step.excitations.ravel(), parameters])
+        for array, given in zip(inputs, (step.increments.ravel(), np.array(step.length), u, *vector), strict=True):
+            array[:] = given
+        return call()[0].copy()
+
+    return evaluate

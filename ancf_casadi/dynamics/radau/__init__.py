@@ -2,6 +2,5 @@
 
 ``tableau`` holds the coefficients of the method, ``collocation`` the Functions of a step, ``corotation`` the
 coordinates that turn with the beam, and ``elimination`` the solution of linear systems.  ``stepper`` takes the steps:
-``newton`` solves the stage equations, ``step_control`` chooses the step length, ``samples`` evaluates the motion within
-a step, and ``buffers`` holds the arrays.
+``newton`` solves the stage equations, and ``step_control`` chooses the step length.
 """

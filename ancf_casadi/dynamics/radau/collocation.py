@@ -32,13 +32,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from types import SimpleNamespace
 
 import casadi as cs
 import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
-from ancf_casadi.dynamics.equations import EXCITATION, Equations
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.corotation import Corotation
 from ancf_casadi.dynamics.radau.elimination import Elimination, node_blocks
 from ancf_casadi.dynamics.radau.tableau import QUINTIC, RADAU, STAGES
@@ -80,36 +82,35 @@ class Collocation:
         are the outputs of ``factors``.
         """
         s = self._symbols
-        increments = self._corrected(s)
-        motion = s.motion(increments)
-        residuals, _ = self.forces(*motion, s.parameters)
+        increments = self._corrected()
+        motion = self._motion(increments)
+        residuals, _ = self.equations.balance(s.parameters).forces(*motion)
         turns = self._corotation.turns(s.reference, motion[0])
         r = self._corotation.back(residuals[NODE:, :], turns) @ cs.DM(np.linalg.inv(RADAU.transform)).T
         corrections = cs.horzcat(self._real.solve(s.real, r[:, :1]), self._pair.solve(s.pair, r[:, 1:]))
-        outputs = [corrections, increments, turns]
-        return _function("stages", s.of_stages, outputs)
+        return _function("stages", [*vars(s).values()], [corrections, increments, turns])
 
     @cached_property
     def finish(self) -> cs.Function:
         """(inputs of ``stages`` but pair, a) -> e (4 n + 4, 3) at the stages, v and a at the end, error, powers.
 
-        ``error`` is the estimate, turned back; ``powers`` (3, 3) are the powers lost to
-        damping, supplied by the base and supplied by the tip load at the stages.
+        ``error`` is the estimate, turned back; ``powers`` (3, 3) are those of ``Balance.forces`` at the stages.
         """
         s = self._symbols
         a, still = cs.MX.sym("a", self.equations.free), cs.MX(NODE, 1)
-        increments = self._corrected(s)
-        e, e_t, e_tt, load = s.motion(increments)
-        _, powers = self.forces(e, e_t, e_tt, load, s.parameters)
+        increments = self._corrected()
+        e, e_t, e_tt, load = self._motion(increments)
         balance, real, embedded = self.equations.balance(s.parameters), RADAU.gamma / s.h, cs.DM(RADAU.embedded)
+        _, powers = balance.forces(e, e_t, e_tt, load)
         deviation = s.v / real + increments @ embedded
-        velocity_deviation = real * deviation + a / real + (e_t[NODE:, :] - s.repeated(s.v)) @ embedded
+        velocity_deviation = real * deviation + a / real + (e_t[NODE:, :] - cs.repmat(s.v, 1, STAGES)) @ embedded
         deviations = [cs.densify(cs.vertcat(still, part)) for part in (deviation, velocity_deviation)]
         error = balance.resistance(e[:, -1], e_t[:, -1], *deviations)
         if balance.projection.numel():
             error += balance.of_low_rank(e[:, -1], deviations[0])
         solved = self._real.solve(s.real, self._frames(1).back(real * error[NODE:], s.turns[-NODE:, :]))
-        return _function("finish", [*s.of_stages[:-1], a], [e, e_t[NODE:, -1], e_tt[NODE:, -1], solved, powers])
+        *shared, _ = vars(s).values()
+        return _function("finish", [*shared, a], [e, e_t[NODE:, -1], e_tt[NODE:, -1], solved, powers])
 
     @cached_property
     def factors(self) -> cs.Function:
@@ -141,7 +142,7 @@ class Collocation:
         known = np.concatenate([[0.0], RADAU.nodes])
         weights = [cs.vertcat(*_lagrange(known, 1 + c * ratio)[1:]) for c in RADAU.nodes.tolist()]
         q = self._corotation.continued(cs.horzcat(*weights), nodes, s.excitations[:NODE, :])
-        return _function("prediction", [nodes, ratio, s.excitations, s.q], [q - s.repeated(s.q)])
+        return _function("prediction", [nodes, ratio, s.excitations, s.q], [q - cs.repmat(s.q, 1, STAGES)])
 
     @cached_property
     def sample(self) -> cs.Function:
@@ -157,12 +158,12 @@ class Collocation:
         weights = cs.DM(QUINTIC) @ cs.horzcat(*(part / s.h**order for order, part in enumerate(powers)))
         *node, load = cs.vertsplit(excitation, NODE)
         e, e_t, e_tt = cs.horzsplit(cs.vertcat(cs.horzcat(*node), data @ weights))
-        residual, _ = self.forces(e, e_t, e_tt, load, s.parameters)
-        frames = self._frames(1)
+        balance, frames = self.equations.balance(s.parameters), self._frames(1)
+        residual, _ = balance.forces(e, e_t, e_tt, load)
         turns = frames.turns(s.reference, e)
         correction = self._real.solve(s.real, frames.back(residual[NODE:], turns))
         corrected = cs.vertcat(e[:NODE], e[NODE:] - frames.forth(correction, turns))
-        forces, _ = self.forces(corrected, e_t, e_tt, load, s.parameters)
+        forces, _ = balance.forces(corrected, e_t, e_tt, load)
         inputs = [x, s.h, s.q, s.v, a, q1, v1, a1, excitation, s.reference, s.parameters, s.real]
         return _function("sample", inputs, [corrected, e_t, forces[:NODE]])
 
@@ -207,15 +208,22 @@ class Collocation:
     def _corotation(self) -> Corotation:
         return self._frames(STAGES)
 
-    def _corrected(self, s: _Symbols) -> cs.MX:
+    def _corrected(self) -> cs.MX:
         """Return Z minus T dW, turned forth."""
-        corrections = s.corrections @ cs.DM(RADAU.transform).T
-        return s.increments - self._corotation.forth(corrections, s.turns)
+        s = self._symbols
+        corrected: cs.MX = s.increments - self._corotation.forth(s.corrections @ cs.DM(RADAU.transform).T, s.turns)
+        return corrected
+
+    def _motion(self, increments: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
+        """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages."""
+        s = self._symbols
+        return stage_motion(increments, s.q, s.v, s.h, s.excitations)
 
     @cached_property
-    def _symbols(self) -> _Symbols:
+    def _symbols(self) -> SimpleNamespace:
+        """The inputs of ``stages``, in order, which the other Functions share."""
         free, model = self.equations.free, self.equations.model
-        return _Symbols(
+        return SimpleNamespace(
             increments=cs.MX.sym("Z", free, STAGES),
             corrections=cs.MX.sym("dW", free, STAGES),
             q=cs.MX.sym("q", free),
@@ -231,58 +239,17 @@ class Collocation:
 
     @cached_property
     def balance(self) -> cs.Function:
-        """(e, e_t, e_tt, load, parameters) -> forces at all nodes, and powers as in ``forces``."""
+        """(e, e_t, e_tt, load, parameters) -> forces at all nodes, and powers as in ``Balance.forces``."""
         e, e_t, e_tt = (cs.MX.sym(name, self.equations.model.size) for name in ("e", "e_t", "e_tt"))
-        inputs = [e, e_t, e_tt, cs.MX.sym("load", LOAD_SIZE), self._symbols.parameters]
-        return cs.Function("balance", inputs, [*self.forces(*inputs)])
-
-    def forces(self, e: cs.MX, e_t: cs.MX, e_tt: cs.MX, load: cs.MX, parameters: cs.MX) -> tuple[cs.MX, cs.MX]:
-        """Return the forces at all nodes, (4 n + 4, s), and three powers, (3, s).
-
-        These are lost to damping, supplied by the base and supplied by the tip load.
-        """
-        balance = self.equations.balance(parameters)
-        local, lost, supplied = balance.local(e, e_t, e_tt, load)
-        if balance.projection.numel():
-            low_rank = balance.of_low_rank(e, e_t)
-            local, lost = local + low_rank, lost + cs.sum1(e_t * low_rank)
-        return local, cs.vertcat(lost, cs.sum1(e_t[:NODE, :] * local[:NODE, :]), supplied)
+        load, parameters = cs.MX.sym("load", LOAD_SIZE), self._symbols.parameters
+        outputs = self.equations.balance(parameters).forces(e, e_t, e_tt, load)
+        return cs.Function("balance", [e, e_t, e_tt, load, parameters], [*outputs])
 
 
 @lru_cache(8)
 def first_equal(form: Collocation) -> Collocation:
     """Return the same Functions of an earlier run, if there are any, which spares the time to derive them again."""
     return form
-
-
-@dataclass(frozen=True)
-class _Symbols:
-    """The inputs that the Functions of a step share."""
-
-    increments: cs.MX
-    corrections: cs.MX
-    q: cs.MX
-    v: cs.MX
-    h: cs.MX
-    excitations: cs.MX
-    turns: cs.MX
-    reference: cs.MX
-    parameters: cs.MX
-    real: cs.MX
-    pair: cs.MX
-
-    @property
-    def of_stages(self) -> list[cs.MX]:
-        """All inputs of ``Collocation.stages``, in order."""
-        return [getattr(self, name) for name in self.__dataclass_fields__]
-
-    def repeated(self, vector: cs.MX) -> cs.MX:
-        """Return a vector repeated for each stage."""
-        return cs.repmat(vector, 1, STAGES)
-
-    def motion(self, increments: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:
-        """Return e, e_t and e_tt, (4 n + 4, 3), and the load, (3, 3), at the stages."""
-        return stage_motion(increments, self.q, self.v, self.h, self.excitations)
 
 
 def stage_motion(z: cs.MX, q: cs.MX, v: cs.MX, h: cs.MX, excitations: cs.MX) -> tuple[cs.MX, cs.MX, cs.MX, cs.MX]:

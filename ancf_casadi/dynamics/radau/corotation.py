@@ -24,7 +24,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import casadi as cs
 import numpy as np
@@ -33,27 +32,6 @@ from ancf_casadi.dynamics.element_forces import mapped, side_by_side
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.shape import gauss, hermite_slope
 from ancf_casadi.support.arrays import Array, Index
-
-
-class Link(NamedTuple):
-    """The Functions of a link between two nodes, for several configurations, one below the other.
-
-    Parameters
-    ----------
-    turns : Function
-        (coordinates in the reference (8,), coordinates (8 c,)) -> cosines and sines of the angles of its pair (4 c,).
-    forth : Function
-        (corrections in the reference (8 c,), turns) -> their steps from the first node to the second (4 c,).
-    back : Function
-        (residuals summed beyond the link (4 c,), turns) -> contribution to the residuals in the reference (8 c,).
-    continued : Function
-        (coordinates at k + 1 instants (8 (k + 1),), weights (k, c)) -> steps of the coordinates (4 c,).
-    """
-
-    turns: cs.Function
-    forth: cs.Function
-    back: cs.Function
-    continued: cs.Function
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,17 +94,17 @@ class Corotation:
         return self.model.size // NODE - 1
 
     @cached_property
-    def _element(self) -> Link:
+    def _element(self) -> dict[str, cs.Function]:
         points = gauss(2)[0].tolist()
         values = np.array([hermite_slope(xi, 1.0) for xi in points])
         plane, span = np.eye(2), points[1] - points[0]
         to_pair = np.kron(values, plane)
         to_step = np.kron(np.array([[0.5, 0.5], [-1 / span, 1 / span]]), plane)
         link = _link(to_pair, to_pair, to_step, self.configurations)
-        return Link(*(self.make(side_by_side(one, is_diff_in=[False] * one.n_in())) for one in link))
+        return {name: self.make(side_by_side(one, is_diff_in=[False] * one.n_in())) for name, one in link.items()}
 
     @cached_property
-    def _clamp(self) -> Link:
+    def _clamp(self) -> dict[str, cs.Function]:
         second = np.hstack([np.zeros((NODE, NODE)), np.eye(NODE)])
         slope = np.kron(np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]), np.eye(2))
         return _link(second, slope, np.eye(NODE), self.configurations, np.diag([0.0, 0.0, 1.0, 1.0]))
@@ -134,9 +112,9 @@ class Corotation:
     def _mapped(self, name: str, *columns: cs.MX) -> cs.MX:
         """Evaluate a Function of the links for all of them."""
         root = self.model.root
-        result = mapped(getattr(self._element, name), *(part[:, root:] for part in columns))[0]
+        result = mapped(self._element[name], *(part[:, root:] for part in columns))[0]
         if root:
-            result = cs.horzcat(getattr(self._clamp, name)(*(part[:, 0] for part in columns)), result)
+            result = cs.horzcat(self._clamp[name](*(part[:, 0] for part in columns)), result)
         return result
 
     def _gathered(self, vectors: cs.MX) -> cs.MX:
@@ -161,8 +139,15 @@ class Corotation:
         return _picked(columns, np.arange(NODE * c * links).reshape(links, c, NODE).transpose(1, 0, 2), NODE * links)
 
 
-def _link(to_pair: Array, to_angles: Array, to_step: Array, count: int, continued: Array | None = None) -> Link:
-    """Derive the Functions of a link.
+def _link(
+    to_pair: Array, to_angles: Array, to_step: Array, count: int, continued: Array | None = None
+) -> dict[str, cs.Function]:
+    """Derive the Functions of a link between two nodes, for c configurations, one below the other.
+
+    turns: (coordinates in the reference (8,), coordinates (8 c,)) -> cosines and sines of the angles of its pair (4 c,)
+    forth: (corrections in the reference (8 c,), turns) -> their steps from the first node to the second (4 c,)
+    back: (residuals summed beyond the link (4 c,), turns) -> contribution to the residuals in the reference (8 c,)
+    continued: (coordinates at k + 1 instants (8 (k + 1),), weights (k, c)) -> steps of the coordinates (4 c,)
 
     Parameters
     ----------
@@ -171,7 +156,7 @@ def _link(to_pair: Array, to_angles: Array, to_step: Array, count: int, continue
     to_step : array (4, 4)
         The step from the first node to the second, from the pair that is turned.
     count : int
-        Number of configurations.
+        Number c of configurations.
     continued : array (4, 4), optional
         The step from the pair that gives the angles, if it differs.
     """
@@ -192,12 +177,13 @@ def _link(to_pair: Array, to_angles: Array, to_step: Array, count: int, continue
         return cs.Function(name, [cs.vec(part) for part in inputs], [cs.cse(cs.densify(cs.vertcat(*columns)))])
 
     each = range(count)
-    return Link(
-        turns=function("turns", [first, e], [_angles(angles @ first, angles @ e[:, i]) for i in each]),
-        forth=function("forth", [e, turns], [step @ turned(pair @ e[:, i], turns[:, i], 1.0) for i in each]),
-        back=function("back", [f, turns], [pair.T @ turned(step.T @ f[:, i], turns[:, i], -1.0) for i in each]),
-        continued=_continued(angles, own, count),
-    )
+    found = [
+        function("turns", [first, e], [_angles(angles @ first, angles @ e[:, i]) for i in each]),
+        function("forth", [e, turns], [step @ turned(pair @ e[:, i], turns[:, i], 1.0) for i in each]),
+        function("back", [f, turns], [pair.T @ turned(step.T @ f[:, i], turns[:, i], -1.0) for i in each]),
+        _continued(angles, own, count),
+    ]
+    return {one.name(): one for one in found}
 
 
 def _angles(first: cs.SX, second: cs.SX) -> cs.SX:
@@ -212,7 +198,7 @@ def _angles(first: cs.SX, second: cs.SX) -> cs.SX:
 
 
 def _continued(angles: cs.DM, step: cs.DM, count: int) -> cs.Function:
-    """(coordinates at k + 1 instants, weights) -> steps, as in ``Link``, with k the number of configurations."""
+    """(coordinates at k + 1 instants, weights) -> steps, as in ``_link``, with k the number of configurations."""
     motion, weights = cs.SX.sym("motion", 2 * NODE, count + 1), cs.SX.sym("weights", count, count)
     vectors = angles @ motion
     continued: list[list[cs.SX]] = [[] for _ in range(count)]

@@ -63,18 +63,9 @@ class Elimination:
         return Layout.of(**sizes, w=rows * columns, t=columns**2)
 
     def factors(self, blocks: cs.MX, v: cs.MX, coefficients: cs.MX, s: complex) -> cs.MX:
-        """Return the factors as a vector.
+        """Return the factors as a vector, from D, B and C of each node, V (N, m), d (m,) and s.
 
-        Parameters
-        ----------
-        blocks : MX (48 parts, N/4)
-            D, B and C of A for each node; the real parts of all three, then the imaginary parts.
-        v : MX (N, m)
-            V.
-        coefficients : MX (m,)
-            d.
-        s : complex
-            s.
+        ``blocks`` (48 parts, N/4) has the real parts of all three blocks of a node, then the imaginary parts.
         """
         solved = _along(self._nodes[0], blocks)
         if not self.rank:

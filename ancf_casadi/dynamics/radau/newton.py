@@ -1,7 +1,9 @@
-"""Newton's method for the stage equations of Radau IIA, with matrices that may serve several steps.
+"""The arrays of a step, and Newton's method for its stage equations, with matrices that may serve several steps.
 
 Each iteration solves a real and a complex system (``collocation``).  With the norm |.| relative to the tolerance and
 the contraction theta = |dW_k|/|dW_k-1|, the iteration ends when theta/(1 - theta) |dW_k| is below ``NEWTON_RATIO``.
+
+CasADi's ``buffer`` binds a Function to arrays, so that a call copies nothing and costs half a microsecond.
 
 References
 ----------
@@ -14,7 +16,7 @@ import math
 
 import numpy as np
 
-from ancf_casadi.dynamics.radau.buffers import Buffers
+from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.collocation import Collocation
 from ancf_casadi.dynamics.radau.step_control import NEWTON_ITERATIONS
 from ancf_casadi.dynamics.radau.tableau import STAGES
@@ -26,8 +28,37 @@ NEWTON_RATIO = 0.001  # relative to the tolerance of the step; with a larger one
 MIDDLE = STAGES // 2  # stage in which the matrices are taken
 
 
+class StepArrays:
+    """The arrays that the Functions of a step read in place; N is the number of free coordinates.
+
+    ``Stepper`` writes ``start`` and ``end``, q, v and a at both ends of the last step, and ``nodes``, all coordinates
+    at its start and its stages, when a step is accepted.  For the step being tried, it writes ``time``, its start, s,
+    ``length``, s, ``ratio``, relative to that of the last step, and the ``excitations`` at the stages, and predicts the
+    ``increments`` Z of the free coordinates.  ``Newton`` writes their last ``corrections`` dW, the ``turns`` of the
+    stages from the reference of the matrices, and, where it takes the matrices, the coordinates and excitation of this
+    ``reference`` and the factors of the ``real`` and the complex matrix, the ``pair``.
+    """
+
+    def __init__(self, form: Collocation, parameters: Array) -> None:
+        size, free = form.equations.model.size, form.equations.free
+        self.start, self.end, self.nodes = np.zeros((3, free)), np.zeros((3, free)), np.zeros((STAGES + 1, size))
+        self.time, self.length, self.ratio = np.zeros(1), np.zeros(1), np.zeros(1)
+        self.excitations = np.zeros((STAGES, EXCITATION))
+        self.increments, self.corrections = np.zeros((STAGES, free)), np.zeros((STAGES, free))
+        self.turns = np.zeros(form.stages.numel_out(2))
+        self.reference, self.reference_excitation = np.zeros(size), np.zeros(EXCITATION)
+        self.real, self.pair = (np.zeros(form.factors.numel_out(k)) for k in range(2))
+        self.parameters = parameters
+
+    @property
+    def of_stages(self) -> list[Array]:
+        """The inputs of ``Collocation.stages``, in order."""
+        trial = [self.increments, self.corrections, *self.end[:2], self.length, self.excitations, self.turns]
+        return [*trial, self.reference, self.parameters, self.real, self.pair]
+
+
 class Newton:
-    """Newton's method for the stage equations of the step in ``buffers.trial``.
+    """Newton's method for the stage equations of the step being tried.
 
     ``iterations`` and ``factorisations`` count the work of the run.  ``contraction`` is the last theta that was
     measured, in an earlier step if the last step took a single iteration.
@@ -36,36 +67,36 @@ class Newton:
     ----------
     form : Collocation
         The Functions of a step.
-    buffers : Buffers
+    arrays : StepArrays
         The arrays of these Functions.
     tolerance : float
         Tolerance of the step.
     """
 
-    def __init__(self, form: Collocation, buffers: Buffers, tolerance: float) -> None:
-        model, reference = form.equations.model, buffers.reference
+    def __init__(self, form: Collocation, arrays: StepArrays, tolerance: float) -> None:
+        model = form.equations.model
         self.iterations = self.factorisations = 0
         self.contraction = 1.0
-        self._buffers = buffers
+        self._arrays = arrays
         self._weights = 1 / (model.scale[model.free] * tolerance * math.sqrt(form.equations.free))
         self._stage_weights = np.tile(self._weights / math.sqrt(STAGES), STAGES)
-        q, v, h = reference.coordinates[NODE:], buffers.last.end[1], buffers.trial.length
-        self._stages = Buffered(form.stages, *buffers.of_stages)
-        self._factors = Buffered(form.factors, q, v, h, reference.excitation, buffers.parameters)
+        state = arrays.reference[NODE:], arrays.end[1], arrays.length, arrays.reference_excitation
+        self._stages = Buffered(form.stages, *arrays.of_stages)
+        self._factors = Buffered(form.factors, *state, arrays.parameters)
 
     def factorise(self) -> None:
         """Evaluate and factorise the matrices in the predicted configuration of the middle stage."""
         self.factorisations += 1
-        trial, reference, (q, _, _) = self._buffers.trial, self._buffers.reference, self._buffers.last.end
-        reference.excitation[:] = trial.excitations[MIDDLE]
-        reference.coordinates[:NODE] = reference.excitation[:NODE]
-        reference.coordinates[NODE:] = q + trial.increments[MIDDLE]
-        reference.real[:], reference.pair[:] = self._factors()
+        arrays = self._arrays
+        arrays.reference_excitation[:] = arrays.excitations[MIDDLE]
+        arrays.reference[:NODE] = arrays.reference_excitation[:NODE]
+        arrays.reference[NODE:] = arrays.end[0] + arrays.increments[MIDDLE]
+        arrays.real[:], arrays.pair[:] = self._factors()
 
     def converge(self) -> int:
         """Solve the stage equations, and return the number of iterations; 0 if they do not converge."""
-        trial = self._buffers.trial
-        increments, corrections, turns = trial.increments.ravel(), trial.corrections.ravel(), trial.turns
+        arrays = self._arrays
+        increments, corrections, turns = arrays.increments.ravel(), arrays.corrections.ravel(), arrays.turns
         corrections[:] = 0.0
         size = math.inf
         for iteration in range(1, NEWTON_ITERATIONS + 1):

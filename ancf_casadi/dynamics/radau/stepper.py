@@ -6,9 +6,12 @@ decay, and the steps adapt to the other modes.  ``collocation`` states the equat
     predicted       by the collocation polynomial of the last one,
     solved          by Newton's method (``newton``), whose matrices are kept as long as it converges fast,
     accepted        if the error of positions and slopes is within the tolerance (``step_control``), else repeated,
-    sampled         at the instants of the result (``samples``).
+    sampled         at the instants of the result.
 
-The error estimate does not include the velocities.
+The error estimate does not include the velocities.  A sample is taken from the quintic polynomial through positions,
+velocities and accelerations at both ends of the step, corrected by one Newton iteration on the equation of motion,
+because the polynomial may stretch the beam more than the axial forces do.  The powers lost to damping and supplied by
+the base and the tip load are integrated by the quadrature of the stages.
 
 References
 ----------
@@ -17,21 +20,20 @@ E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.dynamics.radau.buffers import Buffers
+from ancf_casadi.dynamics.excitation import EXCITATION, Excitation
 from ancf_casadi.dynamics.radau.collocation import Collocation
-from ancf_casadi.dynamics.radau.newton import Newton
-from ancf_casadi.dynamics.radau.samples import Samples, StepEnergies
+from ancf_casadi.dynamics.radau.newton import Newton, StepArrays
 from ancf_casadi.dynamics.radau.step_control import StepControl
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
-from ancf_casadi.dynamics.segments import ENERGY_STATES, SAME_TIME, InitialValueProblem, SegmentSolution
+from ancf_casadi.dynamics.segments import ENERGY_STATES, SAME_TIME, Segment, SegmentSolution
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import SimulationError
 from ancf_casadi.mechanics.model import NODE
@@ -41,24 +43,27 @@ from ancf_casadi.support.compilation import Buffered
 SAMPLES_PER_CALL = 8  # largest number of samples evaluated in one call
 
 
-def integrate_by_radau(problem: InitialValueProblem, form: Collocation) -> Iterator[SegmentSolution]:
-    """Integrate over a smooth piece of the excitation, and yield the solution on each segment.
+def integrate_by_radau(
+    form: Collocation,
+    parameters: Array,
+    piece: Excitation,
+    start: State,
+    segments: Sequence[Segment],
+    tolerance: float,
+    largest_step: float,
+) -> Iterator[SegmentSolution]:
+    """Integrate over a smooth piece of the excitation, and yield the solution on each of its consecutive segments.
 
-    Parameters
-    ----------
-    problem : InitialValueProblem
-        The motion to compute.
-    form : Collocation
-        The Functions of a step, which all pieces of a motion share.
+    The other arguments are those of ``Stepper``.
 
     Raises
     ------
     SimulationError
         If no step is small enough, or the steps are too many.
     """
-    stepper = Stepper(form, problem.equations.parameters, problem)
-    size, steps, energies = problem.equations.model.size, 0, np.zeros(ENERGY_STATES)
-    for segment in problem.segments:
+    stepper = Stepper(form, parameters, piece, start, tolerance, largest_step)
+    size, steps, energies = form.equations.model.size, 0, np.zeros(ENERGY_STATES)
+    for segment in segments:
         samples: list[tuple[Array, ...]] = [tuple(np.empty((0, width)) for width in (size, size, NODE, ENERGY_STATES))]
         ahead = segment.instants[segment.kept].tolist() if segment.samples else []
         while ahead:
@@ -117,47 +122,58 @@ class Stepper:
     form : Collocation
         The Functions of a step.
     parameters : array
-        The parameters of the equation of motion.
-    problem : InitialValueProblem
-        The motion to compute; its equations and their nominal parameters are not used.
+        The parameters of the equation of motion, in place of the nominal ones of ``form``.
+    piece : Excitation
+        The excitation.
+    start : State
+        The state at its beginning.
+    tolerance : float
+        Local error of the positions relative to the length of the beam, and of the slopes relative to 1/2.
+    largest_step : float
+        Largest step, s.
     """
 
-    def __init__(self, form: Collocation, parameters: Array, problem: InitialValueProblem) -> None:
-        free, excitation, start = form.equations.model.free, problem.excitation, problem.start
-        self.now, self.steps = problem.segments[0].start, 0
-        self._end, self._largest_step = problem.segments[-1].end, problem.largest_step
-        self._control, self._energies = (
-            StepControl(),
-            StepEnergies(np.zeros(ENERGY_STATES), np.zeros((STAGES, ENERGY_STATES))),
-        )
+    def __init__(
+        self,
+        form: Collocation,
+        parameters: Array,
+        piece: Excitation,
+        start: State,
+        tolerance: float,
+        largest_step: float = math.inf,
+    ) -> None:
+        free, first = form.equations.model.free, piece.at(piece.begin)
+        self.now, self.steps = piece.begin, 0
+        self._form, self._piece, self._largest_step, self._control = form, piece, largest_step, StepControl()
+        # energies at the start of the last step, and coefficients of x, x^2 and x^3 of those added within it
+        self._energies, self._added = np.zeros(ENERGY_STATES), np.zeros((STAGES, ENERGY_STATES))
 
-        self._buffers = buffers = Buffers.of(form, parameters)
-        last, trial = buffers.last, buffers.trial
-        first = excitation(self.now).full().ravel()
-        trial.excitations[:] = first
-        last.nodes[:, :NODE], last.nodes[:, NODE:] = first[:NODE], start.coordinates[free]
-        q, v, a = last.end
+        self._arrays = arrays = StepArrays(form, parameters)
+        arrays.excitations[:] = first
+        arrays.nodes[:, :NODE], arrays.nodes[:, NODE:] = first[:NODE], start.coordinates[free]
+        q, v, a = arrays.end
         q[:], v[:] = start.coordinates[free], start.velocities[free]
         a[:] = form.accelerations(q, v, first, parameters)
 
-        self.newton = Newton(form, buffers, problem.tolerance)
-        self._finish = Buffered(form.finish, *buffers.of_stages[:-1], a)
-        self._predict = Buffered(form.prediction, last.nodes, trial.ratio, trial.excitations, q)
-        self._excite = Buffered(_at_stages(excitation), trial.time, trial.length)
-        self._samples = lru_cache(lambda count: Samples(count, form, buffers, excitation))
+        self.newton = Newton(form, arrays, tolerance)
+        self._finish = Buffered(form.finish, *arrays.of_stages[:-1], a)
+        self._predict = Buffered(form.prediction, arrays.nodes, arrays.ratio, arrays.excitations, q)
+        self._excite = Buffered(_at_stages(piece.function), arrays.time, arrays.length)
+        self._samplers: dict[int, Callable[[Array, Array], list[Array]]] = {}
 
     @property
     def state(self) -> State:
         """The state at the end of the last step."""
-        last, clamp_velocity = self._buffers.last, self._buffers.trial.excitations[-1, NODE : 2 * NODE]
-        return State(last.nodes[-1].copy(), np.concatenate([clamp_velocity, last.end[1]]), self.now)
+        arrays = self._arrays
+        velocities = np.concatenate([arrays.excitations[-1, NODE : 2 * NODE], arrays.end[1]])
+        return State(arrays.nodes[-1].copy(), velocities, self.now)
 
     @property
     def last_step(self) -> RadauStep:
         """The last step."""
-        last, h = self._buffers.last, self._control.length
-        q, v, a = last.start.copy()
-        return RadauStep(self.now - h, h, q, v, a, last.nodes[1:, NODE:] - q, self._buffers.trial.excitations.copy())
+        arrays, h = self._arrays, self._control.length
+        q, v, a = arrays.start.copy()
+        return RadauStep(self.now - h, h, q, v, a, arrays.nodes[1:, NODE:] - q, arrays.excitations.copy())
 
     def reach(self, instant: float) -> None:
         """Take steps until an instant is passed.
@@ -173,18 +189,21 @@ class Stepper:
             if self.steps - before > 200_000:
                 raise SimulationError(_failure("took too many steps", self.now, self._control.length), self.now)
 
-    def sample(self, instants: Array) -> tuple[Array, Array, Array, Array]:
+    def sample(self, instants: Array) -> tuple[Array, ...]:
         """Return the motion at some instants (k,) of the last step.
 
         These are coordinates and velocities, (k, 4 n + 4), forces of the base, (k, 4), and the energies since the start
         of the piece, (k, 3).
         """
-        samples = self._samples(len(instants))
-        return *samples(instants, self._places_of(instants)), self.energies_at(instants)
+        count = len(instants)
+        if count not in self._samplers:
+            self._samplers[count] = _sampler(count, self._form, self._arrays, self._piece.function)
+        return *self._samplers[count](instants, self._places_of(instants)), self.energies_at(instants)
 
     def energies_at(self, instants: Array) -> Array:
         """Return the energies since the start of the piece, (k, 3), J, at instants (k,) of the last step."""
-        return self._energies.at(self._places_of(instants))
+        x, (first, second, third) = self._places_of(instants)[:, None], self._added
+        return np.asarray(self._energies + x * (first + x * (second + x * third)))
 
     def advance(self) -> None:
         """Take one step, as long as the tolerance and Newton's method allow.
@@ -194,9 +213,9 @@ class Stepper:
         SimulationError
             If no step is small enough.
         """
-        control, newton, buffers = self._control, self.newton, self._buffers
+        control, newton, arrays = self._control, self.newton, self._arrays
         while True:
-            h = control.trial_length(self._end - self.now, self._largest_step)
+            h = control.trial_length(self._piece.end - self.now, self._largest_step)
             if not h > 1e-11 * max(1.0, self.now):  # s; after the first second, relative to the time
                 raise SimulationError(_failure("could not continue", self.now, h), self.now)
             kept = control.keep and h == control.length
@@ -214,29 +233,52 @@ class Stepper:
             control = control.inaccurate(h, error, iterations)
 
         self._control = control.accepted(h, error, iterations, newton.contraction, self._largest_step)
-        self._energies = self._energies.followed_by(h, powers.reshape(STAGES, ENERGY_STATES))
-        last = buffers.last
-        last.nodes[0], last.nodes[1:] = last.nodes[-1], nodes.reshape(STAGES, -1)
-        last.start[:] = last.end
-        last.end[0], last.end[1], last.end[2] = last.nodes[-1, NODE:], velocities, accelerations
+        self._energies = self._energies + self._added.sum(axis=0)
+        self._added = h * RADAU.integral @ powers.reshape(STAGES, ENERGY_STATES)
+        arrays.nodes[0], arrays.nodes[1:] = arrays.nodes[-1], nodes.reshape(STAGES, -1)
+        arrays.start[:] = arrays.end
+        arrays.end[0], arrays.end[1], arrays.end[2] = arrays.nodes[-1, NODE:], velocities, accelerations
         self.now += h
         self.steps += 1
 
     def _begin(self, h: float) -> None:
         """Set up the trial of a step of length h: evaluate the excitation and predict the increments."""
-        trial, (_, v, a) = self._buffers.trial, self._buffers.last.end
-        trial.length[0], trial.time[0] = h, self.now
-        trial.excitations.ravel()[:] = self._excite()[0]
+        arrays, (_, v, a) = self._arrays, self._arrays.end
+        arrays.length[0], arrays.time[0] = h, self.now
+        arrays.excitations.ravel()[:] = self._excite()[0]
         if self.steps:
-            trial.ratio[0] = h / self._control.length
-            trial.increments.ravel()[:] = self._predict()[0]
+            arrays.ratio[0] = h / self._control.length
+            arrays.increments.ravel()[:] = self._predict()[0]
         else:
             times = h * RADAU.nodes[:, None]
-            trial.increments[:] = times * v + times**2 / 2 * a
+            arrays.increments[:] = times * v + times**2 / 2 * a
 
     def _places_of(self, instants: Array) -> Array:
         """Return the places of instants in the last step, 0 to 1."""
         return np.asarray(1.0 - (self.now - instants) / self._control.length)
+
+
+def _sampler(
+    count: int, form: Collocation, arrays: StepArrays, excitation: cs.Function
+) -> Callable[[Array, Array], list[Array]]:
+    """Return the function that evaluates k samples of the last step at once.
+
+    It takes their times (k,), s, and their places in the step, 0 to 1, and returns coordinates and velocities,
+    (k, 4 n + 4), and forces of the base, (k, 4).
+    """
+    instants, places, excitations = np.zeros(count), np.zeros(count), np.zeros((count, EXCITATION))
+    step = [arrays.length, *arrays.start, *arrays.end]
+    inputs = [places, *step, excitations, arrays.reference, arrays.parameters, arrays.real]
+    shared = [k for k in range(len(inputs)) if k not in (0, 1 + len(step))]
+    excite = Buffered(excitation.map(count), instants)
+    evaluate = Buffered(form.sample.map("samples", "serial", count, shared, []), *inputs)
+
+    def sample(given: Array, own: Array) -> list[Array]:
+        instants[:], places[:] = given, own
+        excitations.ravel()[:] = excite()[0]
+        return [part.reshape(count, -1).copy() for part in evaluate()]
+
+    return sample
 
 
 def _at_stages(excitation: cs.Function) -> cs.Function:

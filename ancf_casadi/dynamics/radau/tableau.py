@@ -25,8 +25,8 @@ class Tableau:
     ----------
     nodes : array (3,)
         The nodes c.
-    weights, inverse : array (3, 3)
-        The weights A, and A^-1.
+    inverse : array (3, 3)
+        A^-1 of the weights A.
     transform : array (3, 3)
         The matrix T with T^-1 A^-1 T = [[gamma, 0, 0], [0, mu', -mu''], [0, mu'', mu']].
     gamma, mu : float, complex
@@ -38,7 +38,6 @@ class Tableau:
     """
 
     nodes: Array
-    weights: Array
     inverse: Array
     transform: Array
     gamma: float
@@ -62,7 +61,7 @@ def tableau() -> Tableau:
     moments = 1 / powers - np.array([1 / gamma, 0.0, 0.0])
     quadrature = np.linalg.solve(nodes ** (powers - 1)[:, None], moments)
     embedded = (quadrature - weights[-1]) @ inverse
-    return Tableau(nodes, weights, inverse, transform, gamma, mu, embedded, integral)
+    return Tableau(nodes, inverse, transform, gamma, mu, embedded, integral)
 
 
 def quintic() -> Array:

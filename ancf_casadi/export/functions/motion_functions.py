@@ -14,7 +14,6 @@ differentiable.  ``statics`` states the range of ``equilibrium`` and ``frequenci
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,8 +22,8 @@ from types import NoneType
 import casadi as cs
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
-from ancf_casadi.dynamics.base_motion import Piece
-from ancf_casadi.dynamics.equations import Balance, Equations, clamped_node
+from ancf_casadi.dynamics.equations import Balance, Equations
+from ancf_casadi.dynamics.excitation import clamped_node
 from ancf_casadi.dynamics.signals import (
     MotionFunctions,
     base_signals,
@@ -245,8 +244,8 @@ def _symbolic_motion(equations: Equations, parameters: int) -> _SymbolicMotion:
     symbols = {name: cs.MX.sym(name, size) for name, size in sizes.items()}
     position, velocity, acceleration = cs.vertsplit(symbols["base"], 3)
     t = cs.MX.sym("t")
-    piece = Piece(math.inf, lambda t, parameters: position + velocity * t + acceleration * t**2 / 2)
-    (node,) = cs.graph_substitute([clamped_node(equations.model, piece, t, cs.MX(0, 1))], [t], [cs.MX(0.0)])
+    displacement = position + velocity * t + acceleration * t**2 / 2
+    (node,) = cs.graph_substitute([clamped_node(equations.model, displacement, t)], [t], [cs.MX(0.0)])
     clamped = [part[: free.start] for part in cs.vertsplit(node, NODE)]
     return _SymbolicMotion(symbols, equations.balance_for(symbols["p"]), clamped)
 

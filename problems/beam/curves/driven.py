@@ -146,5 +146,5 @@ def _sensor(reduced: ReducedModel, record: ResponseRecord) -> cs.Function:
     e, e_t = reduced.coordinates(q, v, base)
     rates = (q, v), (v, a), (base, cs.vertcat(base[3:], cs.MX.zeros(3)))
     e_tt = sum((cs.jtimes(e_t, x, x_t) for x, x_t in rates), cs.MX.zeros(e.numel()))
-    y = SampledMotion(equations, e, e_t, e_tt, load, equations.given(law=law)).read(record.sensor)
+    y = SampledMotion.of(equations, e, e_t, e_tt, load, equations.given(law=law)).read(record.sensor)
     return cs.Function("sensor", [q, v, a, base, load, law], [y]).expand()

@@ -24,8 +24,8 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
+from ancf_casadi.dynamics.derivatives.differentiable import Runs
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion, orders_of
-from ancf_casadi.dynamics.derivatives.runs import Runs
 from ancf_casadi.dynamics.derivatives.sensitivity import SensitivityProblem
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
@@ -314,7 +314,7 @@ class MotionBlock(Block):
         parameters = self.equations.given(
             properties=cs.vec(self._properties(given)), law=self._law(given), lumped=self._lumped_values(given)
         )
-        return SampledMotion(self.equations, e, e_t, e_tt, load, parameters)
+        return SampledMotion.of(self.equations, e, e_t, e_tt, load, parameters)
 
     def _reading(
         self, number: int, record: MotionRecord, channel: Channel, sampled: SampledMotion, given: Mapping[str, cs.MX]

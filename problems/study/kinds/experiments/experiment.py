@@ -31,8 +31,7 @@ import numpy as np
 
 from ancf_casadi.decay.envelope import DampingCurve, damping_curve
 from ancf_casadi.dynamics.base_motion import HarmonicBase
-from ancf_casadi.dynamics.integration import Method
-from ancf_casadi.dynamics.simulation import simulate
+from ancf_casadi.dynamics.simulation import Method, simulate
 from ancf_casadi.dynamics.trajectory import Trajectory
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model

@@ -1,0 +1,127 @@
+"""The excitation of a beam: motion of the clamped node and load at the tip, in smooth pieces.
+
+The excitation has 15 components: position, velocity and acceleration of the clamped node, (4,) each, which carry the
+base motion, and the force (2,) and moment at the tip.  It is symbolic in the time and in the parameters b of the base
+motion.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as cs
+import numpy as np
+
+from ancf_casadi.dynamics.base_motion import BaseMotion, Piece, pieces_between
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE, HarmonicLoad, TipLoad
+from ancf_casadi.mechanics.model import NODE, Model
+from ancf_casadi.support.arrays import Array
+
+NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)
+EXCITATION = 3 * NODE + LOAD_SIZE  # components of the excitation
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """The excitation between two instants, where it is smooth.
+
+    Parameters
+    ----------
+    model : Model
+        The beam.
+    base, load : Piece
+        The pieces of the base motion and of the tip load.
+    begin, end : float
+        First and last instant, s.
+    parameters : array (m,)
+        The parameters b of the base motion.
+    """
+
+    model: Model
+    base: Piece
+    load: Piece
+    begin: float
+    end: float
+    parameters: Array
+
+    @property
+    def largest_step(self) -> float:
+        """Largest step of an integrator that misses no event, s."""
+        return min(self.base.largest_step, self.load.largest_step)
+
+    @cached_property
+    def function(self) -> cs.Function:
+        """(t) -> the excitation, (15,)."""
+        t = cs.MX.sym("t")
+        return cs.Function("excitation", [t], [self._expression(t, cs.MX(cs.DM(self.parameters)))])
+
+    @cached_property
+    def clamp(self) -> cs.Function:
+        """(t) -> displacement (m, two components) and rotation (rad) of the clamp, their rates and accelerations."""
+        t = cs.MX.sym("t")
+        return cs.Function("clamp", [t], [with_rates(cs.densify(self.base.at(t, cs.MX(cs.DM(self.parameters)))), t)])
+
+    def at(self, time: float) -> Array:
+        """Return the excitation, (15,), at a time."""
+        return np.asarray(self.function(time).full().ravel())
+
+    def jacobian(self, time: float) -> Array:
+        """Return the derivatives of the excitation with respect to b, (15, m), at a time."""
+        return np.asarray(self._derivatives[0](time, self.parameters).full())
+
+    def derivatives(self, time: float) -> Array:
+        """Return the clamped node and the time derivative of its acceleration, (16,), at a time."""
+        return np.asarray(self._derivatives[1](time, self.parameters).full().ravel())
+
+    @cached_property
+    def _derivatives(self) -> tuple[cs.Function, cs.Function]:
+        t, b = cs.MX.sym("t"), cs.MX.sym("b", self.parameters.size)
+        values = self._expression(t, b)
+        jerk = cs.densify(cs.jacobian(values[2 * NODE : 3 * NODE], t))
+        return (
+            cs.Function("excitation_jacobian", [t, b], [cs.jacobian(values, b)]),
+            cs.Function("clamp_derivatives", [t, b], [cs.vertcat(values[: 3 * NODE], jerk)]),
+        )
+
+    def _expression(self, t: cs.MX, b: cs.MX) -> cs.MX:
+        node = clamped_node(self.model, self.base.at(t, b), t)
+        return cs.vertcat(node, cs.densify(self.load.at(t, cs.MX(0, 1))))
+
+
+def excitation_pieces(
+    model: Model, base: BaseMotion, load: TipLoad | None, begin: float, end: float, b: Array | None = None
+) -> list[Excitation]:
+    """Return the excitation between two instants (s), piece by piece; b are the parameters of the base, if changed."""
+    moving, loading = (pieces_between(one.pieces(), begin, end) for one in (base, load or NO_LOAD))
+    instants = [begin]
+    for instant in sorted(last for *_, last in (*moving, *loading)):
+        # of the time considered; pieces of base and load that end so close together end together
+        if instant - instants[-1] > 1e-9 * (end - begin):
+            instants.append(instant)
+    instants[-1] = end
+    values = np.array([own.value for own in base.parameters]) if b is None else b
+    return [
+        Excitation(model, _at((first + last) / 2, moving), _at((first + last) / 2, loading), first, last, values)
+        for first, last in itertools.pairwise(instants)
+    ]
+
+
+def clamped_node(model: Model, displacement: cs.MX, t: cs.MX) -> cs.MX:
+    """Return position, velocity and acceleration of the clamped node, (12,), for a clamp moved by (x, y, angle) (t)."""
+    x, y, angle = cs.vertsplit(cs.densify(displacement))
+    ax, ay = model.beam.axis
+    node = cs.vertcat(x, y, cs.cos(angle) * ax - cs.sin(angle) * ay, cs.sin(angle) * ax + cs.cos(angle) * ay)
+    return with_rates(node, t)
+
+
+def with_rates(x: cs.MX, t: cs.MX) -> cs.MX:
+    """Return x, x_t and x_tt, one below the other."""
+    x_t = cs.densify(cs.jacobian(x, t))
+    return cs.vertcat(x, x_t, cs.densify(cs.jacobian(x_t, t)))
+
+
+def _at(instant: float, pieces: list[tuple[Piece, float, float]]) -> Piece:
+    """Return the piece at an instant."""
+    return next(piece for piece, _, last in pieces if instant <= last)

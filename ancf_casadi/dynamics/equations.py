@@ -32,8 +32,7 @@ from ancf_casadi.dynamics.base_motion import BaseMotion, Piece
 from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE, HarmonicLoad, TipLoad, tip_force, tip_stiffness
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.layout import Layout
+from ancf_casadi.support.arrays import Array, Layout
 
 NO_LOAD = HarmonicLoad((0.0, 0.0), 1.0)
 EXCITATION = 3 * NODE + LOAD_SIZE  # components of the excitation

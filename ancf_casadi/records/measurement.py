@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.processing import decimated, sampling_step, without_line
 from ancf_casadi.records.recording import Recording, read_recording
-from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.records.sensor_units import sensor_of
+from ancf_casadi.records.sensor import Sensor, sensor_of
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, located, number, physical, whole

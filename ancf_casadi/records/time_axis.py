@@ -15,7 +15,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
-from ancf_casadi.records.time_names import names_time
+from ancf_casadi.records.unit_names import names_time
 from ancf_casadi.records.units import Unit, known_unit
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, physical, shown

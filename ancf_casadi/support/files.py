@@ -61,6 +61,25 @@ def check_file(path: str | Path) -> Path:
     return target
 
 
+def check_ours(path: Path, beginning: str) -> None:
+    """Check that a file is new, or begins like the files that this package writes.
+
+    Raises
+    ------
+    InputError
+        If the file exists and begins otherwise.
+    """
+    if not path.exists():
+        return
+    try:
+        with opened(path) as file:
+            ours = file.read(len(beginning)) == beginning.encode()
+    except InputError:
+        ours = False
+    if not ours:
+        raise InputError("already exists, and was not written by this export; choose another path", str(path))
+
+
 def write_file(path: Path, content: str | bytes) -> None:
     """Write a complete file or none; missing folders are created.
 

@@ -29,7 +29,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.dynamics.base_motion import Piece
 from ancf_casadi.export import DataFile, Document, Identification, Provenance, read_document
-from ancf_casadi.export.functions.motion_functions import beam_functions
+from ancf_casadi.export.motion_functions import beam_functions
 from ancf_casadi.export.targets import fmu
 from ancf_casadi.export.targets.fmu import write_fmu
 

@@ -9,8 +9,7 @@ from ancf_casadi import Beam, Model, natural_modes
 from ancf_casadi.vibration.assembly import Position, Structure, structure_properties
 from ancf_casadi.vibration.following import follow, followed_modes
 from ancf_casadi.vibration.modal_state import ModalState, modes_near
-from ancf_casadi.vibration.second_derivatives import hessian
-from ancf_casadi.vibration.sensitivities import gradient, sensitivities
+from ancf_casadi.vibration.sensitivities import gradient, hessian, sensitivities
 
 ELEMENTS = 5
 COUNT = 3

@@ -19,8 +19,7 @@ from ancf_casadi.dynamics.start import Start, check_clamp, initial_state, rigid_
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.layout import Layout
+from ancf_casadi.support.arrays import Array, Layout
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 

@@ -14,8 +14,7 @@ from ancf_casadi.dynamics.derivatives.sampling import clamp_jacobians, sample_we
 from ancf_casadi.dynamics.equations import EXCITATION
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
-from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.layout import Layout
+from ancf_casadi.support.arrays import Array, Layout
 
 
 def reverse(linearisation: LinearisedSteps, run: MotionRun, weights: Array) -> tuple[Array, Array, Array]:

@@ -25,9 +25,8 @@ from ancf_casadi.dynamics.equations import EXCITATION
 from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
-from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.banded import lapack_place
-from ancf_casadi.support.layout import Layout
 
 
 @dataclass(frozen=True, eq=False)

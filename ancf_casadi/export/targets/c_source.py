@@ -14,7 +14,7 @@ import numpy as np
 
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.functions.step import GAMMA
+from ancf_casadi.export.solved_functions import GAMMA
 from ancf_casadi.support.arrays import Array, Index
 
 TABLE_NAMES = ("parameters", "rest")

@@ -12,7 +12,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.signals import MotionFunctions, values
-from ancf_casadi.export.functions.motion_functions import BeamFunctions
+from ancf_casadi.export.motion_functions import BeamFunctions
 from ancf_casadi.reduction.stepping import STEPS_PER_PERIOD
 from ancf_casadi.support.arrays import Array
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
-from ancf_casadi.records.reading.isolated import read_isolated
+from ancf_casadi.records.reading.libraries import read_isolated
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array
 

@@ -10,11 +10,9 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
+from ancf_casadi.records.reading.arrays import read_hdf5, read_matlab, read_npy, read_npz
 from ancf_casadi.records.reading.c3d import read_c3d
-from ancf_casadi.records.reading.lvm import read_lvm
-from ancf_casadi.records.reading.matlab import read_hdf5, read_matlab
-from ancf_casadi.records.reading.npz import read_npy, read_npz
-from ancf_casadi.records.reading.tdms import read_tdms
+from ancf_casadi.records.reading.labview import read_lvm, read_tdms
 from ancf_casadi.records.reading.text.reader import read_text
 from ancf_casadi.records.reading.uff import read_uff
 from ancf_casadi.support.files import opened

@@ -3,7 +3,7 @@
 A damaged file can crash SciPy, h5py or ezc3d with the whole process, or make them allocate or loop without end.  This
 file therefore also runs as a script, with limits of memory and time, and imports nothing of the toolkit, so that it
 starts quickly.  It prints one line of JSON, with names, shapes and properties, and then the numbers as 8-byte floats.
-``isolated`` is the other side.
+``libraries`` is the other side.
 """
 
 from __future__ import annotations

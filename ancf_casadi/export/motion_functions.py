@@ -9,7 +9,7 @@ properties of the elements, parameters of the damping law), Eq. (6) with damping
 
 The mass matrix, Eq. (7), depends on p but not on the motion, and it does not couple x and y.  ``rhs`` factorises it in
 each call, in linear time.  ``signals`` names every entry of q, v, base and p.  All Functions are MX Functions and
-differentiable.  ``statics`` states the range of ``equilibrium`` and ``frequencies``.
+differentiable.  ``solved_functions`` has ``equilibrium``, ``frequencies`` and ``step``.
 """
 
 from __future__ import annotations
@@ -33,8 +33,7 @@ from ancf_casadi.dynamics.signals import (
     state_signals,
     values,
 )
-from ancf_casadi.export.functions.statics import equilibrium_function, frequencies_function
-from ancf_casadi.export.functions.step import step_function
+from ancf_casadi.export.solved_functions import equilibrium_function, frequencies_function, step_function
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.vibration.modes import natural_modes

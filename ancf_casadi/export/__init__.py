@@ -1,9 +1,9 @@
 """Export of a model to other programs.
 
 ``motion_functions`` holds the equation of motion, Eq. (6) with damping, as CasADi Functions of all parameters: residual
-and accelerations; ``solved_functions`` one time step, equilibrium and natural frequencies, Eq. (30).  ``targets`` writes
-these Functions, or those of the reduced model, as C code, as an FMU, or to a CasADi file.  ``document`` writes and
-reads the durable form, a JSON document with the beam, its damping law, its identifications and its provenance.  No
+and accelerations; ``solved_functions`` one time step, equilibrium and natural frequencies, Eq. (30).  ``targets``
+writes these Functions, or those of the reduced model, as C code, as an FMU, or to a CasADi file.  ``document`` writes
+and reads the durable form, a JSON document with the beam, its damping law, its identifications and its provenance.  No
 other folder of the package imports this one.
 """
 

@@ -65,7 +65,7 @@ def document(paper_beam) -> Document:
     )
     known = {"name": "frequency", "value": 1.85, "unit": "Hz", "standard_error": 0.01}
     result = {"kind": "decay", "estimates": [known, {**known, "name": "drift", "standard_error": None}]}
-    found = Identification.of(result), Identification("decay", result, [DataFile("tip<&.csv", "0f" * 32)])
+    found = Identification.of(result), Identification(result, [DataFile("tip<&.csv", "0f" * 32)])
     return Document(model, law, found, Provenance.of_this(written="2025-01-31T12:00:00Z"))
 
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, assert_never
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -49,6 +49,12 @@ from ancf_casadi.support.inputs import check_instance, is_sequence, located, sho
 from ancf_casadi.support.tables import to_json
 from ancf_casadi.vibration.equilibrium import Equilibrium
 from ancf_casadi.vibration.modes import Modes
+
+COEFFICIENT_LAWS: dict[type[LawData], type[DampingLaw]] = {
+    RayleighData: RayleighDamping,
+    QuadraticData: QuadraticDamping,
+    FrictionData: FrictionDamping,
+}  # laws whose fields are coefficients only
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +192,7 @@ def _document(data: DocumentData) -> Document:
 
 def _identification(data: IdentificationData, where: str) -> Identification:
     with located(where):
-        return Identification(data.kind, data.result, [DataFile(file.name, file.sha256) for file in data.data])
+        return Identification(data.result, [DataFile(file.name, file.sha256) for file in data.data])
 
 
 def beam_data(beam: Beam) -> BeamData:
@@ -203,18 +209,14 @@ def law_data(law: DampingLaw, model: Model) -> LawData:
     InputError
         If the layout has no place for the law.
     """
-    match law:
-        case RayleighDamping():
-            return data_of(law, RayleighData)
-        case QuadraticDamping():
-            return data_of(law, QuadraticData)
-        case FrictionDamping():
-            return data_of(law, FrictionData)
-        case ModalDamping():
-            return ModalData(tuple(law.ratios), tuple(law.frequencies or ()), _modes_data(law.modes, model))
-        case SumOfLaws():
-            return SumData(tuple(law_data(term, model) for term in law.laws))
-    known = ", ".join(kind.__name__ for kind in (RayleighDamping, QuadraticDamping, FrictionDamping, ModalDamping))
+    if isinstance(law, ModalDamping):
+        return ModalData(tuple(law.ratios), tuple(law.frequencies or ()), _modes_data(law.modes, model))
+    if isinstance(law, SumOfLaws):
+        return SumData(tuple(law_data(term, model) for term in law.laws))
+    for data, kind in COEFFICIENT_LAWS.items():
+        if isinstance(law, kind):
+            return data_of(law, data)
+    known = ", ".join([*(kind.__name__ for kind in COEFFICIENT_LAWS.values()), ModalDamping.__name__])
     message = f"a {type(law).__name__} cannot be written to a document; only {known} and their sums can"
     raise InputError(message, "damping")
 
@@ -242,24 +244,15 @@ def law_from(data: LawData, model: Model, where: str) -> DampingLaw:
     InputError
         If the values do not make a law.
     """
-    match data:
-        case RayleighData():
-            with located(where):
-                return RayleighDamping(**asdict(data))
-        case QuadraticData():
-            with located(where):
-                return QuadraticDamping(**asdict(data))
-        case FrictionData():
-            with located(where):
-                return FrictionDamping(**asdict(data))
-        case ModalData():
-            modes = _modes_from(data.modes, model, place(where, "modes"))
-            with located(where):
-                return ModalDamping(modes, data.ratios, frequencies=data.frequencies)
-        case SumData():
-            at = place(where, "laws")
-            return SumOfLaws(tuple(law_from(term, model, place(at, k)) for k, term in enumerate(data.laws)))
-    assert_never(data)
+    if isinstance(data, SumData):
+        at = place(where, "laws")
+        return SumOfLaws(tuple(law_from(term, model, place(at, k)) for k, term in enumerate(data.laws)))
+    if isinstance(data, ModalData):
+        modes = _modes_from(data.modes, model, place(where, "modes"))
+        with located(where):
+            return ModalDamping(modes, data.ratios, frequencies=data.frequencies)
+    with located(where):
+        return COEFFICIENT_LAWS[type(data)](**asdict(data))
 
 
 def _modes_data(modes: Modes, model: Model) -> ModesData:

@@ -53,7 +53,11 @@ Time = Annotated[
 ]
 
 
-class BeamData(Struct, frozen=True, forbid_unknown_fields=True):
+class DocumentObject(Struct, frozen=True, forbid_unknown_fields=True):
+    """An object of the document, with no other keys than its fields."""
+
+
+class BeamData(DocumentObject, frozen=True):
     """Fields of ``Beam`` (m, kg/m^3, Pa, m/s^2, kg, N m/rad); the axis is a unit vector, a rigid clamp is null."""
 
     length: Positive
@@ -67,7 +71,7 @@ class BeamData(Struct, frozen=True, forbid_unknown_fields=True):
     clamp_stiffness: Positive | None = None
 
 
-class StrainMeasuresData(Struct, frozen=True, forbid_unknown_fields=True):
+class StrainMeasuresData(DocumentObject, frozen=True):
     """The fields of ``StrainMeasures``."""
 
     axial: AxialStrain
@@ -76,7 +80,7 @@ class StrainMeasuresData(Struct, frozen=True, forbid_unknown_fields=True):
     bending_points: Points
 
 
-class EquilibriumData(Struct, frozen=True, forbid_unknown_fields=True):
+class EquilibriumData(DocumentObject, frozen=True):
     """An equilibrium: nodal coordinates (positions in m, slopes), tip force (N) and tip moment (N m)."""
 
     coordinates: tuple[float, ...]
@@ -84,7 +88,7 @@ class EquilibriumData(Struct, frozen=True, forbid_unknown_fields=True):
     tip_moment: float
 
 
-class ModesData(Struct, frozen=True, forbid_unknown_fields=True):
+class ModesData(DocumentObject, frozen=True):
     """Natural modes of the document's beam, or of a beam of their own; one list of nodal coordinates per mode."""
 
     frequencies: Frequencies
@@ -99,7 +103,7 @@ class ModesData(Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError("must have both of beam and strain_measures, or neither")
 
 
-class RayleighData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="rayleigh"):
+class RayleighData(DocumentObject, frozen=True, tag_field="law", tag="rayleigh"):
     """Rayleigh (proportional) damping, alpha M + beta K; alpha in 1/s, beta in s."""
 
     alpha: NotNegative
@@ -107,21 +111,21 @@ class RayleighData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="l
     stiffness: ProportionalStiffness
 
 
-class QuadraticData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="quadratic"):
+class QuadraticData(DocumentObject, frozen=True, tag_field="law", tag="quadratic"):
     """Air drag, linear (eta1 in 1/s) and quadratic (eta2 in 1/m) in the velocity."""
 
     eta1: NotNegative
     eta2: NotNegative
 
 
-class FrictionData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="friction"):
+class FrictionData(DocumentObject, frozen=True, tag_field="law", tag="friction"):
     """Dry friction along the beam; eta0 in m/s^2, smoothing_speed in m/s."""
 
     eta0: NotNegative
     smoothing_speed: Positive
 
 
-class ModalData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="modal"):
+class ModalData(DocumentObject, frozen=True, tag_field="law", tag="modal"):
     """Modal (generic) damping, M Phi diag(2 zeta omega) Phi^T M; one ratio and one measured frequency per mode."""
 
     ratios: Annotated[tuple[Ratio, ...], Meta(min_length=1)]
@@ -132,7 +136,7 @@ class ModalData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law"
     ]
 
 
-class SumData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="sum"):
+class SumData(DocumentObject, frozen=True, tag_field="law", tag="sum"):
     """Laws that act together."""
 
     laws: Annotated[tuple[LawData, ...], Meta(min_length=1)]
@@ -148,22 +152,21 @@ TAGS = {  # allowed values of the keys that hold a name
 }
 
 
-class DataFileData(Struct, frozen=True, forbid_unknown_fields=True):
+class DataFileData(DocumentObject, frozen=True):
     """Name and SHA-256 of a file of measurements."""
 
     name: NotEmpty
     sha256: Hash
 
 
-class IdentificationData(Struct, frozen=True, forbid_unknown_fields=True):
-    """The result of a fit: values, standard errors, intervals, covariance, warnings; null is unknown or not finite."""
+class IdentificationData(DocumentObject, frozen=True):
+    """The result of a fit: kind, estimates, intervals, covariance, warnings; null is unknown or not finite."""
 
-    kind: NotEmpty
     result: dict[str, Any]
     data: tuple[DataFileData, ...]
 
 
-class ProvenanceData(Struct, frozen=True, forbid_unknown_fields=True):
+class ProvenanceData(DocumentObject, frozen=True):
     """Time of writing (UTC), versions of the programs, and a note."""
 
     written: Time
@@ -171,7 +174,7 @@ class ProvenanceData(Struct, frozen=True, forbid_unknown_fields=True):
     note: str
 
 
-class DocumentData(Struct, frozen=True, forbid_unknown_fields=True):
+class DocumentData(DocumentObject, frozen=True):
     """A beam with its damping law and its identifications; SI units, and no key twice in an object."""
 
     format: Literal["ancf-casadi"]

@@ -30,13 +30,7 @@ UNEVEN = 0.1  # largest deviation of a time from the even grid, in steps
 
 
 def sampling_step(time: Array) -> float:
-    """Return the step of evenly spaced times, s.
-
-    Raises
-    ------
-    InputError
-        If the times are not evenly spaced; the message names the first place.
-    """
+    """Return the step of evenly spaced times, s; refuse others by the first place that differs."""
     steps = np.diff(time)
     step = float(np.median(steps))
     wrong = np.abs(steps - step) > UNEVEN * step

@@ -148,13 +148,7 @@ def recording_of(
     time_unit: str | None = None,
     sample_rate: float | None = None,
 ) -> Recording:
-    """Return the channels of a file with their times; as ``read_recording``, for contents that have been read.
-
-    Raises
-    ------
-    InputError
-        If the times are not clear, or do not increase.
-    """
+    """Return the channels of a file with their times; as ``read_recording``, for contents that have been read."""
     if time is None and sample_rate is None and any(channel.time is not None for channel in contents.channels):
         channels = tuple(map(_timed, contents.channels))
         return Recording(str(path), channels, contents.notes + _assumed(channels))

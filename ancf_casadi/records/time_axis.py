@@ -53,13 +53,7 @@ class TimeAxis:
 
 
 def find_channel(channels: Sequence[RecordedChannel], wanted: object, option: str, path: str) -> RecordedChannel:
-    """Return the channel with a name or number.
-
-    Raises
-    ------
-    InputError
-        If there is none, or several.
-    """
+    """Return the only channel with a name or number."""
     check_instance(wanted, option, str, Integral)
     named = [channel for channel in channels if channel.name == wanted]
     if not named and isinstance(wanted, str):

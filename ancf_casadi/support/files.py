@@ -1,4 +1,7 @@
-"""Reading files up to a size limit, and writing them so that none is ever incomplete."""
+"""Reading files up to a size limit, and writing them so that none is ever incomplete.
+
+A file that cannot be read or written, and a path that names none, raise an ``InputError`` that names it.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +27,7 @@ DOTTED_KEY = re.compile(rb"""(?:\.[ \t]*(?:[\w-]+|'[^'\n]*'|"(?:[^"\\\n]|\\.)*")
 
 
 def check_folder(path: str | Path) -> Path:
-    """Check, without touching it, that a folder can be written or created.
-
-    Raises
-    ------
-    InputError
-        If it is a file, or it cannot be written.
-    """
+    """Check, without touching it, that a folder can be written or created."""
     check_path(path, "folder")
     folder = Path(path)
     existing = folder.absolute()
@@ -44,13 +41,7 @@ def check_folder(path: str | Path) -> Path:
 
 
 def check_file(path: str | Path) -> Path:
-    """Check, without touching it, that a file can be written.
-
-    Raises
-    ------
-    InputError
-        If it is a folder, a device or a pipe, or its folder cannot be written.
-    """
+    """Check, without touching it, that a path can be written, and names no folder, device or pipe."""
     check_path(path, "path")
     target = Path(path)
     check_folder(Path(os.path.realpath(target)).parent)
@@ -62,13 +53,7 @@ def check_file(path: str | Path) -> Path:
 
 
 def check_ours(path: Path, beginning: str) -> None:
-    """Check that a file is new, or begins like the files that this package writes.
-
-    Raises
-    ------
-    InputError
-        If the file exists and begins otherwise.
-    """
+    """Check that a file is new, or begins like the files that this package writes."""
     if not path.exists():
         return
     try:
@@ -137,13 +122,7 @@ def _draft(path: Path, content: str | bytes) -> str:
 
 
 def check_path(path: Any, where: str) -> None:
-    """Check that a value is the name of a file; ``open`` would take a number as a file that is already open.
-
-    Raises
-    ------
-    InputError
-        If it is anything else.
-    """
+    """Check that a value is the name of a file; ``open`` would take a number as a file that is already open."""
     check_instance(path, where, str, os.PathLike)
     name = os.fspath(path)
     if not isinstance(name, str) or "\0" in name or len(name) > 4096:  # characters of a path; systems allow no more
@@ -151,13 +130,7 @@ def check_path(path: Any, where: str) -> None:
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Read a TOML file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is larger than 64 MiB, or is not TOML.
-    """
+    """Read a TOML file of at most 64 MiB."""
     content = read_bytes(path)
     if DOTTED_KEY.search(content):
         raise InputError(f"has a key of more than {MOST_PARTS} parts", str(path))
@@ -170,13 +143,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """Read a file of at most 64 MiB.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, is empty, or is larger than 64 MiB.
-    """
+    """Read a file of at most 64 MiB that is not empty."""
     with opened(path, MOST_BYTES) as file:
         return file.read(MOST_BYTES)
 

@@ -45,13 +45,7 @@ def followed_modes(modes: Modes, numbers: Index) -> ModalState:
 
 
 def follow(start: ModalState, properties: Array) -> ModalState:
-    """Return the same modes of the beam with other properties.
-
-    Raises
-    ------
-    EquilibriumError
-        If the beam has no stable equilibrium on the way.
-    """
+    """Return the same modes of the beam with other properties; fail if there is no stable equilibrium on the way."""
     here, position, step = start, 0.0, 1.0
     while position < 1.0:
         there = min(1.0, position + step)

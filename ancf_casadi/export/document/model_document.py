@@ -202,13 +202,7 @@ def beam_data(beam: Beam) -> BeamData:
 
 
 def law_data(law: DampingLaw, model: Model) -> LawData:
-    """Return the fields of a damping law, for a document that holds a model.
-
-    Raises
-    ------
-    InputError
-        If the layout has no place for the law.
-    """
+    """Return the fields of a damping law, for a document that holds a model; refuse a law without a layout."""
     if isinstance(law, ModalDamping):
         return ModalData(tuple(law.ratios), tuple(law.frequencies or ()), _modes_data(law.modes, model))
     if isinstance(law, SumOfLaws):
@@ -222,13 +216,7 @@ def law_data(law: DampingLaw, model: Model) -> LawData:
 
 
 def model_from(beam: BeamData, measures: StrainMeasuresData, where: str) -> Model:
-    """Return the model that a document holds at a place.
-
-    Raises
-    ------
-    InputError
-        If the values do not make a beam.
-    """
+    """Return the model that a document holds at a place; refuse values that make no beam."""
     given = asdict(beam) | {"clamp_stiffness": math.inf if beam.clamp_stiffness is None else beam.clamp_stiffness}
     with located(place(where, "beam")):
         known = Beam(**given)
@@ -237,13 +225,7 @@ def model_from(beam: BeamData, measures: StrainMeasuresData, where: str) -> Mode
 
 
 def law_from(data: LawData, model: Model, where: str) -> DampingLaw:
-    """Return the damping law that a document holds at a place, beside a model.
-
-    Raises
-    ------
-    InputError
-        If the values do not make a law.
-    """
+    """Return the damping law that a document holds at a place, beside a model; refuse values that make no law."""
     if isinstance(data, SumData):
         at = place(where, "laws")
         return SumOfLaws(tuple(law_from(term, model, place(at, k)) for k, term in enumerate(data.laws)))

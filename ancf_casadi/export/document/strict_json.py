@@ -30,13 +30,7 @@ class _Repeated:
 
 
 def read_json(path: str | Path) -> dict[str, Any]:
-    """Read a JSON file that holds an object.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is not JSON, holds no object, or exceeds the limits.
-    """
+    """Read a JSON file that holds an object; refuse anything else, and what exceeds the limits."""
     content = read_bytes(path)
     try:
         value = json.loads(content.decode(), object_pairs_hook=_object, parse_constant=_refuse_constant)
@@ -59,14 +53,7 @@ def place(where: str, key: str | int) -> str:
 
 
 def check(value: Any, where: str, level: int = 1) -> None:
-    """Check that plain data stay within the limits.
-
-    Raises
-    ------
-    InputError
-        If a value is nested too deeply, is beyond the range of doubles, is repeated, or holds half a character, or if
-        a key is too long or not a text.
-    """
+    """Check that plain data stay within the limits."""
     if level > MOST_LEVELS:
         raise InputError(f"has more than {MOST_LEVELS} levels", where)
     if isinstance(value, _Repeated):

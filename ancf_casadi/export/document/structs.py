@@ -187,13 +187,7 @@ class DocumentData(DocumentObject, frozen=True):
 
 
 def read(data: dict[str, Any]) -> DocumentData:
-    """Return plain data as a document.
-
-    Raises
-    ------
-    InputError
-        If the data have another layout; the message names the place, such as ``$.damping.laws[0].alpha``.
-    """
+    """Return plain data as a document; refuse another layout by its place, such as ``$.damping.laws[0].alpha``."""
     if data.get("format") != DOCUMENT_FORMAT:
         raise InputError(f"must be {DOCUMENT_FORMAT!r}: the file is not a document of this toolkit", "$.format")
     version = data.get("schema")
@@ -206,13 +200,7 @@ def read(data: dict[str, Any]) -> DocumentData:
 
 
 def data_of(source: Any, kind: type[Data], where: str = "") -> Data:
-    """Return plain data, or the attributes of an object, as data of the layout.
-
-    Raises
-    ------
-    InputError
-        If a key or a value does not fit the layout.
-    """
+    """Return plain data, or the attributes of an object, as data of the layout; refuse what does not fit it."""
     try:
         return msgspec.convert(source, kind, from_attributes=True)
     except msgspec.ValidationError as error:

@@ -132,13 +132,7 @@ def _check_document(document: Document | None, functions: MotionFunctions) -> No
 
 
 def _fmi_headers() -> Path:
-    """Return the folder of the FMI 3.0 headers, which the package fmpy contains.
-
-    Raises
-    ------
-    InputError
-        If fmpy or its headers are missing.
-    """
+    """Return the folder of the FMI 3.0 headers, which the package fmpy contains."""
     found = importlib.util.find_spec("fmpy")
     if found is None or found.origin is None:
         raise InputError("is not installed, but an FMU needs its FMI headers; pip install fmpy", "fmpy")

@@ -68,25 +68,13 @@ def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[s
 
 
 def read_matlab(path: Path) -> Contents:
-    """Read the numeric variables of a MATLAB file of version 4 to 7.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged, or declares more data than it holds.
-    """
+    """Read the numeric variables of a MATLAB file of version 4 to 7."""
     arrays, properties = read_isolated("matlab", "scipy", path, "MATLAB")
     return array_contents(arrays.items(), properties["notes"])
 
 
 def read_hdf5(path: Path) -> Contents:
-    """Read the numeric data sets of a MATLAB file of version 7.3, or of any HDF5 file.
-
-    Raises
-    ------
-    InputError
-        If h5py is missing, the file is damaged, or it declares more data than it holds.
-    """
+    """Read the numeric data sets of a MATLAB file of version 7.3, or of any HDF5 file."""
     arrays, properties = read_isolated("hdf5", "h5py", path, "HDF5")
     if not arrays:
         raise InputError("has no data sets of numbers", str(path))
@@ -94,13 +82,7 @@ def read_hdf5(path: Path) -> Contents:
 
 
 def read_npz(path: Path) -> Contents:
-    """Read the arrays of an ``.npz`` file.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged, or declares more data than it holds.
-    """
+    """Read the arrays of an ``.npz`` file."""
     arrays: list[tuple[str, NDArray[Any]]] = []
     notes: list[str] = []
     with readable(str(path), "NPZ"), zipfile.ZipFile(path) as archive:
@@ -120,13 +102,7 @@ def read_npz(path: Path) -> Contents:
 
 
 def read_npy(path: Path) -> Contents:
-    """Read the array of an ``.npy`` file.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged, or holds Python objects.
-    """
+    """Read the array of an ``.npy`` file."""
     with readable(str(path), "NPY"), open(path, "rb") as file:
         array = _array(file, path.stat().st_size, str(path))
         if array is None:

@@ -31,13 +31,7 @@ OTHER_FORMATS = {
 
 
 def read_contents(path: str | Path, *, progress: bool = False) -> Contents:
-    """Read all columns of a file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is larger than 1 GiB, or is in no known format.
-    """
+    """Read all columns of a file of at most 1 GiB; refuse one in no known format."""
     with opened(path, 2**30) as file:
         found = _read(Path(path), file.read(BYTES_LOOKED_AT), progress)
     if not found.channels:

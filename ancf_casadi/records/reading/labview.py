@@ -23,13 +23,7 @@ from ancf_casadi.support.arrays import Array
 
 
 def read_lvm(path: Path) -> Contents:
-    """Read the channels of an LVM file with one segment.
-
-    Raises
-    ------
-    InputError
-        If lvm-read is missing, the file is damaged, or it has several segments.
-    """
+    """Read the channels of an LVM file; refuse one with several segments."""
     lvm_read = library("lvm_read", "LVM")
     with readable(str(path), "LVM"):
         found = lvm_read.read_str(decoded(path.read_bytes()))
@@ -77,13 +71,7 @@ def _even(segment: Mapping[str, Any], place: int, count: int) -> Array | None:
 
 
 def read_tdms(path: Path) -> Contents:
-    """Read the channels of a TDMS file; those with a waveform increment have their own times.
-
-    Raises
-    ------
-    InputError
-        If nptdms is missing, or the file is damaged.
-    """
+    """Read the channels of a TDMS file; those with a waveform increment have their own times."""
     nptdms = library("nptdms", "TDMS")
     notes: list[str] = []
     channels: list[RecordedChannel] = []

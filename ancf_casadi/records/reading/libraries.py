@@ -29,25 +29,13 @@ ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THRE
 
 
 def library(module: str, format_name: str) -> Any:
-    """Return the module that reads a format.
-
-    Raises
-    ------
-    InputError
-        If it is not installed.
-    """
+    """Return the module that reads a format; refuse the file if it is not installed."""
     check_installed(module, format_name)
     return importlib.import_module(module)
 
 
 def check_installed(module: str, format_name: str) -> None:
-    """Check that the module that reads a format is installed.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
+    """Check that the module that reads a format is installed."""
     try:
         found = importlib.util.find_spec(module)
     except ValueError:  # a module that was switched off

@@ -70,13 +70,7 @@ class _Run:
 
 
 def find_table(lines: Sequence[str], numbers: Sequence[int], path: str) -> TableHead:
-    """Return the table in the first lines of a file, whose line numbers are ``numbers``.
-
-    Raises
-    ------
-    InputError
-        If there is no table of numbers, or its delimiter or decimal sign is ambiguous.
-    """
+    """Return the table in the first lines of a file, whose line numbers are ``numbers``; refuse any ambiguity."""
     text = "".join(lines)
     possible = [dialect for dialect in DIALECTS if dialect.delimiter in {*text, " "} and dialect.decimal in text + "."]
     runs = [run for dialect in possible if (run := _longest_run(dialect, lines))]

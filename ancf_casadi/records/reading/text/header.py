@@ -60,13 +60,7 @@ class Heading:
 
 
 def read_heading(above: Sequence[tuple[int, str]], table: TableHead, path: str) -> Heading:
-    """Return the names and units from the lines above a table, given with their numbers.
-
-    Raises
-    ------
-    InputError
-        If a line above has numbers, but not as many as the table, or half as many names.
-    """
+    """Return names and units from the lines above a table, given with their numbers; refuse rows of another width."""
     filled = [(number, line) for number, line in above if line.strip()]
     rows: list[list[str]] = []
     below = 0

@@ -39,13 +39,7 @@ NUMBER_BYTES = {".": DIGIT_BYTES + b".", ",": DIGIT_BYTES + b","}
 
 
 def text_blocks(path: Path, *, progress: bool = False) -> Iterator[bytes]:
-    """Yield blocks of complete lines.
-
-    Raises
-    ------
-    InputError
-        If the file is no text, or has a line of more than 1 MiB.
-    """
+    """Yield blocks of complete lines; refuse what is no text, and lines of more than 1 MiB."""
     with (
         open(path, "rb") as file,
         tqdm(
@@ -98,13 +92,7 @@ def _plain_ends(block: bytes) -> bytes:
 
 
 def read_text(path: Path, *, progress: bool = False) -> Contents:
-    """Read a table in plain text.
-
-    Raises
-    ------
-    InputError
-        If there is no table of numbers, or a row has too few or too many cells; the message names the line.
-    """
+    """Read a table in plain text; refuse a row with too few or too many cells by its line."""
     blocks = text_blocks(path, progress=progress)
     first = next(blocks, b"")
     lines, numbers = _head(first)

@@ -32,20 +32,7 @@ PLOT_COLUMNS = 600  # of a record that is drawn by its extremes
 
 
 def rendered(figure: Figure, suffix: str = ".png") -> bytes:
-    """Return the content of a file with a figure, identical for identical figures.
-
-    Parameters
-    ----------
-    figure : Figure
-        The figure.
-    suffix : {".png", ".svg", ".pdf"}
-        Suffix of the file, which names its format; capitals do not matter.
-
-    Raises
-    ------
-    InputError
-        If there is no such format.
-    """
+    """Return the content of a PNG, SVG or PDF file with a figure, identical for identical figures."""
     kind = suffix.lower()
     if kind not in DATE_FIELDS:
         raise InputError(f"must end in {', '.join(DATE_FIELDS)}, got {suffix or 'no suffix'!r}", "figure")
@@ -73,20 +60,8 @@ def decay_figure(
 ) -> Figure:
     """Draw a decay: record and fit, residuals, their autocorrelation, damping ratio and frequency against amplitude.
 
-    Parameters
-    ----------
-    time, measured : ndarray
-        Times (m,), s, from the release on, and the record at each.
-    curve : callable
-        Times, s -> fitted curve.
-    unit : str
-        SI unit of the record.
-    values : str
-        Title with the estimates.
-    law : LawCurve
-        Damping ratio and frequency under the fitted law.
-    points : DampingCurve, optional
-        Damping ratio and frequency in windows of the record.
+    ``time`` (s) starts at the release, ``curve`` returns the fit at any times, and ``values`` is a title with the
+    estimates.  ``points`` are damping ratio and frequency in windows of the record, ``law`` those of the fitted law.
     """
     figure = Figure(figsize=(9, 9), layout="constrained")
     over_time, below, lowest = figure.subfigures(3, 1, squeeze=False, height_ratios=(1.2, 1, 1)).ravel()
@@ -163,11 +138,6 @@ def motion_figure(runs: Mapping[str, Motion]) -> Figure:
 
     The motion is the change of the horizontal and of the vertical position since the start.  Of several runs, only the
     shapes at the start and at the end are drawn.
-
-    Raises
-    ------
-    InputError
-        If a run failed before its first sample.
     """
     if not all(len(run.time) for run in runs.values()):
         raise InputError("the motion has no samples", "figure")
@@ -290,12 +260,7 @@ def _draw_mode(axes: Axes, k: int, results: Mapping[str, Modes]) -> None:
 def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, Array]) -> Figure:
     """Draw the relative change of the properties along a beam, and the ranges that fit equally well.
 
-    Parameters
-    ----------
-    given, found : Beam
-        The beam before and after matching.
-    ranges : mapping of str to array (n, 2)
-        The properties to draw, with the lowest and highest relative change of each element.
+    ``ranges`` holds the lowest and highest relative change of each element, (n, 2), of each property to draw.
     """
     figure = Figure(figsize=(8, 1.2 + 1.6 * len(ranges)), layout="constrained")
     edges = 1e3 * np.linspace(0.0, found.length, found.elements + 1)

@@ -77,14 +77,7 @@ def certain(condition: cs.MX) -> cs.MX:
 def equilibrium_function(rest: Equilibrium, equations: Equations, start: Array) -> cs.Function:
     """Return p -> q, the free coordinates at rest under gravity, with the clamp as in the model.
 
-    Parameters
-    ----------
-    rest : Equilibrium
-        The equilibrium of the model.
-    equations : Equations
-        The equation of motion.
-    start : array
-        Values of p in the model.
+    ``rest`` is the equilibrium of the model, and ``start`` its values of p.
     """
     model, scale = rest.model, _scale(rest)
     shift = model.beam.length * scale / scale.max()  # of the coordinates per unit of z
@@ -105,16 +98,9 @@ def equilibrium_function(rest: Equilibrium, equations: Equations, start: Array) 
 
 
 def frequencies_function(modes: Modes, equations: Equations, equilibrium: cs.Function) -> cs.Function:
-    """Return p -> f, the lowest natural frequencies about the equilibrium, Hz.
+    """Return p -> f, the lowest natural frequencies about the ``equilibrium`` p -> q, Hz.
 
-    Parameters
-    ----------
-    modes : Modes
-        Modes of the model, the first guess; their number is that of the frequencies.
-    equations : Equations
-        The equation of motion.
-    equilibrium : Function
-        p -> q.
+    Their number is that of ``modes``, the modes of the model and the first guess.
     """
     model, scale, free = modes.model, cs.DM(_scale(modes.equilibrium)), modes.model.free
     p = cs.MX.sym("p", equilibrium.size1_in(0))
@@ -171,14 +157,7 @@ def _eigenpair(K: cs.Sparsity, M: cs.Sparsity) -> cs.Function:
 def step_function(residual: cs.Function, jacobians: cs.Function, modes: Modes) -> cs.Function:
     """Return (q, v, base, p, h) -> q_next, v_next.
 
-    Parameters
-    ----------
-    residual : Function
-        (q, v, a, base, p) -> r.
-    jacobians : Function
-        (q, v, a, base, p) -> dr_dq, dr_dv, dr_da.
-    modes : Modes
-        Modes of the model at its equilibrium.
+    The residual is (q, v, a, base, p) -> r, the Jacobians are its dr_dq, dr_dv and dr_da.
     """
     model = modes.model
     mass = model.mass(model.properties)[model.free, model.free]

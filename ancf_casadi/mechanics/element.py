@@ -150,20 +150,10 @@ def derived_element(
 ) -> Element:
     """Derive the Functions of an element with a mass and the strain energy U = 1/2 sum_i d_i s_i^2.
 
-    Parameters
-    ----------
-    inputs : (SX, SX, SX)
-        Symbols of e (d), e_t (d) and the properties p.
-    straight : SX (d,)
-        Coordinates e of the undeformed element.
-    strains, weights : SX
-        The strains s(e) and their weights d(p).
-    mass, line_mass : SX (d, d)
-        M, and the part of M from mass along the beam.
-    gravity : SX (d, 2)
-        Q_g per unit acceleration of gravity.
-    surface : sequence of (SX (2, d), SX)
-        S and the mass at each point where drag and friction act.
+    The inputs are symbols of e (d), e_t (d) and the properties p; ``straight`` (d,) are the coordinates of the
+    undeformed element, ``strains`` and ``weights`` its s(e) and d(p).  ``line_mass`` is the part of the mass M (d, d)
+    from mass along the beam, ``gravity`` (d, 2) is Q_g per unit acceleration of gravity, and ``surface`` holds S (2, d)
+    and the mass at each point where drag and friction act.
     """
     e, e_t, p = inputs
     s, d = strains, weights

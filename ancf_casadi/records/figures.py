@@ -31,16 +31,9 @@ def series_figure(series: Sequence[tuple[str, Array, Array]], title: str = "") -
 def spectra_figure(
     series: Sequence[tuple[str, Array, Array, tuple[Array, Array]]], title: str = "", release: float = math.nan
 ) -> Figure:
-    """Draw series over time and their spectra, one below the other.
+    """Draw series over time and their spectra, one below the other, and mark the release (s) if it is not nan.
 
-    Parameters
-    ----------
-    series : sequence of tuples
-        Label, times (s), values, and the pair of even times (s) and values of the spectrum.
-    title : str
-        Title of the figure.
-    release : float
-        Time to mark, s; none if nan.
+    Each series is given as label, times (s), values, and the pair of even times (s) and values of the spectrum.
     """
     figure = Figure(figsize=(10, 1.4 + 1.8 * len(series)), layout="constrained")
     rows = figure.subplots(len(series), 2, sharex="col", squeeze=False, width_ratios=(3, 2))

@@ -154,19 +154,8 @@ class Sensor(Displayed):
 def sensor_of(channel: RecordedChannel, given: Unit | None, sensor: Sensor | None) -> tuple[float, Sensor]:
     """Return the factor of a channel to SI units, and its sensor.
 
-    Parameters
-    ----------
-    channel : RecordedChannel
-        The channel.
-    given : Unit or None
-        Unit that the caller gives in place of that in the file.
-    sensor : Sensor or None
-        The sensor; if None, the unit tells the quantity.
-
-    Raises
-    ------
-    InputError
-        If the unit is not understood, or does not fit the sensor.
+    The unit is that of the file if none is ``given``; without a sensor, the unit tells the quantity.  A unit that is not
+    understood, or does not fit the sensor, raises an ``InputError``.
     """
     unit = given or channel.unit
     if unit is None:

@@ -48,6 +48,11 @@ def unit_in_name(name: str) -> tuple[str, Unit | None]:
     return text, None if doubtful or len(runs) > 1 else parse_unit(text)
 
 
+def unit_of(written: str, name: str) -> tuple[str, Unit | None]:
+    """Return the unit of a column, as it is written, and its meaning: the one beside its name, or the one in it."""
+    return (written, parse_unit(written)) if written else unit_in_name(name)
+
+
 def _runs(tokens: list[str], items: list[int]) -> list[tuple[int, int]]:
     """Return begin and end of each run of tokens that denotes a unit: all of them, or from the second word on."""
     if parse_unit("".join(tokens)) and "".join(tokens) not in AMBIGUOUS_UNITS:

@@ -54,19 +54,9 @@ def interpreted(function: cs.Function) -> cs.Function:
 
 
 def compiled(function: cs.Function, *, derivatives: bool = False) -> cs.Function:
-    """Return a function as machine code, or for the virtual machine if it cannot be compiled.
+    """Return a function as machine code, or for the virtual machine if it cannot be compiled, with one warning.
 
-    Parameters
-    ----------
-    function : Function
-        The function to compile; its name is that of the C function.
-    derivatives : bool
-        Also compile its directional derivatives, forward and reverse.
-
-    Warns
-    -----
-    UserWarning
-        Once per process, if there is no compiler or it fails.
+    Its name is that of the C function.  If asked, its directional derivatives are compiled too, forward and reverse.
     """
     compiler = c_compiler()
     if os.environ.get("ANCF_CASADI_COMPILE") == "0" or compiler in _failed:
@@ -261,15 +251,7 @@ class Buffered:
 
 
 def evaluated(function: cs.Function, *inputs: ArrayLike) -> list[Array]:
-    """Return the outputs of a Function as arrays; for large ones, this is much faster than a call.
-
-    Parameters
-    ----------
-    function : Function
-        The Function; its inputs and outputs are dense.
-    inputs : array_like
-        Its inputs.
-    """
+    """Return the outputs of a Function, dense as its inputs, as arrays; for large ones, much faster than a call."""
     columns = [np.array(values, dtype=float).ravel(order="F") for values in inputs]
     outputs = Buffered(function, *columns)()
     return [values.reshape(function.size_out(k), order="F") for k, values in enumerate(outputs)]

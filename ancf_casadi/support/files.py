@@ -66,15 +66,7 @@ def check_ours(path: Path, beginning: str) -> None:
 
 
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a complete file or none; missing folders are created.
-
-    A symbolic link is kept, and its target is written.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written.
-    """
+    """Write a complete file or none; missing folders are created, and the target of a symbolic link is written."""
     write_files({path: content})
 
 
@@ -83,11 +75,6 @@ def write_files(contents: Mapping[Path, str | bytes]) -> None:
 
     All contents are written beside their files first, and then take their names, which a signal does not interrupt.  A
     process that is killed leaves every file as it was, or complete and new.
-
-    Raises
-    ------
-    InputError
-        If one cannot be written.
     """
     for path in contents:
         check_file(path)
@@ -150,19 +137,9 @@ def read_bytes(path: str | Path) -> bytes:
 
 @contextlib.contextmanager
 def opened(path: str | Path, most: float = math.inf) -> Iterator[BufferedReader]:
-    """Open a file for reading if it is a regular file; a pipe or a device could keep its reader waiting for ever.
+    """Open a regular file for reading that is not empty and has at most ``most`` bytes.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    most : float
-        Largest size, bytes.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, is empty or larger than ``most``, or is a folder, a pipe or a device.
+    Pipes and devices are refused: they could keep their reader waiting for ever.
     """
     check_path(path, "path")
     try:

@@ -232,14 +232,7 @@ def _described(loads: Sequence[PointLoad]) -> str:
 def neighbour(structure: Structure, near: Position, support: Array | float = 0.0) -> Position | None:
     """Return the equilibrium next to a position; None if Newton's method fails or a slope rotates too far.
 
-    Parameters
-    ----------
-    structure : Structure
-        The structure and its loads.
-    near : Position
-        Start of Newton's method.
-    support : array (free,), optional
-        Generalized forces that carry a part of the loads; they are added to the balance R.
+    ``support`` (free,) are generalized forces that carry a part of the loads; they are added to the balance R.
     """
     model, at = structure.model, near
     free, scale = model.free, model.scale[model.free]

@@ -15,6 +15,7 @@ R. B. Nelson, Simplified calculation of eigenvector derivatives, AIAA Journal 14
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,42 +30,27 @@ from ancf_casadi.vibration.eigensolver import lowest_modes
 from ancf_casadi.vibration.equilibrium import neighbour
 
 
-@dataclass(frozen=True, eq=False)
-class Pencil:
-    """Factors of the scaled K - lambda M with one coordinate held.
+def pencil_solver(pencil: Array, diagonal: Array, phi: Array) -> Callable[[Array], Array]:
+    """Return a solver with K - lambda M, stored by diagonals, for right-hand sides as columns.
 
-    Parameters
-    ----------
-    factors : BandedFactors
-        The factors.
-    scale : array (free,)
-        Multipliers of the rows and columns, 1/K_ii^1/2.
-    held : int
-        Index of the coordinate that is held at zero.
+    The solutions are zero in the coordinate that is held.  ``diagonal`` is that of K, and phi the mode shape of lambda.
     """
+    scale = 1 / np.sqrt(diagonal)
+    size, held = len(scale), int(np.abs(phi / scale).argmax())
+    rows = np.arange(size) - np.arange(BANDWIDTH, -BANDWIDTH - 1, -1)[:, None]
+    inside = (rows >= 0) & (rows < size)
+    banded = np.where(inside, pencil * scale * scale[np.clip(rows, 0, size - 1)], 0.0)
+    banded[rows == held] = 0.0
+    banded[:, held] = 0.0
+    banded[BANDWIDTH, held] = 1.0
+    factors = factorised(banded)
 
-    factors: BandedFactors
-    scale: Array
-    held: int
+    def solve(right: Array) -> Array:
+        right = np.multiply(scale[:, None], right, order="F")
+        right[held] = 0.0
+        return np.asarray(scale[:, None] * factors.solve(right))
 
-    @classmethod
-    def of(cls, pencil: Array, diagonal: Array, phi: Array) -> Pencil:
-        """Factorise K - lambda M, stored by diagonals, with the diagonal of K and the mode shape of lambda."""
-        scale = 1 / np.sqrt(diagonal)
-        size, held = len(scale), int(np.abs(phi / scale).argmax())
-        rows = np.arange(size) - np.arange(BANDWIDTH, -BANDWIDTH - 1, -1)[:, None]
-        inside = (rows >= 0) & (rows < size)
-        banded = np.where(inside, pencil * scale * scale[np.clip(rows, 0, size - 1)], 0.0)
-        banded[rows == held] = 0.0
-        banded[:, held] = 0.0
-        banded[BANDWIDTH, held] = 1.0
-        return cls(factorised(banded), scale, held)
-
-    def solve(self, right: Array) -> Array:
-        """Return the solutions, as columns, that are zero in the held coordinate."""
-        right = np.multiply(self.scale[:, None], right, order="F")
-        right[self.held] = 0.0
-        return np.asarray(self.scale[:, None] * self.factors.solve(right))
+    return solve
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,11 +108,11 @@ class ModalState:
         return factorised(self._matrices[0])
 
     @cached_property
-    def pencils(self) -> list[Pencil]:
-        """K - lambda M of each mode."""
+    def pencil_solvers(self) -> list[Callable[[Array], Array]]:
+        """The solver with K - lambda M of each mode."""
         stiffness, mass = self._matrices
         return [
-            Pencil.of(stiffness - eigenvalue * mass, stiffness[BANDWIDTH], phi)
+            pencil_solver(stiffness - eigenvalue * mass, stiffness[BANDWIDTH], phi)
             for eigenvalue, phi in zip(self.eigenvalues, self.shapes[self.model.free].T, strict=True)
         ]
 
@@ -164,17 +150,7 @@ class ModalState:
 
 
 def modes_near(structure: Structure, near: Position, count: int) -> ModalState | None:
-    """Return the equilibrium next to a position and its lowest modes; None if there is no stable one.
-
-    Parameters
-    ----------
-    structure : Structure
-        The beam and its properties.
-    near : Position
-        Start of Newton's method.
-    count : int
-        Number of modes.
-    """
+    """Return the equilibrium next to a position and its lowest modes; None if there is no stable one."""
     at = neighbour(structure, near)
     found = None if at is None else lowest_modes(structure, at, count)
     if at is None or found is None:

@@ -100,26 +100,15 @@ def sensitivities(state: ModalState, directions: Array) -> Sensitivities:
     for k, phi in enumerate(state.shapes[free].T):
         inertia = state.inertia @ phi
         eigenvalues[k] = phi @ f[k, free]
-        particular = state.pencils[k].solve(np.outer(inertia, eigenvalues[k]) - f[k, free])
+        particular = state.pencil_solvers[k](np.outer(inertia, eigenvalues[k]) - f[k, free])
         shapes[k, free] = particular - np.outer(phi, inertia @ particular + half_norm[k])
     return Sensitivities(directions, coordinates, eigenvalues, shapes)
 
 
 def gradient(state: ModalState, b: Array, c: Array) -> Array:
-    """Return the derivatives of C combinations of eigenvalues and mode shapes with respect to all properties.
+    """Return the derivatives, (properties, C), of C combinations of eigenvalues and mode shapes.
 
-    Parameters
-    ----------
-    state : ModalState
-        Equilibrium and modes.
-    b : array (m, C)
-        Weight of each eigenvalue, one column per combination.
-    c : array (m, 4 n + 4, C)
-        Weights of the coordinates of each mode shape.
-
-    Returns
-    -------
-    array (properties, C)
+    The weights are b (m, C) for the eigenvalues and c (m, 4 n + 4, C) for the coordinates of the mode shapes.
     """
     a, beta, z = multipliers(state, b, c)
     total = np.zeros((state.properties.size, b.shape[1]))
@@ -142,7 +131,7 @@ def multipliers(state: ModalState, b: Array, c: Array) -> tuple[Array, Array, Ar
     for k, phi in enumerate(state.shapes[free].T):
         inertia = state.inertia @ phi
         beta[k] = phi @ c[k, free]
-        particular = state.pencils[k].solve(np.outer(inertia, beta[k]) - c[k, free])
+        particular = state.pencil_solvers[k](np.outer(inertia, beta[k]) - c[k, free])
         a[k, free] = particular + np.outer(phi, b[k] - inertia @ particular)
     for part, by_coordinate, _, _ in state.pencil_jacobians:
         for k, block in enumerate(by_coordinate):
@@ -152,22 +141,10 @@ def multipliers(state: ModalState, b: Array, c: Array) -> tuple[Array, Array, Ar
 
 
 def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
-    """Return the second derivatives of one combination of eigenvalues and mode shapes along given directions.
+    """Return the second derivatives, (N, N), of one combination of eigenvalues and mode shapes along N directions.
 
-    Parameters
-    ----------
-    state : ModalState
-        Equilibrium and modes.
-    directions : array (properties, N)
-        Changes of the properties.
-    b : array (m,)
-        Weight of each eigenvalue.
-    c : array (m, 4 n + 4)
-        Weights of the coordinates of each mode shape.
-
-    Returns
-    -------
-    array (N, N)
+    The directions (properties, N) are changes of the properties; the weights are b (m,) for the eigenvalues and
+    c (m, 4 n + 4) for the coordinates of the mode shapes.
     """
     free, N = state.model.free, directions.shape[1]
     transposed = scipy.sparse.csr_array(directions).T

@@ -23,10 +23,7 @@ from ancf_casadi.support.inputs import located, shown
 
 MOST_LEVELS = 24
 LONGEST_KEY = 200
-
-
-class _Repeated:
-    """Placeholder for the values of a key that appears twice in an object."""
+REPEATED = object()  # placeholder for the values of a key that appears twice in an object
 
 
 def read_json(path: str | Path) -> dict[str, Any]:
@@ -56,7 +53,7 @@ def check(value: Any, where: str, level: int = 1) -> None:
     """Check that plain data stay within the limits."""
     if level > MOST_LEVELS:
         raise InputError(f"has more than {MOST_LEVELS} levels", where)
-    if isinstance(value, _Repeated):
+    if value is REPEATED:
         raise InputError("the key appears twice", where)
     if isinstance(value, int | float) and not _is_finite(value):
         raise InputError("is beyond the range of numbers", where)
@@ -76,7 +73,7 @@ def check(value: Any, where: str, level: int = 1) -> None:
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        found |= {name: _Repeated() for name, times in Counter(name for name, _ in pairs).items() if times > 1}
+        found |= {name: REPEATED for name, times in Counter(name for name, _ in pairs).items() if times > 1}
     return found
 
 

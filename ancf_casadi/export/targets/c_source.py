@@ -50,19 +50,7 @@ NOTES = {
 def source(name: str, functions: MotionFunctions, every: Mapping[str, cs.Function]) -> str:
     """Return CasADi's C of all Functions, the calls with plain arrays, and the tables, from within the first comment.
 
-    Parameters
-    ----------
-    name : str
-        First part of every name in C.
-    functions : MotionFunctions
-        The model.
-    every : mapping
-        All Functions, by their names in C.
-
-    Raises
-    ------
-    InputError
-        If a Function has a linear solver that CasADi cannot translate.
+    ``name`` is the first part of every name in C, and ``every`` holds all Functions by their names in C.
     """
     generator = cs.CodeGenerator(f"{name}.c", {"with_header": False})
     calls = []

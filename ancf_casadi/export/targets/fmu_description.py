@@ -33,19 +33,7 @@ MODAL_TOLERANCE = "1e-10"  # for modal coordinates, which are far smaller than 1
 
 
 def described(path: Path, title: str, functions: MotionFunctions, document: Document | None) -> bytes:
-    """Return the completed model description.
-
-    Parameters
-    ----------
-    path : Path
-        CasADi's description.
-    title : str
-        Name of the model.
-    functions : MotionFunctions
-        The exported Functions.
-    document : Document, optional
-        The beam, its damping law and its identifications.
-    """
+    """Return CasADi's model description in a file, completed for a model with a title and, if given, its document."""
     tree = ET.parse(path)
     root = tree.getroot()
     provenance = document.provenance if document else Provenance.of_this()

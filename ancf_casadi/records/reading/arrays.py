@@ -38,16 +38,14 @@ def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[s
     remarks = list(notes)
     for name, array in arrays:
         values = np.squeeze(array)
-        if values.dtype.kind == "M":
+        stamps = values.dtype.kind == "M"
+        if stamps:
             try:
-                values = (values - values.ravel()[0]) / np.timedelta64(1, "s") if values.size else values.astype(float)
+                values = seconds_from_first(values)
             except (TypeError, OverflowError):  # years and months have no length; attoseconds overflow
                 remarks.append(f"the dates in {name!r} cannot be counted in s, and are left out")
                 continue
             remarks.append(f"the dates in {name!r} count in s from the first")
-            stamps = True
-        else:
-            stamps = False
         if values.dtype.kind not in "fiu" or values.ndim > 2:
             remarks.append(f"{name!r} is no real vector or matrix, and is left out")
             continue
@@ -65,6 +63,11 @@ def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[s
             own = name if columns.shape[1] == 1 else f"{name}[{k}]"
             channels.append(RecordedChannel(len(channels) + 1, own, np.array(column, dtype=float), symbol, unit))
     return Contents(tuple(channels), tuple(remarks))
+
+
+def seconds_from_first(dates: NDArray[Any]) -> NDArray[Any]:
+    """Return dates of NumPy as seconds from the first one."""
+    return (dates - dates.ravel()[0]) / np.timedelta64(1, "s") if dates.size else dates.astype(float)
 
 
 def read_matlab(path: Path) -> Contents:

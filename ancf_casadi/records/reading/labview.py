@@ -5,7 +5,7 @@ lvm-read gets the text instead of the file: from a file, it would read a pickled
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,11 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
-from ancf_casadi.records.reading.arrays import MOST_CHANNELS
+from ancf_casadi.records.reading.arrays import MOST_CHANNELS, seconds_from_first
 from ancf_casadi.records.reading.libraries import library, readable
 from ancf_casadi.records.reading.text.reader import decoded
 from ancf_casadi.records.reading.worker import MOST_DATA_BYTES
-from ancf_casadi.records.unit_names import unit_in_name
+from ancf_casadi.records.unit_names import unit_of
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array
 
@@ -37,7 +37,6 @@ def _channels(header: Mapping[str, Any], segment: Mapping[str, Any]) -> list[Rec
     data = np.asarray(segment["data"], dtype=float)
     if data.ndim != 2:
         raise InputError("has no rows of numbers")
-    columns = {name: data[:, k] for k, name in enumerate(names[: data.shape[1]]) if name != "Comment"}
     layout = str(header.get("X_Columns", "One"))
     symbols = [str(text).strip() for text in segment.get("Y_Unit_Label", [])]
     channels: list[RecordedChannel] = []
@@ -53,21 +52,19 @@ def _channels(header: Mapping[str, Any], segment: Mapping[str, Any]) -> list[Rec
         place = len(channels)
         time = own if layout == "Multi" else shared
         if time is None:
-            time = _even(segment, place, len(data))
+            starts, steps = (dict(enumerate(segment.get(key, []))) for key in ("X0", "Delta_X"))
+            time = _even(starts.get(place), steps.get(place), len(data))
         written = symbols[place] if place < len(symbols) else ""
-        symbol, unit = (written, parse_unit(written)) if written else unit_in_name(name)
-        channels.append(RecordedChannel(place + 1, name, columns[name], symbol, unit, time))
+        channels.append(RecordedChannel(place + 1, name, data[:, k], *unit_of(written, name), time))
     return channels
 
 
-def _even(segment: Mapping[str, Any], place: int, count: int) -> Array | None:
-    """Return times from X0 and Delta_X of a channel."""
-    steps: Sequence[float] = segment.get("Delta_X", [])
-    starts: Sequence[float] = segment.get("X0", [])
-    if place >= len(steps) or not np.isfinite(steps[place]) or not steps[place] > 0:
+def _even(start: Any, step: Any, count: int) -> Array | None:
+    """Return times with an increment, s; None if the file gives none."""
+    if not isinstance(step, float | int) or not np.isfinite(step) or not step > 0:
         return None
-    start = float(starts[place]) if place < len(starts) and np.isfinite(starts[place]) else 0.0
-    return start + float(steps[place]) * np.arange(count, dtype=float)
+    known = isinstance(start, float | int) and np.isfinite(start)
+    return (float(start) if known else 0.0) + float(step) * np.arange(count, dtype=float)
 
 
 def read_tdms(path: Path) -> Contents:
@@ -94,14 +91,7 @@ def read_tdms(path: Path) -> Contents:
 def _channel(number: int, name: str, item: Any) -> RecordedChannel:
     values = np.asarray(item[:])
     if values.dtype.kind == "M":
-        seconds = (values - values[0]) / np.timedelta64(1, "s") if len(values) else values.astype(float)
-        return RecordedChannel(number, name, np.asarray(seconds, dtype=float), "s", parse_unit("s"))
+        return RecordedChannel(number, name, np.asarray(seconds_from_first(values), dtype=float), "s", parse_unit("s"))
     written = str(item.properties.get("unit_string", "")).strip()
-    symbol, unit = (written, parse_unit(written)) if written else unit_in_name(item.name)
-    step = item.properties.get("wf_increment")
-    time = None
-    if isinstance(step, float | int) and np.isfinite(step) and step > 0:
-        offset = item.properties.get("wf_start_offset", 0.0)
-        start = float(offset) if isinstance(offset, float | int) and np.isfinite(offset) else 0.0
-        time = start + float(step) * np.arange(len(values), dtype=float)
-    return RecordedChannel(number, name, np.array(values, dtype=float), symbol, unit, time)
+    time = _even(item.properties.get("wf_start_offset"), item.properties.get("wf_increment"), len(values))
+    return RecordedChannel(number, name, np.array(values, dtype=float), *unit_of(written, item.name), time)

@@ -64,23 +64,9 @@ def readable(path: str, format_name: str) -> Iterator[None]:
 
 
 def read_isolated(kind: str, module: str, path: Path, format_name: str) -> tuple[dict[str, Array], dict[str, Any]]:
-    """Return the arrays and the properties that a reader of ``worker`` finds in a file.
+    """Return the arrays and the properties that the reader ``kind`` of ``worker`` finds in a file with its library.
 
-    Parameters
-    ----------
-    kind : str
-        Name of the reader.
-    module : str
-        Library that it needs.
-    path : Path
-        The file.
-    format_name : str
-        Name of the format, for messages.
-
-    Raises
-    ------
-    InputError
-        If the library is missing, refuses the file, crashes, or needs too much memory or time.
+    A file that the library refuses, or for which it crashes or needs too much memory or time, raises an ``InputError``.
     """
     check_installed(module, format_name)
     command = [sys.executable, "-P", "-W", "ignore", worker.__file__, kind, os.path.abspath(path)]

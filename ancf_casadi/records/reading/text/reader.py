@@ -23,7 +23,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.text.cells import Dialect, clock_seconds, is_comment, iso_nanoseconds, over_midnight
 from ancf_casadi.records.reading.text.dialect import TableHead, find_table
-from ancf_casadi.records.reading.text.header import Heading, read_heading, without_unlikely
+from ancf_casadi.records.reading.text.header import Head, read_heading, without_unlikely
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array, Index
 
@@ -235,12 +235,12 @@ class _Reader:
             return None
         return np.asarray(1e-9 * (stamps - self.first_stamps.setdefault(k, int(stamps[0]))))
 
-    def contents(self, heading: Heading) -> Contents:
+    def contents(self, heading: Sequence[Head]) -> Contents:
         """Return the columns."""
         if not self.blocks:
             raise InputError("has no rows of numbers; needs a table with a row per sample", self.path)
         channels = []
-        for k, (name, symbol, unit) in enumerate(zip(heading.names, heading.symbols, heading.units, strict=True)):
+        for k, (name, symbol, unit) in enumerate(heading):
             values = np.concatenate([block[:, k] for block in self.blocks])
             if self.table.kinds[k] == "gap" and np.isnan(values).all():
                 continue

@@ -154,8 +154,8 @@ class Sensor(Displayed):
 def sensor_of(channel: RecordedChannel, given: Unit | None, sensor: Sensor | None) -> tuple[float, Sensor]:
     """Return the factor of a channel to SI units, and its sensor.
 
-    The unit is that of the file if none is ``given``; without a sensor, the unit tells the quantity.  A unit that is not
-    understood, or does not fit the sensor, raises an ``InputError``.
+    The unit is that of the file if none is ``given``; without a sensor, the unit tells the quantity.  A unit that is
+    not understood, or does not fit the sensor, raises an ``InputError``.
     """
     unit = given or channel.unit
     if unit is None:

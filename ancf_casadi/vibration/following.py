@@ -31,7 +31,7 @@ SMALLEST_STEP = 1e-3  # relative to the whole change of the properties
 
 
 def followed_modes(modes: Modes, numbers: Index) -> ModalState:
-    """Return the modes with the given numbers, from 0, of a beam under gravity alone, as a state to follow them from."""
+    """Return the modes with the given numbers, from 0, of a beam under gravity alone, as a state to follow."""
     rest, eigenvalues = modes.equilibrium, modes.angular_frequencies[numbers] ** 2
     return ModalState(rest.structure, rest.exact, numbers, eigenvalues, modes.shapes[:, numbers])
 

@@ -59,37 +59,11 @@ SMOOTHING_SPEED = 1e-9  # m/s; |v| is smoothed below this speed, because it has 
 class Element:
     """The CasADi Functions of one element: a piece of the beam, its elastic clamp, or the mass at its tip.
 
-    Inputs are coordinates e (d), velocities e_t (d) and the properties p of the element, in SI units.  A beam element
-    has d = 8 and p = (width, thickness, density, elastic modulus, length, x and y of the axis); for the others see
-    ``elastic_clamp`` and ``tip_mass``.
-
-    Parameters
-    ----------
-    strain_energy : Function
-        (e, p) -> U, J.
-    elastic_force : Function
-        (e, p) -> Q_e (d), Eq. (6).
-    tangent_stiffness : Function
-        (e, p) -> K (d, d).
-    tangent_force : Function
-        (e, e_t, p) -> K e_t (d), to be multiplied by a time in s.
-    reference_force : Function
-        (e_t, p) -> K e_t (d) with K of the undeformed element, to be multiplied by a time in s.
-    strain_rate_force : Function
-        (e, e_t, p) -> Q_v (d), to be multiplied by a time in s.
-    mass : Function
-        p -> M (d, d), Eq. (7).
-    inertia_force : Function
-        (e_tt, p) -> M e_tt (d); also for velocities.
-    line_inertia_force : Function
-        (e_tt, p) -> int S^T mu r_tt dp (d), the part of M e_tt from mass along the beam; also for velocities.
-    gravity_force : Function
-        (p, g) -> Q_g (d), Eq. (7).
-    drag_force : Function
-        (e_t, p) -> int S^T mu |v| v dp (d), the integral in Eq. (23), to be multiplied by a coefficient in 1/m.
-    friction_force : Function
-        (e_t, p, v0) -> int S^T mu v/(|v|^2 + v0^2)^(1/2) dp (d), smoothed below the speed v0 (m/s), to be multiplied by
-        a coefficient in m/s^2.
+    They are those of ``Model`` with the same names, for coordinates e (d), velocities e_t (d) and the properties p of
+    one element, in SI units; the matrices are (d, d).  A beam element has d = 8 and p = (width, thickness, density,
+    elastic modulus, length, x and y of the axis); for the others see ``elastic_clamp`` and ``tip_mass``.  The force
+    with the tangent stiffness, that with the stiffness of the undeformed element and the strain-rate force are to be
+    multiplied by a time (s), the drag by a coefficient in 1/m, and the friction by one in m/s^2.
     """
 
     strain_energy: cs.Function

@@ -32,7 +32,7 @@ from ancf_casadi import (
 )
 from ancf_casadi.damping import SumOfLaws
 from ancf_casadi.export import DataFile, Document, Identification, Provenance, read_document, schema, write_document
-from ancf_casadi.export.document.strict_json import MOST_LEVELS
+from ancf_casadi.export.strict_json import MOST_LEVELS
 from ancf_casadi.support.files import MOST_BYTES
 from problems import fit_decay
 

@@ -28,10 +28,9 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.base_motion import Piece
-from ancf_casadi.export import DataFile, Document, Identification, Provenance, read_document
+from ancf_casadi.export import DataFile, Document, Identification, Provenance, fmu, read_document
+from ancf_casadi.export.fmu import write_fmu
 from ancf_casadi.export.motion_functions import beam_functions
-from ancf_casadi.export.targets import fmu
-from ancf_casadi.export.targets.fmu import write_fmu
 
 MARKERS = (0.2, 0.375)
 ACCELERATION = np.array([8.0, -4.0, 40.0])  # of the clamp: x, y (m/s^2), rotation (rad/s^2)

@@ -32,8 +32,7 @@ from ancf_casadi import (
     StrainMeasures,
     SweepBase,
 )
-from ancf_casadi.export import Document, load_functions, read_document, write_document
-from ancf_casadi.export.targets import fmu
+from ancf_casadi.export import Document, fmu, load_functions, read_document, write_document
 from ancf_casadi.support.interrupts import ENDING
 from ancf_casadi.version import __version__
 from problems.cli import main

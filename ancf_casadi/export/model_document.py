@@ -19,9 +19,9 @@ from msgspec.structs import asdict, replace
 
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.identification import DataFile, Identification, Provenance
-from ancf_casadi.export.document.strict_json import place, read_json
-from ancf_casadi.export.document.structs import (
+from ancf_casadi.export.identification import DataFile, Identification, Provenance
+from ancf_casadi.export.strict_json import place, read_json
+from ancf_casadi.export.structs import (
     DOCUMENT_FORMAT,
     DOCUMENT_VERSION,
     BeamData,

@@ -13,8 +13,8 @@ import casadi as cs
 
 from ancf_casadi.damping import SumOfLaws
 from ancf_casadi.dynamics.signals import MotionFunctions
-from ancf_casadi.export.document.identification import Provenance
-from ancf_casadi.export.document.model_document import Document
+from ancf_casadi.export.identification import Provenance
+from ancf_casadi.export.model_document import Document
 from ancf_casadi.reduction.reduced import ReducedFunctions
 from ancf_casadi.version import __version__
 

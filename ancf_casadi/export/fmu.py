@@ -43,8 +43,8 @@ from ancf_casadi.damping import RayleighDamping
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, parameter_signals
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.model_document import Document
-from ancf_casadi.export.targets.fmu_description import CLAMP_COORDINATES, described
+from ancf_casadi.export.fmu_description import CLAMP_COORDINATES, described
+from ancf_casadi.export.model_document import Document
 from ancf_casadi.support.compilation import COMPILER_SECONDS, LIBRARY, c_compiler
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import check_instance

@@ -25,10 +25,8 @@ from __future__ import annotations
 import contextlib
 import importlib.util
 import io
-import os
 import platform
 import shlex
-import subprocess
 import tempfile
 import zipfile
 from collections.abc import Sequence
@@ -45,7 +43,7 @@ from ancf_casadi.dynamics.signals import MotionFunctions, Signal, parameter_sign
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.fmu_description import CLAMP_COORDINATES, described
 from ancf_casadi.export.model_document import Document
-from ancf_casadi.support.compilation import COMPILER_SECONDS, LIBRARY, c_compiler
+from ancf_casadi.support.compilation import LIBRARY, c_compiler, compiler_failure
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import check_instance
 from ancf_casadi.support.tables import to_json
@@ -178,20 +176,10 @@ def _advance(bar: tqdm[NoReturn], step: str) -> None:
 def _compile(compiler: tuple[str, ...], sources: Sequence[Path], library: Path, headers: Path) -> None:
     """Compile the sources of the FMU to a library that binds its names to itself."""
     own = ["-Wl,-Bsymbolic"] if library.suffix == ".so" else []
-    environment = os.environ | {"TMPDIR": str(library.parent)}  # an interrupted compiler leaves its files there
-    call = [*compiler, *FMU_FLAGS, *own, f"-I{headers}", *map(str, sources), "-o", str(library), "-lm"]
-    name = shlex.join(compiler)
-    try:
-        subprocess.run(call, check=True, capture_output=True, timeout=COMPILER_SECONDS, env=environment)
-    except subprocess.TimeoutExpired:
-        raise InputError(
-            f"did not compile the FMU in {COMPILER_SECONDS} s; use fewer elements or modes", name
-        ) from None
-    except subprocess.CalledProcessError as error:
-        said = [line for line in error.stderr.decode(errors="replace").splitlines() if "error" in line] or ["no reason"]
-        raise InputError(f"cannot compile the FMU ({said[0]})", name) from None
-    except OSError as error:
-        raise InputError(f"cannot be run ({error.strerror or error})", name) from None
+    failure = compiler_failure([*compiler, *FMU_FLAGS, *own, f"-I{headers}", *map(str, sources)], library)
+    if failure:
+        advice = "check the command in CC, or use fewer elements or modes"
+        raise InputError(f"cannot compile the FMU ({failure}); {advice}", shlex.join(compiler))
 
 
 def _zipped(content: dict[str, bytes]) -> bytes:

@@ -14,8 +14,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.shape import gauss
-from ancf_casadi.mechanics.strain import axial_strain, curvature
+from ancf_casadi.mechanics.strain import axial_strain, curvature, gauss
 from ancf_casadi.support.arrays import Array
 
 At = Callable[[Array], tuple[Any, Any]]

@@ -47,8 +47,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 
-from ancf_casadi.mechanics.shape import gauss_pairs, shape_matrix
-from ancf_casadi.mechanics.strain import StrainMeasures, axial_strains, bending_strains
+from ancf_casadi.mechanics.strain import StrainMeasures, axial_strains, bending_strains, gauss_pairs, shape_matrix
 from ancf_casadi.support.arrays import Index
 
 ELEMENT_PROPERTIES = 7  # width, thickness, density, elastic modulus, length, x and y of the axis

@@ -28,8 +28,7 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, Beam
 from ancf_casadi.mechanics.element import Element, Group, elastic_clamp, element, tip_mass
-from ancf_casadi.mechanics.shape import gauss, hermite, hermite_curvature, hermite_slope
-from ancf_casadi.mechanics.strain import StrainMeasures
+from ancf_casadi.mechanics.strain import StrainMeasures, gauss, hermite, hermite_curvature, hermite_slope
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, number
 from ancf_casadi.support.tables import Displayed

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.shape import gauss
+from ancf_casadi.mechanics.strain import gauss
 from ancf_casadi.reduction.kinematics import Slopes
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.modes import Modes

@@ -13,7 +13,7 @@ import casadi as cs
 
 from ancf_casadi.mechanics.element import Element
 from ancf_casadi.mechanics.model import NODE
-from ancf_casadi.mechanics.shape import hermite, hermite_slope
+from ancf_casadi.mechanics.strain import hermite, hermite_slope
 
 
 @dataclass(frozen=True, eq=False)

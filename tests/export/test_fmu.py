@@ -355,10 +355,10 @@ class TestRefusals:
         with pytest.raises(InputError, match=r"^CC: an FMU needs a C compiler"):
             write_fmu(functions, "beam.fmu")
 
-    @pytest.mark.parametrize(("compiler", "words"), [("false", "cannot compile"), ("/no/such/cc", "cannot be run")])
+    @pytest.mark.parametrize(("compiler", "words"), [("false", "exit code 1"), ("/no/such/cc", ".*No such file")])
     def test_with_a_broken_compiler(self, functions, monkeypatch, compiler, words):
         monkeypatch.setenv("CC", compiler)
-        with pytest.raises(InputError, match=f"^{compiler}: {words}"):
+        with pytest.raises(InputError, match=rf"^{compiler}: cannot compile the FMU \({words}"):
             write_fmu(functions, "beam.fmu")
 
     def test_a_marker_beside_the_beam(self, document):

@@ -65,11 +65,7 @@ def decay_figure(
     """
     figure = Figure(figsize=(9, 9), layout="constrained")
     over_time, below, lowest = figure.subfigures(3, 1, squeeze=False, height_ratios=(1.2, 1, 1)).ravel()
-    fitted = curve(time)
-    _draw_record(over_time, time, measured, curve, values, unit)
-    remainder, correlation = below.subplots(1, 2)
-    _draw_residuals(remainder, time, measured - fitted, unit)
-    draw_autocorrelation(correlation, measured - fitted)
+    _draw_fit(over_time, below, time, measured, curve, values, unit)
     axes = lowest.subplots(1, 2)
     draw_against_amplitude(axes, points, law)
     axes[0].legend(frameon=False, fontsize="small")
@@ -84,18 +80,27 @@ def fit_figure(time: Array, measured: Array, fitted: Array, unit: str = "m") -> 
     """
     figure = Figure(figsize=(9, 7), layout="constrained")
     over_time, below = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.2, 1)).ravel()
-    _draw_record(over_time, time, measured, lambda t: np.interp(np.asarray(t, dtype=float), time, fitted), "", unit)
-    remainder, correlation = below.subplots(1, 2)
-    _draw_residuals(remainder, time, measured - fitted, unit)
-    draw_autocorrelation(correlation, measured - fitted)
+    _draw_fit(over_time, below, time, measured, lambda t: np.interp(np.asarray(t, dtype=float), time, fitted), "", unit)
     return figure
 
 
-def _draw_record(
-    figure: SubFigure, time: Array, measured: Array, curve: Callable[[ArrayLike], Array], title: str, unit: str
+def _draw_fit(
+    figure: SubFigure,
+    below: SubFigure,
+    time: Array,
+    measured: Array,
+    curve: Callable[[ArrayLike], Array],
+    title: str,
+    unit: str,
 ) -> None:
-    """Draw a record and a fit; if there are many periods, their extremes, and the first periods beside them."""
+    """Draw a record and a fit, and below the residuals and their autocorrelation.
+
+    If there are many periods, their extremes are drawn, and the first periods beside them.
+    """
     fitted = curve(time)
+    remainder, correlation = below.subplots(1, 2)
+    _draw_residuals(remainder, time, measured - fitted, unit)
+    draw_autocorrelation(correlation, measured - fitted)
     turns = np.flatnonzero(np.diff(np.sign(fitted - np.median(fitted))))
     many = len(turns) > 2 * 40  # half periods; fewer are drawn in full
     size, name = prefixed(float(np.abs(measured).max()), unit)

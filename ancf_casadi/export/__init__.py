@@ -12,11 +12,11 @@ other folder of the package imports this one.
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values
 from ancf_casadi.export.c import write_c
 from ancf_casadi.export.fmu import write_fmu
-from ancf_casadi.export.identification import DataFile, Identification, Provenance
+from ancf_casadi.export.identification import Identification, Provenance
 from ancf_casadi.export.model_document import Document, read_document, write_document
 from ancf_casadi.export.motion_functions import BeamFunctions, beam_functions
 from ancf_casadi.export.storage import load_functions, save_functions
-from ancf_casadi.export.structs import schema
+from ancf_casadi.export.structs import DataFile, schema
 from ancf_casadi.reduction.reduced import ReducedFunctions
 
 __all__ = [

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import datetime
-import hashlib
 import math
-import os
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,62 +17,11 @@ from msgspec import Struct, to_builtins
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.export.strict_json import MOST_LEVELS, check, place
-from ancf_casadi.export.structs import DataFileData, IdentificationData, ProvenanceData, data_of
-from ancf_casadi.support.files import opened
+from ancf_casadi.export.structs import DataFile, IdentificationData, ProvenanceData, data_of
 from ancf_casadi.support.inputs import check_instance, is_sequence, shown
 from ancf_casadi.version import __version__
 
 MOST_RESULT_LEVELS = MOST_LEVELS - 4  # of a result, which is four levels deep in a document
-
-
-@dataclass(frozen=True)
-class DataFile:
-    """Name and hash of a file of measurements.
-
-    Parameters
-    ----------
-    name : str
-        Name of the file, without folders.
-    sha256 : str
-        SHA-256 of the content, 64 hexadecimal digits.
-
-    Raises
-    ------
-    InputError
-        If the name is empty, or the hash does not have 64 hexadecimal digits.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from ancf_casadi.export import DataFile
-    >>> _ = Path("decay.csv").write_text("0.0,1.0")
-    >>> file = DataFile.of("decay.csv")
-    >>> file.name, file.sha256[:8]
-    ('decay.csv', 'f6478e63')
-    """
-
-    name: str
-    sha256: str
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        _check(self, DataFileData)
-
-    @classmethod
-    def of(cls, path: str | Path) -> DataFile:
-        """Return name and hash of a file.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read.
-        """
-        digest = hashlib.sha256()
-        with opened(path) as file:
-            while chunk := file.read(2**20):  # bytes
-                digest.update(chunk)
-        name = os.fsencode(Path(path).name).decode(errors="replace")
-        return cls(name, digest.hexdigest())
 
 
 @dataclass(frozen=True)
@@ -101,7 +48,7 @@ class Identification:
     >>> fit = fit_rayleigh([1.9, 10.6, 29.3], [0.010, 0.003, 0.003])
     >>> found = Identification(fit.to_dict())
     >>> print(found.summary())
-    Rayleigh coefficients (alpha 0.236167 +- 0.0085 1/s, beta 2.68898e-05 +- 3.7e-06 s)
+    rayleigh (alpha 0.236167 +- 0.0085 1/s, beta 2.68898e-05 +- 3.7e-06 s)
     """
 
     result: Mapping[str, Any]

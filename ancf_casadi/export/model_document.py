@@ -19,7 +19,7 @@ from msgspec.structs import asdict, replace
 
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.identification import DataFile, Identification, Provenance
+from ancf_casadi.export.identification import Identification, Provenance
 from ancf_casadi.export.strict_json import place, read_json
 from ancf_casadi.export.structs import (
     DOCUMENT_FORMAT,
@@ -192,7 +192,7 @@ def _document(data: DocumentData) -> Document:
 
 def _identification(data: IdentificationData, where: str) -> Identification:
     with located(where):
-        return Identification(data.result, [DataFile(file.name, file.sha256) for file in data.data])
+        return Identification(data.result, data.data)
 
 
 def beam_data(beam: Beam) -> BeamData:

@@ -22,7 +22,10 @@ Unknown keys are refused, and a key may be left out only if it has a default her
 
 from __future__ import annotations
 
+import hashlib
+import os
 import re
+from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeVar, get_args
 
 import msgspec
@@ -30,7 +33,9 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 
 from ancf_casadi.damping import ProportionalStiffness
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.export.strict_json import check
 from ancf_casadi.mechanics.strain import AxialStrain, Curvature
+from ancf_casadi.support.files import opened
 from ancf_casadi.support.inputs import shown
 
 DOCUMENT_FORMAT: Final = "ancf-casadi"
@@ -152,18 +157,61 @@ TAGS = {  # allowed values of the keys that hold a name
 }
 
 
-class DataFileData(DocumentObject, frozen=True):
-    """Name and SHA-256 of a file of measurements."""
+class DataFile(DocumentObject, frozen=True):
+    """Name and hash of a file of measurements.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file, without folders.
+    sha256 : str
+        SHA-256 of the content, 64 hexadecimal digits.
+
+    Raises
+    ------
+    InputError
+        If the name is empty, or the hash does not have 64 hexadecimal digits.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from ancf_casadi.export import DataFile
+    >>> _ = Path("decay.csv").write_text("0.0,1.0")
+    >>> file = DataFile.of("decay.csv")
+    >>> file.name, file.sha256[:8]
+    ('decay.csv', 'f6478e63')
+    """
 
     name: NotEmpty
     sha256: Hash
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        for key, kind in (("name", NotEmpty), ("sha256", Hash)):
+            check(data_of(getattr(self, key), kind, key), key)
+
+    @classmethod
+    def of(cls, path: str | Path) -> DataFile:
+        """Return name and hash of a file.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read.
+        """
+        digest = hashlib.sha256()
+        with opened(path) as file:
+            while chunk := file.read(2**20):  # bytes
+                digest.update(chunk)
+        name = os.fsencode(Path(path).name).decode(errors="replace")
+        return cls(name, digest.hexdigest())
 
 
 class IdentificationData(DocumentObject, frozen=True):
     """The result of a fit: kind, estimates, intervals, covariance, warnings; null is unknown or not finite."""
 
     result: dict[str, Any]
-    data: tuple[DataFileData, ...]
+    data: tuple[DataFile, ...]
 
 
 class ProvenanceData(DocumentObject, frozen=True):
@@ -220,7 +268,10 @@ def schema() -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": f"urn:{DOCUMENT_FORMAT}:document:{DOCUMENT_VERSION}",
     }
-    return head | msgspec.json.schema(DocumentData)
+    found = msgspec.json.schema(DocumentData)
+    for part in found["$defs"].values():
+        part["description"] = part["description"].partition("\n")[0]
+    return head | found
 
 
 def _refusal(message: str, where: str) -> InputError:

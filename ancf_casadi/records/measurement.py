@@ -233,10 +233,10 @@ class Measurement(Displayed):
 
     def figure(self) -> Figure:
         """Draw the record over time."""
-        from ancf_casadi.records.figures import series_figure  # matplotlib is slow to import
+        from ancf_casadi.records.figures import record_figure  # matplotlib is slow to import
 
         label = f"{self.sensor.quantity}, {self.sensor.unit}" if self.sensor.unit else self.sensor.quantity
-        return series_figure([(label, self.time, self.values)], self.name)
+        return record_figure(label, self.time, self.values, self.name)
 
     def _summary(self) -> str:
         parts = (repr(self.name), counted(len(self.time), "sample"), spread(self.time, "s"), self.sensor.quantity)

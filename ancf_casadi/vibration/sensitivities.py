@@ -42,8 +42,6 @@ R. B. Nelson, Simplified calculation of eigenvector derivatives, AIAA Journal 14
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import scipy.sparse
 
@@ -52,28 +50,6 @@ from ancf_casadi.vibration.assembly import EqualElements, per_element, scatter
 from ancf_casadi.vibration.modal_state import ModalState
 
 DIRECTIONS_AT_ONCE = 128  # directions at once: few enough that the products of small matrices stay in the cache
-
-
-@dataclass(frozen=True, eq=False)
-class Sensitivities:
-    """Derivatives of an equilibrium and its modes along N directions.
-
-    Parameters
-    ----------
-    directions : array (properties, N)
-        Changes of the properties.
-    coordinates : array (4 n + 4, N)
-        Derivatives of the nodal coordinates at rest.
-    eigenvalues : array (m, N)
-        Derivatives of the squared angular frequencies.
-    shapes : array (m, 4 n + 4, N)
-        Derivatives of the mass-normalised mode shapes.
-    """
-
-    directions: Array
-    coordinates: Array
-    eigenvalues: Array
-    shapes: Array
 
 
 def coordinate_derivatives(state: ModalState, directions: Array) -> Array:
@@ -86,8 +62,12 @@ def coordinate_derivatives(state: ModalState, directions: Array) -> Array:
     return coordinates
 
 
-def sensitivities(state: ModalState, directions: Array) -> Sensitivities:
-    """Return the derivatives of equilibrium and modes along N changes of the properties, (properties, N)."""
+def sensitivities(state: ModalState, directions: Array) -> tuple[Array, Array, Array]:
+    """Return the derivatives of equilibrium and modes along N changes of the properties, (properties, N).
+
+    They are those of the coordinates at rest (4 n + 4, N), of the squared angular frequencies (m, N), and of the
+    mass-normalised mode shapes (m, 4 n + 4, N).
+    """
     free, size, m, N = state.model.free, state.model.size, len(state.eigenvalues), directions.shape[1]
     coordinates = coordinate_derivatives(state, directions)
     f, half_norm = np.zeros((m, size, N)), np.zeros((m, N))
@@ -102,7 +82,7 @@ def sensitivities(state: ModalState, directions: Array) -> Sensitivities:
         eigenvalues[k] = phi @ f[k, free]
         particular = state.pencil_solvers[k](np.outer(inertia, eigenvalues[k]) - f[k, free])
         shapes[k, free] = particular - np.outer(phi, inertia @ particular + half_norm[k])
-    return Sensitivities(directions, coordinates, eigenvalues, shapes)
+    return coordinates, eigenvalues, shapes
 
 
 def gradient(state: ModalState, b: Array, c: Array) -> Array:
@@ -156,12 +136,12 @@ def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
     for begin in range(0, N, DIRECTIONS_AT_ONCE):
         columns = slice(begin, begin + DIRECTIONS_AT_ONCE)
         first = sensitivities(state, directions[:, columns])
-        half[:, columns] = np.asarray(transposed @ _b_of_all_properties(state, first, blocks))
-        eigenvalues[:, columns] = first.eigenvalues
-        for k, shape in enumerate(first.shapes[:, free]):
+        half[:, columns] = np.asarray(transposed @ _b_of_all_properties(state, directions[:, columns], first, blocks))
+        eigenvalues[:, columns] = first[1]
+        for k, shape in enumerate(first[2][:, free]):
             projections[k, columns] = (state.inertia @ a[k, free, 0]) @ shape
         if beta.any():
-            shapes.append(first.shapes[:, free])
+            shapes.append(first[2][:, free])
     if shapes:
         for k, shape in enumerate(np.concatenate(shapes, axis=2)):
             normalisation -= beta[k] * shape.T @ (state.inertia @ shape)
@@ -183,14 +163,20 @@ def _lagrangian_hessians(state: ModalState, a: Array, beta: Array, z: Array) -> 
     return found
 
 
-def _b_of_all_properties(state: ModalState, first: Sensitivities, blocks: list[tuple[EqualElements, Array]]) -> Array:
-    """Return B with all properties as its rows and the directions of ``first`` as its columns."""
-    free, N = state.model.free, first.directions.shape[1]
-    by_coordinate, by_property = np.zeros_like(first.coordinates), np.zeros_like(first.directions)
+def _b_of_all_properties(
+    state: ModalState,
+    directions: Array,
+    first: tuple[Array, Array, Array],
+    blocks: list[tuple[EqualElements, Array]],
+) -> Array:
+    """Return B with all properties as its rows and the directions, with their derivatives ``first``, as its columns."""
+    free, N = state.model.free, directions.shape[1]
+    coordinates, eigenvalues, shapes = first
+    by_coordinate, by_property = np.zeros_like(coordinates), np.zeros_like(directions)
     for part, block in blocks:
         d = part.balance.sizes[0]
-        rows = [first.coordinates[part.coordinates], first.directions[part.properties]]
-        for shape, eigenvalue in zip(first.shapes, first.eigenvalues, strict=True):
+        rows = [coordinates[part.coordinates], directions[part.properties]]
+        for shape, eigenvalue in zip(shapes, eigenvalues, strict=True):
             rows += [shape[part.coordinates], np.broadcast_to(eigenvalue, (len(block), 1, N))]
         terms = block @ np.concatenate(rows, axis=1)
         by_coordinate += scatter(part.coordinates, terms[:, :d], len(by_coordinate))

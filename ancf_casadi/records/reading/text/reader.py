@@ -112,7 +112,7 @@ def _head(block: bytes) -> tuple[list[str], list[int]]:
     """Return the first lines as text, with their numbers; a line break within quotes does not end a line."""
     start = block[:200_000]  # looked at to recognise the table
     if len(start) < len(block):
-        end = max(start.rfind(b"\n"), _end_of_line(block, 4))
+        end = max(start.rfind(b"\n"), len(b"\n".join(block.split(b"\n", 4)[:4])))  # four lines at least
         start = block[:end]
     physical = decoded(start).split("\n")[:1000]
     lines: list[str] = []
@@ -125,15 +125,6 @@ def _head(block: bytes) -> tuple[list[str], list[int]]:
         numbers.append(k + 1)
         k += count
     return lines, numbers
-
-
-def _end_of_line(block: bytes, count: int) -> int:
-    end = -1
-    for _ in range(count):
-        end = block.find(b"\n", end + 1)
-        if end < 0:
-            return len(block)
-    return end
 
 
 @dataclass(eq=False)

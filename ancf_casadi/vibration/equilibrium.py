@@ -83,14 +83,14 @@ class Equilibrium(Reported):
     loads: tuple[PointLoad, ...] = ()
 
     @property
-    def acting(self) -> tuple[PointLoad, ...]:
+    def all_loads(self) -> tuple[PointLoad, ...]:
         """All loads that are not zero."""
         return _all_loads(self.tip_force, self.tip_moment, self.loads)
 
     @property
     def structure(self) -> Structure:
         """The beam and its loads as parts with properties."""
-        return Structure.of(self.model, self.acting)
+        return Structure.of(self.model, self.all_loads)
 
     @property
     def exact(self) -> Position:
@@ -134,7 +134,7 @@ class Equilibrium(Reported):
         x, y = self.tip.tolist()
         title = f"Equilibrium, {'stable' if self.is_stable else 'unstable'}"
         rows = [("tip x", x, "m"), ("tip y", y, "m"), ("tip angle", self.tip_angle, "rad")]
-        return Table("equilibrium", title, ("quantity", "value", "unit"), rows, (_described(self.acting),))
+        return Table("equilibrium", title, ("quantity", "value", "unit"), rows, (_described(self.all_loads),))
 
     def to_dict(self) -> dict[str, Any]:
         """Return tip, stability, loads and nodal coordinates as plain data."""
@@ -143,7 +143,7 @@ class Equilibrium(Reported):
             "tip_m": self.tip.tolist(),
             "tip_angle_rad": self.tip_angle,
             "stable": self.is_stable,
-            "loads": [asdict(load) for load in self.acting],
+            "loads": [asdict(load) for load in self.all_loads],
             "coordinates": self.coordinates.tolist(),
         }
 

@@ -98,9 +98,6 @@ def _draw_fit(
     If there are many periods, their extremes are drawn, and the first periods beside them.
     """
     fitted = curve(time)
-    remainder, correlation = below.subplots(1, 2)
-    _draw_residuals(remainder, time, measured - fitted, unit)
-    draw_autocorrelation(correlation, measured - fitted)
     turns = np.flatnonzero(np.diff(np.sign(fitted - np.median(fitted))))
     many = len(turns) > 2 * 40  # half periods; fewer are drawn in full
     size, name = prefixed(float(np.abs(measured).max()), unit)
@@ -123,6 +120,9 @@ def _draw_fit(
     plots[0].set(ylabel=f"record, {name}" if name else "record")
     if title:
         figure.suptitle(title, fontsize="medium")
+    remainder, correlation = below.subplots(1, 2)
+    _draw_residuals(remainder, time, measured - fitted, unit)
+    draw_autocorrelation(correlation, measured - fitted)
 
 
 def _draw_residuals(axes: Axes, time: Array, residuals: Array, unit: str) -> None:

@@ -889,7 +889,7 @@ class TestInterrupted:
         def stopped(*_, **__):
             raise KeyboardInterrupt
 
-        monkeypatch.setattr(fmu.subprocess, "run", stopped)
+        monkeypatch.setattr(fmu, "compiler_failure", stopped)
         before = sorted(files.iterdir())
         assert main(["export", "beam.toml", "--format", "fmu", "--out", "new/beam.fmu"]) == 130
         assert capsys.readouterr().err.endswith("ancf-casadi: stopped; nothing was written\n")

@@ -32,20 +32,7 @@ PLOT_COLUMNS = 600  # of a record that is drawn by its extremes
 
 
 def rendered(figure: Figure, suffix: str = ".png") -> bytes:
-    """Return the content of a file with a figure, identical for identical figures.
-
-    Parameters
-    ----------
-    figure : Figure
-        The figure.
-    suffix : {".png", ".svg", ".pdf"}
-        Suffix of the file, which names its format; capitals do not matter.
-
-    Raises
-    ------
-    InputError
-        If there is no such format.
-    """
+    """Return the content of a PNG, SVG or PDF file with a figure, identical for identical figures."""
     kind = suffix.lower()
     if kind not in DATE_FIELDS:
         raise InputError(f"must end in {', '.join(DATE_FIELDS)}, got {suffix or 'no suffix'!r}", "figure")
@@ -73,28 +60,12 @@ def decay_figure(
 ) -> Figure:
     """Draw a decay: record and fit, residuals, their autocorrelation, damping ratio and frequency against amplitude.
 
-    Parameters
-    ----------
-    time, measured : ndarray
-        Times (m,), s, from the release on, and the record at each.
-    curve : callable
-        Times, s -> fitted curve.
-    unit : str
-        SI unit of the record.
-    values : str
-        Title with the estimates.
-    law : LawCurve
-        Damping ratio and frequency under the fitted law.
-    points : DampingCurve, optional
-        Damping ratio and frequency in windows of the record.
+    ``time`` (s) starts at the release, ``curve`` returns the fit at any times, and ``values`` is a title with the
+    estimates.  ``points`` are damping ratio and frequency in windows of the record, ``law`` those of the fitted law.
     """
     figure = Figure(figsize=(9, 9), layout="constrained")
     over_time, below, lowest = figure.subfigures(3, 1, squeeze=False, height_ratios=(1.2, 1, 1)).ravel()
-    fitted = curve(time)
-    _draw_record(over_time, time, measured, curve, values, unit)
-    remainder, correlation = below.subplots(1, 2)
-    _draw_residuals(remainder, time, measured - fitted, unit)
-    draw_autocorrelation(correlation, measured - fitted)
+    _draw_fit(over_time, below, time, measured, curve, values, unit)
     axes = lowest.subplots(1, 2)
     draw_against_amplitude(axes, points, law)
     axes[0].legend(frameon=False, fontsize="small")
@@ -109,17 +80,23 @@ def fit_figure(time: Array, measured: Array, fitted: Array, unit: str = "m") -> 
     """
     figure = Figure(figsize=(9, 7), layout="constrained")
     over_time, below = figure.subfigures(2, 1, squeeze=False, height_ratios=(1.2, 1)).ravel()
-    _draw_record(over_time, time, measured, lambda t: np.interp(np.asarray(t, dtype=float), time, fitted), "", unit)
-    remainder, correlation = below.subplots(1, 2)
-    _draw_residuals(remainder, time, measured - fitted, unit)
-    draw_autocorrelation(correlation, measured - fitted)
+    _draw_fit(over_time, below, time, measured, lambda t: np.interp(np.asarray(t, dtype=float), time, fitted), "", unit)
     return figure
 
 
-def _draw_record(
-    figure: SubFigure, time: Array, measured: Array, curve: Callable[[ArrayLike], Array], title: str, unit: str
+def _draw_fit(
+    figure: SubFigure,
+    below: SubFigure,
+    time: Array,
+    measured: Array,
+    curve: Callable[[ArrayLike], Array],
+    title: str,
+    unit: str,
 ) -> None:
-    """Draw a record and a fit; if there are many periods, their extremes, and the first periods beside them."""
+    """Draw a record and a fit, and below the residuals and their autocorrelation.
+
+    If there are many periods, their extremes are drawn, and the first periods beside them.
+    """
     fitted = curve(time)
     turns = np.flatnonzero(np.diff(np.sign(fitted - np.median(fitted))))
     many = len(turns) > 2 * 40  # half periods; fewer are drawn in full
@@ -143,6 +120,9 @@ def _draw_record(
     plots[0].set(ylabel=f"record, {name}" if name else "record")
     if title:
         figure.suptitle(title, fontsize="medium")
+    remainder, correlation = below.subplots(1, 2)
+    _draw_residuals(remainder, time, measured - fitted, unit)
+    draw_autocorrelation(correlation, measured - fitted)
 
 
 def _draw_residuals(axes: Axes, time: Array, residuals: Array, unit: str) -> None:
@@ -163,11 +143,6 @@ def motion_figure(runs: Mapping[str, Motion]) -> Figure:
 
     The motion is the change of the horizontal and of the vertical position since the start.  Of several runs, only the
     shapes at the start and at the end are drawn.
-
-    Raises
-    ------
-    InputError
-        If a run failed before its first sample.
     """
     if not all(len(run.time) for run in runs.values()):
         raise InputError("the motion has no samples", "figure")
@@ -290,12 +265,7 @@ def _draw_mode(axes: Axes, k: int, results: Mapping[str, Modes]) -> None:
 def properties_figure(given: Beam, found: Beam, ranges: Mapping[str, Array]) -> Figure:
     """Draw the relative change of the properties along a beam, and the ranges that fit equally well.
 
-    Parameters
-    ----------
-    given, found : Beam
-        The beam before and after matching.
-    ranges : mapping of str to array (n, 2)
-        The properties to draw, with the lowest and highest relative change of each element.
+    ``ranges`` holds the lowest and highest relative change of each element, (n, 2), of each property to draw.
     """
     figure = Figure(figsize=(8, 1.2 + 1.6 * len(ranges)), layout="constrained")
     edges = 1e3 * np.linspace(0.0, found.length, found.elements + 1)

@@ -19,7 +19,7 @@ import numpy as np
 from ancf_casadi import BaseMotion, Beam, Model, RayleighDamping, natural_modes, simulate
 from ancf_casadi.dynamics.base_motion import Piece
 from ancf_casadi.export import beam_functions, values
-from ancf_casadi.export.functions.step import SDIRK_STAGES
+from ancf_casadi.export.solved_functions import SDIRK_STAGES
 
 DISTANCE, TIME, STEPS, COEFFICIENTS = 0.1, 0.9, 120, 4  # m, s
 

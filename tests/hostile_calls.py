@@ -222,7 +222,7 @@ def calls(folder: Path) -> dict[str, tuple[Callable, dict]]:
         "DataFile": (export.DataFile, {"name": "a", "sha256": "a" * 64}),
         "DataFile.of": (export.DataFile.of, {"path": folder / "a.csv"}),
         "Document": (export.Document, {"model": model, "damping": law, "identifications": ()}),
-        "Identification": (export.Identification, {"kind": "decay", "result": {"a": 1}, "data": ()}),
+        "Identification": (export.Identification, {"result": {"kind": "decay", "estimates": []}, "data": ()}),
         "Provenance": (export.Provenance, {"written": "2025-02-28T12:00:00Z", "versions": {}, "note": ""}),
         "Signal": (export.Signal, {"name": "a", "unit": "m", "description": "b", "value": 1.0}),
         "beam_functions": (export.beam_functions, {"model": model, "damping": law, "markers": (0.3,), "modes": 1}),

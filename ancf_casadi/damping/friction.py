@@ -41,7 +41,7 @@ from ancf_casadi.damping.law import (
     nonzero,
     weighted_sum,
 )
-from ancf_casadi.mechanics.shape import gauss
+from ancf_casadi.mechanics.strain import gauss
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import positive
 from ancf_casadi.vibration.modes import Modes

@@ -16,5 +16,5 @@ The project has five time steppers, each for a task that the others do not serve
     one mode (``decay.one_mode``)     Eq. (26) in the variables of its free oscillation, with sensitivities, for fits
                                       that integrate one decay after another
     exported step                     full beam outside the toolkit: one implicit step of order 2 as a plain Function,
-    (``export.functions.step``)       because C code and controllers cannot call an integrator
+    (``export.solved_functions``)     because C code and controllers cannot call an integrator
 """

@@ -30,8 +30,7 @@ from ancf_casadi.dynamics.element_forces import ElementFunctions, mapped
 from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.tip_load import tip_force, tip_stiffness
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.layout import Layout
+from ancf_casadi.support.arrays import Array, Layout
 
 
 def as_it_is(function: cs.Function) -> cs.Function:

@@ -1,20 +1,22 @@
 """Export of a model to other programs.
 
-``functions`` holds the equation of motion, Eq. (6) with damping, as CasADi Functions of all parameters: residual,
-accelerations, one time step, equilibrium and natural frequencies, Eq. (30).  ``targets`` writes these Functions, or
-those of the reduced model, as C code, as an FMU, or to a CasADi file.  ``document`` writes and reads the durable form,
-a JSON document with the beam, its damping law, its identifications and its provenance.  No other folder of the package
-imports this one.
+``motion_functions`` holds the equation of motion, Eq. (6) with damping, as CasADi Functions of all parameters: residual
+and accelerations; ``solved_functions`` one time step, equilibrium and natural frequencies, Eq. (30).  ``c`` writes
+these Functions, or those of the reduced model, as C code with a header and a test program (``c_source``), ``fmu`` as an
+FMU, and ``storage`` to a CasADi file.  ``model_document`` writes and reads the durable form, a JSON document with the
+beam, its damping law, its identifications and its provenance (``identification``): ``structs`` states its layout and
+ranges, from which the schema follows, and ``strict_json`` refuses what JSON readers tolerate.  No other folder of the
+package imports this one.
 """
 
 from ancf_casadi.dynamics.signals import MotionFunctions, Signal, values
-from ancf_casadi.export.document.identification import DataFile, Identification, Provenance
-from ancf_casadi.export.document.model_document import Document, read_document, write_document
-from ancf_casadi.export.document.structs import schema
-from ancf_casadi.export.functions.motion_functions import BeamFunctions, beam_functions
-from ancf_casadi.export.targets.c import write_c
-from ancf_casadi.export.targets.fmu import write_fmu
-from ancf_casadi.export.targets.storage import load_functions, save_functions
+from ancf_casadi.export.c import write_c
+from ancf_casadi.export.fmu import write_fmu
+from ancf_casadi.export.identification import Identification, Provenance
+from ancf_casadi.export.model_document import Document, read_document, write_document
+from ancf_casadi.export.motion_functions import BeamFunctions, beam_functions
+from ancf_casadi.export.storage import load_functions, save_functions
+from ancf_casadi.export.structs import DataFile, schema
 from ancf_casadi.reduction.reduced import ReducedFunctions
 
 __all__ = [

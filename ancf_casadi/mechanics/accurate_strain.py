@@ -14,21 +14,14 @@ from collections.abc import Callable
 from typing import Any
 
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.shape import gauss
-from ancf_casadi.mechanics.strain import axial_strain, curvature
+from ancf_casadi.mechanics.strain import axial_strain, curvature, gauss
 from ancf_casadi.support.arrays import Array
 
 At = Callable[[Array], tuple[Any, Any]]
 
 
 def curvature_at(model: Model, s: float, at: At) -> Any:
-    """Return the curvature at arc length ``s`` (m), 1/m, positive counterclockwise.
-
-    Raises
-    ------
-    InputError
-        If the point is not on the beam.
-    """
+    """Return the curvature at arc length ``s`` (m), 1/m, positive counterclockwise."""
     points = first, second = _gauss_points(model, model.element_at(s))
     slopes, seconds = (
         [at(rows(point)) for point in points] for rows in (model.slope_interpolation, model.curvature_interpolation)
@@ -38,13 +31,7 @@ def curvature_at(model: Model, s: float, at: At) -> Any:
 
 
 def axial_strains_near(model: Model, s: float, at: At) -> list[tuple[float, int, Any]]:
-    """Return the two elements whose mean axial strains give that at arc length ``s`` (m): weight, number and strain.
-
-    Raises
-    ------
-    InputError
-        If the point is not on the beam.
-    """
+    """Return the two elements whose mean axial strains give that at arc length ``s`` (m): weight, number and strain."""
     model.element_at(s)
     place = s / model.beam.element_length - 0.5
     index = min(max(int(place), 0), model.beam.elements - 2)

@@ -1,9 +1,9 @@
-"""One Euler-Bernoulli element in absolute nodal coordinates: its energies, Eqs. (5) and (8), and the resulting forces.
+"""Elements in absolute nodal coordinates, their energies, Eqs. (5) and (8), the resulting forces, and groups of them.
 
-Length and axis of the element are properties like its width, so one set of Functions serves every mesh.
+Length and axis of an element are properties like its width, so one set of Functions serves every mesh.
 
-The eight coordinates e = (r_0, tau_0, r_l, tau_l), Eq. (1), are positions and slopes in the laboratory frame.
-With r = S e, Eq. (2), and the mass per length mu, the energies are
+The eight coordinates e = (r_0, tau_0, r_l, tau_l) of an Euler-Bernoulli element, Eq. (1), are positions and slopes in
+the laboratory frame.  With r = S e, Eq. (2), and the mass per length mu, the energies are
 
     kinetic   T = 1/2 int mu r_t . r_t dp,                            Eq. (5)
     strain    U = 1/2 int E A eps^2 dp + 1/2 int E I kappa^2 dp,      Eq. (8)
@@ -17,6 +17,21 @@ With J = ds/de and D = diag(d_i),
 
 Q_v is objective: a rigid motion has no strain rate, hence no damping force.
 
+A real clamp yields a little.  With a clamp of torsional stiffness k, the base is a massless node of its own, and the
+first node of the beam is free.  With position and slope (r_b, tau_b) of the base, (r_0, tau_0) of the first node, and
+
+    d = r_0 - r_b,        sigma = |tau_0| - |tau_b|,        theta = angle from tau_b to tau_0,
+
+the clamp stores
+
+    U = 1/2 (E A / l) d.d + 1/2 E A l sigma^2 + 1/2 k theta^2.
+
+The first two terms hold the position of the beam and the length of its slope as stiffly as the first element resists
+stretching.  The clamp is thus one more element, with strains (d, sigma, theta) and no mass.
+
+The mass m at the tip is one more element, with a single node, the inertia m r_tt and the weight m g.  It is a point, so
+neither drag nor friction acts on it.
+
 References
 ----------
 "Comparison of external damping models in a large deformation problem", Section 2.
@@ -24,15 +39,16 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 import casadi as cs
+import numpy as np
 
-from ancf_casadi.mechanics.shape import gauss_pairs, shape_matrix
-from ancf_casadi.mechanics.strain import StrainMeasures, axial_strains, bending_strains
+from ancf_casadi.mechanics.strain import StrainMeasures, axial_strains, bending_strains, gauss_pairs, shape_matrix
+from ancf_casadi.support.arrays import Index
 
 ELEMENT_PROPERTIES = 7  # width, thickness, density, elastic modulus, length, x and y of the axis
 SMOOTHING_SPEED = 1e-9  # m/s; |v| is smoothed below this speed, because it has no derivative at rest
@@ -42,37 +58,11 @@ SMOOTHING_SPEED = 1e-9  # m/s; |v| is smoothed below this speed, because it has 
 class Element:
     """The CasADi Functions of one element: a piece of the beam, its elastic clamp, or the mass at its tip.
 
-    Inputs are coordinates e (d), velocities e_t (d) and the properties p of the element, in SI units.  A beam element
-    has d = 8 and p = (width, thickness, density, elastic modulus, length, x and y of the axis); for the others see
-    ``clamp`` and ``tip_mass``.
-
-    Parameters
-    ----------
-    strain_energy : Function
-        (e, p) -> U, J.
-    elastic_force : Function
-        (e, p) -> Q_e (d), Eq. (6).
-    tangent_stiffness : Function
-        (e, p) -> K (d, d).
-    tangent_force : Function
-        (e, e_t, p) -> K e_t (d), to be multiplied by a time in s.
-    reference_force : Function
-        (e_t, p) -> K e_t (d) with K of the undeformed element, to be multiplied by a time in s.
-    strain_rate_force : Function
-        (e, e_t, p) -> Q_v (d), to be multiplied by a time in s.
-    mass : Function
-        p -> M (d, d), Eq. (7).
-    inertia_force : Function
-        (e_tt, p) -> M e_tt (d); also for velocities.
-    line_inertia_force : Function
-        (e_tt, p) -> int S^T mu r_tt dp (d), the part of M e_tt from mass along the beam; also for velocities.
-    gravity_force : Function
-        (p, g) -> Q_g (d), Eq. (7).
-    drag_force : Function
-        (e_t, p) -> int S^T mu |v| v dp (d), the integral in Eq. (23), to be multiplied by a coefficient in 1/m.
-    friction_force : Function
-        (e_t, p, v0) -> int S^T mu v/(|v|^2 + v0^2)^(1/2) dp (d), smoothed below the speed v0 (m/s), to be multiplied by
-        a coefficient in m/s^2.
+    They are those of ``Model`` with the same names, for coordinates e (d), velocities e_t (d) and the properties p of
+    one element, in SI units; the matrices are (d, d).  A beam element has d = 8 and p = (width, thickness, density,
+    elastic modulus, length, x and y of the axis); for the others see ``elastic_clamp`` and ``tip_mass``.  The force
+    with the tangent stiffness, that with the stiffness of the undeformed element and the strain-rate force are to be
+    multiplied by a time (s), the drag by a coefficient in 1/m, and the friction by one in m/s^2.
     """
 
     strain_energy: cs.Function
@@ -133,20 +123,10 @@ def derived_element(
 ) -> Element:
     """Derive the Functions of an element with a mass and the strain energy U = 1/2 sum_i d_i s_i^2.
 
-    Parameters
-    ----------
-    inputs : (SX, SX, SX)
-        Symbols of e (d), e_t (d) and the properties p.
-    straight : SX (d,)
-        Coordinates e of the undeformed element.
-    strains, weights : SX
-        The strains s(e) and their weights d(p).
-    mass, line_mass : SX (d, d)
-        M, and the part of M from mass along the beam.
-    gravity : SX (d, 2)
-        Q_g per unit acceleration of gravity.
-    surface : sequence of (SX (2, d), SX)
-        S and the mass at each point where drag and friction act.
+    The inputs are symbols of e (d), e_t (d) and the properties p; ``straight`` (d,) are the coordinates of the
+    undeformed element, ``strains`` and ``weights`` its s(e) and d(p).  ``line_mass`` is the part of the mass M (d, d)
+    from mass along the beam, ``gravity`` (d, 2) is Q_g per unit acceleration of gravity, and ``surface`` holds S (2, d)
+    and the mass at each point where drag and friction act.
     """
     e, e_t, p = inputs
     s, d = strains, weights
@@ -176,3 +156,97 @@ def derived_element(
         drag_force=function("drag_force", [e_t, p], drag_force),
         friction_force=function("friction_force", [e_t, p, v0], friction_force),
     )
+
+
+@lru_cache(maxsize=1)
+def elastic_clamp() -> Element:
+    """Derive the Functions of a clamp.
+
+    Its coordinates are e = (r_b, tau_b, r_0, tau_0); its properties are those of the first element, then the torsional
+    stiffness k, N m/rad.
+    """
+    e, e_t, p = cs.SX.sym("e", 8), cs.SX.sym("e_t", 8), cs.SX.sym("p", ELEMENT_PROPERTIES + 1)
+    width, thickness, _, elastic_modulus, l, *axis, stiffness = cs.vertsplit(p)
+    base, base_slope, first, slope = cs.vertsplit(e, 2)
+    theta = cs.atan2(base_slope[0] * slope[1] - base_slope[1] * slope[0], cs.dot(base_slope, slope))
+    sigma = cs.norm_2(slope) - cs.norm_2(base_slope)
+    axial = elastic_modulus * width * thickness
+    return derived_element(
+        inputs=(e, e_t, p),
+        straight=cs.vertcat(0, 0, *axis, 0, 0, *axis),
+        strains=cs.vertcat(first - base, sigma, theta),
+        weights=cs.vertcat(axial / l, axial / l, axial * l, stiffness),
+        mass=cs.SX.zeros(8, 8),
+        line_mass=cs.SX.zeros(8, 8),
+        gravity=cs.SX.zeros(8, 2),
+    )
+
+
+@lru_cache(maxsize=1)
+def tip_mass() -> Element:
+    """Derive the Functions of a mass m (kg), its only property, at a node with coordinates e = (r, tau)."""
+    e, e_t, m = cs.SX.sym("e", 4), cs.SX.sym("e_t", 4), cs.SX.sym("m")
+    position = cs.DM([[1, 0], [0, 1], [0, 0], [0, 0]])  # r = position^T e
+    return derived_element(
+        inputs=(e, e_t, m),
+        straight=cs.SX.zeros(4),
+        strains=cs.SX(0, 1),
+        weights=cs.SX(0, 1),
+        mass=m * position @ position.T,
+        line_mass=cs.SX.zeros(4, 4),
+        gravity=m * position,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Equal elements, and their places among the coordinates and properties of the beam.
+
+    The symbolic assembly (``model``) and the numerical one (``vibration.assembly``) use the same groups.  The
+    properties of an element are a column of P if the group has columns, then ``constants``, then ``lumped``.
+
+    Parameters
+    ----------
+    element : Element
+        The Functions of one of them.
+    coordinates : array (k, d)
+        Indices of the nodal coordinates of each of the k elements.
+    columns : int
+        Number of columns of P, from the first, that belong to these elements: k, or 0.
+    constants : tuple of float
+        The fixed properties: length and axis.
+    lumped : mapping of str to float
+        Names, from ``beam.LUMPED``, and values of the properties that the beam has only once.
+    """
+
+    element: Element
+    coordinates: Index
+    columns: int
+    constants: tuple[float, ...]
+    lumped: dict[str, float]
+
+    @property
+    def count(self) -> int:
+        """Number k of elements."""
+        return len(self.coordinates)
+
+    def properties(self, P: Any, lumped: Mapping[str, Any] | None = None) -> Any:
+        """Return the properties of each element as columns.
+
+        They come from the properties P (4, n) of the beam and, if given, other values of the lumped ones by name.
+        """
+        own = self.lumped if lumped is None else {name: lumped[name] for name in self.lumped}
+        given = cs.vertcat(*self.constants, *own.values())
+        return cs.vertcat(P[:, : self.columns], cs.repmat(given, 1, self.columns)) if self.columns else given
+
+    def gather(self, e: cs.MX) -> cs.MX:
+        """Return the coordinates of each element as columns, (d, k s), from s states of all nodes, (size, s)."""
+        columns = np.arange(e.size2())[:, None] * e.size1()
+        places = (self.coordinates.ravel() + columns).ravel()
+        return cs.reshape(e.nz[places.tolist()], self.coordinates.shape[1], -1)
+
+    def scatter(self, forces: cs.MX, size: int) -> cs.MX:
+        """Return the sums at all nodes, (size, s), of element forces, (d, k s)."""
+        rows = self.coordinates.ravel()
+        pattern = cs.Sparsity.triplet(size, rows.size, rows.tolist(), list(range(rows.size)))
+        return cs.DM(pattern, 1.0) @ cs.reshape(forces, rows.size, -1)

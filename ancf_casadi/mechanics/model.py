@@ -27,12 +27,8 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, Beam
-from ancf_casadi.mechanics.clamp import elastic_clamp
-from ancf_casadi.mechanics.element import Element, element
-from ancf_casadi.mechanics.group import Group
-from ancf_casadi.mechanics.shape import gauss, hermite, hermite_curvature, hermite_slope
-from ancf_casadi.mechanics.strain import StrainMeasures
-from ancf_casadi.mechanics.tip_mass import tip_mass
+from ancf_casadi.mechanics.element import Element, Group, elastic_clamp, element, tip_mass
+from ancf_casadi.mechanics.strain import StrainMeasures, gauss, hermite, hermite_curvature, hermite_slope
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import check_instance, number
 from ancf_casadi.support.tables import Displayed
@@ -184,15 +180,7 @@ class Model(Displayed):
     @cached_property
     def friction_force(self) -> cs.Function:
         """``(e_t, P, v0) -> int S^T mu v/(|v|^2 + v0^2)^(1/2) dp``, smoothed below the speed v0 (m/s)."""
-        _, p = self._symbols()
-        e_t, v0 = cs.MX.sym("e_t", self.size), cs.MX.sym("v0")
-        forces = [
-            group.element.friction_force.map(group.count)(
-                group.gather(e_t), group.properties(p), cs.repmat(v0, 1, group.count)
-            )
-            for group in self.groups
-        ]
-        return cs.Function("friction_force", [e_t, p, v0], [self.sum_at_nodes(forces)], ["e_t", "P", "v0"], ["Q"])
+        return self._force("friction_force", "e_t", v0=1)
 
     @cached_property
     def mass(self) -> cs.Function:
@@ -213,13 +201,7 @@ class Model(Displayed):
     @cached_property
     def gravity_force(self) -> cs.Function:
         """(P, g) -> Q_g, Eq. (7); g is the acceleration of gravity (2), m/s^2."""
-        _, p = self._symbols()
-        g = cs.MX.sym("g", 2)
-        forces = [
-            group.element.gravity_force.map(group.count)(group.properties(p), cs.repmat(g, 1, group.count))
-            for group in self.groups
-        ]
-        return cs.Function("gravity_force", [p, g], [self.sum_at_nodes(forces)], ["P", "g"], ["Q_g"])
+        return self._force("gravity_force", output="Q_g", g=2)
 
     def sum_at_nodes(self, forces: Sequence[cs.MX]) -> cs.MX:
         """Return the sums at all nodes, (4 n + 4, s), of the element forces of each group, (d, k s), in s states."""
@@ -310,20 +292,28 @@ class Model(Displayed):
         """Symbols of the nodal coordinates e and the properties P."""
         return cs.MX.sym("e", self.size), cs.MX.sym("P", len(PROPERTIES), self.beam.elements)
 
-    def _mapped(self, name: str, p: cs.MX, *vectors: cs.MX) -> list[cs.MX]:
-        """Evaluate the element Function ``name`` for all elements of each group, from vectors at all nodes."""
+    def _mapped(self, name: str, p: cs.MX, *vectors: cs.MX, shared: Sequence[cs.MX] = ()) -> list[cs.MX]:
+        """Evaluate the element Function ``name`` for all elements of each group, from vectors at all nodes.
+
+        The inputs after the properties are ``shared`` by all elements.
+        """
         results = []
         for group in self.groups:
             function: cs.Function = getattr(group.element, name)
-            results.append(function.map(group.count)(*map(group.gather, vectors), group.properties(p)))
+            same = [cs.repmat(symbol, 1, group.count) for symbol in shared]
+            results.append(function.map(group.count)(*map(group.gather, vectors), group.properties(p), *same))
         return results
 
-    def _force(self, name: str, *inputs: str, output: str = "Q") -> cs.Function:
-        """Return the sum at the nodes of the element force ``name`` as a Function of ``inputs`` and the properties."""
+    def _force(self, name: str, *inputs: str, output: str = "Q", **shared: int) -> cs.Function:
+        """Return the sum at the nodes of the element force ``name`` as a Function.
+
+        Its inputs are vectors at all nodes, the properties, and the numbers that all elements share, given by size.
+        """
         vectors = [cs.MX.sym(symbol, self.size) for symbol in inputs]
+        same = [cs.MX.sym(symbol, size) for symbol, size in shared.items()]
         _, p = self._symbols()
-        total = self.sum_at_nodes(self._mapped(name, p, *vectors))
-        return cs.Function(name, [*vectors, p], [total], [*inputs, "P"], [output])
+        total = self.sum_at_nodes(self._mapped(name, p, *vectors, shared=same))
+        return cs.Function(name, [*vectors, p, *same], [total], [*inputs, "P", *shared], [output])
 
     def _matrix(self, blocks: Sequence[cs.MX]) -> cs.MX:
         """Return the sum of the element matrices of each group as one sparse matrix."""

@@ -14,16 +14,12 @@ from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 
 
 @literal_text
-def series_figure(series: Sequence[tuple[str, Array, Array]], title: str = "") -> Figure:
-    """Draw series, one below the other; each is given as label, times (s) and values."""
-    figure = Figure(figsize=(8, 1.4 + 1.8 * len(series)), layout="constrained")
-    plots = figure.subplots(len(series), 1, sharex=True, squeeze=False).ravel()
-    for axes, (label, time, values) in zip(plots, series, strict=True):
-        _draw(axes, time, values)
-        axes.set(ylabel=label)
-    plots[0].set(title=title)
-    plots[-1].set(xlabel="time, s")
-    figure.align_ylabels()
+def record_figure(label: str, time: Array, values: Array, title: str) -> Figure:
+    """Draw values over time (s)."""
+    figure = Figure(figsize=(8, 3.2), layout="constrained")
+    axes = figure.subplots()
+    _draw(axes, time, values)
+    axes.set(title=title, xlabel="time, s", ylabel=label)
     return figure
 
 
@@ -31,16 +27,9 @@ def series_figure(series: Sequence[tuple[str, Array, Array]], title: str = "") -
 def spectra_figure(
     series: Sequence[tuple[str, Array, Array, tuple[Array, Array]]], title: str = "", release: float = math.nan
 ) -> Figure:
-    """Draw series over time and their spectra, one below the other.
+    """Draw series over time and their spectra, one below the other, and mark the release (s) if it is not nan.
 
-    Parameters
-    ----------
-    series : sequence of tuples
-        Label, times (s), values, and the pair of even times (s) and values of the spectrum.
-    title : str
-        Title of the figure.
-    release : float
-        Time to mark, s; none if nan.
+    Each series is given as label, times (s), values, and the pair of even times (s) and values of the spectrum.
     """
     figure = Figure(figsize=(10, 1.4 + 1.8 * len(series)), layout="constrained")
     rows = figure.subplots(len(series), 2, sharex="col", squeeze=False, width_ratios=(3, 2))

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.processing import decimated, sampling_step, without_line
 from ancf_casadi.records.recording import Recording, read_recording
-from ancf_casadi.records.sensor import Sensor
-from ancf_casadi.records.sensor_units import sensor_of
+from ancf_casadi.records.sensor import Sensor, sensor_of
 from ancf_casadi.records.units import known_unit
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, located, number, physical, whole
@@ -234,10 +233,10 @@ class Measurement(Displayed):
 
     def figure(self) -> Figure:
         """Draw the record over time."""
-        from ancf_casadi.records.figures import series_figure  # matplotlib is slow to import
+        from ancf_casadi.records.figures import record_figure  # matplotlib is slow to import
 
         label = f"{self.sensor.quantity}, {self.sensor.unit}" if self.sensor.unit else self.sensor.quantity
-        return series_figure([(label, self.time, self.values)], self.name)
+        return record_figure(label, self.time, self.values, self.name)
 
     def _summary(self) -> str:
         parts = (repr(self.name), counted(len(self.time), "sample"), spread(self.time, "s"), self.sensor.quantity)

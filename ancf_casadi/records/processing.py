@@ -1,4 +1,4 @@
-"""Preparation of a record: fewer samples per second, and no straight line.
+"""Sampling and preparation of a record: rate and gaps, fewer samples per second, and no straight line.
 
 Fewer samples.  Frequencies above half the new sampling rate would appear as lower ones (aliasing), so that a low-pass
 filter precedes the selection of every n-th sample.  The filter is a symmetric finite impulse response with a Kaiser
@@ -18,6 +18,9 @@ G. Strang, The discrete cosine transform, SIAM Review 41 (1999).
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
@@ -27,13 +30,7 @@ UNEVEN = 0.1  # largest deviation of a time from the even grid, in steps
 
 
 def sampling_step(time: Array) -> float:
-    """Return the step of evenly spaced times, s.
-
-    Raises
-    ------
-    InputError
-        If the times are not evenly spaced; the message names the first place.
-    """
+    """Return the step of evenly spaced times, s; refuse others by the first place that differs."""
     steps = np.diff(time)
     step = float(np.median(steps))
     wrong = np.abs(steps - step) > UNEVEN * step
@@ -77,3 +74,60 @@ def without_line(time: Array, values: Array) -> Array:
     centred = time - time.mean()
     slope = float(centred @ values) / float(centred @ centred)
     return np.asarray(values - values.mean() - slope * centred)
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Sampling of a record.
+
+    Parameters
+    ----------
+    samples : int
+        Number of samples.
+    begin, end : float
+        First and last time, s.
+    rate : float
+        Samples per second between gaps; nan for fewer than two samples.
+    gaps : int
+        Number of gaps: steps of more than 1.5 times the median.
+    missing : int
+        Number of samples that would fill the gaps.
+    longest_gap, longest_gap_at : float
+        Length of the longest gap, and its begin, s; nan without a gap.
+    jitter : float
+        Standard deviation of the steps without the gaps, relative to the median.
+    """
+
+    samples: int
+    begin: float
+    end: float
+    rate: float
+    gaps: int
+    missing: int
+    longest_gap: float
+    longest_gap_at: float
+    jitter: float
+
+
+def sampling(time: Array) -> Sampling:
+    """Return the sampling of increasing times (s)."""
+    if len(time) < 2:
+        edges = (float(time[0]), float(time[-1])) if len(time) else (math.nan, math.nan)
+        return Sampling(len(time), *edges, math.nan, 0, 0, math.nan, math.nan, math.nan)
+    steps = np.diff(time)
+    step = float(np.median(steps))
+    long = steps > 1.5 * step  # a longer step is a gap
+    regular = steps[~long]
+    longest = int(np.argmax(steps))
+    missing = np.rint(steps[long] / step) - 1
+    return Sampling(
+        len(time),
+        float(time[0]),
+        float(time[-1]),
+        1 / float(regular.mean()),
+        int(long.sum()),
+        int(min(missing.sum(), 1e15)),
+        float(steps[longest]) if long.any() else math.nan,
+        float(time[longest]) if long.any() else math.nan,
+        float(regular.std()) / step,
+    )

@@ -11,7 +11,7 @@ import numpy as np
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.formats import read_contents
-from ancf_casadi.records.time_axis import find_channel, is_counter, is_time, listed, time_axis, with_times
+from ancf_casadi.records.time_axis import find_channel, is_counter, is_time, listed, timed_channels
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Displayed, counted
 
@@ -148,19 +148,12 @@ def recording_of(
     time_unit: str | None = None,
     sample_rate: float | None = None,
 ) -> Recording:
-    """Return the channels of a file with their times; as ``read_recording``, for contents that have been read.
-
-    Raises
-    ------
-    InputError
-        If the times are not clear, or do not increase.
-    """
+    """Return the channels of a file with their times; as ``read_recording``, for contents that have been read."""
     if time is None and sample_rate is None and any(channel.time is not None for channel in contents.channels):
         channels = tuple(map(_timed, contents.channels))
         return Recording(str(path), channels, contents.notes + _assumed(channels))
-    axis = time_axis(contents, str(path), time=time, time_unit=time_unit, sample_rate=sample_rate)
-    channels = with_times(contents, axis)
-    return Recording(str(path), channels, contents.notes + axis.notes + _assumed(channels))
+    channels, notes = timed_channels(contents, str(path), time=time, time_unit=time_unit, sample_rate=sample_rate)
+    return Recording(str(path), channels, contents.notes + notes + _assumed(channels))
 
 
 def _assumed(channels: Sequence[RecordedChannel]) -> tuple[str, ...]:

@@ -1,14 +1,17 @@
-"""Sensors: the quantity that a record holds, where on the beam it was measured, and in which direction."""
+"""Sensors: the quantity that a record holds, its unit, and the place and direction of the measurement on the beam."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Literal, get_args
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.support.inputs import choice, flag, number, vector
+from ancf_casadi.records.channel import RecordedChannel
+from ancf_casadi.records.units import Unit
+from ancf_casadi.support.inputs import choice, flag, number, shown, vector
 from ancf_casadi.support.tables import Displayed
 
 Quantity = Literal[
@@ -31,6 +34,17 @@ SENSOR_UNITS: Mapping[Quantity, str] = {
 TIME_DERIVATIVES: Mapping[str, int] = {"velocity": 1, "acceleration": 2}  # by time; 0 for the other quantities
 IN_BODY_FRAME = ("velocity", "acceleration", "force")
 AT_CLAMP = ("force", "moment")
+SENSOR_QUANTITIES: Mapping[str, tuple[Quantity, ...]] = MappingProxyType(
+    {
+        "length": ("displacement", "position"),
+        "velocity": ("velocity",),
+        "acceleration": ("acceleration",),
+        "angle": ("slope",),
+        "strain": ("strain",),
+        "force": ("force",),
+        "moment": ("moment",),
+    }
+)  # quantity of a unit -> quantities of sensors, the usual one first
 
 
 @dataclass(frozen=True)
@@ -135,3 +149,30 @@ class Sensor(Displayed):
     def motion_unit(self) -> str:
         """Unit of the motion whose derivative is measured: m for velocity and acceleration."""
         return "m" if self.derivatives else self.unit
+
+
+def sensor_of(channel: RecordedChannel, given: Unit | None, sensor: Sensor | None) -> tuple[float, Sensor]:
+    """Return the factor of a channel to SI units, and its sensor.
+
+    The unit is that of the file if none is ``given``; without a sensor, the unit tells the quantity.  A unit that is
+    not understood, or does not fit the sensor, raises an ``InputError``.
+    """
+    unit = given or channel.unit
+    if unit is None:
+        if channel.symbol:
+            raise InputError(f"the unit {shown(channel.symbol)} is not understood; give the unit with --unit")
+        return 1.0, sensor or Sensor()
+    fitting = SENSOR_QUANTITIES.get(unit.quantity, ())
+    if not fitting:
+        raise InputError(
+            f"is in {unit.symbol}, a unit of {unit.quantity}, which no sensor measures; "
+            "give the scale with --unit, such as '0.25 mm'"
+        )
+    if sensor is None:
+        return unit.factor, Sensor(quantity=fitting[0])
+    if sensor.quantity not in fitting:
+        raise InputError(
+            f"is in {unit.symbol}, a unit of {unit.quantity}, but the sensor measures {sensor.quantity}; "
+            "give the unit with --unit, or the quantity with --sensor"
+        )
+    return unit.factor, sensor

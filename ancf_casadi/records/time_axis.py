@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from numbers import Integral
 
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
-from ancf_casadi.records.time_names import names_time
+from ancf_casadi.records.unit_names import names_time
 from ancf_casadi.records.units import Unit, known_unit
-from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, physical, shown
 
 COUNTER_NAME = re.compile(
@@ -30,36 +30,11 @@ FIRST_DATE, LAST_DATE = 2e4, 1e6  # days since 1900 or since the year 0, as work
 RATE_ADVICE = "or give the sampling rate with --sample-rate"
 
 
-@dataclass(frozen=True, eq=False)
-class TimeAxis:
-    """Times of the samples.
-
-    Parameters
-    ----------
-    time : ndarray
-        Time of each row that has one, s, increasing.
-    rows : ndarray or None
-        Indices of these rows; None if all have one.
-    channel : RecordedChannel or None
-        Column that holds the time.
-    notes : tuple of str
-        Decisions that the user should know.
-    """
-
-    time: Array
-    rows: Index | None
-    channel: RecordedChannel | None
-    notes: tuple[str, ...] = ()
+Timed = tuple[tuple[RecordedChannel, ...], tuple[str, ...]]  # channels with times, and decisions to be told
 
 
 def find_channel(channels: Sequence[RecordedChannel], wanted: object, option: str, path: str) -> RecordedChannel:
-    """Return the channel with a name or number.
-
-    Raises
-    ------
-    InputError
-        If there is none, or several.
-    """
+    """Return the only channel with a name or number."""
     check_instance(wanted, option, str, Integral)
     named = [channel for channel in channels if channel.name == wanted]
     if not named and isinstance(wanted, str):
@@ -89,28 +64,12 @@ def is_counter(channel: RecordedChannel) -> bool:
     return whole and bool(np.all(channel.values == np.floor(channel.values)))
 
 
-def time_axis(
+def timed_channels(
     contents: Contents, path: str, *, time: str | int | None, time_unit: str | None, sample_rate: float | None
-) -> TimeAxis:
-    """Return the times of the rows of a file.
+) -> Timed:
+    """Return all channels of a file but the time itself, each with the times of its samples, and notes.
 
-    Parameters
-    ----------
-    contents : Contents
-        The columns.
-    path : str
-        Name of the file, for messages.
-    time : str or int, optional
-        Name or number of the column with the times, or with frame numbers if ``sample_rate`` is given.
-    time_unit : str, optional
-        Unit of the times, such as ``ms``.
-    sample_rate : float, optional
-        Samples per second.
-
-    Raises
-    ------
-    InputError
-        If the choice is not clear, the unit is not understood, or the times do not increase.
+    The arguments are those of ``read_recording``; ``path`` is the name of the file for messages.
     """
     unit = None if time_unit is None else known_unit(time_unit, "time_unit")
     if unit and unit.quantity != "time":
@@ -121,10 +80,10 @@ def time_axis(
     if channel.fault:
         raise InputError(channel.fault, f"{path}: column {channel.label}")
     seconds, notes = _seconds(channel, unit, path)
-    return _checked(contents, channel, seconds, notes, path)
+    return _on_times(contents, channel, seconds, notes, path)
 
 
-def _from_rate(contents: Contents, path: str, rate: float, time: str | int | None) -> TimeAxis:
+def _from_rate(contents: Contents, path: str, rate: float, time: str | int | None) -> Timed:
     """Return times from the sampling rate, and from frame numbers if there are any."""
     counters = [channel for channel in contents.channels if is_counter(channel) and _increases(channel.values)]
     if time is not None:
@@ -136,9 +95,13 @@ def _from_rate(contents: Contents, path: str, rate: float, time: str | int | Non
                 f"column {counter.label} has times in {counter.symbol}; leave out --sample-rate, or --time", path
             )
         seconds = (counter.values - counter.values[0]) / rate
-        return _checked(contents, counter, seconds, (f"times from column {counter.label} at {rate:g} 1/s",), path)
+        notes = (f"times from column {counter.label} at {rate:g} 1/s",)
+        return _on_times(contents, counter, seconds, notes, path)
     count = max((len(channel.values) for channel in contents.channels), default=0)
-    return TimeAxis(np.arange(count) / rate, None, None, (f"times from the sampling rate, {rate:g} 1/s",))
+    seconds = np.arange(count) / rate
+    channels = tuple(replace(own, time=seconds[: len(own.values)]) for own in contents.channels)
+    notes = (f"times from the sampling rate, {rate:g} 1/s",)
+    return channels, notes
 
 
 def _chosen(contents: Contents, path: str) -> RecordedChannel:
@@ -212,45 +175,32 @@ def _seconds(channel: RecordedChannel, unit: Unit | None, path: str) -> tuple[Ar
     return np.asarray(factor * values), notes
 
 
-def _checked(
-    contents: Contents, channel: RecordedChannel, seconds: Array, notes: tuple[str, ...], path: str
-) -> TimeAxis:
-    """Return the times of all rows that have one, if these increase."""
-    present = np.isfinite(seconds)
-    rows = None
-    if not present.all():
-        rows = np.flatnonzero(present)
+def _on_times(contents: Contents, axis: RecordedChannel, seconds: Array, notes: tuple[str, ...], path: str) -> Timed:
+    """Return the other channels at the rows that have a time, if the times increase."""
+    rows = np.flatnonzero(np.isfinite(seconds))
+    left_out = len(seconds) - len(rows)
+    if left_out:
         seconds = seconds[rows]
-        notes += (f"{len(present) - len(rows)} rows without a time are left out",)
+        notes += (f"{left_out} rows without a time are left out",)
     steps = np.diff(seconds)
     if len(steps) and not steps.min() > 0.0:
         first = int(np.argmax(~(steps > 0.0)))
-        row, before = (first + 1, first) if rows is None else (int(rows[first + 1]), int(rows[first]))
+        row, before = contents.place(int(rows[first + 1])), contents.place(int(rows[first]))
         repeated = "repeats" if steps[first] == 0.0 else "is earlier than"
         advice = (
             "remove the row, or sort the rows"
             if np.mean(steps == 0.0) < 1 - LEAST_EQUAL_SHARE
             else f"name another column with --time, {RATE_ADVICE}"
         )
-        raise InputError(
-            f"the time {seconds[first + 1]:.9g} s {repeated} that of {contents.place(before)}; {advice}",
-            f"{path}, {contents.place(row)}",
-        )
-    return TimeAxis(seconds, rows, channel, notes)
-
-
-def with_times(contents: Contents, axis: TimeAxis) -> tuple[RecordedChannel, ...]:
-    """Return all channels but the time itself, each with the times of its samples."""
+        raise InputError(f"the time {seconds[first + 1]:.9g} s {repeated} that of {before}; {advice}", f"{path}, {row}")
     channels = []
     for channel in contents.channels:
-        if axis.channel and channel.number == axis.channel.number:
+        if channel.number == axis.number:
             continue
-        values, fault, time = channel.values, channel.fault, axis.time
-        if axis.channel is None:  # every channel has the same sampling rate, but not always the same length
-            time = time[: len(values)]
-        elif len(values) == len(axis.channel.values) and axis.rows is not None:
-            values = values[axis.rows]
-        if not fault and len(values) != len(time):
-            fault = f"has {len(values)} values for {len(axis.time)} times"
-        channels.append(replace(channel, values=values, time=time, fault=fault))
-    return tuple(channels)
+        values, fault = channel.values, channel.fault
+        if left_out and len(values) == len(axis.values):
+            values = values[rows]
+        if not fault and len(values) != len(seconds):
+            fault = f"has {len(values)} values for {len(seconds)} times"
+        channels.append(replace(channel, values=values, time=seconds, fault=fault))
+    return tuple(channels), notes

@@ -1,4 +1,4 @@
-"""The unit that the name of a column carries.
+"""The unit that the name of a column carries, and the names of columns of times.
 
 The unit stands in brackets (``Time (ms)``, ``x [mm]``), behind a slash or ``in`` (``x / mm``, ``Weg in mm``), or among
 the words of the name, at its end as a rule (``tip_mm``, ``Time ms``, ``acc_m_s2``, ``v_mm_per_s``, ``x_mm_raw``).  The
@@ -15,6 +15,13 @@ from ancf_casadi.records.units import OVER, TOKENS, Unit, parse_unit, plain_text
 BRACKETS = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
 AMBIGUOUS_UNITS = {"min", "h", "in", "g", "gs", "grad", "mil"}  # as the whole name of a column, these are rarely units
 SEPARATING = " _.,·⋅*-"
+TIME_NAMES = re.compile(
+    r"(?:elapsed|relative|rel\.?|abs\.?|absolute|sample|test|run|local|system)?[ _]*"
+    r"(?:t|times?|zeit|temps|tiempo|tempo|tid|tijd|aika|time[ _-]?stamps?|date[ _/-]?time|uhrzeit|messzeit|"
+    r"seconds|secs?|milliseconds|x_value)",
+    re.IGNORECASE,
+)
+BEFORE_UNIT = re.compile(r" ?[(\[{</,]| in |[_ ](?=[^_ ]*$)")
 
 
 def unit_in_name(name: str) -> tuple[str, Unit | None]:
@@ -39,6 +46,11 @@ def unit_in_name(name: str) -> tuple[str, Unit | None]:
     begin, end = (sum(map(len, tokens[:k])) for k in (min(places), max(places) + 1))
     text = written[begin:end].strip()
     return text, None if doubtful or len(runs) > 1 else parse_unit(text)
+
+
+def unit_of(written: str, name: str) -> tuple[str, Unit | None]:
+    """Return the unit of a column, as it is written, and its meaning: the one beside its name, or the one in it."""
+    return (written, parse_unit(written)) if written else unit_in_name(name)
 
 
 def _runs(tokens: list[str], items: list[int]) -> list[tuple[int, int]]:
@@ -88,3 +100,10 @@ def _doubtful(tokens: list[str], items: list[int], runs: list[tuple[int, int]]) 
             elif (len(symbol) > 1 and symbol not in AMBIGUOUS_UNITS) or left.strip() in OVER:
                 places.append(place)
     return places
+
+
+def names_time(name: str) -> bool:
+    """Return whether the name of a column, without its unit, is one for times."""
+    single = " ".join(name.split())
+    bare = BEFORE_UNIT.split(single, maxsplit=1)[0] if unit_in_name(name)[0] else single
+    return TIME_NAMES.fullmatch(bare) is not None

@@ -204,13 +204,7 @@ def _product(tokens: list[str]) -> tuple[str, float] | None:
 
 
 def known_unit(text: object, where: str) -> Unit:
-    """Return the unit that an argument denotes; a number before it is a scale, such as ``0.25 mm`` per pixel.
-
-    Raises
-    ------
-    InputError
-        If it is not understood.
-    """
+    """Return the unit that an argument denotes; a number before it is a scale, such as ``0.25 mm`` per pixel."""
     match = SCALED.fullmatch(text.strip()) if isinstance(text, str) else None
     unit = parse_unit(match[2]) if match else None
     factor = float(match[1] or 1.0) if match else 0.0

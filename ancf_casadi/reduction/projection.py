@@ -45,7 +45,7 @@ import scipy.linalg
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.shape import gauss
+from ancf_casadi.mechanics.strain import gauss
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.modes import Modes
 

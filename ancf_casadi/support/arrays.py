@@ -1,8 +1,9 @@
-"""Array types for annotations, and the root mean square."""
+"""Array types for annotations, the root mean square, and named parts of a vector, which replace index arithmetic."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,3 +18,48 @@ def root_mean_square(values: Array) -> float:
     """Return the root mean square of values; those that are not finite do not count."""
     kept = values[np.isfinite(values)]
     return math.sqrt(float(np.mean(kept**2))) if kept.size else math.nan
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The parts of a vector, one after the other.
+
+    Parameters
+    ----------
+    sizes : tuple of (str, int)
+        Name and size of each part.
+    """
+
+    sizes: tuple[tuple[str, int], ...]
+
+    @staticmethod
+    def of(**sizes: int) -> Layout:
+        """Return the layout of parts given in order: ``Layout.of(q=8, v=8)``."""
+        return Layout(tuple(sizes.items()))
+
+    @property
+    def offsets(self) -> list[int]:
+        """The first index of each part, and the size of the vector."""
+        return [0, *np.cumsum([size for _, size in self.sizes]).tolist()]
+
+    @property
+    def size(self) -> int:
+        """Size of the vector."""
+        return self.offsets[-1]
+
+    def __getitem__(self, name: str) -> slice:
+        """Return the indices of a part."""
+        offsets = self.offsets
+        place = [part for part, _ in self.sizes].index(name)
+        return slice(offsets[place], offsets[place + 1])
+
+    def split(self, vector: Array) -> list[Array]:
+        """Return the parts of a vector, or the blocks of rows of an array, as views."""
+        return np.split(vector, self.offsets[1:-1])
+
+    def join(self, columns: int, **parts: Array) -> Array:
+        """Return an array (size, columns) of parts (size of the part, columns); zeros where none is given."""
+        result = np.zeros((self.size, columns))
+        for name, part in parts.items():
+            result[self[name]] = part
+        return result

@@ -41,13 +41,7 @@ def lapack_storage(values: NDArray[Any], width: int) -> NDArray[Any]:
 
 
 def factorised(banded: Array) -> BandedFactors:
-    """Return the factors of a matrix stored by diagonals, (2 w + 1, N).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the matrix is singular.
-    """
+    """Return the factors of a matrix stored by diagonals, (2 w + 1, N); a singular one raises ``LinAlgError``."""
     width, size = len(banded) // 2, banded.shape[1]
     storage = np.zeros((3 * width + 1, size), order="F")
     storage[width:] = banded

@@ -43,13 +43,17 @@ class Differentiable(cs.Callback):
         Number of values m.
     inputs : int
         Number of inputs n.
+    jacobian : bool
+        Whether the callback returns the Jacobian in place of the values.
     """
 
-    def __init__(self, respond: Callable[[Array], tuple[Array, Array]], size: int, inputs: int) -> None:
+    def __init__(
+        self, respond: Callable[[Array], tuple[Array, Array]], size: int, inputs: int, *, jacobian: bool = False
+    ) -> None:
         cs.Callback.__init__(self)
-        self._respond, self._size, self._inputs = respond, size, inputs
+        self._respond, self._size, self._inputs, self._part = respond, size, inputs, int(jacobian)
         self._last: tuple[Array, tuple[Array, Array]] | None = None
-        self._jacobians: list[cs.Callback] = []
+        self._jacobians: list[Differentiable] = []
         self.construct("response", {})
 
     def at(self, inputs: Array) -> tuple[Array, Array]:
@@ -67,43 +71,20 @@ class Differentiable(cs.Callback):
         return cs.Sparsity.dense(self._inputs, 1)
 
     def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        """Return the shape of the values."""
-        return cs.Sparsity.dense(self._size, 1)
+        """Return the shape of the output."""
+        return cs.Sparsity.dense(self._size, self._inputs if self._part else 1)
 
     def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
-        """Return the values."""
-        return [cs.DM(self.at(arg[0].full().ravel())[0])]
+        """Return the values, or the Jacobian."""
+        return [cs.DM(self.at(arg[0].full().ravel())[self._part])]
 
     def has_jacobian(self) -> bool:
-        """Return True."""
-        return True
+        """Return whether the derivatives of the output are known."""
+        return not self._part
 
     def get_jacobian(self, name: str, inames: Any, onames: Any, opts: Any) -> cs.Function:
-        """Return the Jacobian as a Function of inputs and values."""
-        self._jacobians.append(_Jacobian(self, name, self._size, self._inputs))
-        return self._jacobians[-1]
-
-
-class _Jacobian(cs.Callback):
-    """The Jacobian of a ``Differentiable`` as CasADi asks for it."""
-
-    def __init__(self, response: Differentiable, name: str, size: int, inputs: int) -> None:
-        cs.Callback.__init__(self)
-        self._response, self._size, self._inputs = response, size, inputs
-        self.construct(name, {})
-
-    def get_n_in(self) -> int:
-        """Return the number of inputs: inputs and values."""
-        return 2
-
-    def get_sparsity_in(self, i: int) -> cs.Sparsity:
-        """Return the shape of an input; the values are not used."""
-        return cs.Sparsity.dense(self._inputs, 1) if i == 0 else cs.Sparsity(self._size, 1)
-
-    def get_sparsity_out(self, i: int) -> cs.Sparsity:
-        """Return the shape of the Jacobian."""
-        return cs.Sparsity.dense(self._size, self._inputs)
-
-    def eval(self, arg: Sequence[cs.DM]) -> list[cs.DM]:
-        """Return the Jacobian."""
-        return [cs.DM(self._response.at(arg[0].full().ravel())[1])]
+        """Return the Jacobian as a Function of inputs and values, which it does not need."""
+        jacobian = Differentiable(self.at, self._size, self._inputs, jacobian=True)
+        self._jacobians.append(jacobian)
+        inputs, values = cs.MX.sym("inputs", self._inputs), cs.MX.sym("values", cs.Sparsity(self._size, 1))
+        return cs.Function(name, [inputs, values], [jacobian(inputs)], inames, onames)

@@ -30,6 +30,7 @@ import sys
 import tempfile
 import time
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -54,19 +55,9 @@ def interpreted(function: cs.Function) -> cs.Function:
 
 
 def compiled(function: cs.Function, *, derivatives: bool = False) -> cs.Function:
-    """Return a function as machine code, or for the virtual machine if it cannot be compiled.
+    """Return a function as machine code, or for the virtual machine if it cannot be compiled, with one warning.
 
-    Parameters
-    ----------
-    function : Function
-        The function to compile; its name is that of the C function.
-    derivatives : bool
-        Also compile its directional derivatives, forward and reverse.
-
-    Warns
-    -----
-    UserWarning
-        Once per process, if there is no compiler or it fails.
+    Its name is that of the C function.  If asked, its directional derivatives are compiled too, forward and reverse.
     """
     compiler = c_compiler()
     if os.environ.get("ANCF_CASADI_COMPILE") == "0" or compiler in _failed:
@@ -180,20 +171,32 @@ def _built(function: cs.Function, derivatives: bool, compiler: tuple[str, ...], 
         with tempfile.TemporaryDirectory(dir=folder) as place:
             source, draft = Path(place) / "source.c", Path(place) / "library.so"
             source.write_text(generator.dump() + _jacobian_patterns(function))
-            call = [*compiler, *COMPILER_FLAGS, str(source), "-o", str(draft), "-lm"]
-            drafts = os.environ | {"TMPDIR": place}  # a compiler that is stopped leaves its files there
-            subprocess.run(call, check=True, capture_output=True, timeout=COMPILER_SECONDS, env=drafts, text=True)
+            if failure := compiler_failure([*compiler, *COMPILER_FLAGS, str(source)], draft):
+                _give_up(compiler, f"{shlex.join(compiler)} fails: {failure}")
+                return None
             draft.chmod(0o700)
             library = folder / f"{stem}-{_digest(draft)}.so"
             os.replace(draft, library)
-    except subprocess.CalledProcessError as error:
-        said = [line for line in (error.stderr + error.stdout).splitlines() if line.strip()]
-        _give_up(compiler, f"{shlex.join(compiler)} fails: {said[0] if said else f'exit code {error.returncode}'}")
-        return None
-    except (OSError, subprocess.SubprocessError, UnicodeError) as error:
+    except OSError as error:
         _give_up(compiler, f"{shlex.join(compiler)} fails: {error}")
         return None
     return library
+
+
+def compiler_failure(call: Sequence[str], library: Path) -> str:
+    """Let a compiler write a library; return the reason if it fails, else an empty text."""
+    drafts = os.environ | {"TMPDIR": str(library.parent)}  # a compiler that is stopped leaves its files there
+    try:
+        run = subprocess.run(
+            [*call, "-o", str(library), "-lm"], check=False, capture_output=True, timeout=COMPILER_SECONDS, env=drafts
+        )
+    except subprocess.TimeoutExpired:
+        return f"it takes more than {COMPILER_SECONDS} s"
+    except OSError as error:
+        return str(error)
+    said = [line for line in (run.stderr + run.stdout).decode(errors="replace").splitlines() if line.strip()]
+    faults = [line for line in said if "error" in line] or said  # warnings may come first
+    return "" if not run.returncode else faults[0] if faults else f"exit code {run.returncode}"
 
 
 def _jacobian_patterns(function: cs.Function) -> str:
@@ -261,15 +264,7 @@ class Buffered:
 
 
 def evaluated(function: cs.Function, *inputs: ArrayLike) -> list[Array]:
-    """Return the outputs of a Function as arrays; for large ones, this is much faster than a call.
-
-    Parameters
-    ----------
-    function : Function
-        The Function; its inputs and outputs are dense.
-    inputs : array_like
-        Its inputs.
-    """
+    """Return the outputs of a Function, dense as its inputs, as arrays; for large ones, much faster than a call."""
     columns = [np.array(values, dtype=float).ravel(order="F") for values in inputs]
     outputs = Buffered(function, *columns)()
     return [values.reshape(function.size_out(k), order="F") for k, values in enumerate(outputs)]

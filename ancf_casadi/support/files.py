@@ -1,4 +1,7 @@
-"""Reading files up to a size limit, and writing them so that none is ever incomplete."""
+"""Reading files up to a size limit, and writing them so that none is ever incomplete.
+
+A file that cannot be read or written, and a path that names none, raise an ``InputError`` that names it.
+"""
 
 from __future__ import annotations
 
@@ -24,13 +27,7 @@ DOTTED_KEY = re.compile(rb"""(?:\.[ \t]*(?:[\w-]+|'[^'\n]*'|"(?:[^"\\\n]|\\.)*")
 
 
 def check_folder(path: str | Path) -> Path:
-    """Check, without touching it, that a folder can be written or created.
-
-    Raises
-    ------
-    InputError
-        If it is a file, or it cannot be written.
-    """
+    """Check, without touching it, that a folder can be written or created."""
     check_path(path, "folder")
     folder = Path(path)
     existing = folder.absolute()
@@ -44,13 +41,7 @@ def check_folder(path: str | Path) -> Path:
 
 
 def check_file(path: str | Path) -> Path:
-    """Check, without touching it, that a file can be written.
-
-    Raises
-    ------
-    InputError
-        If it is a folder, a device or a pipe, or its folder cannot be written.
-    """
+    """Check, without touching it, that a path can be written, and names no folder, device or pipe."""
     check_path(path, "path")
     target = Path(path)
     check_folder(Path(os.path.realpath(target)).parent)
@@ -61,16 +52,21 @@ def check_file(path: str | Path) -> Path:
     return target
 
 
+def check_ours(path: Path, beginning: str) -> None:
+    """Check that a file is new, or begins like the files that this package writes."""
+    if not path.exists():
+        return
+    try:
+        with opened(path) as file:
+            ours = file.read(len(beginning)) == beginning.encode()
+    except InputError:
+        ours = False
+    if not ours:
+        raise InputError("already exists, and was not written by this export; choose another path", str(path))
+
+
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a complete file or none; missing folders are created.
-
-    A symbolic link is kept, and its target is written.
-
-    Raises
-    ------
-    InputError
-        If it cannot be written.
-    """
+    """Write a complete file or none; missing folders are created, and the target of a symbolic link is written."""
     write_files({path: content})
 
 
@@ -79,11 +75,6 @@ def write_files(contents: Mapping[Path, str | bytes]) -> None:
 
     All contents are written beside their files first, and then take their names, which a signal does not interrupt.  A
     process that is killed leaves every file as it was, or complete and new.
-
-    Raises
-    ------
-    InputError
-        If one cannot be written.
     """
     for path in contents:
         check_file(path)
@@ -118,13 +109,7 @@ def _draft(path: Path, content: str | bytes) -> str:
 
 
 def check_path(path: Any, where: str) -> None:
-    """Check that a value is the name of a file; ``open`` would take a number as a file that is already open.
-
-    Raises
-    ------
-    InputError
-        If it is anything else.
-    """
+    """Check that a value is the name of a file; ``open`` would take a number as a file that is already open."""
     check_instance(path, where, str, os.PathLike)
     name = os.fspath(path)
     if not isinstance(name, str) or "\0" in name or len(name) > 4096:  # characters of a path; systems allow no more
@@ -132,13 +117,7 @@ def check_path(path: Any, where: str) -> None:
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Read a TOML file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is larger than 64 MiB, or is not TOML.
-    """
+    """Read a TOML file of at most 64 MiB."""
     content = read_bytes(path)
     if DOTTED_KEY.search(content):
         raise InputError(f"has a key of more than {MOST_PARTS} parts", str(path))
@@ -151,32 +130,16 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """Read a file of at most 64 MiB.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, is empty, or is larger than 64 MiB.
-    """
+    """Read a file of at most 64 MiB that is not empty."""
     with opened(path, MOST_BYTES) as file:
         return file.read(MOST_BYTES)
 
 
 @contextlib.contextmanager
 def opened(path: str | Path, most: float = math.inf) -> Iterator[BufferedReader]:
-    """Open a file for reading if it is a regular file; a pipe or a device could keep its reader waiting for ever.
+    """Open a regular file for reading that is not empty and has at most ``most`` bytes.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file.
-    most : float
-        Largest size, bytes.
-
-    Raises
-    ------
-    InputError
-        If it cannot be read, is empty or larger than ``most``, or is a folder, a pipe or a device.
+    Pipes and devices are refused: they could keep their reader waiting for ever.
     """
     check_path(path, "path")
     try:

@@ -62,13 +62,7 @@ def located(where: str) -> Iterator[None]:
 
 
 def number(value: Any, where: str) -> float:
-    """Return a finite number as a float.
-
-    Raises
-    ------
-    InputError
-        If ``value`` is not a number, or not finite.
-    """
+    """Return a finite number as a float."""
     other = isinstance(value, str | bytes | bool) or (
         isinstance(value, np.ndarray | np.generic) and (value.ndim > 0 or value.dtype.kind not in REAL)
     )
@@ -82,25 +76,13 @@ def number(value: Any, where: str) -> float:
 
 
 def check_instance(value: Any, where: str, *kinds: type) -> None:
-    """Check that a value is an instance of one of the given classes.
-
-    Raises
-    ------
-    InputError
-        If it is not; the message proposes the right expression where it is known.
-    """
+    """Check that a value is an instance of a class; the message proposes the right expression where it is known."""
     if not isinstance(value, kinds):
         raise InputError(_mistaken(value, kinds), where)
 
 
 def instances(values: Any, where: str, kind: type, *, least: int = 1) -> tuple[Any, ...]:
-    """Return a sequence of instances of a class, by default of one or more, as a tuple.
-
-    Raises
-    ------
-    InputError
-        If it is anything else.
-    """
+    """Return a sequence of instances of a class, by default of one or more, as a tuple."""
     if not is_sequence(values):
         advice = "; put it in a list" if isinstance(values, kind) else ""
         raise InputError(f"must be a sequence of {kind.__name__}, got {_given(values)}{advice}", where)
@@ -113,26 +95,14 @@ def instances(values: Any, where: str, kind: type, *, least: int = 1) -> tuple[A
 
 
 def choices(values: Any, known: Sequence[str], where: str) -> tuple[str, ...]:
-    """Return a sequence of names, each of them a known one.
-
-    Raises
-    ------
-    InputError
-        If it is anything else.
-    """
+    """Return a sequence of names, each of them a known one."""
     if not is_sequence(values):
         raise InputError(f"must be a sequence of names, got {shown(values)}", where)
     return tuple(choice(value, known, where) for value in values)
 
 
 def choice(value: Any, known: Sequence[str], where: str) -> str:
-    """Return a known name.
-
-    Raises
-    ------
-    InputError
-        If it is anything else.
-    """
+    """Return a known name."""
     if not is_one_of(value, known):
         raise InputError(f"must be one of {', '.join(known)}, got {shown(value)}", where)
     return str(value)
@@ -177,13 +147,7 @@ def shown(value: Any) -> str:
 
 
 def positive(value: Any, where: str) -> float:
-    """Return a finite number above zero as a float.
-
-    Raises
-    ------
-    InputError
-        If ``value`` is not a finite number above zero.
-    """
+    """Return a finite number above zero as a float."""
     result = number(value, where)
     if result <= 0.0:
         raise InputError(f"must be positive, got {result:g}", where)
@@ -191,13 +155,7 @@ def positive(value: Any, where: str) -> float:
 
 
 def physical(value: Any, where: str) -> float:
-    """Return a time, a frequency or a tolerance: a number from 1e-30 to 1e30, so that its powers are finite.
-
-    Raises
-    ------
-    InputError
-        If ``value`` is anything else.
-    """
+    """Return a time, a frequency or a tolerance: a number from 1e-30 to 1e30, so that its powers are finite."""
     result = positive(value, where)
     if not SMALLEST_TIME <= result <= LARGEST_TIME:
         raise InputError(f"{result:g} is not within {SMALLEST_TIME:g} to {LARGEST_TIME:g}; check the unit", where)
@@ -205,50 +163,26 @@ def physical(value: Any, where: str) -> float:
 
 
 def check_size(values: ArrayLike, where: str) -> None:
-    """Refuse numbers that are not all zero, but so large or small that their powers are not finite.
-
-    Raises
-    ------
-    InputError
-        If the largest of them is below 1e-30 or above 1e30.
-    """
+    """Refuse numbers that are not all zero, but so large or small that their powers are not finite."""
     largest = float(np.abs(values).max())
     if largest:
         physical(largest, where)
 
 
 def positive_or_infinite(value: Any, where: str) -> float:
-    """Return a number above zero, or infinity, as a float.
-
-    Raises
-    ------
-    InputError
-        If ``value`` is neither.
-    """
+    """Return a number above zero, or infinity, as a float."""
     return math.inf if isinstance(value, float) and value == math.inf else positive(value, where)
 
 
 def flag(value: Any, where: str) -> bool:
-    """Return a truth value.
-
-    Raises
-    ------
-    InputError
-        If ``value`` is neither True nor False.
-    """
+    """Return a truth value."""
     if not isinstance(value, bool | np.bool_):
         raise InputError(f"must be True or False, got {shown(value)}", where)
     return bool(value)
 
 
 def numbers(values: Any, where: str) -> tuple[float, ...]:
-    """Return a sequence of finite numbers.
-
-    Raises
-    ------
-    InputError
-        If it is anything else.
-    """
+    """Return a sequence of finite numbers."""
     if not is_sequence(values):
         raise InputError(f"must be a sequence of numbers, got {shown(values)}", where)
     return tuple(number(value, where) for value in values)
@@ -262,13 +196,7 @@ def is_sequence(value: Any) -> bool:
 
 
 def whole(value: Any, where: str, least: int, most: int | None = None) -> int:
-    """Return a whole number within its range, which ends at the largest 32-bit number at the latest.
-
-    Raises
-    ------
-    InputError
-        If it is anything else.
-    """
+    """Return a whole number within its range, which ends at the largest 32-bit number at the latest."""
     whole_one = isinstance(value, Integral) and not isinstance(value, bool)
     if most is None and whole_one and value > LARGEST_WHOLE:
         most = LARGEST_WHOLE
@@ -279,26 +207,14 @@ def whole(value: Any, where: str, least: int, most: int | None = None) -> int:
 
 
 def vector(value: Any, where: str) -> tuple[float, float]:
-    """Return a pair of finite numbers.
-
-    Raises
-    ------
-    InputError
-        If ``value`` is not a pair of finite numbers.
-    """
+    """Return a pair of finite numbers."""
     if not is_sequence(value) or len(value) != 2:
         raise InputError(f"must be a pair of numbers (x, y), got {shown(value)}", where)
     return number(value[0], where), number(value[1], where)
 
 
 def array(values: ArrayLike, where: str, *, finite: bool = True) -> Array:
-    """Return a copy of numbers as an array.
-
-    Raises
-    ------
-    InputError
-        If a value is not a number, or, unless ``finite`` is false, not finite.
-    """
+    """Return a copy of numbers as an array."""
     try:
         given = np.asarray(values)
         result = given.astype(float) if given.dtype.kind in REAL else None
@@ -312,13 +228,7 @@ def array(values: ArrayLike, where: str, *, finite: bool = True) -> Array:
 
 
 def complex_array(values: ArrayLike, where: str) -> ComplexArray:
-    """Return a copy of finite numbers, real or complex, as an array.
-
-    Raises
-    ------
-    InputError
-        If they are anything else.
-    """
+    """Return a copy of finite numbers, real or complex, as an array."""
     if not is_sequence(values):
         raise InputError(f"must be an array of numbers, got {shown(values)}", where)
     try:
@@ -331,13 +241,7 @@ def complex_array(values: ArrayLike, where: str) -> ComplexArray:
 
 
 def check_keys(table: Any, required: set[str], optional: set[str], where: str) -> None:
-    """Check that a table has all required keys and no unknown key.
-
-    Raises
-    ------
-    InputError
-        If it is no table; naming the first missing key and all unknown ones, or the first unknown key.
-    """
+    """Check that a table has all required keys and no unknown key; name the first missing one, or the unknown ones."""
     if not isinstance(table, dict):
         raise InputError(f"must be a table, got {shown(table)}", where)
     unknown = sorted(table.keys() - required - optional, key=str)

@@ -58,13 +58,7 @@ def raised_endings() -> Iterator[list[int]]:
 
 @contextlib.contextmanager
 def delayed_interrupts() -> Iterator[None]:
-    """Delay Ctrl-C: raise ``KeyboardInterrupt`` at the end, in place of any other error.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If there was a Ctrl-C.
-    """
+    """Delay Ctrl-C: raise ``KeyboardInterrupt`` at the end, in place of any other error."""
     with noted_interrupts() as noted:
         try:
             yield

@@ -114,13 +114,7 @@ def run_all(
 
 @contextlib.contextmanager
 def processes(jobs: int) -> Iterator[Executor]:
-    """Provide processes that leave Ctrl-C to this process and end with it, or at once if it stops early.
-
-    Raises
-    ------
-    InputError
-        If the processes cannot import the script that asks for them.
-    """
+    """Provide processes that leave Ctrl-C to this process and end with it, or at once if it stops early."""
     _check_script()
     others = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=_start_process)

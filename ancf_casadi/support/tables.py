@@ -221,13 +221,7 @@ def known(value: float) -> float | None:
 
 
 def to_json(value: Any) -> str:
-    """Return plain data as JSON text; numbers that are not finite become null.
-
-    Parameters
-    ----------
-    value : dict, list, str, float, int, bool or None
-        The data, lists and dicts nested.
-    """
+    """Return plain data, lists and dicts nested, as JSON text; numbers that are not finite become null."""
     return json.dumps(_finite(value), indent=2, allow_nan=False) + "\n"
 
 

@@ -36,21 +36,13 @@ from ancf_casadi.vibration.assembly import BANDWIDTH, EPSILON, Position, Structu
 
 
 def lowest_modes(structure: Structure, at: Position, count: int) -> tuple[Array, Array] | None:
-    """Return the lowest eigenvalues and mass-normalised mode shapes; None if the equilibrium is not stable.
-
-    Parameters
-    ----------
-    structure : Structure
-        The structure.
-    at : Position
-        Its equilibrium.
-    count : int
-        Number of modes, at most the number of free coordinates.
+    """Return the lowest modes about an equilibrium of a structure; None if it is not stable.
 
     Returns
     -------
     (array (count,), array (size, count)) or None
-        Squared angular frequencies, (rad/s)^2, ascending, and mode shapes in all coordinates, zero at the clamp.
+        Squared angular frequencies, (rad/s)^2, ascending, and mass-normalised mode shapes in all coordinates, zero at
+        the clamp.
 
     Raises
     ------

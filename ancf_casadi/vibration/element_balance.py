@@ -13,7 +13,7 @@ import casadi as cs
 
 from ancf_casadi.mechanics.element import Element
 from ancf_casadi.mechanics.model import NODE
-from ancf_casadi.mechanics.shape import hermite, hermite_slope
+from ancf_casadi.mechanics.strain import hermite, hermite_slope
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,18 +91,9 @@ class ElementBalance:
 def element_balance(
     element: Element, constants: tuple[float, ...], lumped: int, gravity: tuple[float, float]
 ) -> ElementBalance:
-    """Return the balance of an element under gravity.
+    """Return the balance of an element under gravity (m/s^2).
 
-    Parameters
-    ----------
-    element : Element
-        The Functions of the element.
-    constants : tuple of float
-        The properties that are fixed.
-    lumped : int
-        Number of variable properties after the constants; the properties before the constants are a column of P.
-    gravity : (float, float)
-        Acceleration of gravity, m/s^2.
+    Its properties are a column of P, the ``constants``, which are fixed, and a number of ``lumped`` ones.
     """
     coordinates, properties = element.elastic_force.size1_in(0), element.elastic_force.size1_in(1) - len(constants)
     e, p = cs.SX.sym("e", coordinates), cs.SX.sym("p", properties)

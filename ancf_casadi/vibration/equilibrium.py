@@ -83,9 +83,14 @@ class Equilibrium(Reported):
     loads: tuple[PointLoad, ...] = ()
 
     @property
+    def all_loads(self) -> tuple[PointLoad, ...]:
+        """All loads that are not zero."""
+        return _all_loads(self.tip_force, self.tip_moment, self.loads)
+
+    @property
     def structure(self) -> Structure:
         """The beam and its loads as parts with properties."""
-        return Structure.of(self.model, _all_loads(self.tip_force, self.tip_moment, self.loads))
+        return Structure.of(self.model, self.all_loads)
 
     @property
     def exact(self) -> Position:
@@ -126,10 +131,10 @@ class Equilibrium(Reported):
 
     def table(self) -> Table:
         """Return position and angle of the tip, and the loads."""
-        (x, y), loads = self.tip.tolist(), _all_loads(self.tip_force, self.tip_moment, self.loads)
+        x, y = self.tip.tolist()
         title = f"Equilibrium, {'stable' if self.is_stable else 'unstable'}"
         rows = [("tip x", x, "m"), ("tip y", y, "m"), ("tip angle", self.tip_angle, "rad")]
-        return Table("equilibrium", title, ("quantity", "value", "unit"), rows, (_described(loads),))
+        return Table("equilibrium", title, ("quantity", "value", "unit"), rows, (_described(self.all_loads),))
 
     def to_dict(self) -> dict[str, Any]:
         """Return tip, stability, loads and nodal coordinates as plain data."""
@@ -138,7 +143,7 @@ class Equilibrium(Reported):
             "tip_m": self.tip.tolist(),
             "tip_angle_rad": self.tip_angle,
             "stable": self.is_stable,
-            "loads": [asdict(load) for load in _all_loads(self.tip_force, self.tip_moment, self.loads)],
+            "loads": [asdict(load) for load in self.all_loads],
             "coordinates": self.coordinates.tolist(),
         }
 
@@ -232,14 +237,7 @@ def _described(loads: Sequence[PointLoad]) -> str:
 def neighbour(structure: Structure, near: Position, support: Array | float = 0.0) -> Position | None:
     """Return the equilibrium next to a position; None if Newton's method fails or a slope rotates too far.
 
-    Parameters
-    ----------
-    structure : Structure
-        The structure and its loads.
-    near : Position
-        Start of Newton's method.
-    support : array (free,), optional
-        Generalized forces that carry a part of the loads; they are added to the balance R.
+    ``support`` (free,) are generalized forces that carry a part of the loads; they are added to the balance R.
     """
     model, at = structure.model, near
     free, scale = model.free, model.scale[model.free]

@@ -31,27 +31,13 @@ SMALLEST_STEP = 1e-3  # relative to the whole change of the properties
 
 
 def followed_modes(modes: Modes, numbers: Index) -> ModalState:
-    """Return some modes as a state from which they can be followed.
-
-    Parameters
-    ----------
-    modes : Modes
-        The modes of a beam under gravity alone.
-    numbers : array of int (m,)
-        Numbers of the modes to follow, from 0.
-    """
+    """Return the modes with the given numbers, from 0, of a beam under gravity alone, as a state to follow."""
     rest, eigenvalues = modes.equilibrium, modes.angular_frequencies[numbers] ** 2
     return ModalState(rest.structure, rest.exact, numbers, eigenvalues, modes.shapes[:, numbers])
 
 
 def follow(start: ModalState, properties: Array) -> ModalState:
-    """Return the same modes of the beam with other properties.
-
-    Raises
-    ------
-    EquilibriumError
-        If the beam has no stable equilibrium on the way.
-    """
+    """Return the same modes of the beam with other properties; fail if there is no stable equilibrium on the way."""
     here, position, step = start, 0.0, 1.0
     while position < 1.0:
         there = min(1.0, position + step)

@@ -3,10 +3,19 @@
 ``natural_modes`` follows the equilibrium from the straight beam.  Here Newton's method starts from a neighbouring
 equilibrium, and the properties are numerical inputs of Functions that are derived once.  Newton's method and the
 eigenvalue solver are the same in both cases (``ancf_casadi.vibration.equilibrium`` and ``.eigensolver``).
+
+The derivatives of a mode need solutions with the matrix K - lambda M, which is singular in the direction of the mode
+shape phi alone.  Rows and columns are scaled to give K a unit diagonal.  If the unknown is held at zero in the
+coordinate in which phi, scaled likewise, is largest, the system is regular and keeps its band (Nelson).
+
+References
+----------
+R. B. Nelson, Simplified calculation of eigenvector derivatives, AIAA Journal 14 (1976).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,7 +28,29 @@ from ancf_casadi.support.banded import BandedFactors, factorised, sparse
 from ancf_casadi.vibration.assembly import BANDWIDTH, EqualElements, Position, Structure, per_element
 from ancf_casadi.vibration.eigensolver import lowest_modes
 from ancf_casadi.vibration.equilibrium import neighbour
-from ancf_casadi.vibration.pencil import Pencil
+
+
+def pencil_solver(pencil: Array, diagonal: Array, phi: Array) -> Callable[[Array], Array]:
+    """Return a solver with K - lambda M, stored by diagonals, for right-hand sides as columns.
+
+    The solutions are zero in the coordinate that is held.  ``diagonal`` is that of K, and phi the mode shape of lambda.
+    """
+    scale = 1 / np.sqrt(diagonal)
+    size, held = len(scale), int(np.abs(phi / scale).argmax())
+    rows = np.arange(size) - np.arange(BANDWIDTH, -BANDWIDTH - 1, -1)[:, None]
+    inside = (rows >= 0) & (rows < size)
+    banded = np.where(inside, pencil * scale * scale[np.clip(rows, 0, size - 1)], 0.0)
+    banded[rows == held] = 0.0
+    banded[:, held] = 0.0
+    banded[BANDWIDTH, held] = 1.0
+    factors = factorised(banded)
+
+    def solve(right: Array) -> Array:
+        right = np.multiply(scale[:, None], right, order="F")
+        right[held] = 0.0
+        return np.asarray(scale[:, None] * factors.solve(right))
+
+    return solve
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +108,11 @@ class ModalState:
         return factorised(self._matrices[0])
 
     @cached_property
-    def pencils(self) -> list[Pencil]:
-        """K - lambda M of each mode."""
+    def pencil_solvers(self) -> list[Callable[[Array], Array]]:
+        """The solver with K - lambda M of each mode."""
         stiffness, mass = self._matrices
         return [
-            Pencil.of(stiffness - eigenvalue * mass, stiffness[BANDWIDTH], phi)
+            pencil_solver(stiffness - eigenvalue * mass, stiffness[BANDWIDTH], phi)
             for eigenvalue, phi in zip(self.eigenvalues, self.shapes[self.model.free].T, strict=True)
         ]
 
@@ -119,17 +150,7 @@ class ModalState:
 
 
 def modes_near(structure: Structure, near: Position, count: int) -> ModalState | None:
-    """Return the equilibrium next to a position and its lowest modes; None if there is no stable one.
-
-    Parameters
-    ----------
-    structure : Structure
-        The beam and its properties.
-    near : Position
-        Start of Newton's method.
-    count : int
-        Number of modes.
-    """
+    """Return the equilibrium next to a position and its lowest modes; None if there is no stable one."""
     at = neighbour(structure, near)
     found = None if at is None else lowest_modes(structure, at, count)
     if at is None or found is None:

@@ -1,4 +1,4 @@
-"""Exact first derivatives of natural frequencies and mode shapes with respect to the properties of the beam.
+"""Exact first and second derivatives of natural frequencies and mode shapes with respect to the properties of the beam.
 
 The equilibrium q and the eigenpairs (lambda, phi) depend on the properties p through
 
@@ -17,8 +17,22 @@ the equilibrium has the multiplier z with K z = -sum_k ((K phi_k)_q)^T a_k, and
 
     y_p = z^T R_p + sum_k (a_k^T ((K - lambda_k M) phi_k)_p - beta_k/2 (phi_k^T M phi_k)_p).
 
-Systems with the singular matrix K - lambda M are solved as in ``pencil``.  All matrices are banded, so the work grows
-linearly with the number of elements for each direction or combination.
+Systems with the singular matrix K - lambda M are solved as in ``modal_state``.  All matrices are banded, so the work
+grows linearly with the number of elements for each direction or combination.
+
+For second derivatives, the combination y has the Lagrangian
+
+    L = y + z^T R + sum_k (a_k^T (K - lambda_k M) phi_k - beta_k/2 (phi_k^T M phi_k - 1)).
+
+Let u = (q, p) and v = (phi, lambda), with the first derivatives u_p and v_p.  The second derivatives are
+
+    y_pp = B + B^T + v_p^T L_vv v_p,    B = u_p^T (1/2 L_uu u_p + L_uv v_p),    u_p^T Y = Y_p - R_p^T K^-1 Y_q,
+
+    v_p^T L_vv v_p = -sum_k (beta_k phi_p^T M phi_p + lambda_p^T (a_k^T M phi_p) + (a_k^T M phi_p)^T lambda_p),
+
+in which Y_q and Y_p are the rows of any matrix Y that belong to q and to p, and phi and lambda those of mode k.  L is a
+sum over the elements, so its Hessian is needed for one element and one mode only.  The work grows with the square
+of the number of elements if each element has properties of its own.
 
 References
 ----------
@@ -28,35 +42,14 @@ R. B. Nelson, Simplified calculation of eigenvector derivatives, AIAA Journal 14
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+import scipy.sparse
 
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.vibration.assembly import scatter
+from ancf_casadi.vibration.assembly import EqualElements, per_element, scatter
 from ancf_casadi.vibration.modal_state import ModalState
 
-
-@dataclass(frozen=True, eq=False)
-class Sensitivities:
-    """Derivatives of an equilibrium and its modes along N directions.
-
-    Parameters
-    ----------
-    directions : array (properties, N)
-        Changes of the properties.
-    coordinates : array (4 n + 4, N)
-        Derivatives of the nodal coordinates at rest.
-    eigenvalues : array (m, N)
-        Derivatives of the squared angular frequencies.
-    shapes : array (m, 4 n + 4, N)
-        Derivatives of the mass-normalised mode shapes.
-    """
-
-    directions: Array
-    coordinates: Array
-    eigenvalues: Array
-    shapes: Array
+DIRECTIONS_AT_ONCE = 128  # directions at once: few enough that the products of small matrices stay in the cache
 
 
 def coordinate_derivatives(state: ModalState, directions: Array) -> Array:
@@ -69,8 +62,12 @@ def coordinate_derivatives(state: ModalState, directions: Array) -> Array:
     return coordinates
 
 
-def sensitivities(state: ModalState, directions: Array) -> Sensitivities:
-    """Return the derivatives of equilibrium and modes along N changes of the properties, (properties, N)."""
+def sensitivities(state: ModalState, directions: Array) -> tuple[Array, Array, Array]:
+    """Return the derivatives of equilibrium and modes along N changes of the properties, (properties, N).
+
+    They are those of the coordinates at rest (4 n + 4, N), of the squared angular frequencies (m, N), and of the
+    mass-normalised mode shapes (m, 4 n + 4, N).
+    """
     free, size, m, N = state.model.free, state.model.size, len(state.eigenvalues), directions.shape[1]
     coordinates = coordinate_derivatives(state, directions)
     f, half_norm = np.zeros((m, size, N)), np.zeros((m, N))
@@ -83,26 +80,15 @@ def sensitivities(state: ModalState, directions: Array) -> Sensitivities:
     for k, phi in enumerate(state.shapes[free].T):
         inertia = state.inertia @ phi
         eigenvalues[k] = phi @ f[k, free]
-        particular = state.pencils[k].solve(np.outer(inertia, eigenvalues[k]) - f[k, free])
+        particular = state.pencil_solvers[k](np.outer(inertia, eigenvalues[k]) - f[k, free])
         shapes[k, free] = particular - np.outer(phi, inertia @ particular + half_norm[k])
-    return Sensitivities(directions, coordinates, eigenvalues, shapes)
+    return coordinates, eigenvalues, shapes
 
 
 def gradient(state: ModalState, b: Array, c: Array) -> Array:
-    """Return the derivatives of C combinations of eigenvalues and mode shapes with respect to all properties.
+    """Return the derivatives, (properties, C), of C combinations of eigenvalues and mode shapes.
 
-    Parameters
-    ----------
-    state : ModalState
-        Equilibrium and modes.
-    b : array (m, C)
-        Weight of each eigenvalue, one column per combination.
-    c : array (m, 4 n + 4, C)
-        Weights of the coordinates of each mode shape.
-
-    Returns
-    -------
-    array (properties, C)
+    The weights are b (m, C) for the eigenvalues and c (m, 4 n + 4, C) for the coordinates of the mode shapes.
     """
     a, beta, z = multipliers(state, b, c)
     total = np.zeros((state.properties.size, b.shape[1]))
@@ -125,10 +111,79 @@ def multipliers(state: ModalState, b: Array, c: Array) -> tuple[Array, Array, Ar
     for k, phi in enumerate(state.shapes[free].T):
         inertia = state.inertia @ phi
         beta[k] = phi @ c[k, free]
-        particular = state.pencils[k].solve(np.outer(inertia, beta[k]) - c[k, free])
+        particular = state.pencil_solvers[k](np.outer(inertia, beta[k]) - c[k, free])
         a[k, free] = particular + np.outer(phi, b[k] - inertia @ particular)
     for part, by_coordinate, _, _ in state.pencil_jacobians:
         for k, block in enumerate(by_coordinate):
             force += scatter(part.coordinates, block.transpose(0, 2, 1) @ a[k, part.coordinates], len(force))
     z[free] = -state.stiffness_factors.solve(force[free])
     return a, beta, z
+
+
+def hessian(state: ModalState, directions: Array, b: Array, c: Array) -> Array:
+    """Return the second derivatives, (N, N), of one combination of eigenvalues and mode shapes along N directions.
+
+    The directions (properties, N) are changes of the properties; the weights are b (m,) for the eigenvalues and
+    c (m, 4 n + 4) for the coordinates of the mode shapes.
+    """
+    free, N = state.model.free, directions.shape[1]
+    transposed = scipy.sparse.csr_array(directions).T
+    a, beta, z = multipliers(state, b[:, None], c[:, :, None])
+    blocks = _lagrangian_hessians(state, a[:, :, 0], beta[:, 0], z[:, 0])
+    half, normalisation = np.empty((N, N)), np.zeros((N, N))
+    eigenvalues, projections = np.empty((2, len(beta), N))  # lambda_p and a^T M phi_p
+    shapes: list[Array] = []
+    for begin in range(0, N, DIRECTIONS_AT_ONCE):
+        columns = slice(begin, begin + DIRECTIONS_AT_ONCE)
+        first = sensitivities(state, directions[:, columns])
+        half[:, columns] = np.asarray(transposed @ _b_of_all_properties(state, directions[:, columns], first, blocks))
+        eigenvalues[:, columns] = first[1]
+        for k, shape in enumerate(first[2][:, free]):
+            projections[k, columns] = (state.inertia @ a[k, free, 0]) @ shape
+        if beta.any():
+            shapes.append(first[2][:, free])
+    if shapes:
+        for k, shape in enumerate(np.concatenate(shapes, axis=2)):
+            normalisation -= beta[k] * shape.T @ (state.inertia @ shape)
+    half -= eigenvalues.T @ projections
+    return half + half.T + normalisation
+
+
+def _lagrangian_hessians(state: ModalState, a: Array, beta: Array, z: Array) -> list[tuple[EqualElements, Array]]:
+    """Return 1/2 L_uu and L_uv of the elements of each part side by side, (elements, d + k, d + k + m (d + 1))."""
+    m, found = len(beta), []
+    for part in state.structure.parts:
+        elements, shared = len(part.coordinates), sum(part.balance.sizes)
+        (of_forces,) = per_element(part.balance.force_hessian, *state.inputs(part), z[part.coordinates])
+        inputs = a[:, part.coordinates].reshape(m * elements, -1), np.repeat(beta, elements)[:, None]
+        (of_modes,) = per_element(part.balance.pencil_hessian, *state.inputs_of_modes(part), *inputs)
+        of_modes = of_modes.reshape(m, elements, *of_modes.shape[1:])[:, :, :shared]
+        of_u = (of_forces + of_modes[:, :, :, :shared].sum(axis=0)) / 2
+        found.append((part, np.concatenate([of_u, *of_modes[:, :, :, shared:]], axis=2)))
+    return found
+
+
+def _b_of_all_properties(
+    state: ModalState,
+    directions: Array,
+    first: tuple[Array, Array, Array],
+    blocks: list[tuple[EqualElements, Array]],
+) -> Array:
+    """Return B with all properties as its rows and the directions, with their derivatives ``first``, as its columns."""
+    free, N = state.model.free, directions.shape[1]
+    coordinates, eigenvalues, shapes = first
+    by_coordinate, by_property = np.zeros_like(coordinates), np.zeros_like(directions)
+    for part, block in blocks:
+        d = part.balance.sizes[0]
+        rows = [coordinates[part.coordinates], directions[part.properties]]
+        for shape, eigenvalue in zip(shapes, eigenvalues, strict=True):
+            rows += [shape[part.coordinates], np.broadcast_to(eigenvalue, (len(block), 1, N))]
+        terms = block @ np.concatenate(rows, axis=1)
+        by_coordinate += scatter(part.coordinates, terms[:, :d], len(by_coordinate))
+        by_property += scatter(part.properties, terms[:, d:], len(by_property))
+    z = np.zeros_like(by_coordinate)
+    z[free] = -state.stiffness_factors.solve(by_coordinate[free])
+    for part, force_jacobian in state.force_jacobians:
+        terms = force_jacobian.transpose(0, 2, 1) @ z[part.coordinates]
+        by_property += scatter(part.properties, terms, len(by_property))
+    return by_property

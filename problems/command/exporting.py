@@ -23,7 +23,7 @@ from ancf_casadi.export import (
     write_document,
     write_fmu,
 )
-from ancf_casadi.export.document.strict_json import read_json
+from ancf_casadi.export.strict_json import read_json
 from ancf_casadi.support.inputs import located
 
 Format = Literal["json", "casadi", "c", "fmu"]

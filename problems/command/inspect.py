@@ -16,9 +16,9 @@ from ancf_casadi.decay.spectrum import peak_frequencies, step_frequency
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import RecordedChannel
 from ancf_casadi.records.measurement import Measurement
+from ancf_casadi.records.processing import Sampling, sampling
 from ancf_casadi.records.reading.formats import read_contents
 from ancf_casadi.records.recording import Recording, recording_of
-from ancf_casadi.records.sampling import Sampling, sampling
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.records.time_axis import is_counter, is_time
 from ancf_casadi.support.arrays import Array

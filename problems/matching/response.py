@@ -29,8 +29,7 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.vibration.following import follow, followed_modes
 from ancf_casadi.vibration.modal_state import ModalState
 from ancf_casadi.vibration.modes import Modes, natural_modes
-from ancf_casadi.vibration.second_derivatives import hessian
-from ancf_casadi.vibration.sensitivities import gradient
+from ancf_casadi.vibration.sensitivities import gradient, hessian
 from problems.matching.design_space import DesignSpace
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.preference import WEIGHT, LeastChange, Preference

@@ -39,7 +39,7 @@ from scipy.special import kve
 from ancf_casadi.damping import QuadraticDamping
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
-from ancf_casadi.mechanics.shape import gauss
+from ancf_casadi.mechanics.strain import gauss
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import check_instance, number, positive
 from ancf_casadi.vibration.modes import Modes

@@ -8,7 +8,7 @@ from typing import Any
 
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping, RayleighDamping
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.model_document import Document, read_document
+from ancf_casadi.export.model_document import Document, read_document
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.support.inputs import check_keys, is_sequence, located, shown

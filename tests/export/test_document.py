@@ -32,11 +32,12 @@ from ancf_casadi import (
 )
 from ancf_casadi.damping import SumOfLaws
 from ancf_casadi.export import DataFile, Document, Identification, Provenance, read_document, schema, write_document
-from ancf_casadi.export.document.strict_json import MOST_LEVELS
+from ancf_casadi.export.strict_json import MOST_LEVELS
 from ancf_casadi.support.files import MOST_BYTES
 from problems import fit_decay
 
 WRITTEN = "2025-01-31T12:00:00Z"
+FIT = {"kind": "decay", "estimates": []}
 EARLIER = """
 {"format": "ancf-casadi", "schema": 1, "beam": {"length": 0.5, "width": [0.005, 0.005], "thickness": [0.0005, 0.0005],
 "density": [8000.0, 8000.0], "elastic_modulus": [210000000000.0, 210000000000.0], "axis": [0.0, -1.0], "gravity":
@@ -51,8 +52,8 @@ EARLIER = """
 "tip_force": [0.0, 0.0], "tip_moment": 0.0}, "beam": {"length": 0.5, "width": [0.005, 0.005], "thickness": [0.0006,
 0.0006], "density": [8000.0, 8000.0], "elastic_modulus": [210000000000.0, 210000000000.0], "axis": [0.0, -1.0],
 "gravity": [0.0, -9.81], "tip_mass": 0.0, "clamp_stiffness": 0.25}, "strain_measures": {"axial": "engineering",
-"curvature": "material", "axial_points": 2, "bending_points": 2}}}]}, "identifications": [{"kind": "decay", "result":
-{"frequency_hz": 1.85, "drift_stderr_m_per_s": null}, "data": [{"name": "decay.csv", "sha256":
+"curvature": "material", "axial_points": 2, "bending_points": 2}}}]}, "identifications": [{"result": {"kind":
+"decay", "estimates": [], "drift_stderr_m_per_s": null}, "data": [{"name": "decay.csv", "sha256":
 "0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f0f"}]}], "provenance": {"written":
 "2025-01-31T12:00:00Z", "versions": {"ancf-casadi": "0.1.0"}, "note": "by an earlier release"}}
 """
@@ -95,7 +96,7 @@ def identified(paper_beam):
     time = np.arange(0.0, 4.0, 0.01)
     noise = np.random.default_rng(3).standard_normal(time.size)
     fit = fit_decay(time, np.exp(-0.3 * time) * np.cos(12 * time) + 1e-3 * noise)
-    found = Identification("decay", fit.to_dict(), [DataFile("decay.csv", "0123456789abcdef" * 4)])
+    found = Identification(fit.to_dict(), [DataFile("decay.csv", "0123456789abcdef" * 4)])
     return Document(model, law, [found], Provenance.of_this(written=WRITTEN, note="a note"))
 
 
@@ -208,7 +209,7 @@ class TestRoundTrip:
         assert rayleigh == RayleighDamping(alpha=1 / 7)
         assert modal.modes.model == Model(paper_beam(2, clamp_stiffness=0.25, thickness=0.6e-3))
         assert (modal.ratios, modal.frequencies) == ((0.01,), (1.9,))
-        assert found.identifications[0].result == {"frequency_hz": 1.85, "drift_stderr_m_per_s": None}
+        assert found.identifications[0].result == {"kind": "decay", "estimates": [], "drift_stderr_m_per_s": None}
         assert found.provenance == Provenance(WRITTEN, {"ancf-casadi": "0.1.0"}, "by an earlier release")
         assert json.dumps(found.to_dict()) == json.dumps(json.loads(EARLIER))
 
@@ -227,7 +228,7 @@ class TestSchema:
     def test_the_reader_refuses_what_the_schema_refuses(self, written, tmp_path):
         """Each value in turn is replaced, removed, or joined by an unknown key; the message names the place."""
         data = json.loads(written.read_text())
-        data["identifications"][0]["result"] = {"frequency_hz": 1.9}
+        data["identifications"][0]["result"] = {"kind": "decay", "estimates": []}
         validator = jsonschema.Draft202012Validator(schema())
         count = 0
         for path, changed in mutations(data):
@@ -384,19 +385,19 @@ class TestParts:
     @pytest.mark.parametrize(
         ("make", "message"),
         [
-            (lambda: Identification(3, {}), "kind: expected `str`, got `int`"),
-            (lambda: Identification("decay", 3), "result: expected `object`, got `int`"),
-            (lambda: Identification("decay", {1: 2}), "result: expected `str`, got `int`"),
-            (lambda: Identification("decay", {"k" * 201: 2}), "result: has a key of 201 characters"),
-            (lambda: Identification("decay", {"a": 10**5000}), "result.a: is beyond the range of numbers"),
-            (lambda: Identification("decay", {}, ["x.csv"]), "data: must be a sequence of DataFile"),
+            (lambda: Identification(FIT | {"kind": 3}), "result.kind: must be a text, got 3"),
+            (lambda: Identification(FIT | {"kind": ""}), "result.kind: must be a text, got ''"),
+            (lambda: Identification(3), "result: is not the result of a fit"),
+            (lambda: Identification(FIT | {1: 2}), "result: expected `str`, got `int`"),
+            (lambda: Identification(FIT | {"k" * 201: 2}), "result: has a key of 201 characters"),
+            (lambda: Identification(FIT | {"a": 10**5000}), "result.a: is beyond the range of numbers"),
+            (lambda: Identification(FIT, ["x.csv"]), "data: must be a sequence of DataFile"),
             (
                 lambda: Identification.of({"kind": "beam", "estimates": []}, data="x.csv"),
                 "data: must be a sequence of files",
             ),
-            (lambda: Identification("", {}), "kind: expected `str` of length >= 1"),
-            (lambda: Identification("decay", {"a": {1: 2}}), "result.a: must be a text, got 1"),
-            (lambda: Identification("decay", {"a": "\ud800"}), "result.a: holds half a character"),
+            (lambda: Identification(FIT | {"a": {1: 2}}), "result.a: must be a text, got 1"),
+            (lambda: Identification(FIT | {"a": "\ud800"}), "result.a: holds half a character"),
             (lambda: DataFile("a", "A" * 64), "sha256: expected `str` matching regex"),
             (lambda: DataFile("a", "a" * 64 + "\n"), "sha256: expected `str` of length <= 64"),
             (lambda: Provenance(WRITTEN + "\n", {}), "written: expected `str` of length <= 20"),
@@ -430,4 +431,4 @@ class TestParts:
             Document(**({"model": Model(paper_beam(2))} | changes))
 
     def test_the_summary_of_a_fit_without_standard_errors_is_its_kind(self):
-        assert Identification("frequency matching", {"matched_hz": [1.0]}).summary() == "frequency matching"
+        assert Identification({"kind": "frequency matching", "estimates": None}).summary() == "frequency matching"

@@ -28,10 +28,9 @@ from ancf_casadi import (
     static_equilibrium,
 )
 from ancf_casadi.dynamics.base_motion import Piece
-from ancf_casadi.export import DataFile, Document, Identification, Provenance, read_document
-from ancf_casadi.export.functions.motion_functions import beam_functions
-from ancf_casadi.export.targets import fmu
-from ancf_casadi.export.targets.fmu import write_fmu
+from ancf_casadi.export import DataFile, Document, Identification, Provenance, fmu, read_document
+from ancf_casadi.export.fmu import write_fmu
+from ancf_casadi.export.motion_functions import beam_functions
 
 MARKERS = (0.2, 0.375)
 ACCELERATION = np.array([8.0, -4.0, 40.0])  # of the clamp: x, y (m/s^2), rotation (rad/s^2)
@@ -65,7 +64,7 @@ def document(paper_beam) -> Document:
     )
     known = {"name": "frequency", "value": 1.85, "unit": "Hz", "standard_error": 0.01}
     result = {"kind": "decay", "estimates": [known, {**known, "name": "drift", "standard_error": None}]}
-    found = Identification.of(result), Identification("decay", result, [DataFile("tip<&.csv", "0f" * 32)])
+    found = Identification.of(result), Identification(result, [DataFile("tip<&.csv", "0f" * 32)])
     return Document(model, law, found, Provenance.of_this(written="2025-01-31T12:00:00Z"))
 
 
@@ -356,10 +355,10 @@ class TestRefusals:
         with pytest.raises(InputError, match=r"^CC: an FMU needs a C compiler"):
             write_fmu(functions, "beam.fmu")
 
-    @pytest.mark.parametrize(("compiler", "words"), [("false", "cannot compile"), ("/no/such/cc", "cannot be run")])
+    @pytest.mark.parametrize(("compiler", "words"), [("false", "exit code 1"), ("/no/such/cc", ".*No such file")])
     def test_with_a_broken_compiler(self, functions, monkeypatch, compiler, words):
         monkeypatch.setenv("CC", compiler)
-        with pytest.raises(InputError, match=f"^{compiler}: {words}"):
+        with pytest.raises(InputError, match=rf"^{compiler}: cannot compile the FMU \({words}"):
             write_fmu(functions, "beam.fmu")
 
     def test_a_marker_beside_the_beam(self, document):

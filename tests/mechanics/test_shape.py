@@ -2,7 +2,7 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from ancf_casadi.mechanics.shape import gauss, hermite, hermite_curvature, hermite_slope
+from ancf_casadi.mechanics.strain import gauss, hermite, hermite_curvature, hermite_slope
 
 LENGTH = 0.3
 XI = np.linspace(0.0, 1.0, 7)

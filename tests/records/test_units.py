@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.time_names import names_time
-from ancf_casadi.records.unit_names import unit_in_name
+from ancf_casadi.records.unit_names import names_time, unit_in_name
 from ancf_casadi.records.units import known_unit, parse_unit
 
 

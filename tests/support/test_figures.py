@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from ancf_casadi.estimation.figures import criteria_figure, scatter_figure
 from ancf_casadi.plot import rendered
-from ancf_casadi.records.figures import series_figure, spectra_figure
+from ancf_casadi.records.figures import record_figure, spectra_figure
 from ancf_casadi.support.figures import literal_text, prefixed
 
 ROOT = Path(__file__).parents[2]
@@ -19,7 +19,7 @@ WAVE = np.sin(40 * TIME)
 
 
 DRAWN = {
-    "record": lambda name: series_figure([(name, TIME, WAVE)], name),
+    "record": lambda name: record_figure(name, TIME, WAVE, name),
     "spectrum": lambda name: spectra_figure([(name, TIME, WAVE, (TIME, WAVE))], name),
     "laws": lambda name: criteria_figure([name, "other"], [1.0, 2.0], [1.0, 2.0]),
     "estimates": lambda name: scatter_figure([name], WAVE[:, None], [0.0], [1.0]),

@@ -15,7 +15,7 @@ from ancf_casadi import (
     natural_modes,
     static_equilibrium,
 )
-from ancf_casadi.export.document.model_document import Document
+from ancf_casadi.export.model_document import Document
 
 # P L^2/EI: x/L, y/L, theta of the inextensible elastica with a transverse tip load, from elliptic integrals; Chebyshev
 # collocation agrees in all digits.

@@ -46,10 +46,9 @@ from ancf_casadi.dynamics.trajectory import State
 from ancf_casadi.exceptions import InputError, SimulationError
 from ancf_casadi.mechanics.beam import PROPERTIES
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.support.inputs import number
-from ancf_casadi.support.layout import Layout
 from ancf_casadi.vibration.equilibrium import Equilibrium
 
 MOST_KEPT_STEPS = 100_000  # these take a minute or two, and 0.4 GB at 20 elements

@@ -29,10 +29,9 @@ from ancf_casadi.dynamics.radau.collocation import Collocation, stage_motion
 from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
-from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.arrays import Array, Index, Layout
 from ancf_casadi.support.banded import BandedFactors, lapack_place, lapack_storage
 from ancf_casadi.support.compilation import Buffered
-from ancf_casadi.support.layout import Layout
 
 StepFunction = Callable[..., Array]  # (step, parameters, vector) -> value of a Function (Z, h, u, [vector])
 

@@ -28,7 +28,7 @@ import numpy as np
 
 from ancf_casadi.dynamics.element_forces import ELEMENTS_PER_CALL
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.support.layout import Layout
+from ancf_casadi.support.arrays import Layout
 
 BLOCK_ENTRIES = NODE**2
 BLOCKS = 3 * BLOCK_ENTRIES  # entries of D, B and C of a node, or of P, B and L

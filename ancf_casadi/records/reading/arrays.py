@@ -1,14 +1,27 @@
-"""Channels from named arrays, as MATLAB, HDF5 and NumPy files hold them."""
+"""MATLAB, HDF5 and NumPy files: named arrays of numbers, each of which gives one or more columns.
+
+MATLAB files of version 4 to 7 are read by SciPy, version 7.3 and other HDF5 files by h5py.  Structures, cells, objects
+and links to other files are left out, and pickled objects of NumPy are refused.  Each NumPy array is checked before it
+is read: its header must declare the size that the archive has for it.
+"""
 
 from __future__ import annotations
 
+import io
+import math
+import zipfile
 from collections.abc import Iterable
-from typing import Any
+from pathlib import Path
+from typing import Any, BinaryIO, cast
 
 import numpy as np
+from numpy.lib import format as npy
 from numpy.typing import NDArray
 
+from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
+from ancf_casadi.records.reading.libraries import read_isolated, readable
+from ancf_casadi.records.reading.worker import check_unpacked
 from ancf_casadi.records.unit_names import unit_in_name
 from ancf_casadi.records.units import parse_unit
 
@@ -25,16 +38,14 @@ def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[s
     remarks = list(notes)
     for name, array in arrays:
         values = np.squeeze(array)
-        if values.dtype.kind == "M":
+        stamps = values.dtype.kind == "M"
+        if stamps:
             try:
-                values = (values - values.ravel()[0]) / np.timedelta64(1, "s") if values.size else values.astype(float)
+                values = seconds_from_first(values)
             except (TypeError, OverflowError):  # years and months have no length; attoseconds overflow
                 remarks.append(f"the dates in {name!r} cannot be counted in s, and are left out")
                 continue
             remarks.append(f"the dates in {name!r} count in s from the first")
-            stamps = True
-        else:
-            stamps = False
         if values.dtype.kind not in "fiu" or values.ndim > 2:
             remarks.append(f"{name!r} is no real vector or matrix, and is left out")
             continue
@@ -52,3 +63,68 @@ def array_contents(arrays: Iterable[tuple[str, NDArray[Any]]], notes: Iterable[s
             own = name if columns.shape[1] == 1 else f"{name}[{k}]"
             channels.append(RecordedChannel(len(channels) + 1, own, np.array(column, dtype=float), symbol, unit))
     return Contents(tuple(channels), tuple(remarks))
+
+
+def seconds_from_first(dates: NDArray[Any]) -> NDArray[Any]:
+    """Return dates of NumPy as seconds from the first one."""
+    return (dates - dates.ravel()[0]) / np.timedelta64(1, "s") if dates.size else dates.astype(float)
+
+
+def read_matlab(path: Path) -> Contents:
+    """Read the numeric variables of a MATLAB file of version 4 to 7."""
+    arrays, properties = read_isolated("matlab", "scipy", path, "MATLAB")
+    return array_contents(arrays.items(), properties["notes"])
+
+
+def read_hdf5(path: Path) -> Contents:
+    """Read the numeric data sets of a MATLAB file of version 7.3, or of any HDF5 file."""
+    arrays, properties = read_isolated("hdf5", "h5py", path, "HDF5")
+    if not arrays:
+        raise InputError("has no data sets of numbers", str(path))
+    return array_contents(arrays.items(), properties["notes"])
+
+
+def read_npz(path: Path) -> Contents:
+    """Read the arrays of an ``.npz`` file."""
+    arrays: list[tuple[str, NDArray[Any]]] = []
+    notes: list[str] = []
+    with readable(str(path), "NPZ"), zipfile.ZipFile(path) as archive:
+        members = [member for member in archive.infolist() if member.filename.endswith(".npy")]
+        if not members:
+            raise InputError("is a ZIP archive without NumPy arrays; export the data as CSV", str(path))
+        check_unpacked(sum(member.file_size for member in members), path.stat().st_size)
+        for member in members:
+            name = member.filename.removesuffix(".npy")
+            with archive.open(member) as file:
+                array = _array(cast(BinaryIO, file), member.file_size, f"{path}: {name}")
+            if array is None:
+                notes.append(f"{name!r} holds Python objects, and is left out")
+            else:
+                arrays.append((name, array))
+    return array_contents(arrays, notes)
+
+
+def read_npy(path: Path) -> Contents:
+    """Read the array of an ``.npy`` file."""
+    with readable(str(path), "NPY"), open(path, "rb") as file:
+        array = _array(file, path.stat().st_size, str(path))
+        if array is None:
+            raise InputError("holds Python objects, which are not read; save arrays of numbers", str(path))
+    return array_contents([("values", array)])
+
+
+def _array(file: BinaryIO, size: int, where: str) -> NDArray[Any] | None:
+    """Return the array in a file of ``size`` bytes; None if it has Python objects."""
+    content = file.read(size)
+    if len(content) != size:
+        raise InputError("is shorter than the archive says; it is damaged", where)
+    stream = io.BytesIO(content)
+    version = npy.read_magic(stream)
+    read_header = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, _, dtype = read_header(stream)
+    if dtype.hasobject:
+        return None
+    if math.prod(shape) * dtype.itemsize != size - stream.tell():
+        raise InputError("declares another size than it has; it is damaged", where)
+    stream.seek(0)
+    return np.asarray(npy.read_array(stream, allow_pickle=False))

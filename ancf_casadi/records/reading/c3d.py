@@ -14,7 +14,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
-from ancf_casadi.records.reading.isolated import read_isolated
+from ancf_casadi.records.reading.libraries import read_isolated
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array
 
@@ -23,13 +23,7 @@ ENDIANNESS = {84: "<", 85: "<", 86: ">"}  # by the processor that wrote the file
 
 
 def read_c3d(path: Path) -> Contents:
-    """Read markers and analog channels of a C3D file; a marker that is not seen is a gap.
-
-    Raises
-    ------
-    InputError
-        If ezc3d is missing, or the file is damaged.
-    """
+    """Read markers and analog channels of a C3D file; a marker that is not seen is a gap."""
     _check_sizes(path)
     arrays, properties = read_isolated("c3d", "ezc3d", path, "C3D")
     points, analogs = arrays["points"], arrays["analogs"]

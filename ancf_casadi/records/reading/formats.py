@@ -10,11 +10,9 @@ import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
+from ancf_casadi.records.reading.arrays import read_hdf5, read_matlab, read_npy, read_npz
 from ancf_casadi.records.reading.c3d import read_c3d
-from ancf_casadi.records.reading.lvm import read_lvm
-from ancf_casadi.records.reading.matlab import read_hdf5, read_matlab
-from ancf_casadi.records.reading.npz import read_npy, read_npz
-from ancf_casadi.records.reading.tdms import read_tdms
+from ancf_casadi.records.reading.labview import read_lvm, read_tdms
 from ancf_casadi.records.reading.text.reader import read_text
 from ancf_casadi.records.reading.uff import read_uff
 from ancf_casadi.support.files import opened
@@ -33,13 +31,7 @@ OTHER_FORMATS = {
 
 
 def read_contents(path: str | Path, *, progress: bool = False) -> Contents:
-    """Read all columns of a file.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is larger than 1 GiB, or is in no known format.
-    """
+    """Read all columns of a file of at most 1 GiB; refuse one in no known format."""
     with opened(path, 2**30) as file:
         found = _read(Path(path), file.read(BYTES_LOOKED_AT), progress)
     if not found.channels:

@@ -1,38 +1,41 @@
-"""Libraries for file formats, imported on demand; whatever they raise becomes an ``InputError``."""
+"""Libraries for file formats, imported on demand; whatever they raise becomes an ``InputError``.
+
+Compiled libraries read in a process of their own (``worker``), which they may crash.
+"""
 
 from __future__ import annotations
 
 import importlib.util
+import json
 import logging
+import math
+import os
+import subprocess
+import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.reading import worker
 from ancf_casadi.records.reading.worker import Unusable
+from ancf_casadi.support.arrays import Array
+
+ONE_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}  # threads reserve memory
 
 
 def library(module: str, format_name: str) -> Any:
-    """Return the module that reads a format.
-
-    Raises
-    ------
-    InputError
-        If it is not installed.
-    """
+    """Return the module that reads a format; refuse the file if it is not installed."""
     check_installed(module, format_name)
     return importlib.import_module(module)
 
 
 def check_installed(module: str, format_name: str) -> None:
-    """Check that the module that reads a format is installed.
-
-    Raises
-    ------
-    InputError
-        If it is not.
-    """
+    """Check that the module that reads a format is installed."""
     try:
         found = importlib.util.find_spec(module)
     except ValueError:  # a module that was switched off
@@ -58,3 +61,33 @@ def readable(path: str, format_name: str) -> Iterator[None]:
         raise InputError(f"is no readable {format_name} file ({reason})", path) from None
     finally:
         logging.disable(logging.NOTSET)
+
+
+def read_isolated(kind: str, module: str, path: Path, format_name: str) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Return the arrays and the properties that the reader ``kind`` of ``worker`` finds in a file with its library.
+
+    A file that the library refuses, or for which it crashes or needs too much memory or time, raises an ``InputError``.
+    """
+    check_installed(module, format_name)
+    command = [sys.executable, "-P", "-W", "ignore", worker.__file__, kind, os.path.abspath(path)]
+    try:
+        # s: what a loaded machine may take, and 1 MB/s, which it reads at least
+        run = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, check=False, env=os.environ | ONE_THREAD,
+            timeout=60.0 + path.stat().st_size / (2**20),
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        raise InputError(f"takes too long to read, and is probably no {format_name} file", str(path)) from None
+    head, _, content = run.stdout.partition(b"\n")
+    found: dict[str, Any] = json.loads(head) if head.startswith(b"{") and head.endswith(b"}") else {}
+    if "refused" in found:
+        raise InputError(found["refused"], str(path))
+    if run.returncode or "arrays" not in found:
+        reason = found.get("unreadable", "it crashed the library, or exceeded memory or time")
+        raise InputError(f"is no readable {format_name} file ({reason})", str(path))
+    arrays, start = {}, 0
+    for name, shape in found.pop("arrays"):
+        values = np.frombuffer(content, dtype="<f8", count=math.prod(shape), offset=start).reshape(shape)
+        arrays[name] = values.astype(float)
+        start += values.nbytes
+    return arrays, found

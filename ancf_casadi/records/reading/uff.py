@@ -21,13 +21,7 @@ DATA_TYPES = {8: ("length", "m"), 9: ("force", "N"), 11: ("velocity", "m/s"), 12
 
 
 def read_uff(path: Path) -> Contents:
-    """Read the time responses of a universal file.
-
-    Raises
-    ------
-    InputError
-        If pyuff is missing, the file is damaged, or it has no time responses.
-    """
+    """Read the time responses of a universal file."""
     pyuff = library("pyuff", "UFF")
     notes: list[str] = []
     channels: list[RecordedChannel] = []

@@ -3,7 +3,7 @@
 A damaged file can crash SciPy, h5py or ezc3d with the whole process, or make them allocate or loop without end.  This
 file therefore also runs as a script, with limits of memory and time, and imports nothing of the toolkit, so that it
 starts quickly.  It prints one line of JSON, with names, shapes and properties, and then the numbers as 8-byte floats.
-``isolated`` is the other side.
+``libraries`` is the other side.
 """
 
 from __future__ import annotations
@@ -33,13 +33,7 @@ class Unusable(Exception):
 
 
 def check_unpacked(size: int, packed: int) -> None:
-    """Check that ``size`` bytes of data can come from a file of ``packed`` bytes.
-
-    Raises
-    ------
-    Unusable
-        If they cannot, or take more than 1 GiB.
-    """
+    """Refuse ``size`` bytes of data that a file of ``packed`` bytes cannot hold, or of more than 1 GiB."""
     if size > 1100 * packed:  # unpacked bytes per byte of a compressed file; deflate reaches 1032
         raise Unusable(f"declares {size} bytes of data, which its {packed} bytes cannot hold; it is damaged")
     if size > MOST_DATA_BYTES:

@@ -22,7 +22,7 @@ from ancf_casadi.dynamics.equations import Balance, Equations
 from ancf_casadi.dynamics.signals import Signal, parameter_signals
 from ancf_casadi.dynamics.tip_load import tip_force
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.mechanics.shape import gauss
+from ancf_casadi.mechanics.strain import gauss
 from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
 from ancf_casadi.reduction.reduced import ReducedModel
 from ancf_casadi.response.systems.drive import BEAM_EXCITATION

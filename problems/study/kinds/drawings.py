@@ -18,7 +18,7 @@ from ancf_casadi.damping.quadratic import ASSUMED_SHAPE
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.mechanics.shape import hermite
+from ancf_casadi.mechanics.strain import hermite
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.vibration.equilibrium import static_equilibrium
 from ancf_casadi.vibration.modes import natural_modes

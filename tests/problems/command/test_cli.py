@@ -32,8 +32,7 @@ from ancf_casadi import (
     StrainMeasures,
     SweepBase,
 )
-from ancf_casadi.export import Document, load_functions, read_document, write_document
-from ancf_casadi.export.targets import fmu
+from ancf_casadi.export import Document, fmu, load_functions, read_document, write_document
 from ancf_casadi.support.interrupts import ENDING
 from ancf_casadi.version import __version__
 from problems.cli import main
@@ -890,7 +889,7 @@ class TestInterrupted:
         def stopped(*_, **__):
             raise KeyboardInterrupt
 
-        monkeypatch.setattr(fmu.subprocess, "run", stopped)
+        monkeypatch.setattr(fmu, "compiler_failure", stopped)
         before = sorted(files.iterdir())
         assert main(["export", "beam.toml", "--format", "fmu", "--out", "new/beam.fmu"]) == 130
         assert capsys.readouterr().err.endswith("ancf-casadi: stopped; nothing was written\n")

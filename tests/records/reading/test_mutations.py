@@ -8,7 +8,7 @@ import pytest
 from scipy.io import savemat
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.records.reading import isolated
+from ancf_casadi.records.reading import libraries
 from ancf_casadi.records.recording import read_recording
 
 TIME = np.arange(25) / 100.0
@@ -116,6 +116,6 @@ def test_a_library_that_crashes_or_hangs_leaves_this_process_intact(tmp_path, mo
 
     path = tmp_path / "a.mat"
     savemat(path, {"t_s": TIME, "tip_mm": MM})
-    monkeypatch.setattr(isolated.subprocess, "run", crashing)
+    monkeypatch.setattr(libraries.subprocess, "run", crashing)
     with pytest.raises(InputError, match=message):
         read_recording(path)

@@ -1,18 +1,26 @@
-"""The cells of a table in text: splitting lines into cells, and cells into numbers, gaps, times and words."""
+"""The cells of a table in text: splitting lines into cells, and cells into numbers, gaps, times and words.
+
+ISO 8601 stamps (``2024-05-17T09:30:00.125``, also with a space, ``Z`` or an offset such as ``+02:00``) count in
+seconds from the first one.  Clock times (``09:30:00.125``, or minutes and seconds ``30:00.125``) count from midnight;
+one that falls by more than half a day belongs to the next day.
+"""
 
 from __future__ import annotations
 
 import csv
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from ancf_casadi.records.reading.text.stamps import is_stamp
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, Index
 
+CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,2}):(\d{1,2}(?:[.,]\d*)?)")
+ISO = re.compile(r"(\d{4}-\d{2}-\d{2})[T ](\d{2}:\d{2}(?::\d{2})?(?:[.,]\d{1,9})?) ?(Z|UTC|[+-]\d{2}(?::?\d{2})?)?")
+HALF_DAY = 43_200.0  # s
 Kind = Literal["number", "gap", "stamp", "word"]
 
 CELL_NUMBER = {
@@ -22,6 +30,79 @@ CELL_NUMBER = {
 GAPS = frozenset({"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "#nv", "missing", "nan(ind)", "-nan"})
 COMMENTS = ("#", "%", "//", "!", "*")
 NUMBER_CHARACTERS = frozenset("0123456789+-.eE")
+
+
+def is_stamp(cell: str) -> bool:
+    """Return whether a cell has a date with a time, or a clock time that is not ambiguous."""
+    clock = CLOCK.fullmatch(cell)
+    if clock:
+        return clock[1] is not None or not clock[3].isdigit()  # 12:30 may be hours or minutes
+    return ISO.fullmatch(cell) is not None
+
+
+def iso_nanoseconds(cells: Sequence[str]) -> Index | None:
+    """Return nanoseconds since 1970 of ISO stamps; None if one is no valid stamp."""
+    alike = _alike(cells)
+    if alike is not None:
+        return alike
+    found = [ISO.fullmatch(cell.strip()) for cell in cells]
+    if not all(found):
+        return None
+    matched = [match for match in found if match]
+    texts = [f"{match[1]}T{match[2].replace(',', '.')}" for match in matched]
+    offsets = {match[3] or "" for match in matched}
+    try:
+        stamps: Index = np.array(texts, dtype="datetime64[ns]").astype(np.int64)
+    except ValueError:
+        return None
+    if len(offsets) > 1:  # the clock changed, or zones are mixed
+        stamps = stamps - np.array([_offset(match[3] or "") for match in matched], dtype=np.int64)
+    return stamps
+
+
+def _alike(cells: Sequence[str]) -> Index | None:
+    """Return nanoseconds since 1970 of stamps that are written alike, much faster; None if they are not."""
+    first = ISO.fullmatch(cells[0])
+    if not first or "," in cells[0]:
+        return None
+    length, end, size = first.end(2), cells[0][first.end(2) :], len(cells[0])
+    if any(len(cell) != size or not cell.endswith(end) for cell in cells):
+        return None
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # NumPy warns of an offset from UTC within a stamp
+            return np.asarray(np.array([cell[:length] for cell in cells], dtype="datetime64[ns]").astype(np.int64))
+    except (ValueError, UserWarning):
+        return None
+
+
+def clock_seconds(cells: Sequence[str]) -> Array | None:
+    """Return seconds since midnight of clock times; None if one is no valid clock time."""
+    found = [CLOCK.fullmatch(cell.strip()) for cell in cells]
+    if not all(found):
+        return None
+    return np.array(
+        [
+            3600.0 * int(match[1] or 0) + 60.0 * int(match[2]) + float(match[3].replace(",", "."))
+            for match in found
+            if match
+        ]
+    )
+
+
+def over_midnight(seconds: Array) -> Array:
+    """Return clock times with a day added at each midnight."""
+    nights = np.concatenate([[0.0], np.cumsum(np.diff(seconds) < -HALF_DAY)])
+    return np.asarray(seconds + 2 * HALF_DAY * nights)
+
+
+def _offset(text: str) -> int:
+    """Return the nanoseconds of an offset from UTC."""
+    digits = text[1:].replace(":", "")
+    if not digits.isdigit():
+        return 0
+    seconds = 3600 * int(digits[:2]) + 60 * int(digits[2:] or 0)
+    return (-1 if text[0] == "-" else 1) * seconds * 10**9
 
 
 @dataclass(frozen=True)

@@ -42,12 +42,15 @@ class TableHead:
         Separators and marks of its cells.
     first : int
         Index of its first row among the lines.
+    rows : list of list of str
+        Cells of its rows among the lines.
     kinds : tuple of str
         Content of most cells of each column.
     """
 
     dialect: Dialect
     first: int
+    rows: list[list[str]]
     kinds: tuple[Kind, ...]
 
     @property
@@ -55,43 +58,29 @@ class TableHead:
         """Number of columns."""
         return len(self.kinds)
 
-
-@dataclass(frozen=True)
-class _Run:
-    dialect: Dialect
-    first: int
-    rows: list[list[str]]
-    kinds: tuple[Kind, ...]
-
     @property
     def words(self) -> float:
         """Share of columns of words."""
-        return self.kinds.count("word") / len(self.kinds)
+        return self.kinds.count("word") / self.width
 
 
 def find_table(lines: Sequence[str], numbers: Sequence[int], path: str) -> TableHead:
-    """Return the table in the first lines of a file, whose line numbers are ``numbers``.
-
-    Raises
-    ------
-    InputError
-        If there is no table of numbers, or its delimiter or decimal sign is ambiguous.
-    """
+    """Return the table in the first lines of a file, whose line numbers are ``numbers``; refuse any ambiguity."""
     text = "".join(lines)
     possible = [dialect for dialect in DIALECTS if dialect.delimiter in {*text, " "} and dialect.decimal in text + "."]
     runs = [run for dialect in possible if (run := _longest_run(dialect, lines))]
     if not runs:
         raise InputError("has no rows of numbers; needs a table with a row per sample", path)
-    best = min(runs, key=lambda run: (run.words, len(run.kinds) == 1, -len(run.rows)))
+    best = min(runs, key=lambda run: (run.words, run.width == 1, -len(run.rows)))
     _check_commas(best, numbers, path)
     rival = next((run for run in runs if _rivals(run, best)), None)
     if rival:
         line = lines[best.first].strip()[:40]
         raise InputError(f"line {numbers[best.first]}: the commas in {line!r} are ambiguous; {SEPARATORS}", path)
-    return TableHead(best.dialect, best.first, best.kinds)
+    return best
 
 
-def _longest_run(dialect: Dialect, lines: Sequence[str]) -> _Run | None:
+def _longest_run(dialect: Dialect, lines: Sequence[str]) -> TableHead | None:
     """Return the rows of the table that a dialect finds."""
     split = [[] if is_comment(line) or not line.strip() else dialect.split(line) for line in lines]
     kinds = [[dialect.kind(cell) for cell in cells] for cells in split]
@@ -115,7 +104,7 @@ def _longest_run(dialect: Dialect, lines: Sequence[str]) -> _Run | None:
     usual = tuple(_usual([kinds[k][column] for k in inside]) for column in range(width))
     first = next((k for k in range(start) if len(kinds[k]) == width and _fits(kinds[k], usual)), start)
     rows = [split[k] for k in range(first, len(lines)) if len(split[k]) == width]
-    return _Run(dialect, first, rows, usual)
+    return TableHead(dialect, first, rows, usual)
 
 
 def _is_data(kinds: Sequence[Kind]) -> bool:
@@ -124,11 +113,10 @@ def _is_data(kinds: Sequence[Kind]) -> bool:
 
 def _usual(kinds: Sequence[Kind]) -> Kind:
     """Return what most cells of a column hold; gaps count only if there is nothing else."""
-    counts = {kind: kinds.count(kind) for kind in ("number", "stamp", "word")}
-    most = max(counts.values())
-    if not most:
-        return "gap"
-    return next(kind for kind in ("number", "stamp", "word") if counts[kind] == most)
+    possible: tuple[Kind, ...] = ("number", "stamp", "word")
+    counts = {kind: kinds.count(kind) for kind in possible}
+    most = max(counts, key=lambda kind: counts[kind])
+    return most if counts[most] else "gap"
 
 
 def _fits(kinds: Sequence[Kind], usual: Sequence[Kind]) -> bool:
@@ -139,14 +127,14 @@ def _fits(kinds: Sequence[Kind], usual: Sequence[Kind]) -> bool:
     )
 
 
-def _rivals(run: _Run, best: _Run) -> bool:
+def _rivals(run: TableHead, best: TableHead) -> bool:
     """Return whether another reading of the commas explains the table as well."""
     if (run.dialect.delimiter == ",") == (best.dialect.delimiter == ","):
         return False
-    return len(run.kinds) > 1 and run.words <= best.words and len(run.rows) >= len(best.rows)
+    return run.width > 1 and run.words <= best.words and len(run.rows) >= len(best.rows)
 
 
-def _check_commas(run: _Run, numbers: Sequence[int], path: str) -> None:
+def _check_commas(run: TableHead, numbers: Sequence[int], path: str) -> None:
     """Check that commas and points can be read in one way only."""
     cells = [cell for row in run.rows for cell in row]
     where = f"{path}, line {numbers[run.first]}"

@@ -1,57 +1,48 @@
-"""Names and units above a table in text.
+"""Names and units above a table in text, and the tracks of points that they name.
 
 The rows directly above the numbers that have as many cells as the table hold the names and, if there are two or more,
 the units.  A comment can be such a row, as in the files that ``numpy.savetxt`` writes.  Everything further up is
 metadata.  A unit counts only if it is certain; a doubtful one is kept as text, so that it is asked for.
+
+Programs that track body parts or markers in videos, such as DeepLabCut and SLEAP, give the likelihood of each point.
+DeepLabCut writes the rows ``scorer``, ``individuals`` (if there are several), ``bodyparts`` and ``coords`` above the
+numbers; coordinates are in pixels, and the first column counts the frames.  In any table, a column such as
+``tip_likelihood`` or ``tip.score`` belongs to the columns ``tip_x`` and ``tip_y``.  A point whose likelihood is below
+``LEAST_LIKELIHOOD`` is a gap.
+
+References
+----------
+A. Mathis et al., DeepLabCut: markerless pose estimation of user-defined body parts with deep learning, Nature
+Neuroscience 21 (2018); the limit 0.6 is its default.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
+
+import numpy as np
 
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.channel import Contents, RecordedChannel
 from ancf_casadi.records.reading.text.cells import is_comment, uncommented
 from ancf_casadi.records.reading.text.dialect import SEPARATORS, TableHead
-from ancf_casadi.records.reading.text.pose import pose_names
-from ancf_casadi.records.time_names import names_time
-from ancf_casadi.records.unit_names import unit_in_name
+from ancf_casadi.records.unit_names import names_time, unit_in_name, unit_of
 from ancf_casadi.records.units import Unit, parse_unit
 from ancf_casadi.support.inputs import shown
 
 BRACKETED = re.compile(r"[(\[{<][^()\[\]{}<>]*[)\]}>]")
 NONE = frozenset({"", "-", "--", "[]", "()", "[-]", "(-)", "1", "none"})
 ABOUT_UNITS = re.compile(r"\b(?:units?|einheit(?:en)?|unités?|unidad(?:es)?)\b", re.IGNORECASE)
+LEAST_LIKELIHOOD = 0.6  # likelihood of a point that counts
+LIKELIHOOD = re.compile(r"(.*[^\s_.])[ _.]+(?:likelihood|score|confidence|conf)", re.IGNORECASE | re.DOTALL)
+COORDINATE = re.compile(r"(.*[^\s_.])[ _.]+[xyz](?:[ _(\[].*)?", re.IGNORECASE | re.DOTALL)
+Head = tuple[str, str, Unit | None]  # name of a column, its unit as written, and the meaning of the unit
 
 
-@dataclass(frozen=True)
-class Heading:
-    """Name and unit of each column.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Name of each column.
-    symbols : tuple of str
-        Unit of each as written; empty if there is none.
-    units : tuple of Unit or None
-        Meaning of each unit; None if there is none, or if it is not understood.
-    """
-
-    names: tuple[str, ...]
-    symbols: tuple[str, ...]
-    units: tuple[Unit | None, ...]
-
-
-def read_heading(above: Sequence[tuple[int, str]], table: TableHead, path: str) -> Heading:
-    """Return the names and units from the lines above a table, given with their numbers.
-
-    Raises
-    ------
-    InputError
-        If a line above has numbers, but not as many as the table, or half as many names.
-    """
+def read_heading(above: Sequence[tuple[int, str]], table: TableHead, path: str) -> list[Head]:
+    """Return names and units from the lines above a table, given with their numbers; refuse rows of another width."""
     filled = [(number, line) for number, line in above if line.strip()]
     rows: list[list[str]] = []
     below = 0
@@ -73,7 +64,7 @@ def read_heading(above: Sequence[tuple[int, str]], table: TableHead, path: str) 
     if about is None:
         return heading
     doubtful = shown(uncommented(about))
-    return Heading(heading.names, tuple(symbol or doubtful for symbol in heading.symbols), heading.units)
+    return [(name, symbol or doubtful, unit) for name, symbol, unit in heading]
 
 
 def _cells(line: str, table: TableHead) -> list[str] | None:
@@ -119,26 +110,19 @@ def _columns(count: int) -> str:
     return f"{count} column{'' if count == 1 else 's'}"
 
 
-def _heading(rows: list[list[str]], table: TableHead) -> Heading:
+def _heading(rows: list[list[str]], table: TableHead) -> list[Head]:
     """Return names and units from the rows that head the table."""
     numbered = [f"column {k + 1}" for k in range(table.width)]
     if not rows:
-        return Heading(tuple(numbered), ("",) * table.width, (None,) * table.width)
-    tracks = pose_names(rows)
+        return [(name, "", None) for name in numbered]
+    tracks = _pose_heading(rows)
     if tracks:
-        return Heading(*tracks, tuple(map(parse_unit, tracks[1])))
+        return tracks
     written = _units_row(rows)
     names = numbered if written is not None and len(rows) == 1 else [row for row in rows if row is not written][-1]
     names = [name or default for name, default in zip(names, numbered, strict=True)]
-    found = [unit_in_name(name) for name in names]
-    if written is None:
-        return Heading(tuple(names), tuple(text for text, _ in found), tuple(unit for _, unit in found))
-    symbols, units = [], []
-    for cell, (text, unit) in zip(written, found, strict=True):
-        plain = "" if cell in NONE else cell.strip("()[]{}<>").strip()
-        symbols.append(plain or text)
-        units.append(parse_unit(plain) if plain else unit)
-    return Heading(tuple(names), tuple(symbols), tuple(units))
+    symbols = ["" if cell in NONE else cell.strip("()[]{}<>").strip() for cell in written or [""] * table.width]
+    return [(name, *unit_of(symbol, name)) for name, symbol in zip(names, symbols, strict=True)]
 
 
 def _units_row(rows: list[list[str]]) -> list[str] | None:
@@ -151,3 +135,38 @@ def _units_row(rows: list[list[str]]) -> list[str] | None:
     if len(rows) == 1 or any(names_time(cell) or unit_in_name(cell)[1] for cell in rows[-1]):
         return None
     return rows[-1]
+
+
+def _pose_heading(rows: Sequence[Sequence[str]]) -> list[Head]:
+    """Return names and units of the columns below a DeepLabCut header; empty if the rows are none."""
+    if len(rows) < 2 or rows[-1][0].casefold() != "coords":
+        return []
+    parts = [row for row in rows if row[0].casefold() in ("individuals", "bodyparts", "coords")]
+    names = ["frame", *(" ".join(cells) for cells in zip(*(row[1:] for row in parts), strict=True))]
+    return [(name, "px", parse_unit("px")) if COORDINATE.fullmatch(name) else (name, "", None) for name in names]
+
+
+def without_unlikely(contents: Contents) -> Contents:
+    """Return the columns with gaps where the likelihood of a point is low, and without the likelihoods."""
+    likelihoods = {}
+    for channel in contents.channels:
+        match = LIKELIHOOD.fullmatch(channel.name)
+        if match and not channel.fault:
+            likelihoods[match[1].casefold()] = channel
+    tracks = {match[1].casefold() for channel in contents.channels if (match := COORDINATE.fullmatch(channel.name))}
+    likelihoods = {stem: channel for stem, channel in likelihoods.items() if stem in tracks}
+    if not likelihoods:
+        return contents
+    masked: list[RecordedChannel] = []
+    points = 0
+    for channel in contents.channels:
+        match = COORDINATE.fullmatch(channel.name)
+        likelihood = likelihoods.get(match[1].casefold()) if match else None
+        if likelihood and not channel.fault:
+            doubtful = ~(likelihood.values >= LEAST_LIKELIHOOD)
+            points += int(np.sum(doubtful & ~np.isnan(channel.values)))
+            channel = replace(channel, values=np.where(doubtful, np.nan, channel.values))
+        if channel not in likelihoods.values():
+            masked.append(channel)
+    note = f"{points} coordinates with a likelihood below {LEAST_LIKELIHOOD:g} are gaps"
+    return Contents(tuple(masked), (*contents.notes, note), contents.lines)

@@ -1,11 +1,14 @@
-"""Reading of tables in plain text: comma, semicolon, tab or spaces, with or without names, units and metadata.
+r"""Reading of tables in plain text: comma, semicolon, tab or spaces, with or without names, units and metadata.
 
-The first lines tell how the table is written (``dialect``, ``header``).  NumPy then reads blocks of plain numbers.  A
-block with quoted cells, words, times, comments or a fault is split in Python, so that a fault is named by its line.
+The file is read in blocks of complete lines, which end in ``\n``, whatever the file uses.  UTF-16 is converted to
+UTF-8; UTF-8 and Latin-1 stay bytes, because the numbers are the same in both.  The first lines tell how the table is
+written (``dialect``, ``header``).  NumPy then reads blocks of plain numbers.  A block with quoted cells, words, times,
+comments or a fault is split in Python, so that a fault is named by its line.
 """
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 from collections.abc import Iterator, Sequence
@@ -14,31 +17,82 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from tqdm import tqdm
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.records.channel import Contents, RecordedChannel
-from ancf_casadi.records.reading.text.blocks import decoded, text_blocks
-from ancf_casadi.records.reading.text.cells import Dialect, is_comment
+from ancf_casadi.records.reading.text.cells import Dialect, clock_seconds, is_comment, iso_nanoseconds, over_midnight
 from ancf_casadi.records.reading.text.dialect import TableHead, find_table
-from ancf_casadi.records.reading.text.header import Heading, read_heading
-from ancf_casadi.records.reading.text.pose import without_unlikely
-from ancf_casadi.records.reading.text.stamps import clock_seconds, iso_nanoseconds, over_midnight
+from ancf_casadi.records.reading.text.header import Head, read_heading, without_unlikely
 from ancf_casadi.records.units import parse_unit
 from ancf_casadi.support.arrays import Array, Index
 
+BLOCK_BYTES = 4 * 2**20  # bytes
+MOST_LINE_BYTES = 2**20  # bytes
+MARKS = (
+    (codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF32_LE, "utf-32-le"), (codecs.BOM_UTF32_BE, "utf-32-be"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"),
+)  # fmt: skip
 CLOCKS = "; write times as 2024-05-17T09:30:00.125, as 09:30:00.125, or in s"
 DIGIT_BYTES = b"0123456789+-eE \t\n"
 NUMBER_BYTES = {".": DIGIT_BYTES + b".", ",": DIGIT_BYTES + b","}
 
 
-def read_text(path: Path, *, progress: bool = False) -> Contents:
-    """Read a table in plain text.
+def text_blocks(path: Path, *, progress: bool = False) -> Iterator[bytes]:
+    """Yield blocks of complete lines; refuse what is no text, and lines of more than 1 MiB."""
+    with (
+        open(path, "rb") as file,
+        tqdm(
+            total=path.stat().st_size, disable=None if progress else True, delay=1.0, leave=False,
+            unit="B", unit_scale=True, desc=path.name,
+        ) as bar,
+    ):  # fmt: skip
+        encoding, mark = _encoding(file.read(4096))
+        file.seek(mark)
+        decoder = None if encoding == "utf-8" else codecs.getincrementaldecoder(encoding)(errors="replace")
+        rest = b""
+        while read := file.read(BLOCK_BYTES):
+            bar.update(len(read))
+            block = rest + (decoder.decode(read).encode(errors="replace") if decoder else read)
+            if b"\0" in block:
+                raise InputError("is not text, and no other format that is known", str(path))
+            end = 1 + max(block.rfind(b"\n"), block.rfind(b"\r", 0, -1))  # a final \r may belong to \r\n
+            rest = block[end:]
+            if len(rest) > MOST_LINE_BYTES:
+                raise InputError(f"has a line of more than {MOST_LINE_BYTES >> 20} MiB, and is no table", str(path))
+            if end:
+                yield _plain_ends(block[:end])
+        if rest:
+            yield _plain_ends(rest)
 
-    Raises
-    ------
-    InputError
-        If there is no table of numbers, or a row has too few or too many cells; the message names the line.
-    """
+
+def decoded(block: bytes) -> str:
+    """Return a block as text: UTF-8, or Latin-1 if it is not UTF-8."""
+    try:
+        return block.decode()
+    except UnicodeDecodeError:
+        return block.decode("latin-1")
+
+
+def _encoding(start: bytes) -> tuple[str, int]:
+    """Return the encoding of a file, and the length of its byte-order mark."""
+    for mark, encoding in MARKS:
+        if start.startswith(mark):
+            return encoding, len(mark)
+    half = len(start) // 2
+    for first, encoding in ((1, "utf-16-le"), (0, "utf-16-be")):
+        # share of zero bytes in every other place that tells UTF-16 without a byte-order mark
+        if half > 3 and start[first::2].count(0) > 0.8 * half and not start[1 - first :: 2].count(0):
+            return encoding, 0
+    return "utf-8", 0
+
+
+def _plain_ends(block: bytes) -> bytes:
+    return block.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in block else block
+
+
+def read_text(path: Path, *, progress: bool = False) -> Contents:
+    """Read a table in plain text; refuse a row with too few or too many cells by its line."""
     blocks = text_blocks(path, progress=progress)
     first = next(blocks, b"")
     lines, numbers = _head(first)
@@ -58,7 +112,7 @@ def _head(block: bytes) -> tuple[list[str], list[int]]:
     """Return the first lines as text, with their numbers; a line break within quotes does not end a line."""
     start = block[:200_000]  # looked at to recognise the table
     if len(start) < len(block):
-        end = max(start.rfind(b"\n"), _end_of_line(block, 4))
+        end = max(start.rfind(b"\n"), len(b"\n".join(block.split(b"\n", 4)[:4])))  # four lines at least
         start = block[:end]
     physical = decoded(start).split("\n")[:1000]
     lines: list[str] = []
@@ -71,15 +125,6 @@ def _head(block: bytes) -> tuple[list[str], list[int]]:
         numbers.append(k + 1)
         k += count
     return lines, numbers
-
-
-def _end_of_line(block: bytes, count: int) -> int:
-    end = -1
-    for _ in range(count):
-        end = block.find(b"\n", end + 1)
-        if end < 0:
-            return len(block)
-    return end
 
 
 @dataclass(eq=False)
@@ -181,12 +226,12 @@ class _Reader:
             return None
         return np.asarray(1e-9 * (stamps - self.first_stamps.setdefault(k, int(stamps[0]))))
 
-    def contents(self, heading: Heading) -> Contents:
+    def contents(self, heading: Sequence[Head]) -> Contents:
         """Return the columns."""
         if not self.blocks:
             raise InputError("has no rows of numbers; needs a table with a row per sample", self.path)
         channels = []
-        for k, (name, symbol, unit) in enumerate(zip(heading.names, heading.symbols, heading.units, strict=True)):
+        for k, (name, symbol, unit) in enumerate(heading):
             values = np.concatenate([block[:, k] for block in self.blocks])
             if self.table.kinds[k] == "gap" and np.isnan(values).all():
                 continue

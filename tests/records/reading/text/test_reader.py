@@ -139,7 +139,7 @@ def test_blocks_and_rows_give_the_same_record_or_message(csv, monkeypatch, text,
 def test_plain_numbers_are_read_in_blocks(csv, monkeypatch, capsys):
     """A row by itself takes about ten times as long."""
     monkeypatch.setattr(reader._Reader, "_cells", None)
-    monkeypatch.setattr("ancf_casadi.records.reading.text.blocks.BLOCK_BYTES", 5000)
+    monkeypatch.setattr("ancf_casadi.records.reading.text.reader.BLOCK_BYTES", 5000)
     text = "t,x,y\n" + "".join(f"{k},{k / 7!r},1\n" for k in range(950))
     record = Measurement.from_file(csv(text), "x", progress=True)
     assert record.values.tolist() == [k / 7 for k in range(950)]

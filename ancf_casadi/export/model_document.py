@@ -6,33 +6,55 @@ the last bit.  ``structs`` describes its layout.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import msgspec
-from msgspec.structs import asdict
+import numpy as np
+from msgspec import UNSET
+from msgspec.structs import asdict, replace
 
-from ancf_casadi.damping import DampingLaw, ModalDamping, SumOfLaws
+from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping, RayleighDamping, SumOfLaws
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.conversion import beam_data, law_data, law_from, model_from
-from ancf_casadi.export.document.identification import DataFile, Identification, Provenance
-from ancf_casadi.export.document.strict_json import place, read_json
-from ancf_casadi.export.document.structs import (
+from ancf_casadi.export.identification import Identification, Provenance
+from ancf_casadi.export.strict_json import place, read_json
+from ancf_casadi.export.structs import (
     DOCUMENT_FORMAT,
     DOCUMENT_VERSION,
+    BeamData,
     DocumentData,
+    EquilibriumData,
+    FrictionData,
     IdentificationData,
+    LawData,
+    ModalData,
+    ModesData,
     ProvenanceData,
+    QuadraticData,
+    RayleighData,
     StrainMeasuresData,
+    SumData,
     data_of,
     read,
 )
+from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
+from ancf_casadi.mechanics.strain import StrainMeasures
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.files import check_file, write_file
 from ancf_casadi.support.inputs import check_instance, is_sequence, located, shown
 from ancf_casadi.support.tables import to_json
+from ancf_casadi.vibration.equilibrium import Equilibrium
+from ancf_casadi.vibration.modes import Modes
+
+COEFFICIENT_LAWS: dict[type[LawData], type[DampingLaw]] = {
+    RayleighData: RayleighDamping,
+    QuadraticData: QuadraticDamping,
+    FrictionData: FrictionDamping,
+}  # laws whose fields are coefficients only
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,4 +192,78 @@ def _document(data: DocumentData) -> Document:
 
 def _identification(data: IdentificationData, where: str) -> Identification:
     with located(where):
-        return Identification(data.kind, data.result, [DataFile(file.name, file.sha256) for file in data.data])
+        return Identification(data.result, data.data)
+
+
+def beam_data(beam: Beam) -> BeamData:
+    """Return the fields of a beam."""
+    data = data_of(beam, BeamData)
+    return replace(data, clamp_stiffness=None) if math.isinf(beam.clamp_stiffness) else data
+
+
+def law_data(law: DampingLaw, model: Model) -> LawData:
+    """Return the fields of a damping law, for a document that holds a model; refuse a law without a layout."""
+    if isinstance(law, ModalDamping):
+        return ModalData(tuple(law.ratios), tuple(law.frequencies or ()), _modes_data(law.modes, model))
+    if isinstance(law, SumOfLaws):
+        return SumData(tuple(law_data(term, model) for term in law.laws))
+    for data, kind in COEFFICIENT_LAWS.items():
+        if isinstance(law, kind):
+            return data_of(law, data)
+    known = ", ".join([*(kind.__name__ for kind in COEFFICIENT_LAWS.values()), ModalDamping.__name__])
+    message = f"a {type(law).__name__} cannot be written to a document; only {known} and their sums can"
+    raise InputError(message, "damping")
+
+
+def model_from(beam: BeamData, measures: StrainMeasuresData, where: str) -> Model:
+    """Return the model that a document holds at a place; refuse values that make no beam."""
+    given = asdict(beam) | {"clamp_stiffness": math.inf if beam.clamp_stiffness is None else beam.clamp_stiffness}
+    with located(place(where, "beam")):
+        known = Beam(**given)
+    with located(place(where, "strain_measures")):
+        return Model(known, StrainMeasures(**asdict(measures)))
+
+
+def law_from(data: LawData, model: Model, where: str) -> DampingLaw:
+    """Return the damping law that a document holds at a place, beside a model; refuse values that make no law."""
+    if isinstance(data, SumData):
+        at = place(where, "laws")
+        return SumOfLaws(tuple(law_from(term, model, place(at, k)) for k, term in enumerate(data.laws)))
+    if isinstance(data, ModalData):
+        modes = _modes_from(data.modes, model, place(where, "modes"))
+        with located(where):
+            return ModalDamping(modes, data.ratios, frequencies=data.frequencies)
+    with located(where):
+        return COEFFICIENT_LAWS[type(data)](**asdict(data))
+
+
+def _modes_data(modes: Modes, model: Model) -> ModesData:
+    rest, own = modes.equilibrium, modes.model != model
+    if rest.loads:
+        raise InputError("refer to an equilibrium under loads away from the tip, which a document cannot hold", "modes")
+    return ModesData(
+        frequencies=tuple(modes.frequencies.tolist()),
+        shapes=tuple(map(tuple, modes.shapes.T.tolist())),
+        equilibrium=EquilibriumData(tuple(rest.coordinates.tolist()), rest.tip_force, rest.tip_moment),
+        beam=beam_data(modes.model.beam) if own else UNSET,
+        strain_measures=data_of(modes.model.measures, StrainMeasuresData) if own else UNSET,
+    )
+
+
+def _modes_from(data: ModesData, model: Model, where: str) -> Modes:
+    if data.beam is not UNSET and data.strain_measures is not UNSET:
+        model = model_from(data.beam, data.strain_measures, where)
+    at, count = place(where, "shapes"), len(data.frequencies)
+    if len(data.shapes) != count:
+        raise InputError(f"has {len(data.shapes)} shapes for {count} frequencies", at)
+    shapes = [_coordinates(shape, model, place(at, k)) for k, shape in enumerate(data.shapes)]
+    rest = data.equilibrium
+    coordinates = _coordinates(rest.coordinates, model, f"{where}.equilibrium.coordinates")
+    equilibrium = Equilibrium(model, coordinates, rest.tip_force, rest.tip_moment)
+    return Modes(equilibrium, np.array(data.frequencies), np.ascontiguousarray(np.array(shapes).T))
+
+
+def _coordinates(values: tuple[float, ...], model: Model, where: str) -> Array:
+    if len(values) != model.size:
+        raise InputError(f"has {len(values)} values for {model.size} coordinates", where)
+    return np.array(values)

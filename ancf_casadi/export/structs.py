@@ -22,7 +22,10 @@ Unknown keys are refused, and a key may be left out only if it has a default her
 
 from __future__ import annotations
 
+import hashlib
+import os
 import re
+from pathlib import Path
 from typing import Annotated, Any, Final, Literal, TypeVar, get_args
 
 import msgspec
@@ -30,7 +33,9 @@ from msgspec import UNSET, Meta, Struct, UnsetType
 
 from ancf_casadi.damping import ProportionalStiffness
 from ancf_casadi.exceptions import InputError
+from ancf_casadi.export.strict_json import check
 from ancf_casadi.mechanics.strain import AxialStrain, Curvature
+from ancf_casadi.support.files import opened
 from ancf_casadi.support.inputs import shown
 
 DOCUMENT_FORMAT: Final = "ancf-casadi"
@@ -53,7 +58,11 @@ Time = Annotated[
 ]
 
 
-class BeamData(Struct, frozen=True, forbid_unknown_fields=True):
+class DocumentObject(Struct, frozen=True, forbid_unknown_fields=True):
+    """An object of the document, with no other keys than its fields."""
+
+
+class BeamData(DocumentObject, frozen=True):
     """Fields of ``Beam`` (m, kg/m^3, Pa, m/s^2, kg, N m/rad); the axis is a unit vector, a rigid clamp is null."""
 
     length: Positive
@@ -67,7 +76,7 @@ class BeamData(Struct, frozen=True, forbid_unknown_fields=True):
     clamp_stiffness: Positive | None = None
 
 
-class StrainMeasuresData(Struct, frozen=True, forbid_unknown_fields=True):
+class StrainMeasuresData(DocumentObject, frozen=True):
     """The fields of ``StrainMeasures``."""
 
     axial: AxialStrain
@@ -76,7 +85,7 @@ class StrainMeasuresData(Struct, frozen=True, forbid_unknown_fields=True):
     bending_points: Points
 
 
-class EquilibriumData(Struct, frozen=True, forbid_unknown_fields=True):
+class EquilibriumData(DocumentObject, frozen=True):
     """An equilibrium: nodal coordinates (positions in m, slopes), tip force (N) and tip moment (N m)."""
 
     coordinates: tuple[float, ...]
@@ -84,7 +93,7 @@ class EquilibriumData(Struct, frozen=True, forbid_unknown_fields=True):
     tip_moment: float
 
 
-class ModesData(Struct, frozen=True, forbid_unknown_fields=True):
+class ModesData(DocumentObject, frozen=True):
     """Natural modes of the document's beam, or of a beam of their own; one list of nodal coordinates per mode."""
 
     frequencies: Frequencies
@@ -99,7 +108,7 @@ class ModesData(Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError("must have both of beam and strain_measures, or neither")
 
 
-class RayleighData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="rayleigh"):
+class RayleighData(DocumentObject, frozen=True, tag_field="law", tag="rayleigh"):
     """Rayleigh (proportional) damping, alpha M + beta K; alpha in 1/s, beta in s."""
 
     alpha: NotNegative
@@ -107,21 +116,21 @@ class RayleighData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="l
     stiffness: ProportionalStiffness
 
 
-class QuadraticData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="quadratic"):
+class QuadraticData(DocumentObject, frozen=True, tag_field="law", tag="quadratic"):
     """Air drag, linear (eta1 in 1/s) and quadratic (eta2 in 1/m) in the velocity."""
 
     eta1: NotNegative
     eta2: NotNegative
 
 
-class FrictionData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="friction"):
+class FrictionData(DocumentObject, frozen=True, tag_field="law", tag="friction"):
     """Dry friction along the beam; eta0 in m/s^2, smoothing_speed in m/s."""
 
     eta0: NotNegative
     smoothing_speed: Positive
 
 
-class ModalData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="modal"):
+class ModalData(DocumentObject, frozen=True, tag_field="law", tag="modal"):
     """Modal (generic) damping, M Phi diag(2 zeta omega) Phi^T M; one ratio and one measured frequency per mode."""
 
     ratios: Annotated[tuple[Ratio, ...], Meta(min_length=1)]
@@ -132,7 +141,7 @@ class ModalData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law"
     ]
 
 
-class SumData(Struct, frozen=True, forbid_unknown_fields=True, tag_field="law", tag="sum"):
+class SumData(DocumentObject, frozen=True, tag_field="law", tag="sum"):
     """Laws that act together."""
 
     laws: Annotated[tuple[LawData, ...], Meta(min_length=1)]
@@ -148,22 +157,64 @@ TAGS = {  # allowed values of the keys that hold a name
 }
 
 
-class DataFileData(Struct, frozen=True, forbid_unknown_fields=True):
-    """Name and SHA-256 of a file of measurements."""
+class DataFile(DocumentObject, frozen=True):
+    """Name and hash of a file of measurements.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file, without folders.
+    sha256 : str
+        SHA-256 of the content, 64 hexadecimal digits.
+
+    Raises
+    ------
+    InputError
+        If the name is empty, or the hash does not have 64 hexadecimal digits.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from ancf_casadi.export import DataFile
+    >>> _ = Path("decay.csv").write_text("0.0,1.0")
+    >>> file = DataFile.of("decay.csv")
+    >>> file.name, file.sha256[:8]
+    ('decay.csv', 'f6478e63')
+    """
 
     name: NotEmpty
     sha256: Hash
 
+    def __post_init__(self) -> None:
+        """Validate."""
+        for key, kind in (("name", NotEmpty), ("sha256", Hash)):
+            check(data_of(getattr(self, key), kind, key), key)
 
-class IdentificationData(Struct, frozen=True, forbid_unknown_fields=True):
-    """The result of a fit: values, standard errors, intervals, covariance, warnings; null is unknown or not finite."""
+    @classmethod
+    def of(cls, path: str | Path) -> DataFile:
+        """Return name and hash of a file.
 
-    kind: NotEmpty
+        Raises
+        ------
+        InputError
+            If the file cannot be read.
+        """
+        digest = hashlib.sha256()
+        with opened(path) as file:
+            while chunk := file.read(2**20):  # bytes
+                digest.update(chunk)
+        name = os.fsencode(Path(path).name).decode(errors="replace")
+        return cls(name, digest.hexdigest())
+
+
+class IdentificationData(DocumentObject, frozen=True):
+    """The result of a fit: kind, estimates, intervals, covariance, warnings; null is unknown or not finite."""
+
     result: dict[str, Any]
-    data: tuple[DataFileData, ...]
+    data: tuple[DataFile, ...]
 
 
-class ProvenanceData(Struct, frozen=True, forbid_unknown_fields=True):
+class ProvenanceData(DocumentObject, frozen=True):
     """Time of writing (UTC), versions of the programs, and a note."""
 
     written: Time
@@ -171,7 +222,7 @@ class ProvenanceData(Struct, frozen=True, forbid_unknown_fields=True):
     note: str
 
 
-class DocumentData(Struct, frozen=True, forbid_unknown_fields=True):
+class DocumentData(DocumentObject, frozen=True):
     """A beam with its damping law and its identifications; SI units, and no key twice in an object."""
 
     format: Literal["ancf-casadi"]
@@ -184,13 +235,7 @@ class DocumentData(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def read(data: dict[str, Any]) -> DocumentData:
-    """Return plain data as a document.
-
-    Raises
-    ------
-    InputError
-        If the data have another layout; the message names the place, such as ``$.damping.laws[0].alpha``.
-    """
+    """Return plain data as a document; refuse another layout by its place, such as ``$.damping.laws[0].alpha``."""
     if data.get("format") != DOCUMENT_FORMAT:
         raise InputError(f"must be {DOCUMENT_FORMAT!r}: the file is not a document of this toolkit", "$.format")
     version = data.get("schema")
@@ -203,13 +248,7 @@ def read(data: dict[str, Any]) -> DocumentData:
 
 
 def data_of(source: Any, kind: type[Data], where: str = "") -> Data:
-    """Return plain data, or the attributes of an object, as data of the layout.
-
-    Raises
-    ------
-    InputError
-        If a key or a value does not fit the layout.
-    """
+    """Return plain data, or the attributes of an object, as data of the layout; refuse what does not fit it."""
     try:
         return msgspec.convert(source, kind, from_attributes=True)
     except msgspec.ValidationError as error:
@@ -229,7 +268,10 @@ def schema() -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "$id": f"urn:{DOCUMENT_FORMAT}:document:{DOCUMENT_VERSION}",
     }
-    return head | msgspec.json.schema(DocumentData)
+    found = msgspec.json.schema(DocumentData)
+    for part in found["$defs"].values():
+        part["description"] = part["description"].partition("\n")[0]
+    return head | found
 
 
 def _refusal(message: str, where: str) -> InputError:

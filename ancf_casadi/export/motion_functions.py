@@ -9,14 +9,13 @@ properties of the elements, parameters of the damping law), Eq. (6) with damping
 
 The mass matrix, Eq. (7), depends on p but not on the motion, and it does not couple x and y.  ``rhs`` factorises it in
 each call, in linear time.  ``signals`` names every entry of q, v, base and p.  All Functions are MX Functions and
-differentiable.  ``statics`` states the range of ``equilibrium`` and ``frequencies``.
+differentiable.  ``solved_functions`` has ``equilibrium``, ``frequencies`` and ``step``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from types import NoneType
 
 import casadi as cs
@@ -32,8 +31,7 @@ from ancf_casadi.dynamics.signals import (
     state_signals,
     values,
 )
-from ancf_casadi.export.functions.statics import equilibrium_function, frequencies_function
-from ancf_casadi.export.functions.step import step_function
+from ancf_casadi.export.solved_functions import equilibrium_function, frequencies_function, step_function
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.support.inputs import check_instance, numbers, whole
 from ancf_casadi.vibration.modes import natural_modes
@@ -131,12 +129,26 @@ def beam_functions(
     markers = numbers(markers, "markers")
     points = [cs.DM(model.interpolation(s)) for s in markers]
     first = natural_modes(model, count=whole(modes, "modes", 1, model.size - model.free.start))
-    parameters = parameter_signals(equations)
-    motion = _symbolic_motion(equations, len(parameters))
-    e, balance = motion.e, motion.balance
-    force, jacobians = motion.forces(motion.e_tt), motion.jacobians()
-    of_inputs = {f"dr_d{name}": _jacobian(force, motion.symbols[name]) for name in ("base", "p")}
-    residual = motion.function("residual", ALL, r=force)
+    parameters, free = parameter_signals(equations), model.free
+    size = free.stop - free.start
+    sizes = {"q": size, "v": size, "a": size, "base": len(base_signals()), "p": len(parameters)}
+    symbols = {name: cs.MX.sym(name, size) for name, size in sizes.items()}
+    balance, clamped = equations.balance_for(symbols["p"]), _clamped_node(model, symbols["base"])
+    e, e_t, e_tt = (cs.vertcat(part, symbols[key]) for part, key in zip(clamped, ("q", "v", "a"), strict=True))
+    mass = model.mass(balance.properties)[free, free]
+    stiffness = model.tangent_stiffness(e, balance.properties)[free, free]
+    damping_force = balance.damping(e, e_t)[free]
+    resisting = damping_force + balance.conservative(e)[free]
+    force = balance.inertia(e_tt)[free] + resisting
+    without = balance.inertia(cs.vertcat(clamped[2], cs.MX(size, 1)))[free] + resisting  # at zero acceleration
+    jacobians = {**_state_jacobians(balance, e, e_t, symbols, stiffness), "dr_da": mass}
+    of_inputs = {f"dr_d{name}": _jacobian(force, symbols[name]) for name in ("base", "p")}
+
+    def function(name: str, inputs: Sequence[str], **results: cs.MX) -> cs.Function:
+        """Return a Function of some of the symbols, with named outputs."""
+        return cs.Function(name, [symbols[key] for key in inputs], [*results.values()], [*inputs], [*results])
+
+    residual = function("residual", ALL, r=force)
     equilibrium = equilibrium_function(first.equilibrium, equations, values(parameters))
     return BeamFunctions(
         parameters=parameters,
@@ -144,110 +156,46 @@ def beam_functions(
         base=base_signals(),
         outputs=output_signals(markers),
         residual=residual,
-        residual_jacobians=motion.function("residual_jacobians", ALL, **jacobians, **of_inputs),
-        rhs=motion.function("rhs", MOTION, a=motion.accelerations()),
-        mass=motion.function("mass", ("p",), M=motion.mass),
-        tangent_stiffness=motion.function("tangent_stiffness", (*POSITION, "p"), K=motion.stiffness),
-        damping_force=motion.function("damping_force", MOTION, Q=balance.damping(e, motion.e_t)[model.free]),
-        tip=motion.function("tip", POSITION, r=cs.DM(model.interpolation(model.beam.length)) @ e),
-        markers=motion.function("markers", POSITION, r=cs.horzcat(cs.MX(2, 0), *(point @ e for point in points))),
-        energies=motion.function(
+        residual_jacobians=function("residual_jacobians", ALL, **jacobians, **of_inputs),
+        rhs=function("rhs", MOTION, a=-_divided(without, mass, model)),
+        mass=function("mass", ("p",), M=mass),
+        tangent_stiffness=function("tangent_stiffness", (*POSITION, "p"), K=stiffness),
+        damping_force=function("damping_force", MOTION, Q=damping_force),
+        tip=function("tip", POSITION, r=cs.DM(model.interpolation(model.beam.length)) @ e),
+        markers=function("markers", POSITION, r=cs.horzcat(cs.MX(2, 0), *(point @ e for point in points))),
+        energies=function(
             "energies",
             MOTION,
-            T=cs.dot(motion.e_t, balance.inertia(motion.e_t)) / 2,
+            T=cs.dot(e_t, balance.inertia(e_t)) / 2,
             U=model.strain_energy(e, balance.properties),
             V=-cs.dot(e, model.gravity_force(balance.properties, balance.gravity)),
         ),
         equilibrium=equilibrium,
         frequencies=frequencies_function(first, equations, equilibrium),
-        step=step_function(residual, motion.function("step_jacobians", ALL, **jacobians), first),
+        step=step_function(residual, function("step_jacobians", ALL, **jacobians), first),
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _SymbolicMotion:
-    """A beam in a symbolic state of motion, and the terms of its equation of motion.
-
-    Parameters
-    ----------
-    symbols : dict
-        The symbols q, v, a, base and p.
-    balance : Balance
-        The terms of the equation of motion for the parameters p.
-    clamped : sequence of MX
-        Position, velocity and acceleration of the clamped node.
-    """
-
-    symbols: dict[str, cs.MX]
-    balance: Balance
-    clamped: Sequence[cs.MX]
-
-    @property
-    def model(self) -> Model:
-        """The beam."""
-        return self.balance.equations.model
-
-    @cached_property
-    def e(self) -> cs.MX:
-        """Coordinates of all nodes."""
-        return cs.vertcat(self.clamped[0], self.symbols["q"])
-
-    @cached_property
-    def e_t(self) -> cs.MX:
-        """Velocities of all nodes."""
-        return cs.vertcat(self.clamped[1], self.symbols["v"])
-
-    @cached_property
-    def e_tt(self) -> cs.MX:
-        """Accelerations of all nodes."""
-        return cs.vertcat(self.clamped[2], self.symbols["a"])
-
-    @property
-    def mass(self) -> cs.MX:
-        """Mass matrix of the free coordinates."""
-        return self.model.mass(self.balance.properties)[self.model.free, self.model.free]
-
-    @property
-    def stiffness(self) -> cs.MX:
-        """Tangent stiffness of the free coordinates."""
-        return self.model.tangent_stiffness(self.e, self.balance.properties)[self.model.free, self.model.free]
-
-    def function(self, name: str, inputs: Sequence[str], **outputs: cs.MX) -> cs.Function:
-        """Return a Function of some of the symbols, with named outputs."""
-        return cs.Function(name, [self.symbols[key] for key in inputs], [*outputs.values()], [*inputs], [*outputs])
-
-    def forces(self, e_tt: cs.MX) -> cs.MX:
-        """Return M e_tt + Q_damp + Q_e - Q_g at the free coordinates."""
-        resisting = self.balance.damping(self.e, self.e_t) + self.balance.conservative(self.e)
-        return (self.balance.inertia(e_tt) + resisting)[self.model.free]
-
-    def accelerations(self) -> cs.MX:
-        """Return the accelerations with zero residual: -M^-1 times the residual at zero acceleration."""
-        without = cs.vertcat(self.clamped[2], cs.MX(*self.symbols["a"].shape))
-        return -_divided(self.forces(without), self.mass, self.model)
-
-    def jacobians(self) -> dict[str, cs.MX]:
-        """Return the Jacobians dr_dq, dr_dv and dr_da; the low-rank damping does not depend on q."""
-        balance, free = self.balance, self.model.free
-        local = balance.local_damping(self.e, self.e_t)[free]
-        dr_dv = _jacobian(local, self.symbols["v"])
-        if balance.projection.numel():
-            turned = balance.turned_projection(self.e)[free, :]
-            dr_dv += turned @ cs.diag(balance.modal_coefficients) @ turned.T
-        return {"dr_dq": self.stiffness + _jacobian(local, self.symbols["q"]), "dr_dv": dr_dv, "dr_da": self.mass}
-
-
-def _symbolic_motion(equations: Equations, parameters: int) -> _SymbolicMotion:
-    """Return a motion with new symbols; the clamped node follows from those of the base."""
-    free, clamp = equations.model.free, len(base_signals())
-    sizes = dict.fromkeys(("q", "v", "a"), free.stop - free.start) | {"base": clamp, "p": parameters}
-    symbols = {name: cs.MX.sym(name, size) for name, size in sizes.items()}
-    position, velocity, acceleration = cs.vertsplit(symbols["base"], 3)
+def _clamped_node(model: Model, base: cs.MX) -> list[cs.MX]:
+    """Return position, velocity and acceleration of the clamped node, which follow from those of the base."""
+    position, velocity, acceleration = cs.vertsplit(base, 3)
     t = cs.MX.sym("t")
     displacement = position + velocity * t + acceleration * t**2 / 2
-    (node,) = cs.graph_substitute([clamped_node(equations.model, displacement, t)], [t], [cs.MX(0.0)])
-    clamped = [part[: free.start] for part in cs.vertsplit(node, NODE)]
-    return _SymbolicMotion(symbols, equations.balance_for(symbols["p"]), clamped)
+    (node,) = cs.graph_substitute([clamped_node(model, displacement, t)], [t], [cs.MX(0.0)])
+    return [part[: model.free.start] for part in cs.vertsplit(node, NODE)]
+
+
+def _state_jacobians(
+    balance: Balance, e: cs.MX, e_t: cs.MX, symbols: Mapping[str, cs.MX], stiffness: cs.MX
+) -> dict[str, cs.MX]:
+    """Return the Jacobians dr_dq and dr_dv; the low-rank damping does not depend on q."""
+    free = balance.equations.model.free
+    local = balance.local_damping(e, e_t)[free]
+    dr_dv = _jacobian(local, symbols["v"])
+    if balance.projection.numel():
+        turned = balance.turned_projection(e)[free, :]
+        dr_dv += turned @ cs.diag(balance.modal_coefficients) @ turned.T
+    return {"dr_dq": stiffness + _jacobian(local, symbols["q"]), "dr_dv": dr_dv}
 
 
 def _jacobian(expression: cs.MX, symbol: cs.MX) -> cs.MX:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import datetime
-import hashlib
 import math
-import os
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,63 +16,12 @@ import scipy
 from msgspec import Struct, to_builtins
 
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.document.strict_json import MOST_LEVELS, check, place
-from ancf_casadi.export.document.structs import DataFileData, IdentificationData, ProvenanceData, data_of
-from ancf_casadi.support.files import opened
+from ancf_casadi.export.strict_json import MOST_LEVELS, check, place
+from ancf_casadi.export.structs import DataFile, IdentificationData, ProvenanceData, data_of
 from ancf_casadi.support.inputs import check_instance, is_sequence, shown
 from ancf_casadi.version import __version__
 
 MOST_RESULT_LEVELS = MOST_LEVELS - 4  # of a result, which is four levels deep in a document
-
-
-@dataclass(frozen=True)
-class DataFile:
-    """Name and hash of a file of measurements.
-
-    Parameters
-    ----------
-    name : str
-        Name of the file, without folders.
-    sha256 : str
-        SHA-256 of the content, 64 hexadecimal digits.
-
-    Raises
-    ------
-    InputError
-        If the name is empty, or the hash does not have 64 hexadecimal digits.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from ancf_casadi.export import DataFile
-    >>> _ = Path("decay.csv").write_text("0.0,1.0")
-    >>> file = DataFile.of("decay.csv")
-    >>> file.name, file.sha256[:8]
-    ('decay.csv', 'f6478e63')
-    """
-
-    name: str
-    sha256: str
-
-    def __post_init__(self) -> None:
-        """Validate."""
-        _check(self, DataFileData)
-
-    @classmethod
-    def of(cls, path: str | Path) -> DataFile:
-        """Return name and hash of a file.
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read.
-        """
-        digest = hashlib.sha256()
-        with opened(path) as file:
-            while chunk := file.read(2**20):  # bytes
-                digest.update(chunk)
-        name = os.fsencode(Path(path).name).decode(errors="replace")
-        return cls(name, digest.hexdigest())
 
 
 @dataclass(frozen=True)
@@ -83,35 +30,37 @@ class Identification:
 
     Parameters
     ----------
-    kind : str
-        Kind of the fit, as its result states it: ``decay``, ``beam``, ``frequency matching``, or another word.
     result : mapping
-        Values, standard errors, intervals, covariance and warnings, as ``to_dict`` of the fit returns them.  They are
-        kept as plain data, with None for numbers that are not finite.
+        Kind, estimates, intervals, covariance and warnings, as ``to_dict`` of the fit returns them.  They are kept as
+        plain data, with None for numbers that are not finite.
     data : sequence of DataFile
         The files that the fit used.
 
     Raises
     ------
     InputError
-        If the kind is empty, or JSON cannot hold the result.
+        If the result does not state its kind and its estimates, or JSON cannot hold it.
 
     Examples
     --------
     >>> from ancf_casadi.export import Identification
     >>> from problems import fit_rayleigh
     >>> fit = fit_rayleigh([1.9, 10.6, 29.3], [0.010, 0.003, 0.003])
-    >>> found = Identification("Rayleigh coefficients", fit.to_dict())
+    >>> found = Identification(fit.to_dict())
     >>> print(found.summary())
-    Rayleigh coefficients (alpha 0.236167 +- 0.0085 1/s, beta 2.68898e-05 +- 3.7e-06 s)
+    rayleigh (alpha 0.236167 +- 0.0085 1/s, beta 2.68898e-05 +- 3.7e-06 s)
     """
 
-    kind: str
     result: Mapping[str, Any]
     data: Sequence[DataFile] = ()
 
     def __post_init__(self) -> None:
         """Validate, and keep plain data."""
+        result: Any = self.result
+        if not isinstance(result, Mapping) or not {"kind", "estimates"} <= result.keys():
+            raise InputError("is not the result of a fit: it does not state its kind and its estimates", "result")
+        if not isinstance(result["kind"], str) or not result["kind"]:
+            raise InputError(f"must be a text, got {shown(result['kind'])}", "result.kind")
         if not is_sequence(self.data) or not all(isinstance(file, DataFile) for file in self.data):
             raise InputError(f"must be a sequence of DataFile, got {shown(self.data)}", "data")
         object.__setattr__(self, "result", _plain(self.result, "result"))
@@ -144,26 +93,28 @@ class Identification:
         >>> Identification.of(fit).kind
         'decay'
         """
-        found = result.to_dict() if hasattr(result, "to_dict") else result
-        if not isinstance(found, Mapping) or not {"kind", "estimates"} <= found.keys():
-            raise InputError("is not the result of a fit: it does not state its kind and its estimates", "result")
         if not is_sequence(data):
             raise InputError(f"must be a sequence of files, got {shown(data)}", "data")
-        return cls(found["kind"], found, [DataFile.of(path) for path in data])
+        found = result.to_dict() if hasattr(result, "to_dict") else result
+        return cls(found, [DataFile.of(path) for path in data])
+
+    @property
+    def kind(self) -> str:
+        """Kind of the fit: ``decay``, ``beam``, ``frequency matching``, or another word."""
+        return str(self.result["kind"])
 
     def summary(self) -> str:
         """Return one line: the kind, the files with their hashes, and the values with standard errors."""
         files = [f"{file.name} SHA-256 {file.sha256}" for file in self.data]
-        values = [f"{name} {value:.6g} +- {error:.2g} {unit}".rstrip() for name, value, error, unit in self._estimates]
-        return f"{self.kind} ({', '.join([*files, *values])})" if files or values else self.kind
-
-    @property
-    def _estimates(self) -> list[tuple[Any, ...]]:
-        """Name, value, standard error and unit of each estimate for which all are known."""
-        listed = self.result.get("estimates")
+        listed = self.result["estimates"]
         rows = [one for one in listed if isinstance(one, Mapping)] if isinstance(listed, list) else []
-        found = [tuple(one.get(key) for key in ("name", "value", "standard_error", "unit")) for one in rows]
-        return [one for one in found if isinstance(one[1], int | float) and isinstance(one[2], int | float)]
+        found = [[one.get(key) for key in ("name", "value", "standard_error", "unit")] for one in rows]
+        values = [
+            f"{name} {value:.6g} +- {error:.2g} {unit}".rstrip()
+            for name, value, error, unit in found
+            if isinstance(value, int | float) and isinstance(error, int | float)
+        ]
+        return f"{self.kind} ({', '.join([*files, *values])})" if files or values else self.kind
 
 
 @dataclass(frozen=True)

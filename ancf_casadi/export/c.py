@@ -13,10 +13,8 @@ import casadi as cs
 
 from ancf_casadi.dynamics.signals import MotionFunctions
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.targets.c_source import TABLE_NAMES, header, source
-from ancf_casadi.export.targets.decay_program import decay_program
-from ancf_casadi.export.targets.overwriting import check_ours
-from ancf_casadi.support.files import check_folder, write_files
+from ancf_casadi.export.c_source import TABLE_NAMES, decay_program, header, source
+from ancf_casadi.support.files import check_folder, check_ours, write_files
 from ancf_casadi.support.inputs import check_instance, instances, matches, shown
 
 MARK = "/* Written by ancf-casadi"

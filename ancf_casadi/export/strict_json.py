@@ -23,20 +23,11 @@ from ancf_casadi.support.inputs import located, shown
 
 MOST_LEVELS = 24
 LONGEST_KEY = 200
-
-
-class _Repeated:
-    """Placeholder for the values of a key that appears twice in an object."""
+REPEATED = object()  # placeholder for the values of a key that appears twice in an object
 
 
 def read_json(path: str | Path) -> dict[str, Any]:
-    """Read a JSON file that holds an object.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is not JSON, holds no object, or exceeds the limits.
-    """
+    """Read a JSON file that holds an object; refuse anything else, and what exceeds the limits."""
     content = read_bytes(path)
     try:
         value = json.loads(content.decode(), object_pairs_hook=_object, parse_constant=_refuse_constant)
@@ -59,17 +50,10 @@ def place(where: str, key: str | int) -> str:
 
 
 def check(value: Any, where: str, level: int = 1) -> None:
-    """Check that plain data stay within the limits.
-
-    Raises
-    ------
-    InputError
-        If a value is nested too deeply, is beyond the range of doubles, is repeated, or holds half a character, or if
-        a key is too long or not a text.
-    """
+    """Check that plain data stay within the limits."""
     if level > MOST_LEVELS:
         raise InputError(f"has more than {MOST_LEVELS} levels", where)
-    if isinstance(value, _Repeated):
+    if value is REPEATED:
         raise InputError("the key appears twice", where)
     if isinstance(value, int | float) and not _is_finite(value):
         raise InputError("is beyond the range of numbers", where)
@@ -89,7 +73,7 @@ def check(value: Any, where: str, level: int = 1) -> None:
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     found = dict(pairs)
     if len(found) < len(pairs):
-        found |= {name: _Repeated() for name, times in Counter(name for name, _ in pairs).items() if times > 1}
+        found |= {name: REPEATED for name, times in Counter(name for name, _ in pairs).items() if times > 1}
     return found
 
 

@@ -18,10 +18,9 @@ import casadi as cs
 
 from ancf_casadi.dynamics.signals import Signal
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.export.functions.motion_functions import BeamFunctions
-from ancf_casadi.export.targets.overwriting import check_ours
+from ancf_casadi.export.motion_functions import BeamFunctions
 from ancf_casadi.reduction.reduced import ReducedFunctions
-from ancf_casadi.support.files import check_file, opened, write_file
+from ancf_casadi.support.files import check_file, check_ours, opened, write_file
 from ancf_casadi.support.inputs import check_instance
 
 TITLE = "ancf-casadi functions"

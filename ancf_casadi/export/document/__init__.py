@@ -1,6 +1,0 @@
-"""The JSON document of a model, its damping law and its identifications, written and read without loss.
-
-``model_document`` reads and writes it, ``structs`` states its layout and ranges, from which the schema follows,
-``conversion`` turns models and laws into structs and back, ``identification`` holds the results of fits, and
-``strict_json`` refuses what JSON readers tolerate.
-"""

@@ -1,0 +1,97 @@
+"""Files of LabVIEW: LVM text files through lvm-read, and TDMS files, which DIAdem writes too, through nptdms.
+
+lvm-read gets the text instead of the file: from a file, it would read a pickled copy beside it, and leave one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ancf_casadi.exceptions import InputError
+from ancf_casadi.records.channel import Contents, RecordedChannel
+from ancf_casadi.records.reading.arrays import MOST_CHANNELS, seconds_from_first
+from ancf_casadi.records.reading.libraries import library, readable
+from ancf_casadi.records.reading.text.reader import decoded
+from ancf_casadi.records.reading.worker import MOST_DATA_BYTES
+from ancf_casadi.records.unit_names import unit_of
+from ancf_casadi.records.units import parse_unit
+from ancf_casadi.support.arrays import Array
+
+
+def read_lvm(path: Path) -> Contents:
+    """Read the channels of an LVM file; refuse one with several segments."""
+    lvm_read = library("lvm_read", "LVM")
+    with readable(str(path), "LVM"):
+        found = lvm_read.read_str(decoded(path.read_bytes()))
+        if found["Segments"] != 1:
+            raise InputError(f"has {found['Segments']} segments; save each in a file of its own", str(path))
+        return Contents(tuple(_channels(found, found[0])))
+
+
+def _channels(header: Mapping[str, Any], segment: Mapping[str, Any]) -> list[RecordedChannel]:
+    names = [str(name) for name in segment["Channel names"]]
+    data = np.asarray(segment["data"], dtype=float)
+    if data.ndim != 2:
+        raise InputError("has no rows of numbers")
+    layout = str(header.get("X_Columns", "One"))
+    symbols = [str(text).strip() for text in segment.get("Y_Unit_Label", [])]
+    channels: list[RecordedChannel] = []
+    shared: Array | None = None
+    own: Array | None = None
+    for k, name in enumerate(names[: data.shape[1]]):
+        if name == "Comment":
+            continue
+        if name == "X_Value":
+            own = data[:, k]
+            shared = own if shared is None else shared
+            continue
+        place = len(channels)
+        time = own if layout == "Multi" else shared
+        if time is None:
+            starts, steps = (dict(enumerate(segment.get(key, []))) for key in ("X0", "Delta_X"))
+            time = _even(starts.get(place), steps.get(place), len(data))
+        written = symbols[place] if place < len(symbols) else ""
+        channels.append(RecordedChannel(place + 1, name, data[:, k], *unit_of(written, name), time))
+    return channels
+
+
+def _even(start: Any, step: Any, count: int) -> Array | None:
+    """Return times with an increment, s; None if the file gives none."""
+    if not isinstance(step, float | int) or not np.isfinite(step) or not step > 0:
+        return None
+    known = isinstance(start, float | int) and np.isfinite(start)
+    return (float(start) if known else 0.0) + float(step) * np.arange(count, dtype=float)
+
+
+def read_tdms(path: Path) -> Contents:
+    """Read the channels of a TDMS file; those with a waveform increment have their own times."""
+    nptdms = library("nptdms", "TDMS")
+    notes: list[str] = []
+    channels: list[RecordedChannel] = []
+    with readable(str(path), "TDMS"), open(path, "rb") as stream, nptdms.TdmsFile.open(stream) as file:
+        found = [channel for group in file.groups() for channel in group.channels()]
+        size = path.stat().st_size
+        if len(found) > MOST_CHANNELS:
+            raise InputError(f"has more than {MOST_CHANNELS} channels", str(path))
+        for item in found:
+            name = item.name if len(file.groups()) == 1 else f"{item.group_name}/{item.name}"
+            if item.dtype is None or item.dtype.kind not in "fiuM":
+                notes.append(f"{name!r} has no numbers, and is left out")
+                continue
+            if len(item) * item.dtype.itemsize > min(size * 2, MOST_DATA_BYTES):
+                raise InputError("declares more samples than it holds; it is damaged", f"{path}: {name}")
+            channels.append(_channel(len(channels) + 1, name, item))
+    return Contents(tuple(channels), tuple(notes))
+
+
+def _channel(number: int, name: str, item: Any) -> RecordedChannel:
+    values = np.asarray(item[:])
+    if values.dtype.kind == "M":
+        return RecordedChannel(number, name, np.asarray(seconds_from_first(values), dtype=float), "s", parse_unit("s"))
+    written = str(item.properties.get("unit_string", "")).strip()
+    time = _even(item.properties.get("wf_start_offset"), item.properties.get("wf_increment"), len(values))
+    return RecordedChannel(number, name, np.array(values, dtype=float), *unit_of(written, item.name), time)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,15 +16,18 @@ from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array
+from ancf_casadi.support.inputs import array, check_instance
 from ancf_casadi.support.tables import Table, known
-from problems.frf.limitations import limitations
-from problems.frf.modal_sum import MODAL_SUM_POWERS, ModalSum
-from problems.frf.record import FrfRecord, as_record
-from problems.frf.refinement import FRF_ADVICE, Refinement
-from problems.frf.trial import TrialFit, quick_fit
+from problems.frf.modal_sum import MODAL_SUM_POWERS, ModalSum, TrialFit, quick_fit
+from problems.frf.record import FrfRecord
+from problems.frf.refinement import FRF_ADVICE, Refinement, limitations, refine
 from problems.frf.weights import first_deviations, given_deviations
 from problems.matching.measured_modes import MeasuredModes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+GREY = "#b0b0b0"
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +57,27 @@ class FrfFit(LeastSquaresResult):
     """
 
     kind = "frequency response"
-    _drawing = "problems.frf.figure.frf_figure"
+    _drawing = "problems.frf.result.frf_figure"
 
     record: FrfRecord
     refinement: Refinement
     notes: tuple[str, ...] = ()
+
+    @classmethod
+    def refined(cls, record: FrfRecord, start: TrialFit, notes: tuple[str, ...], again: Callable[[Any], Any]) -> FrfFit:
+        """Return the result of a fit from a start.
+
+        Raises
+        ------
+        FitError
+            If the fit does not converge.
+        """
+        refinement = refine(start)
+        return cls(refinement.corrected, record, refinement, notes, again=again)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle without the functions of CasADi, which are made again."""
+        return FrfFit.refined, (self.record, self.refinement.trial, self.notes, self.again)
 
     @property
     def frequencies(self) -> Array:
@@ -89,7 +109,7 @@ class FrfFit(LeastSquaresResult):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
-        return (*self.notes, *self.fit.warnings, *limitations(self.record, self.refinement))
+        return (*self.notes, *self.fit.warnings, *limitations(self.refinement))
 
     @property
     def poles(self) -> ComplexArray:
@@ -169,9 +189,8 @@ class FrfFit(LeastSquaresResult):
         InputError
             If it is no record, or has fewer values than constants.
         """
-        record = as_record(record)
-        values = record.values.reshape(-1, len(record.frequencies)).T
-        trial = self.refinement.trial
+        check_instance(record, "record", FrfRecord)
+        values, trial = record.columns, self.refinement.trial
         model = ModalSum.of(record.frequencies, MODAL_SUM_POWERS[record.kind], trial.model.powers)
         if 2 * len(values) < 2 * len(trial.frequencies) + len(model.powers):
             raise InputError(f"has too few frequencies, {len(values)}, for {len(trial.frequencies)} modes", "record")
@@ -190,7 +209,7 @@ class FrfFit(LeastSquaresResult):
         trial = self.refinement.trial
         real, imaginary = noise.reshape(trial.values.shape[1], 2, -1).swapaxes(0, 1) * self.refinement.inflation**0.5
         values = trial.fitted + (real + 1j * imaginary).T / trial.weights
-        found = quick_fit(trial.model, values, trial.weights, trial.frequencies, trial.ratios)
+        found = quick_fit(replace(trial, values=values))
         if found is None:
             raise FitError(f"the functions do not determine the modes; {FRF_ADVICE}")
         return np.column_stack([found.frequencies, found.ratios]).ravel()
@@ -234,11 +253,6 @@ class FrfFit(LeastSquaresResult):
             ),
         )
 
-    def report(self) -> str:
-        """Return the result as text."""
-        texts = [table.text() for table in self.tables()]
-        return "\n\n".join([*texts, *(["\n".join(f"note: {note}" for note in self.warnings)] if self.warnings else [])])
-
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values; modal constants in the order (outputs, inputs)."""
         modes, intervals = [], self.intervals()
@@ -280,3 +294,32 @@ def _constant_errors(refinement: Refinement, function: int) -> ComplexArray:
         real, imaginary = np.array([1.0, -ζ * ω]), np.array([0.0, ω * np.sqrt(1 - ζ**2)])
         found.append(complex(np.sqrt(real @ own @ real), np.sqrt(imaginary @ own @ imaginary)))
     return np.array(found)
+
+
+def frf_figure(fits: Mapping[str, FrfFit]) -> Figure:
+    """Draw measured and fitted functions, amplitude and phase, and their difference; of several fits the estimates."""
+    from ancf_casadi.estimation.figures import saved_figure  # slow to import: matplotlib
+    from ancf_casadi.response.bode import Curve, bode_figure
+    from ancf_casadi.support.figures import COMPUTED, MEASURED
+
+    if len(fits) > 1:
+        return saved_figure(fits)
+    (fit,) = fits.values()
+    record = fit.record
+    measured = record.columns.T
+    fitted = fit.synthesised().reshape(measured.shape)
+    misfit = np.linalg.norm(fitted - measured, axis=1) / np.linalg.norm(measured, axis=1)
+    drawn = np.sort(np.argsort(misfit)[::-1][:4]).tolist()  # functions; of more, those with the largest residuals
+    columns = [
+        [
+            Curve("measured", record.frequencies, measured[k], MEASURED),
+            Curve("fitted", record.frequencies, fitted[k], COMPUTED),
+            Curve("difference", record.frequencies, fitted[k] - measured[k], GREY, phase=False),
+        ]
+        for k in drawn
+    ]
+    unit = "" if record.unit == "1" else f", {record.unit}"
+    names = record.names()
+    return bode_figure(
+        columns, record.kind.replace("-", " ") + unit, [names[k] for k in drawn] if len(names) > 1 else []
+    )

@@ -26,10 +26,10 @@ beta = 3.18E-5 s, not the 3.18E-4 of its Table 3.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi as cs
 import numpy as np
@@ -41,8 +41,12 @@ from ancf_casadi.estimation.solver.noise import Noise
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, shown
 from ancf_casadi.support.tables import Table, known
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +73,7 @@ class RayleighFit(LeastSquaresResult):
     """
 
     kind = "rayleigh"
-    _drawing = "problems.modal_damping.figure.rayleigh_figure"
+    _drawing = "problems.modal_damping.rayleigh.rayleigh_figure"
 
     frequencies: tuple[float, ...]
     measured: tuple[float, ...]
@@ -256,3 +260,26 @@ def _two_modes(ω: Array, ζ: Array) -> tuple[float, float]:
     (ω1, ω2), (ζ1, ζ2) = ω[:2].tolist(), ζ[:2].tolist()
     spread = ω2**2 - ω1**2
     return 2 * ω1 * ω2 * (ζ1 * ω2 - ζ2 * ω1) / spread, 2 * (ζ2 * ω2 - ζ1 * ω1) / spread
+
+
+@literal_text
+def rayleigh_figure(fits: Mapping[str, RayleighFit]) -> Figure:
+    """Draw measured damping ratios with their errors, and the fitted laws, Eq. (16), against frequency."""
+    from matplotlib.figure import Figure  # slow to import
+
+    figure = Figure(figsize=(6, 3.6), layout="constrained")
+    axes = figure.subplots()
+    for k, (label, fit) in enumerate(fits.items()):
+        colours = (COMPUTED, MEASURED) if not k else (f"C{k}", f"C{k}")
+        frequencies = np.geomspace(0.8 * fit.frequencies[0], 1.25 * fit.frequencies[-1], 200)
+        ratios = rayleigh_ratio(frequencies, fit.alpha, fit.beta)
+        axes.plot(frequencies, 100 * ratios, lw=1, color=colours[0], label=f"{label} fit".strip())
+        errors = None if fit.ratio_std is None else 100 * np.array(fit.ratio_std)
+        measured = 100 * np.array(fit.measured)
+        axes.errorbar(fit.frequencies, measured, errors, fmt="o", color=colours[1], label=f"{label} measured".strip())
+    axes.set(xscale="log", xlabel="frequency, Hz", ylabel="damping ratio, %")
+    ticks = sorted({frequency for fit in fits.values() for frequency in fit.frequencies})
+    axes.set_xticks(ticks, [f"{frequency:.4g}" for frequency in ticks])
+    axes.minorticks_off()
+    axes.legend(frameon=False)
+    return figure

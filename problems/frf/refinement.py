@@ -20,8 +20,7 @@ as far as X increases it.  The coefficients have the covariance of the linear pr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import casadi as cs
 import numpy as np
@@ -39,90 +38,8 @@ from problems.frf.weights import LEAST_REMAINDER
 FRF_ADVICE = "give approximate frequencies, ask for fewer modes, or choose a band"
 
 
-@dataclass(frozen=True, eq=False)
-class Refinement:
-    """Fitted modal parameters.
-
-    Parameters
-    ----------
-    trial : TrialFit
-        The modes that were fitted, and all that follows from them.
-    fit : Fit
-        Frequencies, Hz, and damping ratios, in turn.
-    """
-
-    trial: TrialFit
-    fit: Fit
-
-    @property
-    def inflation(self) -> float:
-        """Factor of the variances that allows for the fitted coefficients."""
-        samples = 2 * self.trial.values.size
-        return (samples - len(self.fit.names)) / (samples - self.trial.parameters)
-
-    @cached_property
-    def corrected(self) -> Fit:
-        """The fit with a covariance that allows for the fitted coefficients and for noise that functions share."""
-        fit, free = self.fit, ~self.fit.active_bounds
-        covariance = self.inflation * fit.covariance
-        if self.trial.values.shape[1] > 1 and free.any() and fit.residual_rms > 0.0:
-            q, triangle = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
-            increase = self._shared(q)
-            scaled = triangle / fit.scale[free]
-            scatter = scaled @ covariance[np.ix_(free, free)] @ scaled.T
-            inverse = np.linalg.inv(scaled)
-            covariance[np.ix_(free, free)] = inverse @ _scaled(scatter, increase) @ inverse.T
-        return replace(fit, covariance=covariance)
-
-    def _shared(self, basis: Array) -> Array:
-        """Return X, as far as it is positive, for an orthonormal basis of the columns of J (N, n)."""
-        trial = self.trial
-        k, count = trial.values.shape
-        residuals = trial.weights * trial.residuals / np.sqrt(np.maximum(1 - trial.leverage, LEAST_REMAINDER))
-        fitted = trial.weights * trial.fitted
-        level = float(np.mean(np.abs(residuals) ** 2))
-        parts = basis.reshape(count, 2, k, -1)
-        columns = parts[:, 0] + 1j * parts[:, 1]
-        x = np.zeros((basis.shape[1], basis.shape[1]))
-        for first in range(count):
-            for second in range(first):
-                product = residuals[:, first] * residuals[:, second].conj() / level
-                relative = fitted[:, first] * fitted[:, second].conj()
-                q = np.linalg.qr(np.column_stack([np.ones(k), relative / np.linalg.norm(relative)]))[0]
-                share = q.conj().T @ product
-                # squared size of alpha and beta, in their standard errors, from which they count; 1 in 3000 by chance
-                share[np.abs(share) ** 2 < 8.0] = 0.0
-                if share.any():
-                    x += 2 * ((columns[first].conj() * (q @ share)[:, None]).T @ columns[second]).real
-        eigenvalues, vectors = np.linalg.eigh((x + x.T) / 2)
-        return np.asarray((vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T)
-
-    def _coefficient_slopes(self, function: int) -> Array:
-        """Return the derivatives of the coefficients of a function by frequencies and damping ratios (c, 2 m)."""
-        trial, (q, triangle) = self.trial, self.trial.factors[function]
-        slopes = trial.model.slopes(trial.frequencies, trial.ratios, trial.coefficients[:, function, None])[0]
-        change = stacked(trial.weights[:, function, None] * slopes)
-        return np.asarray(-np.linalg.solve(triangle, q.T @ change))
-
-    def coefficient_covariance(self, function: int) -> Array:
-        """Return the covariance of the coefficients of a function (c, c); unknowns at a bound count as known."""
-        (q, triangle), fit, k = self.trial.factors[function], self.corrected, len(self.trial.values)
-        own = slice(2 * k * function, 2 * k * (function + 1))
-        scatter = fit.noise.variance * np.eye(len(triangle))
-        if fit.noise.spectra:
-            padded = np.zeros((len(fit.residuals), q.shape[1]))
-            padded[own] = q
-            scatter = sum(
-                (s.form(padded) for s in fit.noise.spectra if own.start <= s.rows.start < own.stop), 0 * scatter
-            )
-        inverse, free = np.linalg.inv(triangle), ~fit.active_bounds
-        change = self._coefficient_slopes(function)[:, free]
-        shared = change @ fit.covariance[np.ix_(free, free)] @ change.T
-        return np.asarray(self.inflation * inverse @ scatter @ inverse.T + shared)
-
-
-def refine(start: TrialFit) -> Refinement:
-    """Fit all parameters, from a start.
+def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
+    """Return the modes that fit best, from a start, and the fit of their frequencies and damping ratios, in turn.
 
     Raises
     ------
@@ -149,21 +66,83 @@ def refine(start: TrialFit) -> Refinement:
         times=np.tile(start.model.frequencies, 2 * count),
         advice=FRF_ADVICE,
     )
-    return Refinement(start.moved(fit.values), fit)
+    return start.moved(fit.values), fit
 
 
-def _scaled(scatter: Array, increase: Array) -> Array:
-    """Return S^1/2 (1 + X) S^1/2."""
-    eigenvalues, vectors = np.linalg.eigh((scatter + scatter.T) / 2)
-    root = (vectors * np.sqrt(np.maximum(eigenvalues, 0.0))) @ vectors.T
-    return np.asarray(root @ (np.eye(len(root)) + increase) @ root)
+def inflation(trial: TrialFit, fit: Fit) -> float:
+    """Return the factor of the variances that allows for the fitted coefficients."""
+    samples = 2 * trial.values.size
+    return (samples - len(fit.names)) / (samples - trial.parameters)
 
 
-def limitations(refinement: Refinement) -> list[str]:
+def corrected(trial: TrialFit, fit: Fit) -> Fit:
+    """Return a fit with a covariance that allows for the fitted coefficients and for noise that functions share."""
+    free = ~fit.active_bounds
+    covariance = inflation(trial, fit) * fit.covariance
+    if trial.values.shape[1] > 1 and free.any() and fit.residual_rms > 0.0:
+        q, triangle = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
+        scaled = triangle / fit.scale[free]
+        scatter = scaled @ covariance[np.ix_(free, free)] @ scaled.T
+        inverse = np.linalg.inv(scaled)
+        eigenvalues, vectors = np.linalg.eigh((scatter + scatter.T) / 2)
+        root = (vectors * np.sqrt(np.maximum(eigenvalues, 0.0))) @ vectors.T
+        larger = root @ (np.eye(len(root)) + _shared(trial, q)) @ root
+        covariance[np.ix_(free, free)] = inverse @ larger @ inverse.T
+    return replace(fit, covariance=covariance)
+
+
+def _shared(trial: TrialFit, basis: Array) -> Array:
+    """Return X, as far as it is positive, for an orthonormal basis of the columns of J (N, n)."""
+    k, count = trial.values.shape
+    residuals = trial.weights * trial.residuals / np.sqrt(np.maximum(1 - trial.leverage, LEAST_REMAINDER))
+    fitted = trial.weights * trial.fitted
+    level = float(np.mean(np.abs(residuals) ** 2))
+    parts = basis.reshape(count, 2, k, -1)
+    columns = parts[:, 0] + 1j * parts[:, 1]
+    x = np.zeros((basis.shape[1], basis.shape[1]))
+    for first in range(count):
+        for second in range(first):
+            product = residuals[:, first] * residuals[:, second].conj() / level
+            relative = fitted[:, first] * fitted[:, second].conj()
+            q = np.linalg.qr(np.column_stack([np.ones(k), relative / np.linalg.norm(relative)]))[0]
+            share = q.conj().T @ product
+            # squared size of alpha and beta, in their standard errors, from which they count; 1 in 3000 by chance
+            share[np.abs(share) ** 2 < 8.0] = 0.0
+            if share.any():
+                x += 2 * ((columns[first].conj() * (q @ share)[:, None]).T @ columns[second]).real
+    eigenvalues, vectors = np.linalg.eigh((x + x.T) / 2)
+    return np.asarray((vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T)
+
+
+def coefficient_covariance(trial: TrialFit, fit: Fit, function: int) -> Array:
+    """Return the covariance of the coefficients of a function (c, c); unknowns at a bound count as known.
+
+    Parameters
+    ----------
+    trial : TrialFit
+        The modes that were fitted.
+    fit : Fit
+        Their fit with the corrected covariance.
+    function : int
+        Number of the function, from 0.
+    """
+    (q, triangle), k = trial.factors[function], len(trial.values)
+    own = slice(2 * k * function, 2 * k * (function + 1))
+    scatter = fit.noise.variance * np.eye(len(triangle))
+    if fit.noise.spectra:
+        padded = np.zeros((len(fit.residuals), q.shape[1]))
+        padded[own] = q
+        scatter = sum((s.form(padded) for s in fit.noise.spectra if own.start <= s.rows.start < own.stop), 0 * scatter)
+    inverse, free = np.linalg.inv(triangle), ~fit.active_bounds
+    slopes = trial.model.slopes(trial.frequencies, trial.ratios, trial.coefficients[:, function, None])[0]
+    change = -inverse @ (q.T @ stacked(trial.weights[:, function, None] * slopes))[:, free]
+    shared = change @ fit.covariance[np.ix_(free, free)] @ change.T
+    return np.asarray(inflation(trial, fit) * inverse @ scatter @ inverse.T + shared)
+
+
+def limitations(trial: TrialFit, fit: Fit) -> list[str]:
     """Return the limitations of a fit, one sentence each."""
-    trial, fit = refinement.trial, refinement.corrected
-    f = trial.model.frequencies
-    notes = []
+    f, notes = trial.model.frequencies, []
     for k, (own, ζ) in enumerate(zip(trial.frequencies.tolist(), trial.ratios.tolist(), strict=True), start=1):
         width = 2 * ζ * own
         place = int(np.clip(np.searchsorted(f, own), 1, len(f) - 1))

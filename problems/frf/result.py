@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL
+from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
@@ -20,7 +21,7 @@ from ancf_casadi.support.inputs import array, check_instance
 from ancf_casadi.support.tables import Table, known
 from problems.frf.modal_sum import MODAL_SUM_POWERS, ModalSum, TrialFit, quick_fit
 from problems.frf.record import FrfRecord
-from problems.frf.refinement import FRF_ADVICE, Refinement, limitations, refine
+from problems.frf.refinement import FRF_ADVICE, coefficient_covariance, corrected, inflation, limitations, refine
 from problems.frf.weights import first_deviations, given_deviations
 from problems.matching.measured_modes import MeasuredModes
 
@@ -40,8 +41,10 @@ class FrfFit(LeastSquaresResult):
     ----------
     record : FrfRecord
         The functions that were fitted, within the band.
-    refinement : Refinement
-        All parameters of the fit.
+    trial : TrialFit
+        The modes that were fitted, and all that follows from them.
+    uncorrected : Fit
+        The fit before its covariance allows for the fitted coefficients and for noise that functions share.
     notes : tuple of str
         Limitations of what preceded the fit.
 
@@ -60,7 +63,8 @@ class FrfFit(LeastSquaresResult):
     _drawing = "problems.frf.result.frf_figure"
 
     record: FrfRecord
-    refinement: Refinement
+    trial: TrialFit
+    uncorrected: Fit
     notes: tuple[str, ...] = ()
 
     @classmethod
@@ -72,22 +76,22 @@ class FrfFit(LeastSquaresResult):
         FitError
             If the fit does not converge.
         """
-        refinement = refine(start)
-        return cls(refinement.corrected, record, refinement, notes, again=again)
+        trial, fit = refine(start)
+        return cls(corrected(trial, fit), record, trial, fit, notes, again=again)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the functions of CasADi, which are made again."""
-        return FrfFit.refined, (self.record, self.refinement.trial, self.notes, self.again)
+        return FrfFit.refined, (self.record, self.trial, self.notes, self.again)
 
     @property
     def frequencies(self) -> Array:
         """Undamped natural frequencies (m,), Hz."""
-        return self.refinement.trial.frequencies
+        return self.trial.frequencies
 
     @property
     def damping_ratios(self) -> Array:
         """Damping ratios (m,)."""
-        return self.refinement.trial.ratios
+        return self.trial.ratios
 
     @cached_property
     def constants(self) -> ComplexArray:
@@ -95,21 +99,21 @@ class FrfFit(LeastSquaresResult):
 
         The product of the mass-normalised shape at output and input, 1/kg for a record per force; real, if the mode is.
         """
-        trial = self.refinement.trial
+        trial = self.trial
         values = trial.model.constants(trial.frequencies, trial.ratios, trial.coefficients)
         return values.reshape(-1, self.record.outputs, self.record.inputs)
 
     @cached_property
     def constant_errors(self) -> ComplexArray:
         """Standard errors of the real parts of ``constants``, plus i times those of the imaginary parts."""
-        count = self.refinement.trial.values.shape[1]
-        errors = np.array([_constant_errors(self.refinement, function) for function in range(count)]).T
+        count = self.trial.values.shape[1]
+        errors = np.array([_constant_errors(self.trial, self.fit, function) for function in range(count)]).T
         return errors.reshape(self.constants.shape)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
-        return (*self.notes, *self.fit.warnings, *limitations(self.refinement))
+        return (*self.notes, *self.fit.warnings, *limitations(self.trial, self.fit))
 
     @property
     def poles(self) -> ComplexArray:
@@ -130,7 +134,7 @@ class FrfFit(LeastSquaresResult):
         f = self.record.frequencies if frequencies is None else np.atleast_1d(array(frequencies, "frequencies"))
         if (f <= 0.0).any():
             raise InputError("must be positive", "frequencies")
-        values = self.refinement.trial.at(f)
+        values = self.trial.at(f)
         return values.T.reshape(self.record.outputs, self.record.inputs, -1)
 
     def measured_modes(self) -> MeasuredModes:
@@ -176,7 +180,7 @@ class FrfFit(LeastSquaresResult):
             If a nonlinear program for an end does not converge.
         """
         self.check_name(name)
-        ratio = self.standard_errors[name] / self.refinement.fit.standard_errors[name]
+        ratio = self.standard_errors[name] / self.uncorrected.standard_errors[name]
         return profile_interval(self.fit, name, level, inflation=float(np.nan_to_num(ratio, nan=1.0)) ** 2)
 
     def predict(self, record: FrfRecord) -> RecordPrediction:
@@ -190,7 +194,7 @@ class FrfFit(LeastSquaresResult):
             If it is no record, or has fewer values than constants.
         """
         check_instance(record, "record", FrfRecord)
-        values, trial = record.columns, self.refinement.trial
+        values, trial = record.columns, self.trial
         model = ModalSum.of(record.frequencies, MODAL_SUM_POWERS[record.kind], trial.model.powers)
         if 2 * len(values) < 2 * len(trial.frequencies) + len(model.powers):
             raise InputError(f"has too few frequencies, {len(values)}, for {len(trial.frequencies)} modes", "record")
@@ -206,8 +210,10 @@ class FrfFit(LeastSquaresResult):
 
     def resampled(self, noise: Array) -> Array:
         """Return the estimates (p,) from a fit to the fitted functions plus noise of each residual (m,)."""
-        trial = self.refinement.trial
-        real, imaginary = noise.reshape(trial.values.shape[1], 2, -1).swapaxes(0, 1) * self.refinement.inflation**0.5
+        trial = self.trial
+        real, imaginary = (
+            noise.reshape(trial.values.shape[1], 2, -1).swapaxes(0, 1) * inflation(self.trial, self.fit) ** 0.5
+        )
         values = trial.fitted + (real + 1j * imaginary).T / trial.weights
         found = quick_fit(replace(trial, values=values))
         if found is None:
@@ -280,14 +286,13 @@ class FrfFit(LeastSquaresResult):
         }
 
 
-def _constant_errors(refinement: Refinement, function: int) -> ComplexArray:
+def _constant_errors(trial: TrialFit, fit: Fit, function: int) -> ComplexArray:
     """Return standard errors of real and imaginary parts of the modal constants of a function (m,).
 
     The change of the constants by frequency and damping ratio at given coefficients is zero for real modes, and left
     out: it is of the order of the damping ratio.
     """
-    trial, covariance = refinement.trial, refinement.coefficient_covariance(function)
-    found = []
+    covariance, found = coefficient_covariance(trial, fit, function), []
     for k, (f, ζ) in enumerate(zip(trial.frequencies, trial.ratios, strict=True)):
         ω = 2 * np.pi * f
         own = covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]

@@ -18,7 +18,7 @@ from problems.frf.record import FrfRecord
 from problems.frf.refinement import FRF_ADVICE
 from problems.frf.result import FrfFit
 from problems.frf.selection import MOST_FRF_MODES, Selection, select_modes
-from problems.frf.weights import first_deviations, given_deviations
+from problems.frf.weights import given_deviations
 
 
 def fit_frf(
@@ -79,11 +79,12 @@ def fit_frf(
     if wanted is not None and 2 * wanted + values.shape[1] * (2 * wanted + len(RESIDUAL_POWERS[0])) > values.size:
         raise InputError(f"has too few frequencies, {len(record.frequencies)}, for {wanted} modes", "record")
 
-    given = given_deviations(record)
-    deviations = first_deviations(values) if given is None else given
+    deviations = given_deviations(record)
     scaled = values / np.sqrt(np.median(deviations**2, axis=0))
     candidates = candidate_poles(record.frequencies, scaled) if near is None else poles_near(model, scaled, near)
-    selection = Selection(values, deviations, estimated=given is None, strict=wanted is None)
+    selection = Selection(
+        values, deviations, estimated=record.std is None and record.coherence is None, strict=wanted is None
+    )
     best = select_modes(selection, model, candidates, wanted)
     if near is not None and len(best.frequencies) < len(near):
         raise FitError(f"only {len(best.frequencies)} of the {wanted} modes were found; {FRF_ADVICE}")

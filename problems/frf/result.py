@@ -198,8 +198,7 @@ class FrfFit(LeastSquaresResult):
         model = ModalSum.of(record.frequencies, MODAL_SUM_POWERS[record.kind], trial.model.powers)
         if 2 * len(values) < 2 * len(trial.frequencies) + len(model.powers):
             raise InputError(f"has too few frequencies, {len(values)}, for {len(trial.frequencies)} modes", "record")
-        given = given_deviations(record)
-        deviations = first_deviations(values) if given is None else given
+        deviations = given_deviations(record)
         found = TrialFit(model, values, 1 / deviations, trial.frequencies, trial.ratios)
         parts = self.fit.errors_of(found.jacobian).reshape(values.shape[1], 2, -1)
         errors = np.hypot(*np.nan_to_num(parts).swapaxes(0, 1)).T * deviations

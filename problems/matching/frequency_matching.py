@@ -207,19 +207,25 @@ def _solution(matching: Matching, start: Array) -> NlpSolution:
     x, r = cs.MX.sym("x", size + (1 if worst else count)), cs.MX.sym("r", count)
     m, t, rows = x[:size], x[size:], cs.sparsify(cs.DM(space.map[~space.single]))
     if worst:
-        relative, frequencies = matching.relative, matching.measured.count
-        errors, limit = r[:frequencies] * cs.DM(relative), cs.repmat(t, frequencies, 1)  # r - t has a wrong Jacobian
-        weights, f, constraints = (
-            LeastChange(TIE_WEIGHT).matrix(space, 0.0),
-            t,
+        relative, targets = matching.relative, matching.measured.count
+        errors = r[:targets] * cs.DM(relative)
+        # test_smallest_worst_error fails with t itself: CasADi 3.8 derives a scalar beside a callback wrongly
+        limit = cs.repmat(t, targets, 1)
+        constraints, f, weights = (
             cs.vertcat(errors - limit, errors + limit),
+            t,
+            LeastChange(TIE_WEIGHT).matrix(space, 0.0),
         )
-        least, most = np.repeat([[-math.inf, 0.0], [0.0, math.inf]], frequencies, axis=1)
-        auxiliary, lowest = np.abs(at_start[:frequencies] * relative).max(keepdims=True), 0.0
+        least, most = np.repeat([[-math.inf, 0.0], [0.0, math.inf]], targets, axis=1)
+        first, lowest = np.abs(at_start[:targets] * relative).max(keepdims=True), 0.0
     else:
-        weights, f = matching.preference_matrix * (matching.unit**2 / WEIGHT), cs.dot(t, t) / 2
-        constraints, least, most = r - math.sqrt(WEIGHT) * t, np.zeros(count), np.zeros(count)
-        auxiliary, lowest = at_start / math.sqrt(WEIGHT), -math.inf
+        constraints, f = r - math.sqrt(WEIGHT) * t, cs.dot(t, t) / 2
+        weights, least, most = (
+            matching.preference_matrix * (matching.unit**2 / WEIGHT),
+            np.zeros(count),
+            np.zeros(count),
+        )
+        first, lowest = at_start / math.sqrt(WEIGHT), -math.inf
     change = m - cs.DM(space.standard)
     f += cs.bilin(cs.sparsify(cs.DM(weights)), change, change) / 2
     g = cs.vertcat(constraints, rows @ change)
@@ -231,7 +237,7 @@ def _solution(matching: Matching, start: Array) -> NlpSolution:
     below, above = space.room(space.standard)
     return solve_nlp(
         {"x": x, "f": f, "g": cs.substitute(g, r, computed(m))},
-        np.concatenate([start, auxiliary]),
+        np.concatenate([start, first]),
         lower=np.concatenate([space.standard + space.of_unknowns(below, -math.inf), np.full(t.numel(), lowest)]),
         upper=np.concatenate([space.standard + space.of_unknowns(above, math.inf), np.full(t.numel(), math.inf)]),
         constraint_lower=np.concatenate([least, below[~space.single]]),

@@ -31,7 +31,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
@@ -126,7 +125,7 @@ class RayleighFit(LeastSquaresResult):
             If it is not a pair of sequences of equal length, or a value is unusable.
         """
         f, ζ, _ = _checked(*_pair(record), ratio_std=None)
-        predicted, errors = self.fit.derived(lambda α, β: _ratios(2 * math.pi * f, α, β))
+        predicted, errors = self.fit.derived(lambda α, β: rayleigh_ratio(f, α, β))
         noise = float(np.mean(self.ratio_std)) if self.ratio_std else self.fit.residual_rms
         channel = PredictedChannel("damping ratio", "", ζ, predicted, np.nan_to_num(errors), noise)
         return RecordPrediction("rayleigh", (channel,), f, "frequency, Hz")
@@ -162,8 +161,8 @@ class RayleighFit(LeastSquaresResult):
         }
 
 
-def rayleigh_ratio(frequency: Array, alpha: float, beta: float) -> Array:
-    """Return the damping ratio at each frequency (Hz) under Rayleigh damping, Eq. (16)."""
+def rayleigh_ratio(frequency: Array, alpha: Any, beta: Any) -> Any:
+    """Return the damping ratio at each frequency (Hz) under Rayleigh damping, Eq. (16); coefficients may be symbols."""
     ω = 2 * math.pi * frequency
     return alpha / (2 * ω) + beta * ω / 2
 
@@ -205,12 +204,11 @@ def fit_rayleigh(
         raise InputError(f"needs at least 2 modes, got {len(f)}", "frequencies")
     typical = float(ζ.max()) or 1.0
     scales = typical * float(ω.min()), typical / float(ω.max())
-    first = [max(value, 0.0) for value in _two_modes(ω, ζ)] if len(ω) == 2 else scales
     fit = least_squares(
-        lambda α, β: (_ratios(ω, α, β) - cs.DM(ζ)) / cs.DM(σ),
+        lambda α, β: (rayleigh_ratio(f, α, β) - ζ) / σ,
         [
-            Unknown("alpha", first[0], scales[0], lower=0.0, unit="1/s"),
-            Unknown("beta", first[1], scales[1], lower=0.0, unit="s"),
+            Unknown("alpha", scales[0], scales[0], lower=0.0, unit="1/s"),
+            Unknown("beta", scales[1], scales[1], lower=0.0, unit="s"),
         ],
         gauss_newton=True,
         stated=0.0 if deviations is None else 1.0,
@@ -248,18 +246,6 @@ def _checked(frequencies: Any, ratios: Any, ratio_std: Any) -> tuple[Array, Arra
     if ζ.min(initial=0.0) < 0.0 or ζ.max(initial=0.0) >= 1.0:
         raise InputError("must be at least 0 and below 1", "ratios")
     return f, ζ, deviations
-
-
-def _ratios(ω: Array, α: cs.MX, β: cs.MX) -> cs.MX:
-    """Return the damping ratios at angular frequencies (rad/s), Eq. (16)."""
-    return α / cs.DM(2 * ω) + β * cs.DM(ω / 2)
-
-
-def _two_modes(ω: Array, ζ: Array) -> tuple[float, float]:
-    """Return alpha and beta that match the first two modes, Eq. (17)."""
-    (ω1, ω2), (ζ1, ζ2) = ω[:2].tolist(), ζ[:2].tolist()
-    spread = ω2**2 - ω1**2
-    return 2 * ω1 * ω2 * (ζ1 * ω2 - ζ2 * ω1) / spread, 2 * (ζ2 * ω2 - ζ1 * ω1) / spread
 
 
 @literal_text

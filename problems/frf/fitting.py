@@ -16,7 +16,7 @@ from problems.frf.modal_sum import MODAL_SUM_POWERS, RESIDUAL_POWERS, ModalSum
 from problems.frf.poles import candidate_poles, poles_near
 from problems.frf.record import FrfRecord
 from problems.frf.refinement import FRF_ADVICE
-from problems.frf.result import FrfFit
+from problems.frf.result import FrfFit, refined
 from problems.frf.selection import MOST_FRF_MODES, Selection, select_modes
 from problems.frf.weights import given_deviations
 
@@ -94,7 +94,7 @@ def fit_frf(
     notes = () if wanted is None or found == wanted else (f"the record supports {found} of {wanted} modes",)
     order = np.argsort(best.frequencies)
     settled = replace(best, frequencies=best.frequencies[order], ratios=best.ratios[order])
-    fit = FrfFit.refined(record, settled, notes, partial(fit_frf, modes=modes, frequencies=frequencies, band=band))
+    fit = refined(record, settled, notes, partial(fit_frf, modes=modes, frequencies=frequencies, band=band))
     if not ((fit.frequencies >= lines[0]) & (fit.frequencies <= lines[-1])).all():
         raise FitError(f"a mode left the band; {FRF_ADVICE}")
     return fit

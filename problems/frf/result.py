@@ -41,9 +41,9 @@ class FrfFit(LeastSquaresResult):
     ----------
     record : FrfRecord
         The functions that were fitted, within the band.
-    trial : TrialFit
+    refinement : TrialFit
         The modes that were fitted, and all that follows from them.
-    uncorrected : Fit
+    solution : Fit
         The fit before its covariance allows for the fitted coefficients and for noise that functions share.
     notes : tuple of str
         Limitations of what preceded the fit.
@@ -63,35 +63,23 @@ class FrfFit(LeastSquaresResult):
     _drawing = "problems.frf.result.frf_figure"
 
     record: FrfRecord
-    trial: TrialFit
-    uncorrected: Fit
+    refinement: TrialFit
+    solution: Fit
     notes: tuple[str, ...] = ()
-
-    @classmethod
-    def refined(cls, record: FrfRecord, start: TrialFit, notes: tuple[str, ...], again: Callable[[Any], Any]) -> FrfFit:
-        """Return the result of a fit from a start.
-
-        Raises
-        ------
-        FitError
-            If the fit does not converge.
-        """
-        trial, fit = refine(start)
-        return cls(corrected(trial, fit), record, trial, fit, notes, again=again)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle without the functions of CasADi, which are made again."""
-        return FrfFit.refined, (self.record, self.trial, self.notes, self.again)
+        return refined, (self.record, self.refinement, self.notes, self.again)
 
     @property
     def frequencies(self) -> Array:
         """Undamped natural frequencies (m,), Hz."""
-        return self.trial.frequencies
+        return self.refinement.frequencies
 
     @property
     def damping_ratios(self) -> Array:
         """Damping ratios (m,)."""
-        return self.trial.ratios
+        return self.refinement.ratios
 
     @cached_property
     def constants(self) -> ComplexArray:
@@ -99,21 +87,21 @@ class FrfFit(LeastSquaresResult):
 
         The product of the mass-normalised shape at output and input, 1/kg for a record per force; real, if the mode is.
         """
-        trial = self.trial
+        trial = self.refinement
         values = trial.model.constants(trial.frequencies, trial.ratios, trial.coefficients)
         return values.reshape(-1, self.record.outputs, self.record.inputs)
 
     @cached_property
     def constant_errors(self) -> ComplexArray:
         """Standard errors of the real parts of ``constants``, plus i times those of the imaginary parts."""
-        count = self.trial.values.shape[1]
-        errors = np.array([_constant_errors(self.trial, self.fit, function) for function in range(count)]).T
+        count = self.refinement.values.shape[1]
+        errors = np.array([_constant_errors(self.refinement, self.fit, function) for function in range(count)]).T
         return errors.reshape(self.constants.shape)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
-        return (*self.notes, *self.fit.warnings, *limitations(self.trial, self.fit))
+        return (*self.notes, *self.fit.warnings, *limitations(self.refinement, self.fit))
 
     @property
     def poles(self) -> ComplexArray:
@@ -134,7 +122,7 @@ class FrfFit(LeastSquaresResult):
         f = self.record.frequencies if frequencies is None else np.atleast_1d(array(frequencies, "frequencies"))
         if (f <= 0.0).any():
             raise InputError("must be positive", "frequencies")
-        values = self.trial.at(f)
+        values = self.refinement.at(f)
         return values.T.reshape(self.record.outputs, self.record.inputs, -1)
 
     def measured_modes(self) -> MeasuredModes:
@@ -180,7 +168,7 @@ class FrfFit(LeastSquaresResult):
             If a nonlinear program for an end does not converge.
         """
         self.check_name(name)
-        ratio = self.standard_errors[name] / self.uncorrected.standard_errors[name]
+        ratio = self.standard_errors[name] / self.solution.standard_errors[name]
         return profile_interval(self.fit, name, level, inflation=float(np.nan_to_num(ratio, nan=1.0)) ** 2)
 
     def predict(self, record: FrfRecord) -> RecordPrediction:
@@ -194,7 +182,7 @@ class FrfFit(LeastSquaresResult):
             If it is no record, or has fewer values than constants.
         """
         check_instance(record, "record", FrfRecord)
-        values, trial = record.columns, self.trial
+        values, trial = record.columns, self.refinement
         model = ModalSum.of(record.frequencies, MODAL_SUM_POWERS[record.kind], trial.model.powers)
         if 2 * len(values) < 2 * len(trial.frequencies) + len(model.powers):
             raise InputError(f"has too few frequencies, {len(values)}, for {len(trial.frequencies)} modes", "record")
@@ -209,9 +197,9 @@ class FrfFit(LeastSquaresResult):
 
     def resampled(self, noise: Array) -> Array:
         """Return the estimates (p,) from a fit to the fitted functions plus noise of each residual (m,)."""
-        trial = self.trial
+        trial = self.refinement
         real, imaginary = (
-            noise.reshape(trial.values.shape[1], 2, -1).swapaxes(0, 1) * inflation(self.trial, self.fit) ** 0.5
+            noise.reshape(trial.values.shape[1], 2, -1).swapaxes(0, 1) * inflation(self.refinement, self.fit) ** 0.5
         )
         values = trial.fitted + (real + 1j * imaginary).T / trial.weights
         found = quick_fit(replace(trial, values=values))
@@ -283,6 +271,18 @@ class FrfFit(LeastSquaresResult):
             "modes": modes,
             "points_m": None if self.record.points is None else list(self.record.points),
         }
+
+
+def refined(record: FrfRecord, start: TrialFit, notes: tuple[str, ...], again: Callable[[Any], Any]) -> FrfFit:
+    """Return the result of a fit from a start.
+
+    Raises
+    ------
+    FitError
+        If the fit does not converge.
+    """
+    trial, fit = refine(start)
+    return FrfFit(corrected(trial, fit), record, trial, fit, notes, again=again)
 
 
 def _constant_errors(trial: TrialFit, fit: Fit, function: int) -> ComplexArray:

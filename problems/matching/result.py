@@ -161,16 +161,6 @@ class FrequencyMatch(FitResult):
         return dict(zip(self._names, zip(low.tolist(), high.tolist(), strict=True), strict=True))
 
     @property
-    def ranges(self) -> dict[str, Array]:
-        """Least and greatest relative change of each property that may change, by element or (1, 2) for the whole beam.
-
-        They are those of all beams that fit equally well; if the targets are out of reach, those of the match.
-        """
-        known, space = self.identifiability, self.matching.space
-        ends = np.column_stack([known.factors, known.factors]) if self.out_of_reach else known.spread
-        return space.by_property(ends - 1)
-
-    @property
     def _names(self) -> tuple[str, ...]:
         return self.matching.space.factor_names
 
@@ -402,6 +392,8 @@ def match_figure(matches: Mapping[str, FrequencyMatch]) -> Figure:
     if len(matches) > 1:
         return saved_figure(matches)
     (match,) = matches.values()
-    whole = (match.beam.elements, 2)
-    ranges = {name: np.broadcast_to(own, whole) for name, own in match.ranges.items() if name not in LUMPED}
-    return properties_figure(match.matching.space.beam, match.beam, ranges)
+    known, space = match.identifiability, match.matching.space
+    ends = np.column_stack([known.factors, known.factors]) if match.out_of_reach else known.spread
+    changes = {name: own for name, own in space.by_property(ends - 1).items() if name not in LUMPED}
+    along = {name: np.broadcast_to(own, (match.beam.elements, 2)) for name, own in changes.items()}
+    return properties_figure(space.beam, match.beam, along)

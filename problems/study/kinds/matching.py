@@ -65,7 +65,8 @@ def match_plain(beam: Beam, request: dict[str, Any]) -> Matched:
         As ``match_frequencies``.
     """
     match = match_frequencies(beam, **request_of(MatchTable(**request)))
-    ranges = {} if match.out_of_reach else match.ranges
+    space = match.matching.space
+    ranges = {} if match.out_of_reach else space.by_property(match.identifiability.spread - 1)
     data = match.to_dict()
     data["elastic_modulus_per_element"] = data["elastic_modulus"]
     data["density_per_element"] = data["density"]

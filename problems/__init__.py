@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from problems.frf.fitting import fit_frf
     from problems.frf.record import FrfRecord
     from problems.frf.result import FrfFit
+    from problems.matching.design_space import LeastChange, Smoothness
     from problems.matching.frequency_matching import match_frequencies
     from problems.matching.measured_modes import MeasuredModes
-    from problems.matching.preference import LeastChange, Smoothness
     from problems.matching.result import FrequencyMatch
     from problems.matching.unknowns import Global, PerElement, Smooth
     from problems.modal_damping.rayleigh import RayleighFit, fit_rayleigh

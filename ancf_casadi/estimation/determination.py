@@ -22,7 +22,7 @@ powers of the unknowns that the records determine with the relative standard err
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 
 import casadi as cs
@@ -108,12 +108,10 @@ def undetermined(columns: Array, negligible: float) -> Array:
     return _reduced(directions[singular < negligible])
 
 
-def _reduced(rows: Array) -> Array:
-    """Return rows with the same span, each with few entries, and the largest 1."""
+def row_reduced(rows: Array, columns: Iterable[int]) -> Array:
+    """Return rows with the same span as independent rows, reduced in the order of the columns: each begins with 1."""
     rows, first = rows.copy(), 0
-    if not len(rows):
-        return rows
-    for column in np.argsort(-np.abs(rows).max(axis=0), kind="stable"):
+    for column in columns:
         if first == len(rows):
             break
         pivot = first + int(np.abs(rows[first:, column]).argmax())
@@ -124,6 +122,14 @@ def _reduced(rows: Array) -> Array:
         others = np.arange(len(rows)) != first
         rows[others] -= np.outer(rows[others, column], rows[first])
         first += 1
+    return rows
+
+
+def _reduced(rows: Array) -> Array:
+    """Return rows with the same span, each with few entries, and the largest 1."""
+    if not len(rows):
+        return rows
+    rows = row_reduced(rows, np.argsort(-np.abs(rows).max(axis=0), kind="stable").tolist())
     largest = np.abs(rows).argmax(axis=1)
     return np.asarray(rows / rows[np.arange(len(rows)), largest][:, None])
 

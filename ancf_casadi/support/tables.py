@@ -145,13 +145,19 @@ class Reported(Displayed, ABC):
     def table(self) -> Table:
         """Return the most important numbers."""
 
+    def tables(self) -> tuple[Table, ...]:
+        """Return the tables of the report."""
+        return (self.table(),)
+
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data for JSON, with its ``kind``."""
 
     def report(self) -> str:
-        """Return the table and the warnings as text."""
-        return "\n".join([self.table().text(), *(f"  note: {note}" for note in self._warnings)])
+        """Return the tables and the warnings as text."""
+        return "\n".join(
+            ["\n\n".join(table.text() for table in self.tables()), *(f"  note: {one}" for one in self._warnings)]
+        )
 
     def figure(self, *others: Any, labels: Sequence[str] = ()) -> Figure:
         """Draw the result, and others of its kind over it.

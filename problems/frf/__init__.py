@@ -1,5 +1,6 @@
 """Modal parameters from measured frequency response functions.
 
-``record`` holds the measured functions, ``modal_sum`` the model, ``poles`` finds starting values, ``weights`` estimates
-the noise, ``refinement`` fits all parameters, ``selection`` decides on the number of modes, and ``fitting`` joins them.
+``record`` holds the measured functions, ``modal_sum`` the model and its fit, ``poles`` finds starting values,
+``weights`` estimates the noise, ``selection`` decides on the number of modes, ``refinement`` adds the uncertainty, and
+``fitting`` joins them.
 """

@@ -11,15 +11,14 @@ import numpy as np
 
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import is_sequence, physical, shown, vector, whole
+from ancf_casadi.support.inputs import check_instance, is_sequence, physical, shown, vector, whole
 from problems.frf.modal_sum import MODAL_SUM_POWERS, RESIDUAL_POWERS, ModalSum
 from problems.frf.poles import candidate_poles, poles_near
-from problems.frf.record import FrfRecord, as_record
-from problems.frf.refinement import FRF_ADVICE, refine
-from problems.frf.result import FrfFit
+from problems.frf.record import FrfRecord
+from problems.frf.refinement import FRF_ADVICE
+from problems.frf.result import FrfFit, refined
 from problems.frf.selection import MOST_FRF_MODES, Selection, select_modes
-from problems.frf.trial import TrialFit
-from problems.frf.weights import first_deviations, given_deviations
+from problems.frf.weights import given_deviations
 
 
 def fit_frf(
@@ -65,7 +64,7 @@ def fit_frf(
     10.00 Hz, 0.00996 +- 0.00004
     20.00 Hz, 0.00503 +- 0.00006
     """
-    record = as_record(record)
+    check_instance(record, "record", FrfRecord)
     if band is not None:
         low, high = vector(band, "band")
         if not low < high:
@@ -75,41 +74,30 @@ def fit_frf(
     if near is not None and modes is not None and modes != len(near):
         raise InputError(f"is {shown(modes)}, but {len(near)} frequencies are given; leave it out", "modes")
     wanted = len(near) if near is not None else None if modes is None else whole(modes, "modes", 1, MOST_FRF_MODES)
-    values = record.values.reshape(-1, len(record.frequencies)).T
+    values = record.columns
     model = ModalSum.of(record.frequencies, MODAL_SUM_POWERS[record.kind], RESIDUAL_POWERS[0])
     if wanted is not None and 2 * wanted + values.shape[1] * (2 * wanted + len(RESIDUAL_POWERS[0])) > values.size:
         raise InputError(f"has too few frequencies, {len(record.frequencies)}, for {wanted} modes", "record")
 
-    given = given_deviations(record)
-    deviations = first_deviations(values) if given is None else given
+    deviations = given_deviations(record)
     scaled = values / np.sqrt(np.median(deviations**2, axis=0))
     candidates = candidate_poles(record.frequencies, scaled) if near is None else poles_near(model, scaled, near)
-    selection = Selection(values, deviations, estimated=given is None, strict=wanted is None)
+    selection = Selection(
+        values, deviations, estimated=record.std is None and record.coherence is None, strict=wanted is None
+    )
     best = select_modes(selection, model, candidates, wanted)
     if near is not None and len(best.frequencies) < len(near):
         raise FitError(f"only {len(best.frequencies)} of the {wanted} modes were found; {FRF_ADVICE}")
-    settled = _ascending(_settled(selection, best))
-    found = len(settled.frequencies)
-    notes = [] if wanted is None or found == wanted else [f"the record supports {found} of {wanted} modes"]
-    refined = refine(settled)
-    lines, resonances = record.frequencies, refined.trial.frequencies
-    if not ((resonances >= lines[0]) & (resonances <= lines[-1])).all():
-        raise FitError(f"a mode left the band; {FRF_ADVICE}")
-    again = partial(fit_frf, modes=modes, frequencies=frequencies, band=band)
-    return FrfFit(refined.corrected, record, refined, tuple(notes), again=again)
-
-
-def _settled(selection: Selection, best: TrialFit) -> TrialFit:
-    """Return the fit with the weights that follow from its residuals."""
     for _ in range(3):  # rounds in which weights and estimates settle
         best = selection.weighted(best)
-    return best
-
-
-def _ascending(fit: TrialFit) -> TrialFit:
-    """Return a fit with its modes in ascending order."""
-    order = np.argsort(fit.frequencies)
-    return replace(fit, frequencies=fit.frequencies[order], ratios=fit.ratios[order])
+    found, lines = len(best.frequencies), record.frequencies
+    notes = () if wanted is None or found == wanted else (f"the record supports {found} of {wanted} modes",)
+    order = np.argsort(best.frequencies)
+    settled = replace(best, frequencies=best.frequencies[order], ratios=best.ratios[order])
+    fit = refined(record, settled, notes, partial(fit_frf, modes=modes, frequencies=frequencies, band=band))
+    if not ((fit.frequencies >= lines[0]) & (fit.frequencies <= lines[-1])).all():
+        raise FitError(f"a mode left the band; {FRF_ADVICE}")
+    return fit
 
 
 def _given(frequencies: Any, record: FrfRecord) -> Array:

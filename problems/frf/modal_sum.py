@@ -1,4 +1,4 @@
-"""Frequency response functions as a sum over modes.
+"""Frequency response functions as a sum over modes, and its fit by variable projection.
 
 With the undamped natural frequency omega_k and the damping ratio zeta_k of mode k, shared by all functions, each
 function is
@@ -16,20 +16,33 @@ i omega_k (1 - zeta_k^2)^1/2 in A_k/(i omega - s_k) + conj(A_k)/(i omega - conj(
 the product of the mass-normalised shape at output and input, phi_o phi_i (1/kg), and real, if the mode is.  The powers
 p stand for the modes below the band (p = -2, -1) and above it (0, 1); further powers follow if a mode is close to it.
 
+The coefficients enter linearly.  For given frequencies and damping ratios x, those of function o are therefore the
+solution of a linear problem, with the columns Phi(x), the weights W_o and the values y_o,
+
+    c_o(x) = argmin |W_o (Phi(x) c - y_o)|,
+
+and the fit of all parameters at once is the fit of x with the residuals W_o (Phi(x) c_o(x) - y_o) (variable
+projection).  With QR factors Q R of the weighted columns, their derivatives are (1 - Q Q') times the derivatives of the
+columns times the coefficients (Kaufman), up to terms that do not change J' r.
+
 References
 ----------
 N. M. M. Maia, J. M. M. Silva, Theoretical and Experimental Modal Analysis, Research Studies Press (1997), Chapter 4.
+G. Golub, V. Pereyra, Separable nonlinear least squares: the variable projection method and its applications, Inverse
+Problems 19 (2003).
+L. Kaufman, A variable projection method for solving separable nonlinear least squares problems, BIT 15 (1975).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
-import casadi as cs
 import numpy as np
+from scipy.optimize import least_squares
 
+from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.support.arrays import Array, ComplexArray
 
 MODAL_SUM_POWERS = {
@@ -38,6 +51,9 @@ MODAL_SUM_POWERS = {
 RESIDUAL_POWERS = tuple(
     tuple(range(-size, size)) for size in (2, 4, 6)
 )  # of i omega: few, more and many residual terms
+LARGEST_RATIO = 0.999
+LEAST_SCALE = 1e-4  # damping ratio that sets the scale of nearly undamped modes
+SOLVER_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,20 +109,6 @@ class ModalSum:
         sizes = a.T[:, None, :] + iω * b.T[:, None, :]
         return np.stack([sizes * by_frequency, sizes * by_ratio], axis=3).reshape(*sizes.shape[:2], -1)
 
-    def symbolic(self, frequencies: Sequence[cs.MX], ratios: Sequence[cs.MX]) -> cs.MX:
-        """Return the columns with real parts above imaginary parts, (2 k, 2 m + powers)."""
-        ω = 2 * np.pi * self.frequencies
-        factors = [(1j * ω) ** (self.derivatives + power) for power in (0, 1)]
-        found = []
-        for frequency, ζ in zip(frequencies, ratios, strict=True):
-            ω_k = 2 * math.pi * frequency
-            real, imaginary = ω_k**2 - cs.DM(ω**2), 2 * ζ * ω_k * cs.DM(ω)
-            square = real**2 + imaginary**2
-            for factor in factors:  # factor (real - i imaginary)/square
-                x, y = cs.DM(factor.real), cs.DM(factor.imag)
-                found.append(cs.vertcat((x * real + y * imaginary) / square, (y * real - x * imaginary) / square))
-        return cs.horzcat(*found, cs.DM(stacked(self.residual_terms())))
-
     def constants(self, frequencies: Array, ratios: Array, coefficients: Array) -> ComplexArray:
         """Return the modal constants C (m, F) from the coefficients (2 m + powers, F)."""
         a, b = coefficients[0 : 2 * len(frequencies) : 2], coefficients[1 : 2 * len(frequencies) : 2]
@@ -118,3 +120,143 @@ class ModalSum:
 def stacked(values: ComplexArray) -> Array:
     """Return real parts above imaginary parts."""
     return np.concatenate([values.real, values.imag])
+
+
+@dataclass(frozen=True, eq=False)
+class TrialFit:
+    """Some modes, and the fit of all coefficients with them.
+
+    Parameters
+    ----------
+    model : ModalSum
+        The model.
+    values, weights : array (k, F)
+        Measured values and their weights, one column per function.
+    frequencies, ratios : array (m,)
+        Natural frequencies, Hz, and damping ratios.
+    """
+
+    model: ModalSum
+    values: ComplexArray
+    weights: Array
+    frequencies: Array
+    ratios: Array
+
+    def moved(self, x: Array) -> TrialFit:
+        """Return the fit with other frequencies and damping ratios, in turn (2 m,)."""
+        return replace(self, frequencies=x[::2], ratios=x[1::2])
+
+    @property
+    def bounded(self) -> Array:
+        """Frequencies and damping ratios in turn, the latter within their bounds, (2 m,)."""
+        ratios = np.clip(self.ratios, 0.1 * LEAST_SCALE, 0.99 * LARGEST_RATIO)
+        return np.column_stack([self.frequencies, ratios]).ravel()
+
+    @property
+    def scales(self) -> Array:
+        """Scales of frequencies and damping ratios in turn, (2 m,)."""
+        ratios = np.maximum(self.ratios, LEAST_SCALE)
+        return np.column_stack([self.frequencies * ratios, ratios]).ravel()
+
+    @cached_property
+    def factors(self) -> list[tuple[Array, Array]]:
+        """QR factors of the weighted columns, (2 k, c) and (c, c), for each function."""
+        columns = stacked(self.model.columns(self.frequencies, self.ratios))
+        return [np.linalg.qr(np.tile(weight, 2)[:, None] * columns) for weight in self.weights.T]
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """Coefficients (2 m + powers, F)."""
+        weighted = np.tile(self.weights, (2, 1)) * stacked(self.values)
+        found = []
+        for (q, triangle), y in zip(self.factors, weighted.T, strict=True):
+            size = np.linalg.norm(triangle, axis=0)
+            found.append(np.linalg.lstsq(triangle / size, q.T @ y)[0] / size)
+        return np.column_stack(found)
+
+    @cached_property
+    def fitted(self) -> ComplexArray:
+        """Fitted values (k, F)."""
+        return np.asarray(self.model.columns(self.frequencies, self.ratios) @ self.coefficients)
+
+    def at(self, frequencies: Array) -> ComplexArray:
+        """Return the fitted functions (k, F) at other frequencies, Hz."""
+        return np.asarray(
+            replace(self.model, frequencies=frequencies).columns(self.frequencies, self.ratios) @ self.coefficients
+        )
+
+    @property
+    def residuals(self) -> ComplexArray:
+        """Fitted less measured values (k, F)."""
+        return self.fitted - self.values
+
+    @property
+    def weighted_residuals(self) -> Array:
+        """Weighted residuals (2 k F,), function after function, real parts before imaginary parts."""
+        return stacked(self.weights * self.residuals).T.ravel()
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """Derivatives of the weighted residuals by frequency and damping ratio of each mode in turn, (2 k F, 2 m)."""
+        slopes, rows = self.model.slopes(self.frequencies, self.ratios, self.coefficients), []
+        for (q, _), weight, own in zip(self.factors, self.weights.T, slopes, strict=True):
+            change = stacked(weight[:, None] * own)
+            rows.append(change - q @ (q.T @ change))
+        return np.concatenate(rows)
+
+    @property
+    def parameters(self) -> int:
+        """Number of all parameters."""
+        return 2 * len(self.frequencies) + self.coefficients.size
+
+    @cached_property
+    def leverage(self) -> Array:
+        """Share of each complex value that the fit follows (k, F), the mean over real and imaginary part."""
+        k, count = self.values.shape
+        own = np.column_stack([np.sum(q**2, axis=1) for q, _ in self.factors])
+        own += np.sum(self._basis**2, axis=1).reshape(count, 2 * k).T
+        return np.asarray((own[:k] + own[k:]) / 2)
+
+    @property
+    def effective_samples(self) -> float:
+        """Number of residuals with white noise that would determine the modes as well."""
+        k, count = self.values.shape
+        times = np.tile(self.model.frequencies, 2 * count)
+        noise = estimated_noise(self.weighted_residuals, self._basis, [k] * (2 * count), times)
+        return float(2 * k * count / max(noise.growth, 1.0))
+
+    @cached_property
+    def _basis(self) -> Array:
+        """Orthonormal basis of the columns of the Jacobian."""
+        return np.linalg.qr(self.jacobian / np.linalg.norm(self.jacobian, axis=0))[0]
+
+
+def quick_fit(start: TrialFit) -> TrialFit | None:
+    """Return the fit of all parameters from the modes of a start; None if the functions do not determine the modes."""
+    bounded, scales = start.bounded, start.scales
+    last: dict[bytes, TrialFit] = {}
+
+    def at(x: Array) -> TrialFit:
+        if x.tobytes() not in last:
+            last.clear()
+            last[x.tobytes()] = start.moved(x)
+        return last[x.tobytes()]
+
+    def residuals(x: Array) -> Array:
+        return at(x).weighted_residuals
+
+    def jacobian(x: Array) -> Array:
+        return at(x).jacobian
+
+    upper = np.tile([np.inf, LARGEST_RATIO], len(start.frequencies))
+    try:
+        found = least_squares(
+            residuals, bounded, jacobian, (0.0, upper), x_scale=scales,
+            ftol=SOLVER_TOLERANCE, xtol=SOLVER_TOLERANCE, gtol=SOLVER_TOLERANCE, max_nfev=50 * len(bounded),
+        )  # fmt: skip
+    except (np.linalg.LinAlgError, ValueError):  # residuals that are not finite
+        return None
+    fit = at(found.x)
+    columns = [np.abs(np.diag(triangle)) / np.linalg.norm(triangle, axis=0) for _, triangle in fit.factors]
+    # least relative norm of a column beside the others
+    return fit if np.min(columns) > 1e-10 and np.linalg.norm(fit.jacobian, axis=0).all() else None

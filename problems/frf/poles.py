@@ -7,7 +7,6 @@ a stability chart.  All poles of all orders are candidates: ``selection`` choose
 from __future__ import annotations
 
 import importlib
-import importlib.util
 import warnings
 from dataclasses import dataclass
 from typing import Any
@@ -118,14 +117,6 @@ def poles_near(model: ModalSum, values: ComplexArray, frequencies: Array) -> Can
     return Candidates(frequencies, ratios, np.arange(len(frequencies)))
 
 
-def installed() -> bool:
-    """Return whether sdypy-EMA is installed."""
-    try:
-        return importlib.util.find_spec(MODULE) is not None
-    except (ModuleNotFoundError, ValueError):  # without sdypy, or switched off
-        return False
-
-
 def _library() -> Any:
     """Return the module.
 
@@ -134,12 +125,12 @@ def _library() -> Any:
     InputError
         If it is not installed.
     """
-    if not installed():
+    try:
+        return importlib.import_module(MODULE)
+    except ModuleNotFoundError:
         raise InputError(
-            "is not installed, but finds the poles; pip install sdypy-EMA, or give approximate frequencies",
-            MISSING,
-        )
-    return importlib.import_module(MODULE)
+            "is not installed, but finds the poles; pip install sdypy-EMA, or give approximate frequencies", MISSING
+        ) from None
 
 
 def _equally_spaced(frequencies: Array, rows: ComplexArray) -> tuple[Array, ComplexArray]:

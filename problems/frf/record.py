@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.response.linear_frf import FRF_UNITS, FrfKind
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array, check_instance, choice, complex_array, instances, numbers
+from ancf_casadi.support.inputs import array, choice, complex_array, instances, numbers
 from ancf_casadi.support.tables import Displayed, counted, spread
 
 LEAST_LINES = 8
@@ -160,6 +160,11 @@ class FrfRecord(Displayed):
         """Number of inputs."""
         return int(self.values.shape[1])
 
+    @property
+    def columns(self) -> ComplexArray:
+        """The values, one column per function, (k, outputs inputs)."""
+        return self.values.reshape(-1, len(self.frequencies)).T
+
     def between(self, low: float, high: float) -> FrfRecord:
         """Return the part of the record in a band of frequencies, Hz.
 
@@ -189,19 +194,6 @@ class FrfRecord(Displayed):
     def _summary(self) -> str:
         shape = f"{counted(self.outputs, 'output')}, {counted(self.inputs, 'input')}"
         return f"{self.kind}, {shape}, {len(self.frequencies)} frequencies, {spread(self.frequencies, 'Hz')}"
-
-
-def as_record(given: Any) -> FrfRecord:
-    """Return a record of frequency response functions.
-
-    Raises
-    ------
-    InputError
-        If it is anything else.
-    """
-    check_instance(given, "record", FrfRecord)
-    found: FrfRecord = given
-    return found
 
 
 def moving_mean(values: Array, half: int) -> Array:

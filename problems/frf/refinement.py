@@ -1,13 +1,7 @@
 """Refinement of all modal parameters by weighted least squares.
 
-The coefficients of a ``ModalSum`` enter linearly.  For given frequencies and damping ratios x, those of function o are
-therefore the solution of a linear problem, with the columns Phi(x), the weights W_o and the values y_o,
-
-    c_o(x) = argmin |W_o (Phi(x) c - y_o)|,
-
-and the fit of all parameters at once is the fit of x with the residuals W_o (Phi(x) c_o(x) - y_o) (variable
-projection).  The normal equations of c_o are those of columns that are orthonormal at the start, so that they are well
-conditioned near it.  Real and imaginary parts are series of residuals in the order of the frequencies.
+Frequencies and damping ratios x are fitted with the residuals and derivatives of ``modal_sum``.  Real and imaginary
+parts are series of residuals in the order of the frequencies.
 
 The covariance of x is that of ``ancf_casadi.estimation``, which allows for noise that is coloured along the frequency.
 Its variance is increased from N - n to N - n - F c degrees of freedom, for F functions with c coefficients each.  Noise
@@ -22,163 +16,159 @@ H S H' of x, with the derivatives J of the residuals and H H' = (J' J)^-1, becom
     S -> S^1/2 (1 + X) S^1/2,    X = sum_k sum_(o != p) Re(conj(J_ko H)' rho_kop J_kp H),
 
 as far as X increases it.  The coefficients have the covariance of the linear problem plus that due to x.
-
-References
-----------
-G. Golub, V. Pereyra, Separable nonlinear least squares: the variable projection method and its applications, Inverse
-Problems 19 (2003).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.solver.least_squares import least_squares
+from ancf_casadi.estimation.solver.noise import MOST_CONCENTRATION, concentration
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.support.arrays import Array
-from problems.frf.modal_sum import stacked
-from problems.frf.trial import LARGEST_RATIO, LEAST_SCALE, TrialFit
+from ancf_casadi.support.callbacks import Differentiable, kept
+from problems.decay.limitations import IMPRECISE
+from problems.frf.modal_sum import LARGEST_RATIO, RESIDUAL_POWERS, TrialFit, stacked
 from problems.frf.weights import LEAST_REMAINDER
 
 FRF_ADVICE = "give approximate frequencies, ask for fewer modes, or choose a band"
 
 
-@dataclass(frozen=True, eq=False)
-class Refinement:
-    """Fitted modal parameters.
-
-    Parameters
-    ----------
-    trial : TrialFit
-        The modes that were fitted, and all that follows from them.
-    fit : Fit
-        Frequencies, Hz, and damping ratios, in turn.
-    """
-
-    trial: TrialFit
-    fit: Fit
-
-    @property
-    def inflation(self) -> float:
-        """Factor of the variances that allows for the fitted coefficients."""
-        samples = 2 * self.trial.values.size
-        return (samples - len(self.fit.names)) / (samples - self.trial.parameters)
-
-    @cached_property
-    def corrected(self) -> Fit:
-        """The fit with a covariance that allows for the fitted coefficients and for noise that functions share."""
-        fit, free = self.fit, ~self.fit.active_bounds
-        covariance = self.inflation * fit.covariance
-        if self.trial.values.shape[1] > 1 and free.any() and fit.residual_rms > 0.0:
-            q, triangle = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
-            increase = self._shared(q)
-            scaled = triangle / fit.scale[free]
-            scatter = scaled @ covariance[np.ix_(free, free)] @ scaled.T
-            inverse = np.linalg.inv(scaled)
-            covariance[np.ix_(free, free)] = inverse @ _scaled(scatter, increase) @ inverse.T
-        return replace(fit, covariance=covariance)
-
-    def _shared(self, basis: Array) -> Array:
-        """Return X, as far as it is positive, for an orthonormal basis of the columns of J (N, n)."""
-        trial = self.trial
-        k, count = trial.values.shape
-        residuals = trial.weights * trial.residuals / np.sqrt(np.maximum(1 - trial.leverage, LEAST_REMAINDER))
-        fitted = trial.weights * trial.fitted
-        level = float(np.mean(np.abs(residuals) ** 2))
-        parts = basis.reshape(count, 2, k, -1)
-        columns = parts[:, 0] + 1j * parts[:, 1]
-        x = np.zeros((basis.shape[1], basis.shape[1]))
-        for first in range(count):
-            for second in range(first):
-                product = residuals[:, first] * residuals[:, second].conj() / level
-                relative = fitted[:, first] * fitted[:, second].conj()
-                q = np.linalg.qr(np.column_stack([np.ones(k), relative / np.linalg.norm(relative)]))[0]
-                share = q.conj().T @ product
-                # squared size of alpha and beta, in their standard errors, from which they count; 1 in 3000 by chance
-                share[np.abs(share) ** 2 < 8.0] = 0.0
-                if share.any():
-                    x += 2 * ((columns[first].conj() * (q @ share)[:, None]).T @ columns[second]).real
-        eigenvalues, vectors = np.linalg.eigh((x + x.T) / 2)
-        return np.asarray((vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T)
-
-    def _coefficient_slopes(self, function: int) -> Array:
-        """Return the derivatives of the coefficients of a function by frequencies and damping ratios (c, 2 m)."""
-        trial, (q, triangle) = self.trial, self.trial.factors[function]
-        slopes = trial.model.slopes(trial.frequencies, trial.ratios, trial.coefficients[:, function, None])[0]
-        change = stacked(trial.weights[:, function, None] * slopes)
-        return np.asarray(-np.linalg.solve(triangle, q.T @ change))
-
-    def coefficient_covariance(self, function: int) -> Array:
-        """Return the covariance of the coefficients of a function (c, c); unknowns at a bound count as known."""
-        (q, triangle), fit, k = self.trial.factors[function], self.corrected, len(self.trial.values)
-        own = slice(2 * k * function, 2 * k * (function + 1))
-        scatter = fit.noise.variance * np.eye(len(triangle))
-        if fit.noise.spectra:
-            padded = np.zeros((len(fit.residuals), q.shape[1]))
-            padded[own] = q
-            scatter = sum(
-                (s.form(padded) for s in fit.noise.spectra if own.start <= s.rows.start < own.stop), 0 * scatter
-            )
-        inverse, free = np.linalg.inv(triangle), ~fit.active_bounds
-        change = self._coefficient_slopes(function)[:, free]
-        shared = change @ fit.covariance[np.ix_(free, free)] @ change.T
-        return np.asarray(self.inflation * inverse @ scatter @ inverse.T + shared)
-
-
-def refine(start: TrialFit) -> Refinement:
-    """Fit all parameters, from a start.
+def refine(start: TrialFit) -> tuple[TrialFit, Fit]:
+    """Return the modes that fit best, from a start, and the fit of their frequencies and damping ratios, in turn.
 
     Raises
     ------
     FitError
         If the fit does not converge.
     """
-    unknowns = []
-    for number, (f, ζ) in enumerate(zip(start.frequencies.tolist(), start.ratios.tolist(), strict=True), start=1):
-        scale = max(ζ, LEAST_SCALE)
-        unknowns.append(Unknown(f"frequency_{number}", f, scale=f * scale, lower=0.0, unit="Hz"))
-        ζ = min(max(ζ, 0.1 * LEAST_SCALE), 0.99 * LARGEST_RATIO)
-        unknowns.append(Unknown(f"damping_ratio_{number}", ζ, scale=scale, lower=0.0, upper=LARGEST_RATIO))
+    unknowns, numbers = [], zip(start.bounded.tolist(), start.scales.tolist(), strict=True)
+    for mode in range(1, len(start.frequencies) + 1):
+        unknowns.append(Unknown(f"frequency_{mode}", *next(numbers), lower=0.0, unit="Hz"))
+        unknowns.append(Unknown(f"damping_ratio_{mode}", *next(numbers), lower=0.0, upper=LARGEST_RATIO))
+
+    def projected(x: Array) -> tuple[Array, Array]:
+        trial = start.moved(x)
+        return trial.weighted_residuals, trial.jacobian
+
     k, count = start.values.shape
+    residuals = kept(Differentiable(projected, 2 * k * count, len(unknowns)), "projected")
     fit = least_squares(
-        _projection(start),
+        lambda *x: residuals(cs.vertcat(*x)),
         unknowns,
         gauss_newton=True,
+        forward=True,
         series=[k] * (2 * count),
         times=np.tile(start.model.frequencies, 2 * count),
         advice=FRF_ADVICE,
     )
-    return Refinement(replace(start, frequencies=fit.values[::2], ratios=fit.values[1::2]), fit)
+    return start.moved(fit.values), fit
 
 
-def _projection(start: TrialFit) -> Callable[..., cs.MX]:
-    """Return the function x -> residuals."""
-    x = cs.MX.sym("x", 2 * len(start.frequencies))
-    parts = cs.vertsplit(x)
-    columns = start.model.symbolic(parts[::2], parts[1::2])
-    residuals = []
-    for y, weight, (_, triangle) in zip(stacked(start.values).T, start.weights.T, start.factors, strict=True):
-        doubled = np.tile(weight, 2)
-        a = cs.DM(doubled[:, None]) * columns @ cs.DM(np.linalg.inv(triangle))
-        c = cs.solve(a.T @ a, a.T @ cs.DM(doubled * y))
-        residuals.append(a @ c - cs.DM(doubled * y))
-    function = cs.Function("projection", [x], [cs.vertcat(*residuals)])
-
-    def projected(*x: cs.MX) -> cs.MX:
-        found: cs.MX = function(cs.vertcat(*x))
-        return found
-
-    return projected
+def inflation(trial: TrialFit, fit: Fit) -> float:
+    """Return the factor of the variances that allows for the fitted coefficients."""
+    samples = 2 * trial.values.size
+    return (samples - len(fit.names)) / (samples - trial.parameters)
 
 
-def _scaled(scatter: Array, increase: Array) -> Array:
-    """Return S^1/2 (1 + X) S^1/2."""
-    eigenvalues, vectors = np.linalg.eigh((scatter + scatter.T) / 2)
-    root = (vectors * np.sqrt(np.maximum(eigenvalues, 0.0))) @ vectors.T
-    return np.asarray(root @ (np.eye(len(root)) + increase) @ root)
+def corrected(trial: TrialFit, fit: Fit) -> Fit:
+    """Return a fit with a covariance that allows for the fitted coefficients and for noise that functions share."""
+    free = ~fit.active_bounds
+    covariance = inflation(trial, fit) * fit.covariance
+    if trial.values.shape[1] > 1 and free.any() and fit.residual_rms > 0.0:
+        q, triangle = np.linalg.qr(fit.jacobian[:, free] * fit.scale[free])
+        scaled = triangle / fit.scale[free]
+        scatter = scaled @ covariance[np.ix_(free, free)] @ scaled.T
+        inverse = np.linalg.inv(scaled)
+        eigenvalues, vectors = np.linalg.eigh((scatter + scatter.T) / 2)
+        root = (vectors * np.sqrt(np.maximum(eigenvalues, 0.0))) @ vectors.T
+        larger = root @ (np.eye(len(root)) + _shared(trial, q)) @ root
+        covariance[np.ix_(free, free)] = inverse @ larger @ inverse.T
+    return replace(fit, covariance=covariance)
+
+
+def _shared(trial: TrialFit, basis: Array) -> Array:
+    """Return X, as far as it is positive, for an orthonormal basis of the columns of J (N, n)."""
+    k, count = trial.values.shape
+    residuals = trial.weights * trial.residuals / np.sqrt(np.maximum(1 - trial.leverage, LEAST_REMAINDER))
+    fitted = trial.weights * trial.fitted
+    level = float(np.mean(np.abs(residuals) ** 2))
+    parts = basis.reshape(count, 2, k, -1)
+    columns = parts[:, 0] + 1j * parts[:, 1]
+    x = np.zeros((basis.shape[1], basis.shape[1]))
+    for first in range(count):
+        for second in range(first):
+            product = residuals[:, first] * residuals[:, second].conj() / level
+            relative = fitted[:, first] * fitted[:, second].conj()
+            q = np.linalg.qr(np.column_stack([np.ones(k), relative / np.linalg.norm(relative)]))[0]
+            share = q.conj().T @ product
+            # squared size of alpha and beta, in their standard errors, from which they count; 1 in 3000 by chance
+            share[np.abs(share) ** 2 < 8.0] = 0.0
+            if share.any():
+                x += 2 * ((columns[first].conj() * (q @ share)[:, None]).T @ columns[second]).real
+    eigenvalues, vectors = np.linalg.eigh((x + x.T) / 2)
+    return np.asarray((vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T)
+
+
+def coefficient_covariance(trial: TrialFit, fit: Fit, function: int) -> Array:
+    """Return the covariance of the coefficients of a function (c, c); unknowns at a bound count as known.
+
+    Parameters
+    ----------
+    trial : TrialFit
+        The modes that were fitted.
+    fit : Fit
+        Their fit with the corrected covariance.
+    function : int
+        Number of the function, from 0.
+    """
+    (q, triangle), k = trial.factors[function], len(trial.values)
+    own = slice(2 * k * function, 2 * k * (function + 1))
+    scatter = fit.noise.variance * np.eye(len(triangle))
+    if fit.noise.spectra:
+        padded = np.zeros((len(fit.residuals), q.shape[1]))
+        padded[own] = q
+        scatter = sum((s.form(padded) for s in fit.noise.spectra if own.start <= s.rows.start < own.stop), 0 * scatter)
+    inverse, free = np.linalg.inv(triangle), ~fit.active_bounds
+    slopes = trial.model.slopes(trial.frequencies, trial.ratios, trial.coefficients[:, function, None])[0]
+    change = -inverse @ (q.T @ stacked(trial.weights[:, function, None] * slopes))[:, free]
+    shared = change @ fit.covariance[np.ix_(free, free)] @ change.T
+    return np.asarray(inflation(trial, fit) * inverse @ scatter @ inverse.T + shared)
+
+
+def limitations(trial: TrialFit, fit: Fit) -> list[str]:
+    """Return the limitations of a fit, one sentence each."""
+    f, notes = trial.model.frequencies, []
+    for k, (own, ζ) in enumerate(zip(trial.frequencies.tolist(), trial.ratios.tolist(), strict=True), start=1):
+        width = 2 * ζ * own
+        place = int(np.clip(np.searchsorted(f, own), 1, len(f) - 1))
+        spacing = float(f[place] - f[place - 1])
+        if width < 3.0 * spacing:  # fewer than three lines in the half-power bandwidth
+            notes.append(
+                f"mode {k}: its half-power bandwidth of {width:.3g} Hz holds few frequencies, which are {spacing:.3g} "
+                "Hz apart; leakage in the measurement may add to the damping, and a finer resolution would show it"
+            )
+        if own - width / 2 < f[0] or own + width / 2 > f[-1]:
+            notes.append(f"mode {k}: its resonance at {own:.4g} Hz is at the end of the band; widen the band")
+        error = fit.standard_errors[f"damping_ratio_{k}"]
+        if error > IMPRECISE * ζ:
+            notes.append(
+                f"mode {k}: the damping ratio has a standard error of {100 * error / ζ:.2g} %; less noise, or a finer "
+                "resolution, would help"
+            )
+    if trial.model.powers == RESIDUAL_POWERS[-1]:
+        notes.append(
+            "a mode close to the band, or one in it that was not found, shows in the functions, and many residual "
+            "terms stand for it; widen the band to include it"
+        )
+    focus = concentration(fit.residuals, fit.series, fit.times)
+    if focus > MOST_CONCENTRATION:
+        notes.append(
+            f"the residuals are not noise: their power is concentrated {focus:.2g} times as much; a mode may be "
+            "missing, the motion may be nonlinear, or the measurement may leak, and the errors allow for it in part"
+        )
+    return notes

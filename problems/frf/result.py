@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL
+from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray
-from ancf_casadi.support.inputs import array
+from ancf_casadi.support.inputs import array, check_instance
 from ancf_casadi.support.tables import Table, known
-from problems.frf.limitations import limitations
-from problems.frf.modal_sum import MODAL_SUM_POWERS, ModalSum
-from problems.frf.record import FrfRecord, as_record
-from problems.frf.refinement import FRF_ADVICE, Refinement
-from problems.frf.trial import TrialFit, quick_fit
+from problems.frf.modal_sum import MODAL_SUM_POWERS, ModalSum, TrialFit, quick_fit
+from problems.frf.record import FrfRecord
+from problems.frf.refinement import FRF_ADVICE, coefficient_covariance, corrected, inflation, limitations, refine
 from problems.frf.weights import first_deviations, given_deviations
 from problems.matching.measured_modes import MeasuredModes
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+GREY = "#b0b0b0"
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +41,10 @@ class FrfFit(LeastSquaresResult):
     ----------
     record : FrfRecord
         The functions that were fitted, within the band.
-    refinement : Refinement
-        All parameters of the fit.
+    refinement : TrialFit
+        The modes that were fitted, and all that follows from them.
+    solution : Fit
+        The fit before its covariance allows for the fitted coefficients and for noise that functions share.
     notes : tuple of str
         Limitations of what preceded the fit.
 
@@ -53,21 +60,26 @@ class FrfFit(LeastSquaresResult):
     """
 
     kind = "frequency response"
-    _drawing = "problems.frf.figure.frf_figure"
+    _drawing = "problems.frf.result.frf_figure"
 
     record: FrfRecord
-    refinement: Refinement
+    refinement: TrialFit
+    solution: Fit
     notes: tuple[str, ...] = ()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle without the functions of CasADi, which are made again."""
+        return refined, (self.record, self.refinement, self.notes, self.again)
 
     @property
     def frequencies(self) -> Array:
         """Undamped natural frequencies (m,), Hz."""
-        return self.refinement.trial.frequencies
+        return self.refinement.frequencies
 
     @property
     def damping_ratios(self) -> Array:
         """Damping ratios (m,)."""
-        return self.refinement.trial.ratios
+        return self.refinement.ratios
 
     @cached_property
     def constants(self) -> ComplexArray:
@@ -75,21 +87,21 @@ class FrfFit(LeastSquaresResult):
 
         The product of the mass-normalised shape at output and input, 1/kg for a record per force; real, if the mode is.
         """
-        trial = self.refinement.trial
+        trial = self.refinement
         values = trial.model.constants(trial.frequencies, trial.ratios, trial.coefficients)
         return values.reshape(-1, self.record.outputs, self.record.inputs)
 
     @cached_property
     def constant_errors(self) -> ComplexArray:
         """Standard errors of the real parts of ``constants``, plus i times those of the imaginary parts."""
-        count = self.refinement.trial.values.shape[1]
-        errors = np.array([_constant_errors(self.refinement, function) for function in range(count)]).T
+        count = self.refinement.values.shape[1]
+        errors = np.array([_constant_errors(self.refinement, self.fit, function) for function in range(count)]).T
         return errors.reshape(self.constants.shape)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Limitations of the estimates, one sentence each."""
-        return (*self.notes, *self.fit.warnings, *limitations(self.record, self.refinement))
+        return (*self.notes, *self.fit.warnings, *limitations(self.refinement, self.fit))
 
     @property
     def poles(self) -> ComplexArray:
@@ -110,7 +122,7 @@ class FrfFit(LeastSquaresResult):
         f = self.record.frequencies if frequencies is None else np.atleast_1d(array(frequencies, "frequencies"))
         if (f <= 0.0).any():
             raise InputError("must be positive", "frequencies")
-        values = self.refinement.trial.at(f)
+        values = self.refinement.at(f)
         return values.T.reshape(self.record.outputs, self.record.inputs, -1)
 
     def measured_modes(self) -> MeasuredModes:
@@ -156,7 +168,7 @@ class FrfFit(LeastSquaresResult):
             If a nonlinear program for an end does not converge.
         """
         self.check_name(name)
-        ratio = self.standard_errors[name] / self.refinement.fit.standard_errors[name]
+        ratio = self.standard_errors[name] / self.solution.standard_errors[name]
         return profile_interval(self.fit, name, level, inflation=float(np.nan_to_num(ratio, nan=1.0)) ** 2)
 
     def predict(self, record: FrfRecord) -> RecordPrediction:
@@ -169,14 +181,12 @@ class FrfFit(LeastSquaresResult):
         InputError
             If it is no record, or has fewer values than constants.
         """
-        record = as_record(record)
-        values = record.values.reshape(-1, len(record.frequencies)).T
-        trial = self.refinement.trial
+        check_instance(record, "record", FrfRecord)
+        values, trial = record.columns, self.refinement
         model = ModalSum.of(record.frequencies, MODAL_SUM_POWERS[record.kind], trial.model.powers)
         if 2 * len(values) < 2 * len(trial.frequencies) + len(model.powers):
             raise InputError(f"has too few frequencies, {len(values)}, for {len(trial.frequencies)} modes", "record")
-        given = given_deviations(record)
-        deviations = first_deviations(values) if given is None else given
+        deviations = given_deviations(record)
         found = TrialFit(model, values, 1 / deviations, trial.frequencies, trial.ratios)
         parts = self.fit.errors_of(found.jacobian).reshape(values.shape[1], 2, -1)
         errors = np.hypot(*np.nan_to_num(parts).swapaxes(0, 1)).T * deviations
@@ -187,10 +197,12 @@ class FrfFit(LeastSquaresResult):
 
     def resampled(self, noise: Array) -> Array:
         """Return the estimates (p,) from a fit to the fitted functions plus noise of each residual (m,)."""
-        trial = self.refinement.trial
-        real, imaginary = noise.reshape(trial.values.shape[1], 2, -1).swapaxes(0, 1) * self.refinement.inflation**0.5
+        trial = self.refinement
+        real, imaginary = (
+            noise.reshape(trial.values.shape[1], 2, -1).swapaxes(0, 1) * inflation(self.refinement, self.fit) ** 0.5
+        )
         values = trial.fitted + (real + 1j * imaginary).T / trial.weights
-        found = quick_fit(trial.model, values, trial.weights, trial.frequencies, trial.ratios)
+        found = quick_fit(replace(trial, values=values))
         if found is None:
             raise FitError(f"the functions do not determine the modes; {FRF_ADVICE}")
         return np.column_stack([found.frequencies, found.ratios]).ravel()
@@ -234,11 +246,6 @@ class FrfFit(LeastSquaresResult):
             ),
         )
 
-    def report(self) -> str:
-        """Return the result as text."""
-        texts = [table.text() for table in self.tables()]
-        return "\n\n".join([*texts, *(["\n".join(f"note: {note}" for note in self.warnings)] if self.warnings else [])])
-
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON, with None for unknown values; modal constants in the order (outputs, inputs)."""
         modes, intervals = [], self.intervals()
@@ -266,17 +273,57 @@ class FrfFit(LeastSquaresResult):
         }
 
 
-def _constant_errors(refinement: Refinement, function: int) -> ComplexArray:
+def refined(record: FrfRecord, start: TrialFit, notes: tuple[str, ...], again: Callable[[Any], Any]) -> FrfFit:
+    """Return the result of a fit from a start.
+
+    Raises
+    ------
+    FitError
+        If the fit does not converge.
+    """
+    trial, fit = refine(start)
+    return FrfFit(corrected(trial, fit), record, trial, fit, notes, again=again)
+
+
+def _constant_errors(trial: TrialFit, fit: Fit, function: int) -> ComplexArray:
     """Return standard errors of real and imaginary parts of the modal constants of a function (m,).
 
     The change of the constants by frequency and damping ratio at given coefficients is zero for real modes, and left
     out: it is of the order of the damping ratio.
     """
-    trial, covariance = refinement.trial, refinement.coefficient_covariance(function)
-    found = []
+    covariance, found = coefficient_covariance(trial, fit, function), []
     for k, (f, ζ) in enumerate(zip(trial.frequencies, trial.ratios, strict=True)):
         ω = 2 * np.pi * f
         own = covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2]
         real, imaginary = np.array([1.0, -ζ * ω]), np.array([0.0, ω * np.sqrt(1 - ζ**2)])
         found.append(complex(np.sqrt(real @ own @ real), np.sqrt(imaginary @ own @ imaginary)))
     return np.array(found)
+
+
+def frf_figure(fits: Mapping[str, FrfFit]) -> Figure:
+    """Draw measured and fitted functions, amplitude and phase, and their difference; of several fits the estimates."""
+    from ancf_casadi.estimation.figures import saved_figure  # slow to import: matplotlib
+    from ancf_casadi.response.bode import Curve, bode_figure
+    from ancf_casadi.support.figures import COMPUTED, MEASURED
+
+    if len(fits) > 1:
+        return saved_figure(fits)
+    (fit,) = fits.values()
+    record = fit.record
+    measured = record.columns.T
+    fitted = fit.synthesised().reshape(measured.shape)
+    misfit = np.linalg.norm(fitted - measured, axis=1) / np.linalg.norm(measured, axis=1)
+    drawn = np.sort(np.argsort(misfit)[::-1][:4]).tolist()  # functions; of more, those with the largest residuals
+    columns = [
+        [
+            Curve("measured", record.frequencies, measured[k], MEASURED),
+            Curve("fitted", record.frequencies, fitted[k], COMPUTED),
+            Curve("difference", record.frequencies, fitted[k] - measured[k], GREY, phase=False),
+        ]
+        for k in drawn
+    ]
+    unit = "" if record.unit == "1" else f", {record.unit}"
+    names = record.names()
+    return bode_figure(
+        columns, record.kind.replace("-", " ") + unit, [names[k] for k in drawn] if len(names) > 1 else []
+    )

@@ -29,9 +29,8 @@ import numpy as np
 from ancf_casadi.estimation.criteria import VERY_STRONG
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, ComplexArray, Mask
-from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, stacked
+from problems.frf.modal_sum import RESIDUAL_POWERS, ModalSum, TrialFit, quick_fit, stacked
 from problems.frf.poles import Candidates
-from problems.frf.trial import TrialFit, quick_fit
 from problems.frf.weights import fitted_deviations
 
 MOST_FRF_MODES = 20
@@ -62,7 +61,7 @@ class Selection:
         """Return the fit of some modes, without those that are dropped; None if it fails."""
         weights = 1 / (self.deviations if deviations is None else deviations)
         while self.has_room(model, len(f)):
-            fit = quick_fit(model, self.values, weights, f, ζ)
+            fit = quick_fit(TrialFit(model, self.values, weights, f, ζ))
             if fit is None:
                 return None
             kept = self._kept(fit)

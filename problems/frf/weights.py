@@ -35,20 +35,19 @@ LEAST_STD = 1e-6  # standard deviation, relative to the median of the function
 LEAST_REMAINDER = 0.05  # least 1 - h
 
 
-def given_deviations(record: FrfRecord) -> Array | None:
-    """Return the standard deviations (k, F) that a record states, up to a common factor; None if it states none."""
+def given_deviations(record: FrfRecord) -> Array:
+    """Return the standard deviations (k, F) that a record states, up to a common factor; else those for a first fit."""
     if record.std is not None:
         return record.std.reshape(-1, len(record.frequencies)).T
     if record.coherence is None:
-        return None
+        return first_deviations(record.columns)
     coherence = np.clip(record.coherence, 1e-6, 1.0)
     variance = np.abs(record.values) ** 2 * (1 - coherence) / coherence
     rows = variance.reshape(-1, len(record.frequencies))
     # lines on either side over which a variance from the coherence is averaged
     smooth = np.sqrt(np.array([moving_mean(row, 4) for row in rows]).T)
     floor = np.median(smooth, axis=0)
-    floor = np.where(floor > 0.0, floor, 1.0)
-    return np.asarray(np.maximum(smooth, 1e-3 * floor))
+    return np.asarray(np.maximum(smooth, 1e-3 * np.where(floor > 0.0, floor, 1.0)))
 
 
 def first_deviations(values: ComplexArray) -> Array:

@@ -1,35 +1,52 @@
-"""The unknowns of a matching as one vector m, their bounds, and the properties and the beam that follow from m.
+"""The unknowns of a matching as one vector m: the factors, their bounds, the beam, and the preference among beams.
 
-The factors on all properties are f = 1 + T (m - m_0), with m_0 at the given beam.  If the unknowns are factors, they
-are bounded directly.  If they are the coefficients of a smooth property, the bounds apply to the factors of its
-elements, which are linear in m: the rows of T for this property are linear constraints.
+If there are more unknowns than data, a family of beams has the measured modes.  A preference is a small multiple of a
+quadratic form of the factors f(x) on the properties along the beam, x = s/L from 0 to 1, which selects one of them:
+
+    LeastChange    w/2 sum over the properties of c int_0^1 (f - 1)^2 dx
+    Smoothness     w/2 sum over the properties of int_0^1 (df/dx)^2 dx.
+
+For n elements the integrals are 1/n sum (f_i - 1)^2 and n sum (f_(i+1) - f_i)^2: each element counts by its fraction of
+the length, so that the integrals, and the result, converge with the mesh.  For a ``Global`` property, including the tip
+mass and the clamp stiffness, the first integral is (f - 1)^2, the second 0.
+
+The factor c is 1 for properties that change as a whole or smoothly, and 20 for ``PerElement``: a change of one
+twentieth of the beam then costs as much as the same change of a global property.  With c = 1, the elements would change
+by much more than the modulus or the density, because only their mean along the beam would cost as much as these.
+
+The preference is added to half the sum of the squared residuals, each in units of its standard deviation, or relative
+frequency errors if no deviations are given.  The weight w = 1/0.1^2 thus means a prior uncertainty of 10 % of a global
+property, or of the mean over a twentieth of the beam.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
+import scipy  # its packages are imported on first use
 
 from ancf_casadi.estimation.solver.least_squares import AT_BOUND
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import LUMPED, PROPERTIES, Beam
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.arrays import Array
-from ancf_casadi.support.inputs import check_instance, is_sequence, numbers, shown
+from ancf_casadi.support.arrays import Array, Mask
+from ancf_casadi.support.inputs import check_instance, is_sequence, numbers, positive, shown
+from ancf_casadi.support.tables import Displayed
 from ancf_casadi.vibration.assembly import structure_properties
 from problems.matching.unknowns import PAPER_UNKNOWNS, Global, PerElement, PropertyUnknown, Smooth, check_bounds
 
 SMALLEST_FACTOR = 1e-7  # factor: a property never vanishes
+WEIGHT = 1e-8  # a change of 1 in one factor costs as much as a relative frequency error of 1e-4
+PATCHES = 20.0  # c of PerElement: a fraction 1/c of the beam counts as a global property
 
 
 @dataclass(frozen=True)
 class DesignSpace:
-    """The N unknowns m of a beam, and the properties that follow from them.
+    """The N unknowns m of a beam, the F factors that follow from them, one per global property or element, and bounds.
 
     Parameters
     ----------
@@ -71,73 +88,59 @@ class DesignSpace:
                 raise InputError(f"the beam has no {name} to change; give the beam a first value of it", "unknowns")
         _ = self.map
 
+    @cached_property
+    def shapes(self) -> list[Array]:
+        """T of each property."""
+        return [unknown.shape(self.beam.elements) for unknown in self.unknowns]
+
+    def _repeated(self, values: Sequence[float], axis: int) -> Array:
+        """Return a value of each property for each of its factors (axis 0) or unknowns (axis 1)."""
+        return np.repeat(values, [shape.shape[axis] for shape in self.shapes])
+
     @property
     def size(self) -> int:
         """Number of unknowns N."""
-        return len(self.names)
+        return len(self.standard)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Names of the unknowns."""
-        return tuple(name for unknown in self.unknowns for name in unknown.names(self.beam.elements))
+        """Names of the unknowns: those of their factors, and of smooth properties the degree of the polynomial."""
+        return tuple(
+            name
+            for unknown, shape in zip(self.unknowns, self.shapes, strict=True)
+            for name in (
+                [f"{unknown.name}~L{j}" for j in range(shape.shape[1])]
+                if isinstance(unknown, Smooth)
+                else _factor_names(unknown, shape)
+            )
+        )
 
-    def rows_of(self, name: str) -> slice:
-        """Return the rows of a property among all properties, in the order of ``structure_properties``."""
-        n = self.beam.elements
-        if name in LUMPED:
-            row = n * len(PROPERTIES) + LUMPED.index(name)
-            return slice(row, row + 1)
-        return slice(n * PROPERTIES.index(name), n * (PROPERTIES.index(name) + 1))
+    @cached_property
+    def factor_names(self) -> tuple[str, ...]:
+        """Names of the factors, those of elements with their number from 1."""
+        pairs = zip(self.unknowns, self.shapes, strict=True)
+        return tuple(name for unknown, shape in pairs for name in _factor_names(unknown, shape))
 
     @cached_property
     def map(self) -> Array:
-        """Matrix T from unknowns to factors on all properties, (4 n + 2, N)."""
-        n = self.beam.elements
-        columns = []
-        for unknown in self.unknowns:
-            shape = unknown.shape(n)
-            column = np.zeros((n * len(PROPERTIES) + len(LUMPED), shape.shape[1]))
-            column[self.rows_of(unknown.name)] = shape
-            columns.append(column)
-        return np.concatenate(columns, axis=1)
+        """Matrix T from unknowns to factors, (F, N)."""
+        return np.asarray(scipy.linalg.block_diag(*self.shapes))
 
     @cached_property
     def standard(self) -> Array:
         """Values m_0 of the unknowns at the given beam, (N,)."""
-        return self._repeated(lambda smooth, _: 0.0 if smooth else 1.0)
+        return self._repeated([0.0 if isinstance(unknown, Smooth) else 1.0 for unknown in self.unknowns], 1)
 
     @cached_property
-    def lower(self) -> Array:
-        """Lower bounds of the unknowns, (N,)."""
-        return self._repeated(lambda smooth, bounds: -math.inf if smooth else max(1 - bounds, SMALLEST_FACTOR))
+    def single(self) -> Mask:
+        """True for the factors that are unknowns themselves, false for those of smooth properties, (F,)."""
+        return self._repeated([not isinstance(unknown, Smooth) for unknown in self.unknowns], 0) > 0
 
-    @cached_property
-    def upper(self) -> Array:
-        """Upper bounds of the unknowns, (N,)."""
-        return self._repeated(lambda smooth, bounds: math.inf if smooth else 1 + bounds)
-
-    @cached_property
-    def rows(self) -> Array:
-        """Rows of T for the smooth properties: times m, they are the changes of the factors, (r, N)."""
-        blocks = [self.map[self.rows_of(name)] for name in self._smooth]
-        return np.concatenate(blocks) if blocks else np.zeros((0, self.size))
-
-    @cached_property
-    def row_bounds(self) -> tuple[Array, Array]:
-        """Lower and upper bounds of the changes ``rows @ m``, (r,) each."""
-        widths = [bounds for _, smooth, bounds in self._blocks if smooth]
-        width = np.repeat(widths, self.beam.elements)
-        return np.maximum(-width, SMALLEST_FACTOR - 1), width
-
-    @cached_property
-    def bounded_names(self) -> tuple[str, ...]:
-        """Names of all bounded quantities, (N + r): the unknowns, then the factors of the smooth properties."""
-        return self.names + tuple(f"{name}[{i + 1}]" for name in self._smooth for i in range(self.beam.elements))
-
-    def room(self, m: Array) -> tuple[Array, Array]:
-        """Return the changes that lead to the lower and to the upper bounds, by ``bounded_names``, (N + r,) each."""
-        values, (below, above) = np.concatenate([m, self.rows @ m]), self.row_bounds
-        return np.concatenate([self.lower, below]) - values, np.concatenate([self.upper, above]) - values
+    @property
+    def _limits(self) -> list[tuple[float, float]]:
+        """Least and largest change of the factors of each property."""
+        own = (self.bounds if unknown.relative_bounds is None else unknown.relative_bounds for unknown in self.unknowns)
+        return [(max(-width, SMALLEST_FACTOR - 1), width) for width in own]
 
     @cached_property
     def given(self) -> Array:
@@ -145,36 +148,63 @@ class DesignSpace:
         return structure_properties(Model(self.beam))
 
     @cached_property
+    def given_values(self) -> Array:
+        """Values in the given beam of the properties with a factor, (F,); the mean of those that change as a whole."""
+        own = {unknown: self.given[self._rows_of(unknown.name)] for unknown in self.unknowns}
+        return np.concatenate([[p.mean()] if isinstance(unknown, Global) else p for unknown, p in own.items()])
+
+    def by_property(self, values: Array) -> dict[str, Array]:
+        """Return values (F, ...) of the factors by the name of their property."""
+        parts = np.split(values, np.cumsum([len(shape) for shape in self.shapes])[:-1])
+        return {unknown.name: part for unknown, part in zip(self.unknowns, parts, strict=True)}
+
+    @cached_property
     def directions(self) -> Array:
         """Derivatives of the properties by the unknowns, (4 n + 2, N)."""
-        return self.given[:, None] * self.map
+        found, columns = np.zeros((len(self.given), self.size)), iter(range(self.size))
+        for unknown, shape in zip(self.unknowns, self.shapes, strict=True):
+            for column in shape.T:
+                found[self._rows_of(unknown.name), next(columns)] = column
+        return self.given[:, None] * found
 
-    def factors(self, m: Array) -> Array:
-        """Return the factors on the properties, (4 n + 2,)."""
-        return np.asarray(1 + self.map @ (m - self.standard))
+    def _rows_of(self, name: str) -> slice:
+        """Return the rows of a property among all properties, in the order of ``structure_properties``."""
+        n = self.beam.elements
+        if name in LUMPED:
+            row = n * len(PROPERTIES) + LUMPED.index(name)
+            return slice(row, row + 1)
+        return slice(n * PROPERTIES.index(name), n * (PROPERTIES.index(name) + 1))
+
+    def changes(self, m: Array) -> Array:
+        """Return the relative changes of the factors, (F,)."""
+        return np.asarray(self.map @ (m - self.standard))
 
     def properties(self, m: Array) -> Array:
         """Return the properties, (4 n + 2,)."""
-        return np.asarray(self.factors(m) * self.given)
+        return np.asarray(self.given + self.directions @ (m - self.standard))
 
     def changed(self, m: Array) -> Beam:
         """Return the beam with these properties."""
         values = self.properties(m)
-        changes: dict[str, Any] = {name: tuple(values[self.rows_of(name)].tolist()) for name in PROPERTIES}
-        changes |= {
-            unknown.name: float(values[self.rows_of(unknown.name)][0])
-            for unknown in self.unknowns
-            if unknown.name in LUMPED
-        }
-        return self.beam.with_(**changes)
+        found = {unknown.name: values[self._rows_of(unknown.name)].tolist() for unknown in self.unknowns}
+        return self.beam.with_(**{name: own[0] if name in LUMPED else tuple(own) for name, own in found.items()})
+
+    def room(self, m: Array) -> tuple[Array, Array]:
+        """Return the changes of the factors that lead to the lower and to the upper bounds, (F,) each."""
+        lower, upper = (self._repeated(side, 0) for side in zip(*self._limits, strict=True))
+        return lower - self.changes(m), upper - self.changes(m)
+
+    def of_unknowns(self, values: Array, otherwise: float) -> Array:
+        """Return values (F,) of the factors for the unknowns that are such factors, and a number for others, (N,)."""
+        found = np.full(self.size, otherwise)
+        found[self.map[self.single].argmax(axis=1)] = values[self.single]
+        return found
 
     def at_bound(self, m: Array) -> tuple[str, ...]:
-        """Return the names of the unknowns, and of the elements of smooth properties, that are at a bound."""
+        """Return the names of the factors that are at a bound."""
         below, above = self.room(m)
-        with np.errstate(invalid="ignore"):
-            active = np.minimum(-below, above) < AT_BOUND * (above - below) / 2
-        active &= np.isfinite(below)
-        return tuple(name for name, there in zip(self.bounded_names, active, strict=True) if there)
+        active = np.minimum(-below, above) < AT_BOUND * (above - below) / 2
+        return tuple(np.array(self.factor_names)[active].tolist())
 
     def check_guess(self, guess: Sequence[float] | None) -> Array:
         """Return the first values of the unknowns as an array; those of the given beam if none are given.
@@ -191,52 +221,110 @@ class DesignSpace:
             raise InputError(f"needs {self.size} values, one per unknown, got {m.size}", "guess")
         below, above = self.room(m)
         excess = np.maximum(below, -above)
-        if (excess[: self.size] > 0.0).any():
-            k = int(np.flatnonzero(excess[: self.size] > 0.0)[0])
-            raise InputError(
-                f"the factors must be between {self.lower[k]:g} and {self.upper[k]:g}, got {m[k]:g} for "
-                f"{self.names[k]}",
-                "guess",
-            )
-        if (excess > 0.0).any():
+        if excess.max() > 1e-12:  # more than rounding
             k = int(excess.argmax())
-            change, most = (self.rows @ m)[k - self.size], self.row_bounds[1][k - self.size]
+            low, value, high = (1 + self.changes(m)[k] + room for room in (below[k], 0.0, above[k]))
             raise InputError(
-                f"changes {self.bounded_names[k]} by {100 * change:.3g} %, beyond {100 * most:g} %", "guess"
+                f"the factors must be between {low:g} and {high:g}, got {value:g} for {self.factor_names[k]}", "guess"
             )
         return m
 
     def random(self, generator: np.random.Generator) -> Array:
         """Return random values within the bounds: uniform factors, and smooth changes of uniformly distributed size."""
-        m = self.standard.copy()
-        for block, smooth, bounds in self._blocks:
-            if not smooth:
-                m[block] = generator.uniform(self.lower[block], self.upper[block])
-                continue
-            direction = generator.standard_normal(block.stop - block.start)
-            largest = np.abs(self.map[:, block] @ direction).max()
-            m[block] = direction * (min(bounds, 1 - SMALLEST_FACTOR) * generator.uniform() / largest)
-        return m
+        parts = []
+        for unknown, shape, (least, most) in zip(self.unknowns, self.shapes, self._limits, strict=True):
+            if isinstance(unknown, Smooth):
+                direction = generator.standard_normal(shape.shape[1])
+                parts.append(direction * (-least * generator.uniform() / np.abs(shape @ direction).max()))
+            else:
+                parts.append(1 + generator.uniform(least, most, len(shape)))
+        return np.concatenate(parts)
 
-    @cached_property
-    def _blocks(self) -> tuple[tuple[slice, bool, float], ...]:
-        """Slice of m for each property, whether the property is smooth, and its bounds."""
-        sizes = [len(unknown.names(self.beam.elements)) for unknown in self.unknowns]
-        ends = np.cumsum([0, *sizes]).tolist()
-        return tuple(
-            (
-                slice(begin, end),
-                isinstance(unknown, Smooth),
-                self.bounds if (own := unknown.relative_bounds) is None else own,
-            )
-            for unknown, begin, end in zip(self.unknowns, ends[:-1], ends[1:], strict=True)
-        )
 
-    def _repeated(self, value: Callable[[bool, float], float]) -> Array:
-        """Return ``value(smooth, bounds)`` of each property, repeated for each of its unknowns, (N,)."""
-        values = [value(smooth, bounds) for _, smooth, bounds in self._blocks]
-        return np.repeat(values, [block.stop - block.start for block, _, _ in self._blocks])
+def _factor_names(unknown: PropertyUnknown, shape: Array) -> list[str]:
+    return [unknown.name] if isinstance(unknown, Global) else [f"{unknown.name}[{i + 1}]" for i in range(len(shape))]
 
-    @property
-    def _smooth(self) -> list[str]:
-        return [unknown.name for unknown in self.unknowns if isinstance(unknown, Smooth)]
+
+@dataclass(frozen=True)
+class LeastChange(Displayed):
+    """Preference for the least change of the beam.
+
+    Parameters
+    ----------
+    weight : float, optional
+        Weight w.  If not given, 1e-8 over the square of the smallest relative standard deviation of a frequency (1 if
+        none is given), so small that it only selects among beams that fit.
+
+    Raises
+    ------
+    InputError
+        If the weight is not positive.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam
+    >>> from problems import LeastChange, PerElement, match_frequencies
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> widths = [PerElement("width")]
+    >>> match = match_frequencies(beam, targets=[1.95], unknowns=widths, preference=LeastChange())
+    >>> [round(1e3 * width, 2) for width in match.beam.width]
+    [5.3, 5.09, 4.91, 4.66]
+    """
+
+    weight: float | None = None
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        if self.weight is not None:
+            positive(self.weight, "preference: weight")
+
+    def matrix(self, space: DesignSpace, default: float) -> Array:
+        """Return the matrix of the quadratic form, (N, N), with the given or else the default weight."""
+        weight = default if self.weight is None else self.weight
+        patches = [PATCHES if isinstance(unknown, PerElement) else 1.0 for unknown in space.unknowns]
+        factors = [count / len(shape) * shape.T @ shape for count, shape in zip(patches, space.shapes, strict=True)]
+        return np.asarray(weight * scipy.linalg.block_diag(*factors))
+
+
+@dataclass(frozen=True)
+class Smoothness(Displayed):
+    """Preference for the smoothest beam and, among equally smooth ones, for the least change.
+
+    Parameters
+    ----------
+    weight : float, optional
+        Weight w, as in ``LeastChange``; if not given, 50 times the default of ``LeastChange``.
+
+    Raises
+    ------
+    InputError
+        If the weight is not positive.
+
+    Examples
+    --------
+    >>> from ancf_casadi import Beam
+    >>> from problems import PerElement, Smoothness, match_frequencies
+    >>> beam = Beam.uniform(length=0.5, width=5e-3, thickness=0.5e-3,
+    ...                     density=8000.0, elastic_modulus=210e9, elements=4)
+    >>> widths = [PerElement("width")]
+    >>> match = match_frequencies(beam, targets=[1.95], unknowns=widths, preference=Smoothness())
+    >>> [round(1e3 * width, 2) for width in match.beam.width]
+    [5.1, 4.92, 4.69, 4.5]
+    """
+
+    weight: float | None = None
+
+    def __post_init__(self) -> None:
+        """Validate."""
+        LeastChange(self.weight)
+
+    def matrix(self, space: DesignSpace, default: float) -> Array:
+        """Return the matrix of the quadratic form, (N, N), with the given or else the default weight."""
+        steps = scipy.linalg.block_diag(*(np.diff(shape, axis=0) for shape in space.shapes))
+        # default weight of smoothness relative to that of least change
+        weight = 50.0 * default if self.weight is None else self.weight
+        return np.asarray(weight * space.beam.elements * steps.T @ steps + LeastChange().matrix(space, default))
+
+
+Preference = LeastChange | Smoothness

@@ -28,10 +28,11 @@ import casadi as cs
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.determination import product
+from ancf_casadi.estimation.determination import product, row_reduced
 from ancf_casadi.estimation.solver.nlp import solve_nlp
 from ancf_casadi.support.arrays import Array, Mask
 from problems.matching.design_space import DesignSpace
+from problems.matching.response import Matching
 from problems.matching.unknowns import Global
 
 RANK_TOLERANCE = 1e-6  # times the largest singular value; smaller ones count as zero
@@ -52,23 +53,24 @@ class Identifiability:
 
     Parameters
     ----------
-    space : DesignSpace
-        The unknowns and their bounds.
+    matching : Matching
+        The statement of the matching.
     values : array (N,)
         The optimum.
-    jacobian : array (R, N)
-        Derivatives of the residuals, in units of their standard deviations if these are known.
-    prior : array (N, N)
-        Prior information, the inverse of a covariance; zero if there is none.
-    noisy : bool
-        Whether the standard deviations are known.
     """
 
-    space: DesignSpace
+    matching: Matching
     values: Array
-    jacobian: Array
-    prior: Array
-    noisy: bool
+
+    @property
+    def space(self) -> DesignSpace:
+        """The unknowns and their bounds."""
+        return self.matching.space
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """Derivatives of the residuals, in units of their standard deviations if these are known, (R, N)."""
+        return self.matching.jacobian(self.values) / self.matching.unit
 
     @cached_property
     def _svd(self) -> tuple[Array, Array]:
@@ -92,76 +94,72 @@ class Identifiability:
         return self._svd[1][self.rank :]
 
     @cached_property
-    def factor_names(self) -> tuple[str, ...]:
-        """Names of the F factors that may change, one per global property or per element."""
-        n = self.space.beam.elements
-        return tuple(
-            name
-            for unknown in self.space.unknowns
-            for name in (
-                (unknown.name,) if isinstance(unknown, Global) else [f"{unknown.name}[{i + 1}]" for i in range(n)]
-            )
-        )
-
-    @cached_property
-    def factor_jacobian(self) -> Array:
-        """Derivatives of these factors by the unknowns, (F, N)."""
-        blocks = [(unknown, self.space.map[self.space.rows_of(unknown.name)]) for unknown in self.space.unknowns]
-        return np.concatenate([rows[:1] if isinstance(unknown, Global) else rows for unknown, rows in blocks])
-
-    @cached_property
     def factors(self) -> Array:
-        """Values of these factors, (F,)."""
-        return np.asarray(1 + self.factor_jacobian @ (self.values - self.space.standard))
+        """Values of the factors, (F,)."""
+        return 1 + self.space.changes(self.values)
 
     @cached_property
     def spread(self) -> Array:
         """Least and greatest value of each factor among the beams that fit the data equally well, (F, 2)."""
+        lower, upper = self.room
         if self.rank == self.space.size:
             return np.column_stack([self.factors, self.factors])
-        lower, upper = self.space.room(self.values)
-        lower, upper = np.minimum(lower, 0.0), np.maximum(upper, 0.0)
-        own = [self.space.bounded_names.index(name) for name in self.factor_names]
-        ends = [
-            np.where(self._reaches(bound[own], lower, upper), bound[own], math.nan) for bound in (lower, upper)
-        ]  # fmt: skip
+        ends = [np.where(self._reaches(bound), bound, math.nan) for bound in (lower, upper)]
         for side, changes in zip((1.0, -1.0), ends, strict=True):
             for k in np.flatnonzero(np.isnan(changes)).tolist():
-                changes[k] = self._extreme(side * self.factor_jacobian[k], lower, upper) * side
+                changes[k] = self._extreme(side * self.space.map[k]) * side
         return np.asarray(self.factors[:, None] + np.column_stack(ends))
 
-    def _reaches(self, changes: Array, lower: Array, upper: Array) -> Mask:
+    @cached_property
+    def room(self) -> tuple[Array, Array]:
+        """Changes of the factors that lead to the lower and to the upper bounds, (F,) each."""
+        lower, upper = self.space.room(self.values)
+        return np.minimum(lower, 0.0), np.maximum(upper, 0.0)
+
+    def _reaches(self, changes: Array) -> Mask:
         """Return whether the projected move that makes each change of a factor stays within the bounds, (F,)."""
-        moves = self.factor_jacobian @ self.null_space.T @ self.null_space
+        (lower, upper), projected = self.room, self.space.map @ self.null_space.T
+        moves = projected @ projected.T
         with np.errstate(divide="ignore", invalid="ignore"):
-            moves *= (changes / np.sum(moves**2, axis=1))[:, None]
-            moves = np.concatenate([moves, moves @ self.space.rows.T], axis=1)
+            moves = moves * (changes / np.diag(moves))[:, None]
             return np.asarray(((moves >= lower - BOUND_ROUNDING) & (moves <= upper + BOUND_ROUNDING)).all(axis=1))
 
-    def _extreme(self, row: Array, lower: Array, upper: Array) -> float:
+    def _extreme(self, row: Array) -> float:
         """Return the minimum of t^T dm, with t a row, over the null space within the bounds; nan if none is found."""
-        space, size = self.space, self.space.size
+        space, (lower, upper) = self.space, self.room
+        rows = space.map[~space.single]
         found = scipy.optimize.linprog(
             row,
             A_eq=self.determined,
             b_eq=np.zeros(self.rank),
-            A_ub=np.concatenate([space.rows, -space.rows]),
-            b_ub=np.concatenate([upper[size:], -lower[size:]]),
-            bounds=list(zip(lower[:size].tolist(), upper[:size].tolist(), strict=True)),
+            A_ub=np.concatenate([rows, -rows]),
+            b_ub=np.concatenate([upper[~space.single], -lower[~space.single]]),
+            bounds=list(zip(space.of_unknowns(lower, -math.inf), space.of_unknowns(upper, math.inf), strict=True)),
         )
         return math.nan if not found.success or found.fun is None else float(found.fun)
 
     @cached_property
     def held(self) -> Mask:
         """Unknowns at a bound, which count as known, (N,)."""
-        there = set(self.space.at_bound(self.values))
-        return np.array([name in there for name in self.space.names])
+        return np.isin(self.space.names, self.space.at_bound(self.values))
+
+    @cached_property
+    def _information(self) -> Array:
+        """J^T J plus, if the standard deviations are known and the preference has a weight, its matrix, (N, N)."""
+        matching, information = self.matching, self.jacobian.T @ self.jacobian
+        prior = matching.noisy and matching.preference.weight is not None
+        return np.asarray(information + matching.preference_matrix if prior else information)
+
+    @cached_property
+    def _spectrum(self) -> tuple[Array, Array, Mask]:
+        """Eigenvalues and eigenvectors of the information on the unknowns that are not held, and those not zero."""
+        values, directions = np.linalg.eigh(self._information * np.outer(~self.held, ~self.held))
+        return values, directions, values > RANK_TOLERANCE**2 * values[-1]
 
     @cached_property
     def covariance(self) -> Array:
         """Covariance of the unknowns, (N, N), for the combinations that data and prior determine."""
-        values, directions = self._information
-        known = values > RANK_TOLERANCE**2 * values[-1]
+        values, directions, known = self._spectrum
         return np.asarray((directions[:, known] / values[known]) @ directions[:, known].T)
 
     @cached_property
@@ -170,13 +168,13 @@ class Identifiability:
 
         Nan for factors that are not determined or are at a bound, and if no standard deviation is known.
         """
-        rows = self.factor_jacobian
+        rows = self.space.map
         found = rows @ self.covariance @ rows.T
-        values, directions = self._information
-        loose = directions[:, values <= RANK_TOLERANCE**2 * values[-1]]
+        _, directions, determined = self._spectrum
+        loose = directions[:, ~determined]
         # relative part of a factor in the null space, below which the data determine the factor
         known = np.linalg.norm(rows @ loose, axis=1) < 1e-6 * np.linalg.norm(rows, axis=1)
-        return np.where(np.outer(known, known) & self.noisy, found, math.nan)
+        return np.where(np.outer(known, known) & self.matching.noisy, found, math.nan)
 
     @property
     def standard_errors(self) -> Array:
@@ -191,34 +189,29 @@ class Identifiability:
         FitError
             If a nonlinear program does not converge.
         """
-        below, above = self.space.room(self.values)
-        information = (self.jacobian.T @ self.jacobian + self.prior) / room
+        space, (below, above) = self.space, self.room
+        information = self._information / room
         size = 1 / np.sqrt(np.maximum(np.diag(information), 1.0))  # of a step that uses all of the room, at most 1
         information *= np.outer(size, size)
-        rows, row = self.space.rows * size, cs.DM(self.factor_jacobian[factor] * size)
-        z, split = cs.MX.sym("z", self.space.size), self.space.size
-        nlp = {"x": z, "g": cs.vertcat(cs.bilin(cs.DM(information), z, z), cs.DM(rows) @ z)}
+        z, rows = cs.MX.sym("z", space.size), cs.DM(space.map * size)
+        smooth = np.flatnonzero(~space.single).tolist()
         ends = []
         for sign in (1.0, -1.0):
             found = solve_nlp(
-                {**nlp, "f": sign * cs.dot(row, z)},
-                np.zeros(split),
-                lower=np.minimum(below[:split], 0.0) / size,
-                upper=np.maximum(above[:split], 0.0) / size,
-                constraint_lower=np.concatenate([[-math.inf], np.minimum(below[split:], 0.0)]),
-                constraint_upper=np.concatenate([[1.0], np.maximum(above[split:], 0.0)]),
+                {
+                    "x": z,
+                    "f": sign * (rows[factor, :] @ z),
+                    "g": cs.vertcat(cs.bilin(cs.DM(information), z, z), rows[smooth, :] @ z),
+                },
+                np.zeros(space.size),
+                lower=space.of_unknowns(below, -math.inf) / size,
+                upper=space.of_unknowns(above, math.inf) / size,
+                constraint_lower=np.append(-math.inf, below[smooth]),
+                constraint_upper=np.append(1.0, above[smooth]),
                 options={"ipopt.tol": 1e-8, "ipopt.bound_relax_factor": 0.0},
             )
             ends.append(float(self.factors[factor]) + sign * found.objective)
         return ends[0], ends[1]
-
-    @cached_property
-    def _information(self) -> tuple[Array, Array]:
-        """Eigenvalues and eigenvectors of J^T J plus the prior, for the unknowns that are not held."""
-        free = ~self.held
-        information = (self.jacobian.T @ self.jacobian + self.prior) * np.outer(free, free)
-        values, directions = np.linalg.eigh(information)
-        return values, directions
 
     @cached_property
     def exponents(self) -> tuple[tuple[str, ...], Array]:
@@ -229,7 +222,9 @@ class Identifiability:
             return (), np.zeros((0, 0))
         columns = [self.space.names.index(name) for name in names]
         logarithmic = self.jacobian[:, columns] * self.values[columns]
-        return names, determined_exponents(logarithmic, RANK_TOLERANCE * self._svd[0][0])
+        _, singular, rows = np.linalg.svd(logarithmic)
+        determined = rows[: np.count_nonzero(singular > RANK_TOLERANCE * self._svd[0][0])]
+        return names, row_reduced(determined, range(len(names)))
 
     def statements(self) -> tuple[str, ...]:
         """Return sentences that say which combinations of the unknowns the data determine."""
@@ -247,34 +242,3 @@ class Identifiability:
             found = f"only {' and '.join(products)}" if products else "nothing"
             said.append(f"Of {', '.join(names)}, they determine {found}{held}.")
         return tuple(said)
-
-
-def determined_exponents(jacobian: Array, least: float) -> Array:
-    """Return the exponents, (r, G), of the products of powers that data determine.
-
-    Parameters
-    ----------
-    jacobian : array (R, G)
-        Derivatives of the data by the logarithms of the G factors.
-    least : float
-        Singular value above which a combination of the logarithms is determined.
-    """
-    _, singular, rows = np.linalg.svd(jacobian)
-    return _row_echelon(rows[: np.count_nonzero(singular > least)])
-
-
-def _row_echelon(rows: Array) -> Array:
-    """Return the reduced row echelon form of independent rows."""
-    rows, done = rows.copy(), 0
-    for column in range(rows.shape[1]):
-        if done == len(rows):
-            break
-        pivot = done + int(np.abs(rows[done:, column]).argmax())
-        if abs(rows[pivot, column]) < 1e-3 * np.abs(rows[done:]).max():
-            continue
-        rows[[done, pivot]] = rows[[pivot, done]]
-        rows[done] /= rows[done, column]
-        others = np.arange(len(rows)) != done
-        rows[others] -= np.outer(rows[others, column], rows[done])
-        done += 1
-    return rows

@@ -30,16 +30,15 @@ from ancf_casadi.vibration.following import follow, followed_modes
 from ancf_casadi.vibration.modal_state import ModalState
 from ancf_casadi.vibration.modes import Modes, natural_modes
 from ancf_casadi.vibration.sensitivities import gradient, hessian
-from problems.matching.design_space import DesignSpace
+from problems.matching.design_space import WEIGHT, DesignSpace, LeastChange, Preference
 from problems.matching.measured_modes import MeasuredModes
-from problems.matching.preference import WEIGHT, LeastChange, Preference
 
 Objective = Literal["least-squares", "worst-error"]
 
 
 @dataclass(frozen=True)
 class Matching:
-    """The statement of a matching.
+    """The statement of a matching, with its residuals r(m) and their derivatives.
 
     Parameters
     ----------
@@ -155,84 +154,63 @@ class Matching:
         rows = tuple(map(tuple, shapes.tolist()))
         return replace(measured, frequencies=tuple(frequencies.tolist()), shapes=rows)
 
-    def response(self, objective: Objective | None = None) -> Response:
-        """Return the residuals and their derivatives, for another objective if one is given."""
-        return Response(self, objective or self.objective)
-
-
-class Response:
-    """Residuals r(m) and their derivatives.
-
-    Parameters
-    ----------
-    matching : Matching
-        The statement of the matching.
-    objective : {"least-squares", "worst-error"}
-        With ``worst-error`` the residuals are the relative frequency errors alone, without their deviations.
-    """
-
-    def __init__(self, matching: Matching, objective: Objective) -> None:
-        self.matching = matching
-        self._r, self._r_x, self._r_xx = _residual_functions(matching, objective == "worst-error")
-        self._directions = scipy.sparse.csr_array(matching.space.directions).T
-
     @property
-    def size(self) -> int:
-        """Number of residuals R."""
-        return int(self._r.size1_out(0))
+    def relative(self) -> Array:
+        """Factors of the first m residuals that make them relative errors f_k/target_k - 1, (m,)."""
+        return self.measured.relative_std / self.unit
 
     def residuals(self, m: Array) -> Array:
         """Return r, (R,)."""
-        return np.asarray(self._r(self._observations(self.matching.state(m))).full().ravel())
+        return np.asarray(self._functions[0](self._observations(self.state(m))).full().ravel())
 
     def jacobian(self, m: Array) -> Array:
         """Return dr/dm, (R, N)."""
-        state = self.matching.state(m)
-        return np.asarray(self._r_x(self._observations(state)).full() @ self._observation_jacobian(state))
+        state = self.state(m)
+        return np.asarray(self._functions[1](self._observations(state)).full() @ self._observation_jacobian(state))
 
     def curvature(self, m: Array, y: Array) -> Array:
         """Return the second derivatives of y^T r, (N, N)."""
-        state, count = self.matching.state(m), self.matching.measured.count
+        state, count = self.state(m), self.measured.count
         x, x_m = self._observations(state), self._observation_jacobian(state)
-        weights = self._r_x(x).full().T @ y
-        of_shapes = weights[count:].reshape(count, -1) @ self.matching.observer
-        of_observations = hessian(state, self.matching.space.directions, weights[:count], of_shapes)
-        return np.asarray(of_observations + x_m.T @ self._r_xx(x, y).full() @ x_m)
+        _, r_x, r_xx = self._functions
+        weights = r_x(x).full().T @ y
+        of_shapes = weights[count:].reshape(count, -1) @ self.observer
+        of_observations = hessian(state, self.space.directions, weights[:count], of_shapes)
+        return np.asarray(of_observations + x_m.T @ r_xx(x, y).full() @ x_m)
 
     def _observations(self, state: ModalState) -> Array:
         """Return x: the eigenvalues, and the displacements of the points mode by mode."""
-        return np.concatenate([state.eigenvalues, (self.matching.observer @ state.shapes).T.ravel()])
+        return np.concatenate([state.eigenvalues, (self.observer @ state.shapes).T.ravel()])
 
     def _observation_jacobian(self, state: ModalState) -> Array:
         """Return dx/dm, (m + m k, N)."""
-        observer, count = self.matching.observer, len(state.eigenvalues)
-        points = len(observer)
+        count, points = len(state.eigenvalues), len(self.observer)
         of_eigenvalues = np.eye(count, count + count * points)
         of_shapes = np.zeros((count, state.model.size, count + count * points))
         for k in range(count):
             first = count + k * points
-            of_shapes[k, :, first : first + points] = observer.T
-        return np.asarray((self._directions @ gradient(state, of_eigenvalues, of_shapes)).T)
+            of_shapes[k, :, first : first + points] = self.observer.T
+        by_property = gradient(state, of_eigenvalues, of_shapes)
+        return np.asarray((scipy.sparse.csr_array(self.space.directions).T @ by_property).T)
 
-
-def _residual_functions(matching: Matching, worst: bool) -> tuple[cs.Function, cs.Function, cs.Function]:
-    """Return r, dr/dx and d2(y^T r)/dx2 as Functions of the observations x (and of y)."""
-    measured = matching.measured
-    points = len(measured.points) if measured.shapes else 0
-    eigenvalues = cs.SX.sym("lambda", measured.count)
-    displacements = cs.SX.sym("v", points, measured.count)
-    relative = cs.sqrt(eigenvalues) / (2 * np.pi * cs.DM(measured.frequencies)) - 1
-    r = [relative] if worst else [relative * cs.DM(matching.unit / measured.relative_std)]
-    if measured.shape_std is not None and not worst:
-        rows = zip(measured.shapes, measured.shape_std, measured.measured, strict=True)
-        for k, (shape, std, known) in enumerate(rows):
-            psi = cs.DM(np.array(shape)[known] / np.array(std)[known])
-            v = displacements[np.flatnonzero(known).tolist(), k] / cs.DM(np.array(std)[known])
-            r.append(matching.unit * (psi - v * (cs.dot(v, psi) / cs.dot(v, v))))
-    x, residuals = cs.vertcat(eigenvalues, cs.vec(displacements)), cs.vertcat(*r)
-    y = cs.SX.sym("y", residuals.numel())
-    return (
-        cs.Function("r", [x], [residuals]),
-        cs.Function("r_x", [x], [cs.densify(cs.jacobian(residuals, x))]),
-        cs.Function("r_xx", [x, y], [cs.densify(cs.hessian(cs.dot(y, residuals), x)[0])]),
-    )
+    @cached_property
+    def _functions(self) -> tuple[cs.Function, cs.Function, cs.Function]:
+        """Functions r, dr/dx and d2(y^T r)/dx2 of the observations x (and of y)."""
+        measured = self.measured
+        eigenvalues = cs.SX.sym("lambda", measured.count)
+        displacements = cs.SX.sym("v", len(measured.points), measured.count)
+        relative = cs.sqrt(eigenvalues) / (2 * np.pi * cs.DM(measured.frequencies)) - 1
+        r = [relative * cs.DM(self.unit / measured.relative_std)]
+        if measured.shape_std is not None:
+            rows = zip(measured.shapes, measured.shape_std, measured.measured, strict=True)
+            for k, (shape, std, known) in enumerate(rows):
+                psi = cs.DM(np.array(shape)[known] / np.array(std)[known])
+                v = displacements[np.flatnonzero(known).tolist(), k] / cs.DM(np.array(std)[known])
+                r.append(self.unit * (psi - v * (cs.dot(v, psi) / cs.dot(v, v))))
+        x, residuals = cs.vertcat(eigenvalues, cs.vec(displacements)), cs.vertcat(*r)
+        y = cs.SX.sym("y", residuals.numel())
+        return (
+            cs.Function("r", [x], [residuals]),
+            cs.Function("r_x", [x], [cs.densify(cs.jacobian(residuals, x))]),
+            cs.Function("r_xx", [x, y], [cs.densify(cs.hessian(cs.dot(y, residuals), x)[0])]),
+        )

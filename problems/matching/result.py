@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,13 +14,16 @@ from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, quantile
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import FitResult, Interval
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.mechanics.beam import BEAM_UNITS, Beam
+from ancf_casadi.mechanics.beam import BEAM_UNITS, LUMPED, Beam
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.tables import Cell, Table
 from ancf_casadi.support.tables import known as finite
 from problems.matching.identifiability import Identifiability
 from problems.matching.measured_modes import MeasuredModes
 from problems.matching.response import Matching
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MOST_NAMES = 6  # largest number of bounds that a warning names
 
@@ -57,9 +60,8 @@ class FrequencyMatch(FitResult):
         MAC of the measured shapes with the lowest modes of the matched beam.
     residuals : array (R,)
         Residuals of frequencies and shapes in units of their standard deviations; relative errors if none are given.
-    multipliers : array (N + r,)
-        Decrease of the objective per unit by which a bound is widened, in the order of
-        ``matching.space.bounded_names``.
+    multipliers : array (F,)
+        Decrease of the objective per unit by which a bound of a factor is widened, by ``matching.space.factor_names``.
     identifiability : Identifiability
         The information in the data about the unknowns.
     starts : int
@@ -84,7 +86,7 @@ class FrequencyMatch(FitResult):
     """
 
     kind = "frequency matching"
-    _drawing = "problems.matching.figure.match_figure"
+    _drawing = "problems.matching.result.match_figure"
 
     beam: Beam
     targets: tuple[float, ...]
@@ -137,7 +139,7 @@ class FrequencyMatch(FitResult):
     @property
     def units(self) -> dict[str, str]:
         """SI unit of each property that may change."""
-        return {name: BEAM_UNITS[name.partition("[")[0]] for name in self.identifiability.factor_names}
+        return {name: BEAM_UNITS[name.partition("[")[0]] for name in self._names}
 
     @property
     def standard_errors(self) -> dict[str, float]:
@@ -153,21 +155,21 @@ class FrequencyMatch(FitResult):
             If the level is not between 0 and 1.
         """
         t, known, given = quantile(level, math.inf), self.identifiability, self._given
-        names = self.matching.space.bounded_names
-        below, above = (side[[names.index(name) for name in known.factor_names]] for side in self._room)
-        half = t * known.standard_errors
-        low, high = (self._named((known.factors + side) * given) for side in
-                     (np.maximum(-half, below) + 0 * half, np.minimum(half, above) + 0 * half))  # fmt: skip
-        return {name: (low[name], high[name]) for name in low}
+        half, (below, above) = t * known.standard_errors, known.room
+        low = (known.factors + np.maximum(-half, below)) * given  # nan stays nan
+        high = (known.factors + np.minimum(half, above)) * given
+        return dict(zip(self._names, zip(low.tolist(), high.tolist(), strict=True), strict=True))
 
     @property
-    def _room(self) -> tuple[Array, Array]:
-        """Changes that lead to the lower and the upper bounds, by ``bounded_names``."""
-        lower, upper = self.matching.space.room(self.unknowns)
-        return np.minimum(lower, 0.0), np.maximum(upper, 0.0)
+    def _names(self) -> tuple[str, ...]:
+        return self.matching.space.factor_names
+
+    @property
+    def _given(self) -> Array:
+        return self.matching.space.given_values
 
     def _named(self, values: Array) -> dict[str, float]:
-        return dict(zip(self.identifiability.factor_names, values.tolist(), strict=True))
+        return dict(zip(self._names, values.tolist(), strict=True))
 
     @property
     def covariance(self) -> Array:
@@ -201,7 +203,7 @@ class FrequencyMatch(FitResult):
         t = quantile(level, math.inf)
         if not self.matching.noisy:
             raise InputError("has no scatter: give the standard deviations of the targets", "fit")
-        k = self.identifiability.factor_names.index(name)
+        k = self._names.index(name)
         low, high = self.identifiability.extremes(k, t**2)
         return low * float(self._given[k]), high * float(self._given[k])
 
@@ -217,16 +219,15 @@ class FrequencyMatch(FitResult):
         """
         measured = MeasuredModes.of(record)
         measured.check_beam(self.beam)
-        one = Matching(self.matching.space, measured, self.matching.preference)
-        response, size = one.response("worst-error"), np.array(measured.frequencies)
-        free, known = ~self.identifiability.held, self.identifiability
-        tangents = response.jacobian(self.unknowns) * free
+        one, known, m = Matching(self.matching.space, measured), self.identifiability, self.unknowns
+        size, count = np.array(measured.frequencies) * one.relative, measured.count
+        tangents = one.jacobian(m)[:count] * ~known.held
         errors = size * np.sqrt(np.einsum("ij,jk,ik->i", tangents, known.covariance, tangents))
-        errors = errors if known.noisy else np.full(len(size), math.nan)
+        errors = errors if self.matching.noisy else np.full(count, math.nan)
         noise = float(np.sqrt(np.mean(np.square(measured.frequency_std or math.nan)))) if one.noisy else math.nan
-        predicted = size * (1 + response.residuals(self.unknowns))
-        channel = PredictedChannel("frequency", "Hz", size, predicted, errors, noise)
-        return RecordPrediction(self.kind, (channel,), np.arange(1.0, len(size) + 1.0), "target")
+        predicted = one.state(m).frequencies
+        channel = PredictedChannel("frequency", "Hz", np.array(measured.frequencies), predicted, errors, noise)
+        return RecordPrediction(self.kind, (channel,), np.arange(1.0, count + 1.0), "target")
 
     def resampled(self, noise: Array) -> Array:
         """Return the properties (p,) of the match to the modes of this beam plus noise of each residual (m,)."""
@@ -236,7 +237,7 @@ class FrequencyMatch(FitResult):
     @property
     def holding(self) -> tuple[tuple[str, float], ...]:
         """Active bounds that keep the beam from fitting better, with their multipliers in descending order."""
-        costs = dict(zip(self.matching.space.bounded_names, self.multipliers.tolist(), strict=True))
+        costs = self._named(self.multipliers)
         active = sorted(((name, costs[name]) for name in self.at_bound), key=lambda pair: -pair[1])
         # least multiplier of a limiting bound, relative to the largest
         return tuple((name, cost) for name, cost in active if cost > 0.01 * active[0][1])
@@ -319,12 +320,6 @@ class FrequencyMatch(FitResult):
         """Return the properties with the ranges that the data leave open."""
         return self.tables()[1]
 
-    def report(self) -> str:
-        """Return the result as text."""
-        texts = [table.text() for table in self.tables()]
-        notes = [f"note: {note}" for note in self.warnings]
-        return "\n\n".join([*texts, *(["\n".join(notes)] if notes else [])])
-
     def to_dict(self) -> dict[str, Any]:
         """Return the result for JSON: SI units, lists in the order of targets and elements, None for unknown values."""
         return {
@@ -360,35 +355,45 @@ class FrequencyMatch(FitResult):
         return self.identifiability.statements()
 
     @cached_property
-    def _given(self) -> Array:
-        """Values in the given beam of the properties that may change, by ``identifiability.factor_names``."""
-        found = []
-        for name in self.identifiability.factor_names:
-            kind, _, element = name.partition("[")
-            value = np.atleast_1d(getattr(self.matching.space.beam, kind))
-            found.append(value[int(element[:-1]) - 1] if element else value.mean())
-        return np.array(found)
-
-    @cached_property
     def _properties(self) -> list[dict[str, Any]]:
         """Value, standard error and, unless the targets are out of reach, range of each property that may change."""
         known = self.identifiability
         ranges = np.full((len(known.factors), 2), math.nan) if self.out_of_reach else known.spread
-        columns = (known.factors, *ranges.T, known.standard_errors)
         return [
             {
                 "name": name,
-                "unit": BEAM_UNITS[name.partition("[")[0]],
+                "unit": unit,
                 "value": value,
                 "change": factor - 1,
                 "lowest": finite(low),
                 "highest": finite(high),
                 "stderr": finite(error),
             }
-            for name, factor, value, low, high, error in zip(
-                known.factor_names,
+            for name, value, unit, factor, (low, high), error in zip(
+                self.estimates,
+                self.estimates.values(),
+                self.units.values(),
                 known.factors.tolist(),
-                *((column * self._given).tolist() for column in columns),
+                (ranges * self._given[:, None]).tolist(),
+                self.standard_errors.values(),
                 strict=True,
             )
         ]
+
+
+def match_figure(matches: Mapping[str, FrequencyMatch]) -> Figure:
+    """Draw the changes of the properties along the beam, with the ranges that the data leave open.
+
+    Of several matches the estimates are drawn.
+    """
+    from ancf_casadi.estimation.figures import saved_figure  # slow to import: matplotlib
+    from ancf_casadi.plot import properties_figure
+
+    if len(matches) > 1:
+        return saved_figure(matches)
+    (match,) = matches.values()
+    known, space = match.identifiability, match.matching.space
+    ends = np.column_stack([known.factors, known.factors]) if match.out_of_reach else known.spread
+    changes = {name: own for name, own in space.by_property(ends - 1).items() if name not in LUMPED}
+    along = {name: np.broadcast_to(own, (match.beam.elements, 2)) for name, own in changes.items()}
+    return properties_figure(space.beam, match.beam, along)

@@ -1,6 +1,6 @@
-"""The properties of a beam that a match may change: factors that are linear in the unknowns m.
+"""The properties of a beam that a match may change: factors that are linear in the unknowns m, within bounds.
 
-The properties P, one value per element, become P (c + T m), element by element:
+The properties P, one value per element, become P f with the factors f = 1 + T (m - m_0), element by element:
 
     Global        one factor for all elements (or for the tip mass or the clamp stiffness);  the given beam has m = 1
     PerElement    one factor for each element;                                               m = 1
@@ -84,12 +84,8 @@ class Global(Displayed):
         _check(self.name, self.relative_bounds, PROPERTIES + LUMPED)
 
     def shape(self, elements: int) -> Array:
-        """Return T, (n, 1), or (1, 1) for the tip mass and the clamp."""
-        return np.ones((1 if self.name in LUMPED else elements, 1))
-
-    def names(self, elements: int) -> tuple[str, ...]:
-        """Return the names of the unknowns."""
-        return (self.name,)
+        """Return T of the only factor, (1, 1)."""
+        return np.ones((1, 1))
 
 
 @dataclass(frozen=True)
@@ -130,10 +126,6 @@ class PerElement(Displayed):
     def shape(self, elements: int) -> Array:
         """Return T, (n, n)."""
         return np.eye(elements)
-
-    def names(self, elements: int) -> tuple[str, ...]:
-        """Return the names of the unknowns, with their element from 1."""
-        return tuple(f"{self.name}[{i + 1}]" for i in range(elements))
 
 
 @dataclass(frozen=True)
@@ -183,10 +175,6 @@ class Smooth(Displayed):
                 f"{self.terms} terms are more than the {elements} elements; use fewer terms", f"unknowns: {self.name}"
             )
         return np.asarray(legvander((2 * np.arange(elements) + 1) / elements - 1, self.terms - 1))
-
-    def names(self, elements: int) -> tuple[str, ...]:
-        """Return the names of the unknowns, with the degree of the polynomial."""
-        return tuple(f"{self.name}~L{j}" for j in range(self.terms))
 
 
 PropertyUnknown = Global | PerElement | Smooth

@@ -77,24 +77,10 @@ class Air:
         _not_negative(self.density_std, "density_std")
 
 
-@dataclass(frozen=True)
-class DragCoefficient:
-    """A drag coefficient implied by a quadratic damping coefficient.
-
-    Parameters
-    ----------
-    value, standard_error : float
-        Drag coefficient Cd and its standard error.
-    """
-
-    value: float
-    standard_error: float
-
-
 def implied_drag_coefficient(
     eta2: float, beam: Beam, air: Air | None = None, *, eta2_error: float = 0.0
-) -> DragCoefficient:
-    """Return the drag coefficient with which air drag has a quadratic damping coefficient.
+) -> tuple[float, float]:
+    """Return the drag coefficient with which air drag has a quadratic damping coefficient, and its standard error.
 
     Parameters
     ----------
@@ -115,7 +101,7 @@ def implied_drag_coefficient(
     air = Air() if air is None else air
     unit = QuadraticDamping.from_drag(1.0, air.density, beam).eta2
     value, error = number(eta2, "eta2") / unit, _not_negative(eta2_error, "eta2_error") / unit
-    return DragCoefficient(value, math.hypot(error, value * air.density_std / air.density))
+    return value, math.hypot(error, value * air.density_std / air.density)
 
 
 def viscous_damping_ratios(modes: Modes, air: Air | None = None) -> Array:

@@ -44,7 +44,7 @@ from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.point_load import PointLoad
 from ancf_casadi.records.measurement import Measurement
-from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import physical, positive
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
@@ -249,7 +249,8 @@ def displaced(modes: Modes, amplitude: float) -> Equilibrium:
 
 def peaks(time: Array, displacement: Array) -> Envelope:
     """Return the envelope through the turning points of an oscillation about 0, from its start at a turning point."""
-    size, at = np.abs(displacement), turning_points(displacement)
+    size = np.abs(displacement)
+    at = scipy.signal.find_peaks(size)[0]
     before, here, after = size[at - 1], size[at], size[at + 1]
     shift = (before - after) / (2 * (before - 2 * here + after))  # of a parabola through three samples
     top = here - (before - after) * shift / 4
@@ -353,12 +354,3 @@ def _words(rates: tuple[float, ...], left: tuple[float, ...], faster: float) -> 
         rates=rates,
         left=left,
     )
-
-
-def turning_points(displacement: Array) -> Index:
-    """Return the indices of the samples at which a vibration turns, on both sides of 0."""
-    size = np.abs(displacement)
-    steps = np.sign(np.diff(size))
-    changes = np.flatnonzero(steps)  # a top may be level: several equal samples
-    tops = np.flatnonzero((steps[changes][:-1] > 0) & (steps[changes][1:] < 0))
-    return (changes[tops] + 1 + changes[tops + 1]) // 2

@@ -26,12 +26,11 @@ beta = 3.18E-5 s, not the 3.18E-4 of its Table 3.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
@@ -41,8 +40,12 @@ from ancf_casadi.estimation.solver.noise import Noise
 from ancf_casadi.estimation.solver.unknown import Unknown
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text
 from ancf_casadi.support.inputs import is_sequence, numbers, physical, shown
 from ancf_casadi.support.tables import Table, known
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +72,7 @@ class RayleighFit(LeastSquaresResult):
     """
 
     kind = "rayleigh"
-    _drawing = "problems.modal_damping.figure.rayleigh_figure"
+    _drawing = "problems.modal_damping.rayleigh.rayleigh_figure"
 
     frequencies: tuple[float, ...]
     measured: tuple[float, ...]
@@ -122,7 +125,7 @@ class RayleighFit(LeastSquaresResult):
             If it is not a pair of sequences of equal length, or a value is unusable.
         """
         f, ζ, _ = _checked(*_pair(record), ratio_std=None)
-        predicted, errors = self.fit.derived(lambda α, β: _ratios(2 * math.pi * f, α, β))
+        predicted, errors = self.fit.derived(lambda α, β: rayleigh_ratio(f, α, β))
         noise = float(np.mean(self.ratio_std)) if self.ratio_std else self.fit.residual_rms
         channel = PredictedChannel("damping ratio", "", ζ, predicted, np.nan_to_num(errors), noise)
         return RecordPrediction("rayleigh", (channel,), f, "frequency, Hz")
@@ -158,8 +161,8 @@ class RayleighFit(LeastSquaresResult):
         }
 
 
-def rayleigh_ratio(frequency: Array, alpha: float, beta: float) -> Array:
-    """Return the damping ratio at each frequency (Hz) under Rayleigh damping, Eq. (16)."""
+def rayleigh_ratio(frequency: Array, alpha: Any, beta: Any) -> Any:
+    """Return the damping ratio at each frequency (Hz) under Rayleigh damping, Eq. (16); coefficients may be symbols."""
     ω = 2 * math.pi * frequency
     return alpha / (2 * ω) + beta * ω / 2
 
@@ -201,12 +204,11 @@ def fit_rayleigh(
         raise InputError(f"needs at least 2 modes, got {len(f)}", "frequencies")
     typical = float(ζ.max()) or 1.0
     scales = typical * float(ω.min()), typical / float(ω.max())
-    first = [max(value, 0.0) for value in _two_modes(ω, ζ)] if len(ω) == 2 else scales
     fit = least_squares(
-        lambda α, β: (_ratios(ω, α, β) - cs.DM(ζ)) / cs.DM(σ),
+        lambda α, β: (rayleigh_ratio(f, α, β) - ζ) / σ,
         [
-            Unknown("alpha", first[0], scales[0], lower=0.0, unit="1/s"),
-            Unknown("beta", first[1], scales[1], lower=0.0, unit="s"),
+            Unknown("alpha", scales[0], scales[0], lower=0.0, unit="1/s"),
+            Unknown("beta", scales[1], scales[1], lower=0.0, unit="s"),
         ],
         gauss_newton=True,
         stated=0.0 if deviations is None else 1.0,
@@ -246,13 +248,24 @@ def _checked(frequencies: Any, ratios: Any, ratio_std: Any) -> tuple[Array, Arra
     return f, ζ, deviations
 
 
-def _ratios(ω: Array, α: cs.MX, β: cs.MX) -> cs.MX:
-    """Return the damping ratios at angular frequencies (rad/s), Eq. (16)."""
-    return α / cs.DM(2 * ω) + β * cs.DM(ω / 2)
+@literal_text
+def rayleigh_figure(fits: Mapping[str, RayleighFit]) -> Figure:
+    """Draw measured damping ratios with their errors, and the fitted laws, Eq. (16), against frequency."""
+    from matplotlib.figure import Figure  # slow to import
 
-
-def _two_modes(ω: Array, ζ: Array) -> tuple[float, float]:
-    """Return alpha and beta that match the first two modes, Eq. (17)."""
-    (ω1, ω2), (ζ1, ζ2) = ω[:2].tolist(), ζ[:2].tolist()
-    spread = ω2**2 - ω1**2
-    return 2 * ω1 * ω2 * (ζ1 * ω2 - ζ2 * ω1) / spread, 2 * (ζ2 * ω2 - ζ1 * ω1) / spread
+    figure = Figure(figsize=(6, 3.6), layout="constrained")
+    axes = figure.subplots()
+    for k, (label, fit) in enumerate(fits.items()):
+        colours = (COMPUTED, MEASURED) if not k else (f"C{k}", f"C{k}")
+        frequencies = np.geomspace(0.8 * fit.frequencies[0], 1.25 * fit.frequencies[-1], 200)
+        ratios = rayleigh_ratio(frequencies, fit.alpha, fit.beta)
+        axes.plot(frequencies, 100 * ratios, lw=1, color=colours[0], label=f"{label} fit".strip())
+        errors = None if fit.ratio_std is None else 100 * np.array(fit.ratio_std)
+        measured = 100 * np.array(fit.measured)
+        axes.errorbar(fit.frequencies, measured, errors, fmt="o", color=colours[1], label=f"{label} measured".strip())
+    axes.set(xscale="log", xlabel="frequency, Hz", ylabel="damping ratio, %")
+    ticks = sorted({frequency for fit in fits.values() for frequency in fit.frequencies})
+    axes.set_xticks(ticks, [f"{frequency:.4g}" for frequency in ticks])
+    axes.minorticks_off()
+    axes.legend(frameon=False)
+    return figure

@@ -19,7 +19,7 @@ from ancf_casadi.dynamics.excitation import EXCITATION
 from ancf_casadi.dynamics.radau.stepper import RadauStep
 from ancf_casadi.dynamics.radau.tableau import RADAU, STAGES
 from ancf_casadi.mechanics.model import NODE
-from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.arrays import Array, Index, Layout
 
 
 def forward(tangent: Tangent, run: MotionRun, start: Array, b: Array, parameters: Array) -> Array:

@@ -65,12 +65,8 @@ def match_plain(beam: Beam, request: dict[str, Any]) -> Matched:
         As ``match_frequencies``.
     """
     match = match_frequencies(beam, **request_of(MatchTable(**request)))
-    ranges: dict[str, Array] = {}
-    if not match.out_of_reach:
-        pairs: dict[str, list[Array]] = {}
-        for name, pair in zip(match.identifiability.factor_names, match.identifiability.spread - 1, strict=True):
-            pairs.setdefault(name.partition("[")[0], []).append(pair)
-        ranges = {name: np.array(rows) for name, rows in pairs.items()}
+    space = match.matching.space
+    ranges = {} if match.out_of_reach else space.by_property(match.identifiability.spread - 1)
     data = match.to_dict()
     data["elastic_modulus_per_element"] = data["elastic_modulus"]
     data["density_per_element"] = data["density"]

@@ -144,7 +144,7 @@ def test_it_is_the_minimum_that_an_independent_least_squares_method_finds(four_m
     values = values + level * complex_noise(np.random.default_rng(5), values.shape)
     fit = fit_frf(FrfRecord(f, values, "receptance", std=level))
     omega, reference = 2 * np.pi * f, 2 * np.pi * 14.0
-    powers = fit.refinement.trial.model.powers
+    powers = fit.refinement.model.powers
 
     def residuals(x):  # poles and complex residues, in another form than in the library
         decay, pulsation = np.exp(x[:4]), np.exp(x[4:8])

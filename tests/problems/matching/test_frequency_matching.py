@@ -7,9 +7,8 @@ import pytest
 
 from ancf_casadi import Beam, EquilibriumError, FitError, InputError, Model, natural_modes
 from problems import FrequencyMatch, Global, MeasuredModes, PerElement, Smooth, Smoothness, match_frequencies
-from problems.matching.design_space import DesignSpace
-from problems.matching.preference import PATCHES
-from problems.matching.program import MATCHING_OPTIONS
+from problems.matching.design_space import PATCHES, DesignSpace
+from problems.matching.frequency_matching import MATCHING_OPTIONS
 from problems.study import paper
 
 BOUNDS = 0.10

@@ -37,14 +37,14 @@ def matching(beam) -> Matching:
 class TestResiduals:
     def test_targets_are_identified_by_their_shapes(self, matching):
         assert matching.numbers.tolist() == [2, 0, 1]
-        first = matching.response().residuals(matching.space.standard) / matching.unit
+        first = matching.residuals(matching.space.standard) / matching.unit
         assert len(first) == 3 + 3 * 4 - 1
         relative = matching.standard.frequencies / matching.measured.frequencies - 1
         assert first[:3] == pytest.approx(relative / matching.measured.relative_std, rel=1e-6)
 
     def test_residual_of_a_shape_is_the_difference_from_the_best_multiple(self, matching):
         """Compared with least squares by numpy, weighted with the deviations."""
-        response, space = matching.response(), matching.space
+        space = matching.space
         shapes = matching.observer @ matching.state(space.standard).shapes
         expected = []
         for psi, v, std in zip(matching.measured.shapes, shapes.T, (0.2, 0.1, 0.3), strict=True):
@@ -52,20 +52,20 @@ class TestResiduals:
             expected.append(np.array(psi)[known] / std)
             factor = np.linalg.lstsq(v[known, None] / std, expected[-1])[0]
             expected[-1] = expected[-1] - factor * v[known] / std
-        found = response.residuals(space.standard)[3:] / matching.unit
+        found = matching.residuals(space.standard)[3:] / matching.unit
         assert found == pytest.approx(np.concatenate(expected), rel=1e-6, abs=1e-8)
 
     def test_derivatives_against_differences(self, matching):
-        response, space = matching.response(), matching.space
+        space = matching.space
         rng = np.random.default_rng(3)
         m = 1 + 0.03 * rng.standard_normal(space.size)
-        y = rng.standard_normal(response.size)
-        jacobian, hessian = response.jacobian(m), response.curvature(m, y)
+        y = rng.standard_normal(len(matching.residuals(m)))
+        jacobian, hessian = matching.jacobian(m), matching.curvature(m, y)
         step = 1e-4
         for k in range(space.size):
             ahead, behind = (m + sign * step * np.eye(space.size)[k] for sign in (1, -1))
-            first = (response.residuals(ahead) - response.residuals(behind)) / (2 * step)
-            second = (response.jacobian(ahead) - response.jacobian(behind)).T @ y / (2 * step)
+            first = (matching.residuals(ahead) - matching.residuals(behind)) / (2 * step)
+            second = (matching.jacobian(ahead) - matching.jacobian(behind)).T @ y / (2 * step)
             assert first == pytest.approx(jacobian[:, k], abs=3e-6 * np.abs(jacobian).max())
             assert second == pytest.approx(hessian[k], abs=3e-6 * np.abs(hessian).max())
 

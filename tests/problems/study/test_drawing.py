@@ -1,10 +1,7 @@
-"""Figures of a document in the formats that are wanted, and turning points of vibrations."""
+"""Figures of a document in the formats that are wanted."""
 
-import numpy as np
 import pytest
-from scipy.signal import find_peaks
 
-from problems.modal_damping.effects import turning_points
 from problems.study.drawing import drawn, new_figure, only
 
 
@@ -24,20 +21,3 @@ def test_a_figure_is_drawn_in_the_wanted_formats_alone(formats):
     assert drawing.png.startswith(b"\x89PNG") == ("png" in formats)
     if not formats:
         assert all((drawn("name", "caption", draw).svg, drawn("name", "caption", draw).png))
-
-
-def test_a_vibration_turns_twice_per_period():
-    time = np.linspace(0.0, 3.0, 301)
-    assert time[turning_points(np.sin(2 * np.pi * time))] == pytest.approx(np.arange(0.25, 3.0, 0.5))
-
-
-def test_a_level_top_turns_in_its_middle_and_a_level_end_does_not():
-    assert turning_points(np.array([0.0, 2.0, 2.0, 2.0, 1.0, -3.0, -3.0])).tolist() == [2]
-    assert not len(turning_points(np.zeros(4))) and not len(turning_points(np.zeros(0)))
-
-
-def test_any_samples_turn_where_the_peaks_of_scipy_are():
-    rng = np.random.default_rng(0)
-    for size in (*range(2, 40), 2000):
-        samples = rng.integers(-4, 5, size).astype(float)
-        assert turning_points(samples).tolist() == find_peaks(np.abs(samples))[0].tolist()

@@ -18,7 +18,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.beam import Beam
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.vibration.modes import Modes, natural_modes
-from problems.modal_damping.air import Air, DragCoefficient, implied_drag_coefficient, viscous_damping_ratios
+from problems.modal_damping.air import Air, implied_drag_coefficient, viscous_damping_ratios
 from problems.modal_damping.combined_law import CombinedLawFit, ModeCoefficients, fit_combined_law, ratio_curves
 from problems.schema.beam import law_of
 from problems.schema.table import Positive
@@ -80,16 +80,16 @@ class CombinedLaw(Part):
         viscous = viscous_damping_ratios(modes, self.air)
         total = self._drag_coefficient(fit, fit.eta2, float(np.nan_to_num(fit.standard_errors["eta2"])))
         data = {
-            "law": {**fit.to_dict(), "drag_coefficient": total.value, "drag_coefficient_stderr": total.standard_error},
+            "law": {**fit.to_dict(), "drag_coefficient": total[0], "drag_coefficient_stderr": total[1]},
             "drag": [
                 {
                     "mode": n + 1,
-                    "drag_coefficient": one.value / c,
-                    "drag_coefficient_stderr": one.standard_error / c,
-                    "drag_coefficient_by_eq_25": one.value,
+                    "drag_coefficient": value / c,
+                    "drag_coefficient_stderr": error / c,
+                    "drag_coefficient_by_eq_25": value,
                     "viscous_damping_ratio": float(viscous[n]),
                 }
-                for n, (one, c) in enumerate(zip(drag, fit.drag_constants, strict=True))
+                for n, ((value, error), c) in enumerate(zip(drag, fit.drag_constants, strict=True))
             ],
         }
         frequencies = [one.frequency for one in measured]
@@ -100,25 +100,25 @@ class CombinedLaw(Part):
         tables = (self._law(fit, total), self._drag(fit, drag, viscous.tolist(), found[""].beam))
         return Finding(data, tables, self._drawings(fit, modes, found, rows), fit.warnings, terms=terms)
 
-    def _drag_coefficient(self, fit: CombinedLawFit, eta2: float, error: float = 0.0) -> DragCoefficient:
+    def _drag_coefficient(self, fit: CombinedLawFit, eta2: float, error: float = 0.0) -> tuple[float, float]:
         return implied_drag_coefficient(eta2, fit.modes.model.beam, self.air, eta2_error=error)
 
-    def _law(self, fit: CombinedLawFit, total: DragCoefficient) -> DataTable:
+    def _law(self, fit: CombinedLawFit, total: tuple[float, float]) -> DataTable:
         errors = list(fit.standard_errors.values())
         table = fit.table()
         columns = (
             Column("", (*(f"ζ of mode {n + 1}, linear" for n in range(len(fit.ratios))), "η2, all modes",
                         "drag coefficient")),
             Column("unit", (*["%"] * len(fit.ratios), "1/m", "1")),
-            Column("value", (*(100 * ratio for ratio in fit.ratios), fit.eta2, total.value),
-                   errors=(*(100 * error for error in errors[:-1]), errors[-1], total.standard_error)),
+            Column("value", (*(100 * ratio for ratio in fit.ratios), fit.eta2, total[0]),
+                   errors=(*(100 * error for error in errors[:-1]), errors[-1], total[1])),
         )  # fmt: skip
         verdict = table.notes[0]
         note = f"{verdict[0].upper()}{verdict[1:]}."
         return self.data_table("Modal plus quadratic damping for all modes", columns, note)
 
     def _drag(
-        self, fit: CombinedLawFit, drag: Sequence[DragCoefficient], viscous: Sequence[float], given: Beam | None
+        self, fit: CombinedLawFit, drag: Sequence[tuple[float, float]], viscous: Sequence[float], given: Beam | None
     ) -> DataTable:
         modes, constants = range(1, len(drag) + 1), fit.drag_constants
         linear = [100 * one.eta1 / (4 * math.pi * one.frequency) for one in fit.measured]
@@ -127,14 +127,14 @@ class CombinedLaw(Part):
             Column("mode", tuple(modes)),
             Column("η2", tuple(one.eta2 for one in fit.measured), "1/m",
                    tuple(math.sqrt(one.covariance[1, 1]) for one in fit.measured)),
-            Column("Cd by Eq. (25)", tuple(one.value for one in drag), "1", tuple(one.standard_error for one in drag)),
-            Column("Cd, true shape", tuple(one.value / c for one, c in zip(drag, constants, strict=True)), "1",
-                   tuple(one.standard_error / c for one, c in zip(drag, constants, strict=True))),
+            Column("Cd by Eq. (25)", tuple(value for value, _ in drag), "1", tuple(error for _, error in drag)),
+            Column("Cd, true shape", tuple(value / c for (value, _), c in zip(drag, constants, strict=True)), "1",
+                   tuple(error / c for (_, error), c in zip(drag, constants, strict=True))),
             Column("linear part of ζ", tuple(linear), "%", tuple(linear_errors)),
             Column("of it viscous air", tuple(100 * ratio for ratio in viscous), "%"),
         ]  # fmt: skip
         if given and "eta2" in self.printed:
-            unit = implied_drag_coefficient(1.0, given, self.air).value
+            unit = implied_drag_coefficient(1.0, given, self.air)[0]
             own = (None if one is None else unit * one for one in self.printed["eta2"])
             columns.append(Column(f"Cd of η2 in the {self.printed_by}", tuple(own), "1"))
         notes = (

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Annotated, Any, Self, TypedDict, final
 
 import numpy as np
+import scipy  # its packages are imported on first use
 from msgspec import Meta
 
 from ancf_casadi.exceptions import InputError
-from problems.modal_damping.effects import turning_points
 from problems.study.data_table import Column, DataTable
 from problems.study.drawing import Drawing, draw_band, drawn, line, new_figure, plain_log_ticks, series
 from problems.study.kinds.experiments.experiment import ExperimentResult
@@ -240,7 +240,7 @@ def _run_figure(run: RequestedRun, results: Sequence[ExperimentResult]) -> Figur
 
 def _peaks(result: ExperimentResult) -> tuple[Any, Any]:
     """Return times and sizes of the extremes of the decay."""
-    at = turning_points(result.decay)
+    at = scipy.signal.find_peaks(np.abs(result.decay))[0]
     return result.decay_time[at], np.abs(result.decay[at])
 
 

@@ -23,10 +23,8 @@ from ancf_casadi.mechanics.model import Model
 from ancf_casadi.response.excited import Excited
 from ancf_casadi.response.harmonic_balance.accuracy import size_of
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
-from ancf_casadi.response.harmonic_balance.continuation import unit
-from ancf_casadi.response.harmonic_balance.family import Family
+from ancf_casadi.response.harmonic_balance.family import Family, NotFound, solve
 from ancf_casadi.response.harmonic_balance.fourier import fourier
-from ancf_casadi.response.harmonic_balance.newton import Condition, NotFound, solve
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.callbacks import Differentiable, kept
@@ -67,7 +65,7 @@ class Neighbourhood:
         balance, setting = self._at(inputs)
         linear = balance.linearised(C, setting)
         directions = np.eye(len(balance.system.parameters))[:, self.varied]
-        by_excitation = [2 * math.pi * linear.by_omega, linear.by_amplitude]
+        by_excitation = [2 * math.pi * linear.by["omega"], linear.by["amplitude"]]
         right = np.column_stack([balance.by_parameters(C, setting, directions), *by_excitation])
         derivatives = np.zeros((C.size, right.shape[1]))
         derivatives[balance.allowed.ravel()] = -np.linalg.solve(linear.by_coefficients, right)
@@ -98,9 +96,9 @@ class Neighbourhood:
         for share in np.arange(1, parts + 1) / parts:
             balance, setting = self._at(begin + share * (inputs - begin))
             size = size_of(balance, self.motion.coefficients)
-            family = Family(balance, setting, ("amplitude",), (max(abs(setting.amplitude), 1e-12),), size)
-            z = family.joined(C, setting)
-            C = family.split(solve(family, z, Condition(unit(family, "amplitude"), z, 0.0)))[0]
+            scale = max(abs(setting.amplitude), 1e-12)
+            family = Family(balance, setting, ("amplitude",), (scale,), size, math.inf)
+            C = family.split(solve(family, family.joined(C, setting), family.unit("amplitude")))[0]
         return C
 
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ancf_casadi.response.harmonic_balance.balance import BalanceDerivatives, HarmonicBalance, Setting
+from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
 from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
 from ancf_casadi.support.arrays import Array
 
@@ -57,7 +57,7 @@ def errors_of(
     balance: HarmonicBalance,
     C: Array,
     setting: Setting,
-    linear: BalanceDerivatives,
+    matrices: tuple[Array, Array, Array],
     size: float,
     shift: Callable[[Array], Array],
 ) -> Errors:
@@ -67,8 +67,8 @@ def errors_of(
     ----------
     balance, C, setting
         The motion.
-    linear : BalanceDerivatives
-        Derivatives at the motion.
+    matrices : (array, array, array)
+        Entries of K, D and M at the samples, (N, k).
     size : float
         Size of the motion.
     shift : callable
@@ -80,7 +80,7 @@ def errors_of(
     finer = replace(balance, fourier=fourier(series.harmonics, 2 * series.samples, series.half))
     whole = fourier(most, 2 * series.samples, series.half)
     r = np.where(whole.allowed(system.mirror), whole.analysis @ finer.sampled_residual(C, setting).T, 0.0)
-    K, D, M = (system.matrix(entries.mean(axis=0)) for entries in linear.matrices)
+    K, D, M = (system.matrix(entries.mean(axis=0)) for entries in matrices)
     if series.half:
         K, D, M = (matrix * (system.mirror[:, None] == system.mirror) for matrix in (K, D, M))
     D = D - setting.growth * M

@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -68,17 +69,14 @@ class BalanceDerivatives:
     ----------
     by_coefficients : array (c, c)
         dF/dC for the c coefficients that are not zero by symmetry, in the order of ``C.ravel()``.
-    by_omega, by_amplitude, by_growth, by_value : array (c,)
-        Derivatives with respect to the setting.
+    by : mapping
+        Derivatives (c,) with respect to each field of the setting, by name.
     matrices : (array, array, array)
         Entries of K, D and M at the samples, (N, k).
     """
 
     by_coefficients: Array
-    by_omega: Array
-    by_amplitude: Array
-    by_growth: Array
-    by_value: Array
+    by: Mapping[str, Array]
     matrices: tuple[Array, Array, Array]
 
 
@@ -138,12 +136,11 @@ class HarmonicBalance:
         drag = d - growth * m
         J = self._assembled((k, omega * drag, omega**2 * m))
         speed = self._times(drag, v / omega) + self._times(m, 2 / omega * a) + by_growing
-        analysed = (series.analysis @ part.T for part in (speed, by_shape, -self._times(m, v)))
-        by_omega, by_amplitude, by_growth = (part[self.allowed] for part in analysed)
-        by_value = np.zeros_like(by_omega)
+        sampled = {"omega": speed, "amplitude": by_shape, "growth": -self._times(m, v)}
+        by = {name: (series.analysis @ part.T)[self.allowed] for name, part in sampled.items()}
         if self.varied is not None:
-            by_value = self.by_parameters(C, setting, np.eye(len(system.parameters))[:, [self.varied]])[:, 0]
-        return BalanceDerivatives(J, by_omega, by_amplitude, by_growth, by_value, (k.T, d.T, m.T))
+            by["value"] = self.by_parameters(C, setting, np.eye(len(system.parameters))[:, [self.varied]])[:, 0]
+        return BalanceDerivatives(J, by, (k.T, d.T, m.T))
 
     def by_parameters(self, C: Array, setting: Setting, directions: Array) -> Array:
         """Return dF/dp times directions (l, k) in the space of the parameters, (c, k)."""

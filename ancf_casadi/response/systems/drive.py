@@ -96,12 +96,12 @@ class Drive:
         """True if the excitation is a motion of the base."""
         return bool(self.parts[1].any())
 
-    def expression(self, tau: cs.SX, omega: cs.SX, amplitude: cs.SX) -> cs.SX:
-        """Return u, (e,), as a CasADi expression."""
-        position, velocity, acceleration = (cs.DM(part) for part in self.parts)
-        return amplitude * (
-            position * cs.sin(tau) + omega * velocity * cs.cos(tau) - omega**2 * acceleration * cs.sin(tau)
-        )
+    def expression(self, phases: Array, omega: cs.MX, amplitude: cs.MX) -> cs.MX:
+        """Return u at phases (k,) as an expression, (e, k)."""
+        position, velocity, acceleration = self.parts[:, :, None]
+        sine, cosine = np.sin(phases), np.cos(phases)
+        shape = cs.DM(position * sine) + omega * cs.DM(velocity * cosine) - omega**2 * cs.DM(acceleration * sine)
+        return amplitude * shape
 
     def samples(self, phases: Array, omega: float, amplitude: float) -> tuple[Array, Array, Array]:
         """Return u and its derivatives with respect to omega and A at phases (k,), each (e, k)."""

@@ -22,9 +22,9 @@ from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import rebuilt
+from ancf_casadi.response.systems.drive import beam_drive
 from ancf_casadi.support.arrays import Array, Index, root_mean_square
 from ancf_casadi.support.tables import known
-from problems.beam.curves.balance import DrivenBalance
 from problems.beam.curves.driven import Driven, driven
 from problems.beam.curves.points import Measured, PointMotion
 from problems.beam.curves.record import ResponseRecord
@@ -221,7 +221,7 @@ class CurveBlock(Block):
             found.append([Measured(2 * math.pi * f, row, own) for f, row, own in pairs])
         return found
 
-    def balances(self, values: Mapping[str, float]) -> list[DrivenBalance]:
+    def driven(self, values: Mapping[str, float]) -> list[Driven]:
         """Return the driven beam of each record, for values of the unknowns by name."""
         factors = [values.get(name, one) / one if name in self.of_model else 1.0 for name, one in self.first.items()]
         model = self._owners.changed(self.model, np.array(factors))
@@ -231,9 +231,8 @@ class CurveBlock(Block):
         found = []
         for record in self.records:
             kind = record.sensor, record.load, record.base and record.base.direction
-            kinds[kind] = kinds.get(kind) or driven(reduced, record)
-            size = record.base.amplitude if record.base else kinds[kind].drive.amplitude
-            found.append(DrivenBalance(kinds[kind], self.harmonics, size))
+            kinds[kind] = kinds.get(kind) or driven(reduced, record, self.harmonics)
+            found.append(replace(kinds[kind], drive=beam_drive(record.base, record.load)))
         return found
 
     @cached_property

@@ -27,7 +27,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -37,7 +36,7 @@ import numpy as np
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import Differentiable
-from problems.beam.curves.balance import DrivenBalance
+from problems.beam.curves.driven import Driven
 from problems.beam.curves.points import Measured, NoMotionError, PointMotion, closest, motion_from_rest
 
 if TYPE_CHECKING:
@@ -45,30 +44,6 @@ if TYPE_CHECKING:
 
 DIFFERENCE = 1e-4  # relative change of a property for its derivative
 FAILURES = (NumericsError, np.linalg.LinAlgError)
-
-
-@dataclass(frozen=True, eq=False)
-class Neighbours:
-    """The driven beam of each record with a property a little larger and a little smaller.
-
-    Parameters
-    ----------
-    place : int
-        Place of the property among the unknowns.
-    width : float
-        Difference of the two values.
-    above, below : list of DrivenBalance
-        The driven beams.
-    """
-
-    place: int
-    width: float
-    above: list[DrivenBalance]
-    below: list[DrivenBalance]
-
-    def of(self, record: int) -> tuple[int, float, DrivenBalance, DrivenBalance]:
-        """Return place, difference, and the two driven beams of a record."""
-        return self.place, self.width, self.above[record], self.below[record]
 
 
 class Responses:
@@ -84,14 +59,14 @@ class Responses:
         self.block = block
         self.failure = ""
         self._last: list[list[PointMotion]] = []
-        self._constant: list[DrivenBalance] = []
+        self._constant: list[Driven] = []
 
     def continued(self, before: Responses) -> Responses:
         """Return the residuals, from the last motions of a block with other weights, or fewer modes and harmonics."""
         old, new = before.block, self.block
         if (new.modes, new.harmonics) == (old.modes, old.harmonics):
             self._constant = before._constant
-        self._last = [[one.padded(old.modes, new.modes, new.harmonics) for one in own] for own in before._last]
+        self._last = before._last
         return self
 
     def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
@@ -114,12 +89,12 @@ class Responses:
         NoMotionError
             If one is not found; the message names it.
         """
-        s, balances, found = self.block.shared(values), self._balances(values), []
+        s, beams, found = self.block.shared(values), self._driven(values), []
         for k, (record, points) in enumerate(zip(self.block.records, self.block.measured(values), strict=True)):
             own: list[PointMotion] = []
             for j, point in enumerate(points):
                 try:
-                    own.append(_motion(balances[k], point, s, self._last[k][j] if self._last else None))
+                    own.append(_motion(beams[k], point, s, self._last[k][j] if self._last else None))
                 except FAILURES as error:
                     raise NoMotionError(f"{record.label}, {record.f[j]:.6g} Hz: {error}") from None
             found.append(own)
@@ -155,44 +130,41 @@ class Responses:
         """
         s, neighbours = self.block.shared(values), []
         for name in self.block.of_model:
-            above, below = (
-                self.block.balances({**values, name: (1 + side * DIFFERENCE) * values[name]}) for side in (1, -1)
-            )
-            neighbours.append(Neighbours(self.block.names.index(name), 2 * DIFFERENCE * values[name], above, below))
+            ends = [self.block.driven({**values, name: (1 + side * DIFFERENCE) * values[name]}) for side in (1, -1)]
+            neighbours.append((self.block.names.index(name), 2 * DIFFERENCE * values[name], ends))
         found = []
         for k, (number, record) in enumerate(self.block.numbered):
-            factor = self.block.excitation(number)
-            own = zip(self._last[k], 2 * math.pi * record.f, strict=True)
-            changes = [self._change(motion, omega, s, [one.of(k) for one in neighbours]) for motion, omega in own]
-            if factor:
+            own = [(place, width, [end[k] for end in ends]) for place, width, ends in neighbours]
+            changes = [self._change(motion, s, own) for motion in self._last[k]]
+            if factor := self.block.excitation(number):
                 for change, level in zip(changes, record.a, strict=True):
                     change[2, self.block.names.index(factor)] -= level
             found.append(changes)
         return found
 
-    def _change(
-        self,
-        motion: PointMotion,
-        omega: float,
-        s: Array,
-        neighbours: Sequence[tuple[int, float, DrivenBalance, DrivenBalance]],
-    ) -> Array:
+    def _change(self, motion: PointMotion, s: Array, neighbours: Sequence[tuple[int, float, list[Driven]]]) -> Array:
         """Return the derivatives of amplitude, phase and level of a motion at the same amplitude, (3, n)."""
-        forces, polar = np.zeros((len(motion.at.forces), len(self.block.names))), np.zeros((2, len(self.block.names)))
-        for own, place, slope in self.block.shared_columns():
-            forces[:, place] = slope * motion.at.by_unknowns[:, own]
-            polar[:, place] = slope * motion.at.polar_by_unknowns[:, own]
-        for place, width, *ends in neighbours:
-            above, below = (balance.at(motion.coefficients, motion.level, omega, s) for balance in ends)
-            forces[:, place] = (above.forces - below.forces) / width
-            polar[:, place] = (above.polar - below.polar) / width
+        z, balance, setting = motion.point.z, motion.point.family.balance, motion.point.setting
+        names, columns = self.block.names, self.block.shared_columns()
+        forces, polar = np.zeros((len(z) - 1, len(names))), np.zeros((2, len(names)))
+        directions = np.zeros((len(s), len(names)))
+        for own, place, slope in columns:
+            directions[own, place] = slope
+        forces = balance.by_parameters(motion.point.coefficients, setting, directions)
+        polar = motion.reading[2] @ directions
+        for place, width, ends in neighbours:
+            curves = [end.curve(setting.omega, s) for end in ends]
+            above, below = (curve.residual(z) for curve in curves)
+            forces[:, place] = (above - below) / width
+            above, below = (end.read(curve, z)[0] for end, curve in zip(ends, curves, strict=True))
+            polar[:, place] = (above - below) / width
         return motion.sensitivities(forces, polar)
 
-    def _balances(self, values: Mapping[str, float]) -> list[DrivenBalance]:
+    def _driven(self, values: Mapping[str, float]) -> list[Driven]:
         """Return the driven beams; they are built anew only if properties change."""
         if self.block.of_model:
-            return self.block.balances(values)
-        self._constant = self._constant or self.block.balances({})
+            return self.block.driven(values)
+        self._constant = self._constant or self.block.driven({})
         return self._constant
 
     def _or_nan(self, x: Array) -> tuple[Array, Array]:
@@ -226,11 +198,11 @@ def across(slope: Array, response_controlled: bool, has_phase: bool) -> Array:
     return np.asarray(rotation[[row for row in rows if has_phase or row != 1]])
 
 
-def _motion(balance: DrivenBalance, point: Measured, s: Array, last: PointMotion | None) -> PointMotion:
+def _motion(driven: Driven, point: Measured, s: Array, last: PointMotion | None) -> PointMotion:
     """Return the motion closest to a point, from the last one or, if there is none or that fails, from rest."""
     if last is not None:
         try:
-            return closest(balance, point, s, last)
+            return closest(driven, point, s, last)
         except FAILURES:
             pass
-    return closest(balance, point, s, motion_from_rest(balance, point, s))
+    return closest(driven, point, s, motion_from_rest(driven, point, s))

@@ -34,8 +34,13 @@ import scipy.linalg
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.exceptions import ContinuationError, InputError, NumericsError
 from ancf_casadi.response.excited import Body, Excited, excited
-from ancf_casadi.response.harmonic_balance.accuracy import FIRST_HARMONICS, least_samples, size_of
-from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
+from ancf_casadi.response.harmonic_balance.balance import (
+    FIRST_HARMONICS,
+    HarmonicBalance,
+    Setting,
+    least_samples,
+    size_of,
+)
 from ancf_casadi.response.harmonic_balance.continuation import follow, point_at
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
 from ancf_casadi.response.harmonic_balance.fourier import fourier

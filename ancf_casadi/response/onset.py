@@ -17,8 +17,13 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.response.excited import Body, Excited, excited
-from ancf_casadi.response.harmonic_balance.accuracy import FIRST_HARMONICS, least_samples, size_of
-from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
+from ancf_casadi.response.harmonic_balance.balance import (
+    FIRST_HARMONICS,
+    HarmonicBalance,
+    Setting,
+    least_samples,
+    size_of,
+)
 from ancf_casadi.response.harmonic_balance.continuation import (
     SMALLEST_SIZE,
     ContinuationStep,

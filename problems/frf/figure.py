@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ancf_casadi.estimation.figures import saved_figure
-from ancf_casadi.response.bode import Curve, bode_figure
+from ancf_casadi.response.drawing import Curve, bode_figure
 from ancf_casadi.support.figures import COMPUTED, MEASURED
 from problems.frf.result import FrfFit
 

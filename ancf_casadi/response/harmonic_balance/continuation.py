@@ -6,7 +6,7 @@ From a point z_0 with the unit tangent t, in scaled unknowns (``family``), the n
 
 which is regular at folds, where the curve turns in frequency.  The step h follows the angle between successive tangents
 and is halved where Newton's method fails or the angle is large.  At each point the numbers of harmonics and samples are
-increased until the estimated error (``accuracy``) is below the tolerance.
+increased until the estimated error (``balance``) is below the tolerance.
 
 References
 ----------
@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ancf_casadi.exceptions import NumericsError
-from ancf_casadi.response.harmonic_balance.accuracy import (
+from ancf_casadi.response.harmonic_balance.balance import (
     FIRST_HARMONICS,
     MOST_HARMONICS,
     MOST_PERIOD_SAMPLES,

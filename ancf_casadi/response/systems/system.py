@@ -17,17 +17,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from types import NoneType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import Parameter
 from ancf_casadi.exceptions import InputError
-from ancf_casadi.response.systems.turning import Turning
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import array, check_instance, instances
 from ancf_casadi.support.tables import Displayed, counted
+
+if TYPE_CHECKING:
+    from ancf_casadi.response.systems.beams import Turning
 
 KEPT_FUNCTIONS = 64  # sets of Functions, each of a system and a number of samples, that are kept
 

@@ -21,23 +21,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache, partial
 
 import casadi as cs
-import numpy as np
 
-from ancf_casadi.damping import Parameter
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.reduction import ReducedModel
-from ancf_casadi.response.differentiable import GRAVITY_SIZE
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
 from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.response.harmonic_balance.fourier import Fourier, fourier
-from ancf_casadi.response.systems.beams import reduced_system
+from ancf_casadi.response.systems.beams import tuned_system
 from ancf_casadi.response.systems.drive import Drive, beam_drive
-from ancf_casadi.response.systems.system import KEPT_FUNCTIONS, SampledFunctions, SecondOrderSystem
+from ancf_casadi.response.systems.system import SecondOrderSystem
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import evaluated
 from problems.beam.curves.record import ResponseRecord
@@ -88,49 +84,7 @@ def driven(reduced: ReducedModel, record: ResponseRecord, harmonics: int) -> Dri
     drive = beam_drive(record.base, record.load)
     # enough samples for the products of a few harmonics, and for the kink of |v| v
     series = fourier(harmonics, max(32, 6 * harmonics + 2))
-    return Driven(_tuned(reduced), drive, series, _reading(reduced, record, drive, series))
-
-
-def _tuned(reduced: ReducedModel) -> SecondOrderSystem:
-    """Return the reduced beam with the unknowns s as its parameters."""
-    plain, n = reduced_system(reduced), reduced.count
-    factors = [Parameter(f"frequency_{k + 1}", 1.0, "1", f"factor on the frequency of mode {k + 1}") for k in range(n)]
-    modulus = Parameter("elastic_modulus", 1.0, "1", "factor on the elastic modulus")
-    return SecondOrderSystem(
-        functions=partial(_tuned_functions, reduced),
-        entries=plain.entries,
-        parameters=(*plain.parameters[GRAVITY_SIZE:], *factors, modulus),
-        excitation=plain.excitation,
-        rest=np.zeros(n),
-        scale=plain.scale,
-        mirror=plain.mirror,
-    )
-
-
-@lru_cache(maxsize=KEPT_FUNCTIONS)
-def _tuned_functions(reduced: ReducedModel, samples: int) -> SampledFunctions:
-    plain, n, laws = reduced_system(reduced), reduced.count, len(reduced.law.parameters)
-    rest, bending = cs.DM(reduced.projection.rest_force), cs.DM(reduced.projection.bending_stiffness)
-    squares = cs.DM(reduced.modes.angular_frequencies**2)
-    given = plain.functions(samples)
-    q, v, a, u, p = (given.balance.mx_in(name) for name in ("q", "v", "a", "u", "p"))
-    s = cs.MX.sym("s", laws + n + 1)
-    p = cs.vertcat(cs.DM(reduced.values[:GRAVITY_SIZE]), s[:laws])
-    added = cs.diag((s[laws:-1] ** 2 - 1) * squares)
-    R = given.balance(q, v, a, u, p) + added @ q
-    R += (s[-1] - 1) * (cs.repmat(rest, 1, samples) + bending @ q)
-    directions = [given.tangents.mx_in(name) for name in ("u_1", "u_2")]
-    K, *others = given.tangents(q, v, a, u, p, *directions)
-    K += cs.repmat(cs.vec(cs.densify(added + (s[-1] - 1) * bending)), 1, samples)
-    symbols, names = [q, v, a, u, s], ["q", "v", "a", "u", "p"]
-    balance = cs.Function("balance", symbols, [R], names, ["R"])
-    return SampledFunctions(
-        balance,
-        cs.Function("tangents", [*symbols, *directions], [K, *others], [*names, "u_1", "u_2"],
-                    ["K", "D", "M", "R_1", "R_2"]),
-        cs.Function("powers", symbols, [*given.powers(q, v, a, u, p)], names, ["lost", "supplied"]),
-        balance,
-    )  # fmt: skip
+    return Driven(tuned_system(reduced), drive, series, _reading(reduced, record, drive, series))
 
 
 def _reading(reduced: ReducedModel, record: ResponseRecord, drive: Drive, series: Fourier) -> cs.Function:

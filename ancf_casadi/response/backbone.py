@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
+import casadi as cs
 import numpy as np
 import scipy.linalg
 
@@ -275,8 +276,9 @@ def _amplitude(subject: Excited, C: Array, setting: Setting) -> float:
     """Return the amplitude of the tip, or of the largest coordinate."""
     if subject.model is None:
         return float(np.abs(C[2]).max())
-    values = subject.displacement(C, setting, np.array([0.5, 1.5]) * math.pi, None, None, relative=True)
-    return float(abs(values[0] - values[1]) / 2)
+    q, _, u = subject.kinematics(C, setting, np.array([0.5, 1.5]) * math.pi)
+    first, second = subject.displacement(cs.DM(q), cs.DM(u), None, None, relative=True).full().ravel().tolist()
+    return float(abs(first - second) / 2)
 
 
 def _largest(motion: PeriodicMotion) -> float | None:

@@ -23,11 +23,11 @@ from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.response.excited import Excited
 from ancf_casadi.response.harmonic_balance.balance import size_of
+from ancf_casadi.response.harmonic_balance.beams import GRAVITY_SIZE
 from ancf_casadi.response.harmonic_balance.continuation import point_at
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
 from ancf_casadi.response.harmonic_balance.fourier import fourier
 from ancf_casadi.response.periodic import PeriodicMotion
-from ancf_casadi.response.systems.beams import GRAVITY_SIZE
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.callbacks import Differentiable, kept
 from ancf_casadi.support.inputs import check_instance, flag
@@ -89,7 +89,9 @@ def motion_function(
     C = cs.reshape(near(values), columns, rows).T
     # samples per harmonic from which a displacement is read
     series = fourier(motion.harmonic_count, 8 * (motion.harmonic_count + 1))
-    displacement = subject.symbolic_displacement(series, C, amplitude, point, direction, relative=relative)
+    _, _, shape = subject.drive.samples(series.phases, 0.0, 1.0)
+    q, u = (cs.DM(series.basis) @ C).T, amplitude * cs.DM(shape)
+    displacement = cs.MX(subject.displacement(q, u, point, direction, relative=relative))
     harmonic = cs.DM(series.analysis[[2, 1]]) @ displacement.T
     inputs = {**parameters, "frequency": frequency, "amplitude": amplitude}
     return cs.Function("motion", [*inputs.values()], [harmonic, C], [*inputs], ["harmonic", "coefficients"])

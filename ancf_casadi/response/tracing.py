@@ -36,10 +36,10 @@ from ancf_casadi.response.harmonic_balance.continuation import (
     located,
     point_at,
 )
+from ancf_casadi.response.harmonic_balance.drive import HarmonicForce
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
 from ancf_casadi.response.onset import RESPONSE_ERROR, grown, motion_of, reached, set_to
 from ancf_casadi.response.periodic import PeriodicMotion
-from ancf_casadi.response.systems.drive import HarmonicForce
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import LARGEST_TIME, check_instance, choice, physical, positive, vector, whole
 
@@ -226,14 +226,8 @@ def parameter_response(
     given[index] = first
     subject = replace(subject, system=subject.system.with_values(given))
     point = grown(subject, subject.drive.omega, subject.drive.amplitude, tolerance)
-    point = replace(
-        point,
-        family=replace(
-            point.family,
-            balance=replace(point.family.balance, varied=index),
-            setting=replace(point.setting, value=first),
-        ),
-    )
+    balance, setting = replace(point.family.balance, varied=index), replace(point.setting, value=first)
+    point = replace(point, family=replace(point.family, balance=balance, setting=setting))
     return _traced(subject, point, "value", (first, last), points)
 
 

@@ -14,7 +14,7 @@ One more equation, row . (z - guess)/s = 0, selects a point of the curve: the ro
 unit vector of an entry that is prescribed, or any other row across the curve.  The derivatives cost more than ten
 residuals and are kept, also from the last point of a curve, as long as each step of Newton's method reduces the error
 fivefold; large matrices are kept as long as it reduces it twofold.  For a beam that turns, residuals are turned back to
-the motion at which the derivatives were evaluated, and corrections forth (``systems.beams``).
+the motion at which the derivatives were evaluated, and corrections forth (``beams``).
 """
 
 from __future__ import annotations

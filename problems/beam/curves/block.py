@@ -1,6 +1,6 @@
 """Measured response curves as a block of a fit, and the reduced model that is fitted to them.
 
-``residuals`` has the distance of the points to the curves, ``weights`` their standard deviations.  The beam is the
+``residuals`` has the distance of the points to the curves, and their standard deviations.  The beam is the
 reduced model in a few modes, each with several harmonics; a last evaluation with one mode and two harmonics more shows
 the effect of this truncation.
 """
@@ -22,14 +22,13 @@ from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import rebuilt
-from ancf_casadi.response.systems.drive import beam_drive
+from ancf_casadi.response.harmonic_balance.drive import beam_drive
 from ancf_casadi.support.arrays import Array, Index, root_mean_square
 from ancf_casadi.support.tables import known
 from problems.beam.curves.driven import Driven, driven
 from problems.beam.curves.points import Measured, PointMotion
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.curves.residuals import Responses
-from problems.beam.curves.weights import CurveWeights, first_weights
+from problems.beam.curves.residuals import CurveWeights, Responses, first_weights
 from problems.beam.names import frequency_name
 from problems.beam.properties import Owners
 

@@ -29,11 +29,11 @@ from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.reduction import ReducedModel
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
+from ancf_casadi.response.harmonic_balance.beams import tuned_system
+from ancf_casadi.response.harmonic_balance.drive import Drive, beam_drive
 from ancf_casadi.response.harmonic_balance.family import Family
 from ancf_casadi.response.harmonic_balance.fourier import Fourier, fourier
-from ancf_casadi.response.systems.beams import tuned_system
-from ancf_casadi.response.systems.drive import Drive, beam_drive
-from ancf_casadi.response.systems.system import SecondOrderSystem
+from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.compilation import evaluated
 from problems.beam.curves.record import ResponseRecord

@@ -14,9 +14,15 @@ residuals by the unknowns therefore are the components of T dg/dx at fixed Y (va
 sum of squares is exact.
 
 Properties, tip mass and clamp enter the constants of the reduced model, except for the elastic modulus if the damping
-does not contain it.  The derivatives of F and of the reading by
-these are central differences at fixed coefficients, between two models at the relative distances ``DIFFERENCE``; all
-other derivatives are exact.
+does not contain it.  The derivatives of F and of the reading by these are central differences at fixed coefficients,
+between two models at the relative distances ``DIFFERENCE``; all other derivatives are exact.
+
+Weights.  A record has standard deviations of its amplitudes, phases and levels (``ResponseRecord.stds``).  Those that
+were not given are proportions: a first fit takes them as they are, and the root mean square of its residuals gives one
+factor c for the amplitudes and levels of all records of one sensor, and one for their phases; a second fit uses these
+(iteratively reweighted least squares).  A factor of its own for each record would follow the scatter of a few points,
+and make the intervals too narrow.  The fit weighs the residuals, distances in units of c s, by the geometric mean G of
+the factors (``ancf_casadi.estimation.solve``).
 
 References
 ----------
@@ -27,6 +33,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -38,12 +45,104 @@ from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.callbacks import Differentiable
 from problems.beam.curves.driven import Driven
 from problems.beam.curves.points import Measured, NoMotionError, PointMotion, closest, motion_from_rest
+from problems.beam.curves.record import ResponseRecord
 
 if TYPE_CHECKING:
     from problems.beam.curves.block import CurveBlock
 
 DIFFERENCE = 1e-4  # relative change of a property for its derivative
-FAILURES = (NumericsError, np.linalg.LinAlgError)
+
+
+@dataclass(frozen=True, eq=False)
+class CurveWeights:
+    """Standard deviations of all points.
+
+    Parameters
+    ----------
+    proportions : tuple of array (3, m)
+        Standard deviations of amplitudes, phases and levels of each record, given or proportional.
+    lengths : tuple of int
+        Lengths of the series of residuals: the amplitudes and, if they were measured, the phases of each record.
+    owners : tuple of (int, int)
+        Record of each series, and 0 for amplitudes or 1 for phases.
+    groups : tuple of int
+        Row of ``factors`` of each record.
+    factors : array (groups, 2)
+        Factor c of the amplitudes, and of the phases, of each group of records.
+    known : tuple of bool
+        Whether the standard deviations of a series were given.
+    """
+
+    proportions: tuple[Array, ...]
+    lengths: tuple[int, ...]
+    owners: tuple[tuple[int, int], ...]
+    groups: tuple[int, ...]
+    factors: Array
+    known: tuple[bool, ...]
+
+    @property
+    def scale(self) -> float:
+        """The geometric mean G of the factors."""
+        logarithms = np.log([self.factors[place] for place in self._places])
+        return math.exp(float(np.array(self.lengths) @ logarithms) / sum(self.lengths))
+
+    @property
+    def improvable(self) -> bool:
+        """True if residuals would change the factors."""
+        return not all(self.known)
+
+    def deviations(self, record: int) -> Array:
+        """Return the standard deviations of amplitudes, phases and levels of a record, (3, m)."""
+        amplitudes, phases = self.factors[self.groups[record]]
+        return np.asarray(self.proportions[record] * np.array([amplitudes, phases, amplitudes])[:, None])
+
+    def improved(self, residuals: Array) -> CurveWeights:
+        """Return the weights with the factors of residuals where no standard deviation was given."""
+        factors, places = self.factors.copy(), self._places
+        parts = np.split(residuals, np.cumsum(self.lengths))[:-1]
+        for place in set(places):
+            own = [
+                part for part, one, known in zip(parts, places, self.known, strict=True) if one == place and not known
+            ]
+            if own:
+                size = math.sqrt(float(np.mean(np.concatenate(own) ** 2)))
+                # least factor: below it, residuals are those of the computation
+                factors[place] = max(self.factors[place] * size, 1e-6)
+        return replace(self, factors=factors)
+
+    @property
+    def _places(self) -> list[tuple[int, int]]:
+        """Place of the factor of each series."""
+        return [(self.groups[record], row) for record, row in self.owners]
+
+
+def first_weights(records: Sequence[ResponseRecord]) -> CurveWeights:
+    """Return the weights of records before a fit."""
+    lengths, owners, known = [], [], []
+    for k, record in enumerate(records):
+        for row, given in enumerate(given_of(record)):
+            if row == 0 or record.phases is not None:
+                lengths.append(record.f.size)
+                owners.append((k, row))
+                known.append(given is not None)
+    kinds = [
+        (record.sensor, record.control, *(deviation is None for deviation in given_of(record))) for record in records
+    ]
+    groups = tuple(kinds.index(kind) for kind in kinds)
+    return CurveWeights(
+        proportions=tuple(one.stds for one in records),
+        lengths=tuple(lengths),
+        owners=tuple(owners),
+        groups=groups,
+        factors=np.ones((len(records), 2)),
+        known=tuple(known),
+    )
+
+
+def given_of(record: ResponseRecord) -> tuple[object, object]:
+    """Return the standard deviations that were given of the measured quantity, amplitude or level, and of the phase."""
+    measured = record.level_std if record.control == "response" else record.amplitude_std
+    return measured, record.phase_std
 
 
 class Responses:
@@ -79,7 +178,7 @@ class Responses:
     @cached_property
     def _differentiable(self) -> Differentiable:
         """The residuals as a CasADi Function of the unknowns, nan where a motion is not found."""
-        return Differentiable(self._or_nan, sum(self.block.weights.lengths), len(self.block.names))
+        return Differentiable(self._respond, sum(self.block.weights.lengths), len(self.block.names))
 
     def motions(self, values: Mapping[str, float]) -> list[list[PointMotion]]:
         """Return the motion closest to each point, record by record, for values of the unknowns by name.
@@ -95,7 +194,7 @@ class Responses:
             for j, point in enumerate(points):
                 try:
                     own.append(_motion(beams[k], point, s, self._last[k][j] if self._last else None))
-                except FAILURES as error:
+                except NumericsError as error:
                     raise NoMotionError(f"{record.label}, {record.f[j]:.6g} Hz: {error}") from None
             found.append(own)
         self._last = found
@@ -167,14 +266,13 @@ class Responses:
         self._constant = self._constant or self.block.driven({})
         return self._constant
 
-    def _or_nan(self, x: Array) -> tuple[Array, Array]:
-        """Return residuals and Jacobian; nan where a motion is not found, and keep the reason."""
+    def _respond(self, x: Array) -> tuple[Array, Array]:
+        """Return residuals and Jacobian; if a motion is not found, keep the reason."""
         try:
             return self.at(dict(zip(self.block.names, x.tolist(), strict=True)))
-        except FAILURES as error:
+        except NumericsError as error:
             self.failure = self.failure or str(error)
-            m = sum(self.block.weights.lengths)
-            return np.full(m, math.nan), np.full((m, len(self.block.names)), math.nan)
+            raise
 
 
 def across(slope: Array, response_controlled: bool, has_phase: bool) -> Array:
@@ -203,6 +301,6 @@ def _motion(driven: Driven, point: Measured, s: Array, last: PointMotion | None)
     if last is not None:
         try:
             return closest(driven, point, s, last)
-        except FAILURES:
+        except NumericsError:
             pass
     return closest(driven, point, s, motion_from_rest(driven, point, s))

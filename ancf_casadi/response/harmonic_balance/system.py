@@ -29,7 +29,7 @@ from ancf_casadi.support.inputs import array, check_instance, instances
 from ancf_casadi.support.tables import Displayed, counted
 
 if TYPE_CHECKING:
-    from ancf_casadi.response.systems.beams import Turning
+    from ancf_casadi.response.harmonic_balance.beams import Turning
 
 KEPT_FUNCTIONS = 64  # sets of Functions, each of a system and a number of samples, that are kept
 

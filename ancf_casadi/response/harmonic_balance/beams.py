@@ -25,8 +25,8 @@ from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.shape import gauss
 from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
 from ancf_casadi.reduction.reduced import ReducedModel
-from ancf_casadi.response.systems.drive import BEAM_EXCITATION
-from ancf_casadi.response.systems.system import (
+from ancf_casadi.response.harmonic_balance.drive import BEAM_EXCITATION
+from ancf_casadi.response.harmonic_balance.system import (
     KEPT_FUNCTIONS,
     SampledFunctions,
     SecondOrderSystem,

@@ -86,10 +86,7 @@ class Excited:
 
         Coordinates (n, k) and excitation (e, k) are DM or MX.
 
-        Raises
-        ------
-        InputError
-            If the point is not on the beam, the coordinate does not exist, or the direction is no vector.
+        Raise InputError if the point is not on the beam, the coordinate does not exist, or the direction is no vector.
         """
         model = self.model
         if model is None:

@@ -106,10 +106,7 @@ def motion_of(subject: Excited, point: Point) -> PeriodicMotion:
 def grown(subject: Excited, omega: float, amplitude: float, tolerance: float) -> Point:
     """Return the motion, with the amplitude as the free entry, that a slowly growing excitation reaches.
 
-    Raises
-    ------
-    NumericsError
-        If the motion cannot be followed up to the amplitude.
+    Raise NumericsError if the motion cannot be followed up to the amplitude.
     """
     series = fourier(FIRST_HARMONICS, least_samples(FIRST_HARMONICS), subject.symmetric)
     balance = HarmonicBalance(subject.system, subject.drive, series)
@@ -124,10 +121,7 @@ def grown(subject: Excited, omega: float, amplitude: float, tolerance: float) ->
 def linear_response(balance: HarmonicBalance, omega: float) -> tuple[Array, Array]:
     """Return the coefficients at rest, and their derivatives by the amplitude of the excitation, (2 H + 1, n) each.
 
-    Raises
-    ------
-    NumericsError
-        If there is no equilibrium, or an undamped mode is in resonance.
+    Raise NumericsError if there is no equilibrium, or an undamped mode is in resonance.
     """
     at_rest = rest(balance, omega)
     linear, change = balance.linearised(at_rest, Setting(omega, 0.0)), np.zeros_like(at_rest)
@@ -148,10 +142,7 @@ def small_motion_at(
 ) -> Point:
     """Return the motion near the linear response to a small amplitude of the excitation, whose typical change is given.
 
-    Raises
-    ------
-    NumericsError
-        If it is not found.
+    Raise NumericsError if it is not found.
     """
     (at_rest, change), setting = response, Setting(omega, 0.0)
     size = max(size_of(balance, amplitude * change), SMALLEST_SIZE)
@@ -169,10 +160,7 @@ def small_motion_at(
 def reached(point: Point, amplitude: float) -> Point:
     """Return the point at which the excitation first has an amplitude, on the curve of motions in its direction.
 
-    Raises
-    ------
-    NumericsError
-        If the curve does not reach it within 300 steps.
+    Raise NumericsError if the curve does not reach it within 300 steps.
     """
     direction = np.sign(amplitude - point.setting.amplitude) * point.family.unit("amplitude")
     step = crossing(point, direction, lambda end: end.setting.amplitude - amplitude, 4.0)
@@ -205,10 +193,7 @@ def crossing(
 def set_to(step: ContinuationStep, name: str, value: float) -> Point:
     """Return the point of a step at which a free entry of the setting has a value.
 
-    Raises
-    ------
-    NumericsError
-        If it is not found.
+    Raise NumericsError if it is not found.
     """
     family = step.start.family
     scale = family.scale[family.place(name)]
@@ -226,10 +211,7 @@ def set_to(step: ContinuationStep, name: str, value: float) -> Point:
 def rest(balance: HarmonicBalance, omega: float) -> Array:
     """Return the coefficients at rest without excitation, (2 H + 1, n).
 
-    Raises
-    ------
-    NumericsError
-        If there is no equilibrium near ``system.rest``.
+    Raise NumericsError if there is no equilibrium near ``system.rest``.
     """
     C = np.zeros((balance.fourier.size, balance.system.size))
     C[0] = balance.system.rest

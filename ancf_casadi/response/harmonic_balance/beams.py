@@ -48,10 +48,7 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
 
     Its parameters are gravity, the properties of each element in turn, and the parameters of the law.
 
-    Raises
-    ------
-    EquilibriumError
-        If there is no equilibrium under gravity.
+    Raise EquilibriumError if there is no equilibrium under gravity.
     """
     rest = static_equilibrium(model).coordinates[NODE:]
     return SecondOrderSystem(

@@ -154,13 +154,7 @@ def follow(
 
 
 def stepped(point: Point, tangent: Array, length: float) -> Point:
-    """Return the point at an arclength along the tangent.
-
-    Raises
-    ------
-    NotFound
-        If Newton's method does not converge.
-    """
+    """Return the point at an arclength along the tangent; raise NotFound if Newton's method does not converge."""
     family = point.family
     guess = family.moved(point.z, length * family.scale * tangent)
     try:
@@ -174,10 +168,7 @@ def stepped(point: Point, tangent: Array, length: float) -> Point:
 def located(step: ContinuationStep, test: Callable[[Point, Array], float]) -> Point:
     """Return the point of a step at which a test function of point and tangent, of opposite signs at its ends, is zero.
 
-    Raises
-    ------
-    NotFound
-        If Newton's method does not converge.
+    Raise NotFound if Newton's method does not converge.
     """
     at_start, at_end = test(step.start, step.tangent), test(step.end, step.end_tangent)
     size, shortest, kept = max(abs(at_start), abs(at_end)), LOCATED * step.length, ""

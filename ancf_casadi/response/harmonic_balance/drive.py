@@ -120,10 +120,7 @@ def no_drive(components: int) -> Drive:
 def beam_drive(base: BaseMotion | None, load: TipLoad | None) -> Drive:
     """Return the excitation of a beam by its base or at its tip, at its full amplitude.
 
-    Raises
-    ------
-    InputError
-        If there is not exactly one of them, it is not harmonic, or it ends.
+    Raise InputError if there is not exactly one of them, it is not harmonic, or it ends.
     """
     if (base is None) == (load is None):
         raise InputError("give either a HarmonicBase or a HarmonicLoad", "base" if base is not None else "load")
@@ -150,10 +147,7 @@ def beam_drive(base: BaseMotion | None, load: TipLoad | None) -> Drive:
 def force_drive(force: HarmonicForce, components: int) -> Drive:
     """Return the excitation of a system by a harmonic force.
 
-    Raises
-    ------
-    InputError
-        If its direction does not have one entry per component of the excitation.
+    Raise InputError if its direction does not have one entry per component of the excitation.
     """
     if len(force.direction) != components:
         raise InputError(f"has {len(force.direction)} entries for {components} of the excitation", "direction")

@@ -260,10 +260,7 @@ class Point:
 def solve(family: Family, guess: Array, row: Array, near: Point | None = None) -> Array:
     """Return the unknowns of the point with row . (z - guess)/s = 0, first with the derivatives of a point nearby.
 
-    Raises
-    ------
-    NotFound
-        If the iteration does not converge.
+    Raise NotFound if the iteration does not converge.
     """
     scale, z, evaluations, last = family.scale, guess, 1, math.inf
     # with a slower decrease, the derivatives are evaluated anew; the factors of a large matrix are expensive

@@ -76,10 +76,7 @@ class Driven:
 def driven(reduced: ReducedModel, record: ResponseRecord, harmonics: int) -> Driven:
     """Return a reduced beam under the excitation of a record, with its sensor, for a number of harmonics.
 
-    Raises
-    ------
-    InputError
-        If the sensor is not on the beam.
+    Raise InputError if the sensor is not on the beam.
     """
     drive = beam_drive(record.base, record.load)
     # enough samples for the products of a few harmonics, and for the kink of |v| v

@@ -146,10 +146,7 @@ class PointMotion:
     def moved(self, along: float) -> PointMotion:
         """Return the motion on the curve whose amplitude is larger by about a step.
 
-        Raises
-        ------
-        NotFound
-            If Newton's method does not converge.
+        Raise NotFound if Newton's method does not converge.
         """
         own = self.bordered
         return PointMotion(self.driven, point_at(own.family, own.z + along * self.tangent, own.row, own))
@@ -164,10 +161,7 @@ class PointMotion:
 def motion_from_rest(driven: Driven, measured: Measured, s: Array) -> PointMotion:
     """Return a motion with nearly the measured amplitude, on the curve that begins at rest.
 
-    Raises
-    ------
-    NumericsError
-        If the curve cannot be followed, or the sensor does not move.
+    Raise NumericsError if the curve cannot be followed, or the sensor does not move.
     """
     goal, curve, size = float(measured.values[0]), driven.curve(measured.omega, s), driven.drive.amplitude
     response, slight = linear_response(curve.balance, measured.omega), 1e-9 * size
@@ -204,10 +198,7 @@ def _half_period_later(motion: PointMotion) -> PointMotion:
 def closest(driven: Driven, measured: Measured, s: Array, near: PointMotion) -> PointMotion:
     """Return the motion closest to a measured point, from one nearby, by steps that each reduce the distance.
 
-    Raises
-    ------
-    NumericsError
-        If the search does not converge.
+    Raise NumericsError if the search does not converge.
     """
     try:
         here = _again(driven, driven.curve(measured.omega, s), near)

@@ -167,8 +167,9 @@ def predicted(block: CurveBlock, fit: Fit) -> ResponsePrediction:
         If the response at a point cannot be computed.
     """
     (record,), values = block.records, fit.estimates
-    loose = block.weights.proportions[0] * np.array([FREE_STD, FREE_STD, 1.0])[:, None]
-    responses = replace(block, weights=replace(block.weights, proportions=(loose,))).evaluation()
+    amplitude_std, phase_std, level_std = record.stds * np.array([FREE_STD, FREE_STD, 1.0])[:, None]
+    loose = replace(record, amplitude_std=amplitude_std, phase_std=phase_std, level_std=level_std)
+    responses = replace(block, weights=replace(block.weights, records=(loose,))).evaluation()
     try:
         motions, changes = responses.motions(values)[0], responses.sensitivities(values)[0]
     except NumericsError as error:

@@ -35,13 +35,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.exceptions import NumericsError
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.callbacks import Differentiable
 from problems.beam.curves.driven import Driven
 from problems.beam.curves.points import Measured, NoMotionError, PointMotion, closest, motion_from_rest
@@ -53,93 +53,80 @@ if TYPE_CHECKING:
 DIFFERENCE = 1e-4  # relative change of a property for its derivative
 
 
+class Series(NamedTuple):
+    """Residuals of one kind of one record: its number, row 0 for amplitudes or 1 for phases, length, and std given."""
+
+    record: int
+    row: int
+    length: int
+    known: bool
+
+
 @dataclass(frozen=True, eq=False)
 class CurveWeights:
     """Standard deviations of all points.
 
     Parameters
     ----------
-    proportions : tuple of array (3, m)
-        Standard deviations of amplitudes, phases and levels of each record, given or proportional.
-    lengths : tuple of int
-        Lengths of the series of residuals: the amplitudes and, if they were measured, the phases of each record.
-    owners : tuple of (int, int)
-        Record of each series, and 0 for amplitudes or 1 for phases.
-    groups : tuple of int
-        Row of ``factors`` of each record.
-    factors : array (groups, 2)
-        Factor c of the amplitudes, and of the phases, of each group of records.
-    known : tuple of bool
-        Whether the standard deviations of a series were given.
+    records : tuple of ResponseRecord
+        The records.
+    factors : array (records, 2)
+        Factor c of the amplitudes and levels, and of the phases, of each record.
     """
 
-    proportions: tuple[Array, ...]
-    lengths: tuple[int, ...]
-    owners: tuple[tuple[int, int], ...]
-    groups: tuple[int, ...]
+    records: tuple[ResponseRecord, ...]
     factors: Array
-    known: tuple[bool, ...]
+
+    @cached_property
+    def series(self) -> list[Series]:
+        """The series of residuals: the amplitudes and, if they were measured, the phases of each record."""
+        return [
+            Series(k, row, record.f.size, given is not None)
+            for k, record in enumerate(self.records)
+            for row, given in enumerate(_measured_stds(record))
+            if row == 0 or record.phases is not None
+        ]
+
+    @property
+    def size(self) -> int:
+        """Number of residuals."""
+        return sum(one.length for one in self.series)
 
     @property
     def scale(self) -> float:
         """The geometric mean G of the factors."""
-        logarithms = np.log([self.factors[place] for place in self._places])
-        return math.exp(float(np.array(self.lengths) @ logarithms) / sum(self.lengths))
+        return math.exp(
+            sum(one.length * math.log(self.factors[one.record, one.row]) for one in self.series) / self.size
+        )
 
     @property
     def improvable(self) -> bool:
         """True if residuals would change the factors."""
-        return not all(self.known)
+        return not all(one.known for one in self.series)
 
     def deviations(self, record: int) -> Array:
         """Return the standard deviations of amplitudes, phases and levels of a record, (3, m)."""
-        amplitudes, phases = self.factors[self.groups[record]]
-        return np.asarray(self.proportions[record] * np.array([amplitudes, phases, amplitudes])[:, None])
+        return np.asarray(self.records[record].stds * self.factors[record, [0, 1, 0], None])
 
     def improved(self, residuals: Array) -> CurveWeights:
         """Return the weights with the factors of residuals where no standard deviation was given."""
-        factors, places = self.factors.copy(), self._places
-        parts = np.split(residuals, np.cumsum(self.lengths))[:-1]
-        for place in set(places):
-            own = [
-                part for part, one, known in zip(parts, places, self.known, strict=True) if one == place and not known
-            ]
-            if own:
-                size = math.sqrt(float(np.mean(np.concatenate(own) ** 2)))
-                # least factor: below it, residuals are those of the computation
-                factors[place] = max(self.factors[place] * size, 1e-6)
+        factors = self.factors.copy()
+        parts = np.split(residuals, np.cumsum([one.length for one in self.series]))[:-1]
+        kinds = [(own.sensor, own.control, *(std is None for std in _measured_stds(own))) for own in self.records]
+        for k, kind in enumerate(kinds):
+            for row in range(2):
+                own = [
+                    part
+                    for one, part in zip(self.series, parts, strict=True)
+                    if (kinds[one.record], one.row, one.known) == (kind, row, False)
+                ]
+                if own:
+                    # least factor: below it, residuals are those of the computation
+                    factors[k, row] = max(factors[k, row] * root_mean_square(np.concatenate(own)), 1e-6)
         return replace(self, factors=factors)
 
-    @property
-    def _places(self) -> list[tuple[int, int]]:
-        """Place of the factor of each series."""
-        return [(self.groups[record], row) for record, row in self.owners]
 
-
-def first_weights(records: Sequence[ResponseRecord]) -> CurveWeights:
-    """Return the weights of records before a fit."""
-    lengths, owners, known = [], [], []
-    for k, record in enumerate(records):
-        for row, given in enumerate(given_of(record)):
-            if row == 0 or record.phases is not None:
-                lengths.append(record.f.size)
-                owners.append((k, row))
-                known.append(given is not None)
-    kinds = [
-        (record.sensor, record.control, *(deviation is None for deviation in given_of(record))) for record in records
-    ]
-    groups = tuple(kinds.index(kind) for kind in kinds)
-    return CurveWeights(
-        proportions=tuple(one.stds for one in records),
-        lengths=tuple(lengths),
-        owners=tuple(owners),
-        groups=groups,
-        factors=np.ones((len(records), 2)),
-        known=tuple(known),
-    )
-
-
-def given_of(record: ResponseRecord) -> tuple[object, object]:
+def _measured_stds(record: ResponseRecord) -> tuple[object, object]:
     """Return the standard deviations that were given of the measured quantity, amplitude or level, and of the phase."""
     measured = record.level_std if record.control == "response" else record.amplitude_std
     return measured, record.phase_std
@@ -178,15 +165,12 @@ class Responses:
     @cached_property
     def _differentiable(self) -> Differentiable:
         """The residuals as a CasADi Function of the unknowns, nan where a motion is not found."""
-        return Differentiable(self._respond, sum(self.block.weights.lengths), len(self.block.names))
+        return Differentiable(self._respond, self.block.weights.size, len(self.block.names))
 
     def motions(self, values: Mapping[str, float]) -> list[list[PointMotion]]:
         """Return the motion closest to each point, record by record, for values of the unknowns by name.
 
-        Raises
-        ------
-        NoMotionError
-            If one is not found; the message names it.
+        Raise NoMotionError if one is not found; the message names it.
         """
         s, beams, found = self.block.shared(values), self._driven(values), []
         for k, (record, points) in enumerate(zip(self.block.records, self.block.measured(values), strict=True)):
@@ -205,10 +189,7 @@ class Responses:
 
         Those that are not given have their guesses.
 
-        Raises
-        ------
-        NoMotionError
-            If a motion is not found.
+        Raise NoMotionError if a motion is not found.
         """
         motions, points = self.motions(values), self.block.measured(values)
         residuals, jacobians = [], []
@@ -244,11 +225,7 @@ class Responses:
     def _change(self, motion: PointMotion, s: Array, neighbours: Sequence[tuple[int, float, list[Driven]]]) -> Array:
         """Return the derivatives of amplitude, phase and level of a motion at the same amplitude, (3, n)."""
         z, balance, setting = motion.point.z, motion.point.family.balance, motion.point.setting
-        names, columns = self.block.names, self.block.shared_columns()
-        forces, polar = np.zeros((len(z) - 1, len(names))), np.zeros((2, len(names)))
-        directions = np.zeros((len(s), len(names)))
-        for own, place, slope in columns:
-            directions[own, place] = slope
+        directions = self.block.shared_directions
         forces = balance.by_parameters(motion.point.coefficients, setting, directions)
         polar = motion.reading[2] @ directions
         for place, width, ends in neighbours:

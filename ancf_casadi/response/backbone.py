@@ -36,15 +36,11 @@ from ancf_casadi.damping import DampingLaw
 from ancf_casadi.exceptions import ContinuationError, InputError, NumericsError
 from ancf_casadi.response.excited import Body, Excited, excited
 from ancf_casadi.response.harmonic_balance.balance import (
-    FIRST_HARMONICS,
-    HarmonicBalance,
     Setting,
-    least_samples,
     size_of,
 )
 from ancf_casadi.response.harmonic_balance.continuation import follow, point_at
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
-from ancf_casadi.response.harmonic_balance.fourier import fourier
 from ancf_casadi.response.onset import RESPONSE_ERROR, motion_of, rest
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
@@ -215,10 +211,8 @@ def backbone(
             f"{amplitude:g} m is more than the length of the beam, {subject.model.beam.length:g} m", "amplitude"
         )
     mode = whole(mode, "mode", 1, subject.system.size)
-    series = fourier(FIRST_HARMONICS, least_samples(FIRST_HARMONICS), subject.symmetric)
-    balance = HarmonicBalance(subject.system, subject.drive, series)
     # of the largest amplitude, at which the backbone begins
-    first = _first(subject, balance, mode, 1e-3 * amplitude, tolerance)
+    first = _first(subject, mode, 1e-3 * amplitude, tolerance)
     functional, frequency = first.family.phase, first.family.setting.omega / (2 * math.pi)
     motions = [motion_of(subject, first)]
     amplitude_of = partial(PeriodicMotion.amplitude, point=_largest(motions[0]))
@@ -241,11 +235,12 @@ def backbone(
     return Backbone(mode, frequency, tuple(motions))
 
 
-def _first(subject: Excited, balance: HarmonicBalance, mode: int, amplitude: float, tolerance: float) -> Point:
+def _first(subject: Excited, mode: int, amplitude: float, tolerance: float) -> Point:
     """Return the motion of a mode with a small amplitude; its family has frequency and growth of the linear mode.
 
     Its row is the unit vector along which the sine of the mode in the first harmonic grows.
     """
+    balance = subject.balance
     C = rest(balance, 1.0)
     entries = balance.linearised(C, Setting(1.0, 0.0)).matrices
     K, D, M = (balance.system.matrix(part[0]) for part in entries)

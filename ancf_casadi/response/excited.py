@@ -22,7 +22,7 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
-from ancf_casadi.response.harmonic_balance.balance import Setting
+from ancf_casadi.response.harmonic_balance.balance import FIRST_HARMONICS, HarmonicBalance, Setting, least_samples
 from ancf_casadi.response.harmonic_balance.beams import STRAIGHT, full_system, reduced_system
 from ancf_casadi.response.harmonic_balance.drive import Drive, HarmonicForce, beam_drive, force_drive, no_drive
 from ancf_casadi.response.harmonic_balance.fourier import basis_at, fourier
@@ -70,6 +70,12 @@ class Excited:
         ax, ay = self.model.beam.axis if self.model else (0.0, 0.0)
         along = abs(self.drive.direction[0] * ax + self.drive.direction[1] * ay)
         return bool((self.system.mirror < 0.0).any()) and along <= STRAIGHT
+
+    @property
+    def balance(self) -> HarmonicBalance:
+        """The equations with the numbers of harmonics and samples to begin with."""
+        series = fourier(FIRST_HARMONICS, least_samples(FIRST_HARMONICS), self.symmetric)
+        return HarmonicBalance(self.system, self.drive, series)
 
     def kinematics(self, C: Array, setting: Setting, phases: Array) -> tuple[Array, Array, Array]:
         """Return coordinates and velocities (n, k), and the excitation (e, k), at phases (k,), rad."""

@@ -18,10 +18,8 @@ from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.response.excited import Body, Excited, excited
 from ancf_casadi.response.harmonic_balance.balance import (
-    FIRST_HARMONICS,
     HarmonicBalance,
     Setting,
-    least_samples,
     size_of,
 )
 from ancf_casadi.response.harmonic_balance.continuation import (
@@ -34,7 +32,6 @@ from ancf_casadi.response.harmonic_balance.continuation import (
 )
 from ancf_casadi.response.harmonic_balance.drive import HarmonicForce
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
-from ancf_casadi.response.harmonic_balance.fourier import fourier
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import positive
@@ -108,8 +105,7 @@ def grown(subject: Excited, omega: float, amplitude: float, tolerance: float) ->
 
     Raise NumericsError if the motion cannot be followed up to the amplitude.
     """
-    series = fourier(FIRST_HARMONICS, least_samples(FIRST_HARMONICS), subject.symmetric)
-    balance = HarmonicBalance(subject.system, subject.drive, series)
+    balance = subject.balance
     response = linear_response(balance, omega)
     # largest size of the motion there, relative to the scale of the system
     first = amplitude * min(FIRST_SHARE, 0.01 / max(size_of(balance, amplitude * response[1]), SMALLEST_SIZE))

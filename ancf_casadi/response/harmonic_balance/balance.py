@@ -305,16 +305,6 @@ def errors_of(
     return Errors(max(largest(np.abs(x)), largest(shifted)), largest(sampled))
 
 
-def refined(errors: Errors, harmonics: int, samples: int, tolerance: float) -> tuple[int, int]:
-    """Return larger numbers of harmonics and samples where an error exceeds the tolerance."""
-    if errors.harmonics > tolerance:
-        harmonics = harmonics + max(2, harmonics // 3)
-        samples = max(samples, least_samples(harmonics))
-    if errors.samples > tolerance:
-        samples *= 2
-    return harmonics, samples
-
-
 def least_samples(harmonics: int) -> int:
     """Return the number of samples to begin with, 4 (H + 1)."""
     return 4 * (harmonics + 1)

@@ -27,7 +27,6 @@ from ancf_casadi.response.harmonic_balance.balance import (
     MOST_HARMONICS,
     MOST_PERIOD_SAMPLES,
     least_samples,
-    refined,
     size_of,
 )
 from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point, solve
@@ -93,7 +92,12 @@ def point_at(family: Family, guess: Array, row: Array, near: Point | None = None
         coarser = point
         if errors.largest <= family.tolerance:
             return coarser
-        harmonics, samples = refined(errors, series.harmonics, series.samples, family.tolerance)
+        harmonics, samples = series.harmonics, series.samples
+        if errors.harmonics > family.tolerance:
+            harmonics += max(2, harmonics // 3)
+            samples = max(samples, least_samples(harmonics))
+        if errors.samples > family.tolerance:
+            samples *= 2
         if harmonics > MOST_HARMONICS or samples > MOST_PERIOD_SAMPLES:
             raise NumericsError(
                 f"the motion needs more than {MOST_HARMONICS} harmonics or {MOST_PERIOD_SAMPLES} samples per period: "

@@ -23,7 +23,7 @@ import math
 import warnings
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import scipy.linalg
@@ -118,34 +118,35 @@ class Family:
 
     def moved(self, z: Array, change: Array) -> Array:
         """Return the unknowns moved by a change."""
-        end, turning = z + change, self.balance.system.corrections
+        end, turning, count = z + change, self.balance.system.corrections, len(z) - len(self.free)
         if turning is None:
             return end
         q, carried = self._relative(z), self._carried(end)
-        moved = turning.moved(q, self._sampled(end) - carried - q)
-        return self._analysed(moved + carried, end[-len(self.free) :])
+        moved = turning.moved(q, self._sampled(end[:count]) - carried - q)
+        return self._analysed(moved + carried, end[count:])
 
     def forth(self, reference: Array, z: Array, change: Array) -> Array:
         """Return the change at z that corresponds to a change at a reference."""
-        turning = self.balance.system.corrections
-        if turning is None or reference is z:
-            return change
-        turned = turning.forth(self._relative(reference), self._relative(z), self._sampled(change))
-        return self._analysed(turned, change[-len(self.free) :])
+        return self._turned(reference, z, change, "forth")
 
     def back(self, reference: Array, z: Array, residual: Array) -> Array:
         """Return the left sides at a reference that correspond to those at z."""
-        turning = self.balance.system.corrections
-        if turning is None or reference is z:
-            return residual
-        count = int(self.balance.allowed.sum())
-        padded = np.append(residual[:count], np.zeros(len(self.free)))
-        turned = turning.back(self._relative(reference), self._relative(z), self._sampled(padded))
-        return self._analysed(turned, residual[count:])
+        return self._turned(reference, z, residual, "back")
 
-    def _sampled(self, z: Array) -> Array:
-        """Return the coordinates at the samples, (n, N)."""
-        return np.asarray((self.balance.fourier.basis @ self.split(z)[0]).T)
+    def _turned(self, reference: Array, z: Array, vector: Array, way: Literal["forth", "back"]) -> Array:
+        """Return a vector whose first entries belong to the coefficients, these turned with the beam."""
+        turning, count = self.balance.system.corrections, len(z) - len(self.free)
+        if turning is None or reference is z:
+            return vector
+        turn = turning.forth if way == "forth" else turning.back
+        turned = turn(self._relative(reference), self._relative(z), self._sampled(vector[:count]))
+        return self._analysed(turned, vector[count:])
+
+    def _sampled(self, coefficients: Array) -> Array:
+        """Return the coordinates at the samples, (n, N), of the coefficients that are not zero by symmetry."""
+        C = np.zeros(self.balance.allowed.shape)
+        C[self.balance.allowed] = coefficients
+        return np.asarray((self.balance.fourier.basis @ C).T)
 
     def _carried(self, z: Array) -> Array:
         """Return the displacements of the clamp at all nodes and samples, (n, N)."""
@@ -156,7 +157,7 @@ class Family:
 
     def _relative(self, z: Array) -> Array:
         """Return the coordinates at the samples relative to the clamp."""
-        return np.asarray(self._sampled(z) - self._carried(z))
+        return np.asarray(self._sampled(z[: len(z) - len(self.free)]) - self._carried(z))
 
     def _analysed(self, samples: Array, last: Array) -> Array:
         """Return the coefficients of sampled coordinates, followed by other entries."""

@@ -149,13 +149,8 @@ class CurveBlock(Block):
             f"estimate by more than {np.abs(fitted.shifts).max():.2g} standard errors"
         )
         names, by_levels = fitted.fit.names, self._level_shifts(fitted)
-        notes = []
-        if worst.max() > LARGEST_SHIFT:
-            notes.append(
-                f"one mode and two harmonics more shift {names[int(worst.argmax())]} by {worst.max():.2g} standard "
-                "errors; give more (modes, harmonics)"
-            )
-        notes += [*self._level_warnings(by_levels, names), *self._branch_warnings(values, motions)]
+        notes = [*_truncation_warnings(worst, names), *self._level_warnings(by_levels, names)]
+        notes += self._branch_warnings(values, motions)
         data = {
             "kind": "response",
             "records": [
@@ -279,6 +274,16 @@ class CurveBlock(Block):
                 place, slope = self._places[name]
                 directions[place, k] = slope
         return directions
+
+
+def _truncation_warnings(shifts: Array, names: Sequence[str]) -> list[str]:
+    """Return the warning about the effect of more modes and harmonics."""
+    if shifts.max() <= LARGEST_SHIFT:
+        return []
+    return [
+        f"one mode and two harmonics more shift {names[int(shifts.argmax())]} by {shifts.max():.2g} standard errors; "
+        "give more (modes, harmonics)"
+    ]
 
 
 @lru_cache(maxsize=4)

@@ -148,7 +148,8 @@ def _crossings(before: ComplexArray, after: ComplexArray, sign: int) -> int:
 def _factors(matrices: Sequence[Array], numbers: Index, steps: int, period: float) -> Array:
     """Return the matrices (k, 2n, 2n) of some steps, given by their numbers (k,), in terms of (x, h x_t)."""
     phases = 2 * np.pi * (numbers[:, None] + _nodes()).ravel() / steps
-    K, D, M = (_interpolated(A, phases).reshape(len(numbers), FLOQUET_STAGES, *A.shape[-2:]) for A in matrices)
+    basis = basis_at(phases, (max(map(len, matrices)) - 1) // 2)
+    K, D, M = (_interpolated(A, basis).reshape(len(numbers), FLOQUET_STAGES, *A.shape[-2:]) for A in matrices)
     B, size, step = _derivative_matrix(), K.shape[-1], period / steps
     A = np.empty((len(numbers), FLOQUET_STAGES, size, FLOQUET_STAGES, size))  # of the increments z
     A[:] = (B @ B)[:, None, :, None] * M[:, :, :, None, :]
@@ -174,16 +175,16 @@ def _product(factors: Array) -> Array:
     return np.asarray(factors[0])
 
 
-def _interpolated(A: Array, phases: Array) -> Array:
-    """Return a periodic matrix, given by samples (N, n, n) or as a constant (n, n), at phases (k,), (k, n, n)."""
+def _interpolated(A: Array, basis: Array) -> Array:
+    """Return a periodic matrix, of samples (N, n, n) or a constant (n, n), at the phases of a Fourier basis."""
     A = A.reshape(-1, *A.shape[-2:])
     varying, harmonics = np.any(A != A[0], axis=0), (len(A) - 1) // 2
     spectrum = np.fft.rfft(A[:, varying], axis=0)[: harmonics + 1] / len(A)
     coefficients = np.empty((2 * harmonics + 1, spectrum.shape[1]))
     coefficients[0] = spectrum[0].real
     coefficients[1::2], coefficients[2::2] = 2 * spectrum[1:].real, -2 * spectrum[1:].imag
-    values = np.tile(A[0], (len(phases), 1, 1))
-    values[:, varying] = basis_at(phases, harmonics) @ coefficients
+    values = np.tile(A[0], (len(basis), 1, 1))
+    values[:, varying] = basis[:, : len(coefficients)] @ coefficients
     return values
 
 

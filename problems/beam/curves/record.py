@@ -120,6 +120,8 @@ class ResponseRecord(Displayed):
         check_instance(self.sensor, "sensor", Sensor)
         check_instance(self.name, "name", str)
         check_instance(self.model, "model", Model, NoneType)
+        if self.base is None and self.load is None:
+            raise InputError("give the base motion (base) or the tip load (load) that excites the beam", "base")
         beam_drive(self.base, self.load)  # refuses what cannot excite a steady vibration
         choice(self.control, get_args(Control), "control")
         if self.sweep is not None:

@@ -40,11 +40,11 @@ if TYPE_CHECKING:
     from ancf_casadi.response.backbone import Backbone, backbone
     from ancf_casadi.response.curve import ResponseCurve
     from ancf_casadi.response.differentiable import motion_function
+    from ancf_casadi.response.harmonic_balance.drive import HarmonicForce
+    from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
     from ancf_casadi.response.linear_frf import LinearFrf, linear_frf
     from ancf_casadi.response.onset import periodic_motion
     from ancf_casadi.response.periodic import PeriodicMotion
-    from ancf_casadi.response.systems.drive import HarmonicForce
-    from ancf_casadi.response.systems.system import SecondOrderSystem
     from ancf_casadi.response.tracing import amplitude_response, frequency_response, parameter_response
     from ancf_casadi.support.parallel import run_all
     from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium

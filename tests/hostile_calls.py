@@ -16,7 +16,7 @@ import numpy as np
 import ancf_casadi
 import problems
 from ancf_casadi import export
-from ancf_casadi.response.systems.system import SecondOrderSystem
+from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
 
 SECONDS = 10.0  # of processor time that a call may take before it is interrupted as by Ctrl-C
 GRACE = 2.0  # s of processor time that it may take to end then

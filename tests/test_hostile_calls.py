@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ancf_casadi import HarmonicBase, InputError, Measurement, damping_curve, export, natural_modes, run_all
-from ancf_casadi.response.systems.system import SecondOrderSystem
+from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
 from problems import fit_decay, isolate_mode, law_curve
 from tests import hostile_calls
 from tests.hostile_calls import NOT_CALLED, calls, hostile_call, outcome, public

@@ -28,18 +28,19 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
+import casadi as cs
 import numpy as np
 import scipy.linalg
 
 from ancf_casadi.damping import DampingLaw
 from ancf_casadi.exceptions import ContinuationError, InputError, NumericsError
 from ancf_casadi.response.excited import Body, Excited, excited
-from ancf_casadi.response.harmonic_balance.accuracy import FIRST_HARMONICS, least_samples, size_of
-from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
-from ancf_casadi.response.harmonic_balance.continuation import Point, follow, point_at
-from ancf_casadi.response.harmonic_balance.family import Family
-from ancf_casadi.response.harmonic_balance.fourier import fourier
-from ancf_casadi.response.harmonic_balance.newton import Condition, NotFound
+from ancf_casadi.response.harmonic_balance.balance import (
+    Setting,
+    size_of,
+)
+from ancf_casadi.response.harmonic_balance.continuation import follow, point_at
+from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
 from ancf_casadi.response.onset import RESPONSE_ERROR, motion_of, rest
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array
@@ -83,7 +84,8 @@ class Backbone(Reported):
     @cached_property
     def amplitudes(self) -> Array:
         """Half the peak-to-peak displacement of the tip, m, or of the largest coordinate of another system, (k,)."""
-        return np.array([motion.amplitude(self._point) for motion in self.motions])
+        point = _largest(self.motions[0])
+        return np.array([motion.amplitude(point) for motion in self.motions])
 
     @property
     def frequencies(self) -> Array:
@@ -137,14 +139,6 @@ class Backbone(Reported):
     def _summary(self) -> str:
         found = f"{counted(len(self.motions), 'motion')}, {spread(self.frequencies, 'Hz')}"
         return f"mode {self.mode}, {self.natural_frequency:.4g} Hz in small motion, {found}"
-
-    @property
-    def _point(self) -> float | None:
-        """The point whose amplitude is given: the tip, or the largest coordinate."""
-        first = self.motions[0]
-        if first.excited.model is not None:
-            return None
-        return int(np.abs(first.coefficients[1:]).max(axis=0).argmax())
 
     def _interpolated(self, values: Array, amplitude: float) -> float:
         from scipy.interpolate import CubicSpline  # slow to import
@@ -217,25 +211,20 @@ def backbone(
             f"{amplitude:g} m is more than the length of the beam, {subject.model.beam.length:g} m", "amplitude"
         )
     mode = whole(mode, "mode", 1, subject.system.size)
-    series = fourier(FIRST_HARMONICS, least_samples(FIRST_HARMONICS), subject.symmetric)
-    balance = HarmonicBalance(subject.system, subject.drive, series)
-    linear = _LinearMode.of(balance, mode)
     # of the largest amplitude, at which the backbone begins
-    first = _first(subject, balance, linear, 1e-3 * amplitude, tolerance)
-    motions, frequency = [motion_of(subject, first)], linear.omega / (2 * math.pi)
-    amplitude_of = partial(
-        PeriodicMotion.amplitude, point=None if subject.model else int(np.abs(linear.shape).argmax())
-    )
-    most = float(linear.functional @ first.coefficients[2]) / amplitude_of(motions[0]) * amplitude / points
+    first = _first(subject, mode, 1e-3 * amplitude, tolerance)
+    functional, frequency = first.family.phase, first.family.setting.omega / (2 * math.pi)
+    motions = [motion_of(subject, first)]
+    amplitude_of = partial(PeriodicMotion.amplitude, point=_largest(motions[0]))
+    most = float(functional @ first.coefficients[2]) / amplitude_of(motions[0]) * amplitude / points
 
     def longest(at: Point, tangent: Array) -> float:
         change, _ = at.family.split(tangent * at.family.scale)
-        rate = abs(float(linear.functional @ change[2]))
+        rate = abs(float(functional @ change[2]))
         return most / rate if rate else math.inf
 
-    direction = _row(first.family, linear)
     try:
-        for step in follow(first, direction, tolerance, 1.0, longest):
+        for step in follow(first, first.row, 1.0, longest):
             motions.append(motion_of(subject, step.end))
             if amplitude_of(motions[-1]) >= amplitude:
                 break
@@ -246,77 +235,34 @@ def backbone(
     return Backbone(mode, frequency, tuple(motions))
 
 
-@dataclass(frozen=True, eq=False)
-class _LinearMode:
-    """A mode of small motion.
+def _first(subject: Excited, mode: int, amplitude: float, tolerance: float) -> Point:
+    """Return the motion of a mode with a small amplitude; its family has frequency and growth of the linear mode.
 
-    Parameters
-    ----------
-    rest : array (2 H + 1, n)
-        Coefficients at rest.
-    omega : float
-        Angular frequency, rad/s.
-    shape, functional : array (n,)
-        Mass-normalised shape phi, and M phi.
-    growth : float
-        phi^T D phi, 1/s.
+    Its row is the unit vector along which the sine of the mode in the first harmonic grows.
     """
-
-    rest: Array
-    omega: float
-    shape: Array
-    functional: Array
-    growth: float
-
-    @staticmethod
-    def of(balance: HarmonicBalance, mode: int) -> _LinearMode:
-        """Return a mode of a system."""
-        at_rest = rest(balance, 1.0)
-        entries = balance.linearised(at_rest, Setting(1.0, 0.0)).matrices
-        K, D, M = (balance.system.matrix(part[0]) for part in entries)
-        try:
-            squares, shapes = scipy.linalg.eigh((K + K.T) / 2, (M + M.T) / 2)
-        except np.linalg.LinAlgError:
-            raise NumericsError("the mass matrix is not positive definite at rest, so there are no modes") from None
-        if not squares[0] > 0.0:
-            raise NumericsError("the state of rest is unstable, so it has no modes")
-        shape = shapes[:, mode - 1]
-        return _LinearMode(at_rest, math.sqrt(squares[mode - 1]), shape, M @ shape, float(shape @ D @ shape))
-
-
-def _phase(functional: Array, C: Array) -> tuple[float, Array]:
-    """Return the cosine of the mode in the first harmonic, and its derivatives with respect to C."""
-    gradient = np.zeros_like(C)
-    gradient[1] = functional
-    return float(functional @ C[1]), gradient
-
-
-def _row(family: Family, linear: _LinearMode) -> Array:
-    """Return the unit vector along which the sine of the mode in the first harmonic grows."""
-    gradient = np.zeros(family.balance.allowed.shape)
-    gradient[2] = linear.functional
-    row = np.append(gradient[family.balance.allowed], np.zeros(len(family.free))) * family.scale
-    return np.asarray(row / np.linalg.norm(row))
-
-
-def _first(
-    subject: Excited, balance: HarmonicBalance, linear: _LinearMode, amplitude: float, tolerance: float
-) -> Point:
-    """Return the motion with a small amplitude."""
-    C, setting = linear.rest.copy(), Setting(linear.omega, 0.0, linear.growth)
-    change = np.zeros_like(C)
-    change[2] = linear.shape
-    tip = _amplitude(subject, C + change * 1e-6, setting) * 1e6
-    change *= amplitude / tip
-    size = size_of(balance, change)
-    constraint = partial(_phase, linear.functional)
-    scales = (linear.omega, linear.omega)
-    family = Family(balance, setting, ("omega", "growth"), scales, size, (constraint,))
-    start = family.joined(C, setting)
-    guess = family.moved(start, family.joined(change, Setting(0.0, 0.0, 0.0)))
-    row = _row(family, linear)
+    balance = subject.balance
+    C = rest(balance, 1.0)
+    entries = balance.linearised(C, Setting(1.0, 0.0)).matrices
+    K, D, M = (balance.system.matrix(part[0]) for part in entries)
     try:
-        return point_at(family, guess, Condition(row, guess, 0.0), tolerance)
+        squares, shapes = scipy.linalg.eigh((K + K.T) / 2, (M + M.T) / 2)
+    except np.linalg.LinAlgError:
+        raise NumericsError("the mass matrix is not positive definite at rest, so there are no modes") from None
+    if not squares[0] > 0.0:
+        raise NumericsError("the state of rest is unstable, so it has no modes")
+    shape, omega = shapes[:, mode - 1], math.sqrt(squares[mode - 1])
+    setting, change, functional = Setting(omega, 0.0, float(shape @ D @ shape)), np.zeros_like(C), M @ shape
+    change[2] = shape
+    change *= amplitude / (_amplitude(subject, C + change * 1e-6, setting) * 1e6)
+    family = Family(
+        balance, setting, ("omega", "growth"), (omega, omega), size_of(balance, change), tolerance, functional
+    )
+    guess = family.moved(family.joined(C, setting), family.joined(change, Setting(0.0, 0.0)))
+    gradient = np.zeros_like(C)
+    gradient[2] = functional
+    row = family.joined(gradient, Setting(0.0, 0.0)) * family.scale
+    try:
+        return point_at(family, guess, row / np.linalg.norm(row))
     except NotFound:
         raise NumericsError("the mode was not found in small motion") from None
 
@@ -325,5 +271,12 @@ def _amplitude(subject: Excited, C: Array, setting: Setting) -> float:
     """Return the amplitude of the tip, or of the largest coordinate."""
     if subject.model is None:
         return float(np.abs(C[2]).max())
-    values = subject.displacement(C, setting, np.array([0.5, 1.5]) * math.pi, None, None, relative=True)
-    return float(abs(values[0] - values[1]) / 2)
+    q, _, u = subject.kinematics(C, setting, np.array([0.5, 1.5]) * math.pi)
+    first, second = subject.displacement(cs.DM(q), cs.DM(u), None, None, relative=True).full().ravel().tolist()
+    return float(abs(first - second) / 2)
+
+
+def _largest(motion: PeriodicMotion) -> float | None:
+    """Return the point whose amplitude is given: None for the tip of a beam, or the largest coordinate."""
+    beam = motion.excited.model is not None
+    return None if beam else int(np.abs(motion.coefficients[1:]).max(axis=0).argmax())

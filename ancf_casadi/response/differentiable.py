@@ -13,7 +13,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import casadi as cs
 import numpy as np
@@ -21,87 +22,15 @@ import numpy as np
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.response.excited import Excited
-from ancf_casadi.response.harmonic_balance.accuracy import size_of
-from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
-from ancf_casadi.response.harmonic_balance.continuation import unit
-from ancf_casadi.response.harmonic_balance.family import Family
+from ancf_casadi.response.harmonic_balance.balance import size_of
+from ancf_casadi.response.harmonic_balance.beams import GRAVITY_SIZE
+from ancf_casadi.response.harmonic_balance.continuation import point_at
+from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
 from ancf_casadi.response.harmonic_balance.fourier import fourier
-from ancf_casadi.response.harmonic_balance.newton import Condition, NotFound, solve
 from ancf_casadi.response.periodic import PeriodicMotion
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.callbacks import Differentiable, kept
 from ancf_casadi.support.inputs import check_instance, flag
-
-GRAVITY_SIZE = 2  # first parameters of a beam, which do not vary
-
-
-@dataclass(frozen=True, eq=False)
-class Neighbourhood:
-    """The motions near a given one, for other values of the parameters and of the excitation.
-
-    Parameters
-    ----------
-    motion : PeriodicMotion
-        The given motion.
-    varied : array (m,)
-        Indices of the parameters of the system that vary; frequency and amplitude of the excitation follow them.
-    """
-
-    motion: PeriodicMotion
-    varied: Index
-
-    def given(self) -> Array:
-        """Return parameters, frequency and amplitude of the given motion, (m + 2,)."""
-        setting = self.motion.setting
-        return np.append(self._balance.system.values[self.varied], [self.motion.frequency, setting.amplitude])
-
-    def respond(self, inputs: Array) -> tuple[Array, Array]:
-        """Return the coefficients, (c,), and their derivatives, (c, m + 2).
-
-        Raises
-        ------
-        NumericsError
-            If there is no motion near the given one.
-        """
-        C = self._solved(inputs)
-        balance, setting = self._at(inputs)
-        linear = balance.linearised(C, setting)
-        directions = np.eye(len(balance.system.parameters))[:, self.varied]
-        by_excitation = [2 * math.pi * linear.by_omega, linear.by_amplitude]
-        right = np.column_stack([balance.by_parameters(C, setting, directions), *by_excitation])
-        derivatives = np.zeros((C.size, right.shape[1]))
-        derivatives[balance.allowed.ravel()] = -np.linalg.solve(linear.by_coefficients, right)
-        return C.ravel(), derivatives
-
-    @property
-    def _balance(self) -> HarmonicBalance:
-        return self.motion.balance
-
-    def _at(self, inputs: Array) -> tuple[HarmonicBalance, Setting]:
-        """Return the equations for parameters, frequency and amplitude."""
-        values = self._balance.system.values.copy()
-        values[self.varied] = inputs[:-2]
-        setting = replace(self.motion.setting, omega=2 * math.pi * inputs[-2], amplitude=inputs[-1])
-        return replace(self._balance, system=self._balance.system.with_values(values)), setting
-
-    def _solved(self, inputs: Array) -> Array:
-        """Return the coefficients, on a way in parts if the given motion is not close enough."""
-        for parts in (1, 4, 16):  # into which the way from the given motion is divided if Newton's method fails
-            try:
-                return self._along(inputs, parts)
-            except NotFound:
-                continue
-        raise NumericsError("there is no periodic motion near the given one; it may have passed a fold")
-
-    def _along(self, inputs: Array, parts: int) -> Array:
-        C, begin = self.motion.coefficients, self.given()
-        for share in np.arange(1, parts + 1) / parts:
-            balance, setting = self._at(begin + share * (inputs - begin))
-            size = size_of(balance, self.motion.coefficients)
-            family = Family(balance, setting, ("amplitude",), (max(abs(setting.amplitude), 1e-12),), size)
-            z = family.joined(C, setting)
-            C = family.split(solve(family, z, Condition(unit(family, "amplitude"), z, 0.0)))[0]
-        return C
 
 
 def motion_function(
@@ -154,13 +83,15 @@ def motion_function(
     subject, size = motion.excited, motion.coefficients.size
     parameters, varied = _parameters(subject)
     frequency, amplitude = cs.MX.sym("frequency"), cs.MX.sym("amplitude")
-    near = kept(Differentiable(Neighbourhood(motion, varied).respond, size, len(varied) + 2), "near")
+    near = kept(Differentiable(partial(_near, motion, varied), size, len(varied) + 2), "near")
     values = cs.vertcat(*(cs.vec(own) for own in reversed(parameters.values())), frequency, amplitude)
     rows, columns = motion.coefficients.shape
     C = cs.reshape(near(values), columns, rows).T
     # samples per harmonic from which a displacement is read
     series = fourier(motion.harmonic_count, 8 * (motion.harmonic_count + 1))
-    displacement = subject.symbolic_displacement(series, C, amplitude, point, direction, relative=relative)
+    _, _, shape = subject.drive.samples(series.phases, 0.0, 1.0)
+    q, u = (cs.DM(series.basis) @ C).T, amplitude * cs.DM(shape)
+    displacement = cs.MX(subject.displacement(q, u, point, direction, relative=relative))
     harmonic = cs.DM(series.analysis[[2, 1]]) @ displacement.T
     inputs = {**parameters, "frequency": frequency, "amplitude": amplitude}
     return cs.Function("motion", [*inputs.values()], [harmonic, C], [*inputs], ["harmonic", "coefficients"])
@@ -176,3 +107,43 @@ def _parameters(subject: Excited) -> tuple[dict[str, cs.MX], Index]:
     if isinstance(subject.body, Model):
         symbols["properties"] = cs.MX.sym("properties", *subject.body.properties.shape)
     return symbols, np.arange(GRAVITY_SIZE, total)
+
+
+def _near(motion: PeriodicMotion, varied: Index, inputs: Array) -> tuple[Array, Array]:
+    """Return the coefficients (c,) of the motion near a given one, and their derivatives, (c, m + 2).
+
+    The inputs are the m parameters of the system that vary, frequency and amplitude of the excitation.
+    """
+    point = _point_near(motion, varied, inputs)
+    balance, by = point.family.balance, point.linear.by
+    directions = np.eye(len(balance.system.parameters))[:, varied]
+    by_parameters = balance.by_parameters(point.coefficients, point.setting, directions)
+    right = np.column_stack([by_parameters, 2 * math.pi * by["omega"], by["amplitude"]])
+    derivatives = np.zeros((motion.coefficients.size, right.shape[1]))
+    derivatives[balance.allowed.ravel()] = -np.linalg.solve(point.linear.by_coefficients, right)
+    return point.coefficients.ravel(), derivatives
+
+
+def _point_near(motion: PeriodicMotion, varied: Index, inputs: Array) -> Point:
+    """Return the motion near a given one, on a way in parts if that is not close enough.
+
+    Raise NumericsError if there is no motion near the given one.
+    """
+    values, size = motion.balance.system.values, size_of(motion.balance, motion.coefficients)
+    begin = np.append(values[varied], [motion.frequency, motion.drive_amplitude])
+    for parts in (1, 4, 16):  # into which the way from the given motion is divided if Newton's method fails
+        C = motion.coefficients
+        try:
+            for share in np.arange(1, parts + 1) / parts:
+                at = begin + share * (inputs - begin)
+                values[varied], (frequency, amplitude) = at[:-2], at[-2:].tolist()
+                balance = replace(motion.balance, system=motion.balance.system.with_values(values))
+                setting = replace(motion.setting, omega=2 * math.pi * frequency, amplitude=amplitude)
+                scale = max(abs(amplitude), 1e-12)
+                family = Family(balance, setting, ("amplitude",), (scale,), size, math.inf)
+                point = point_at(family, family.joined(C, setting), family.unit("amplitude"))
+                C = point.coefficients
+        except NotFound:
+            continue
+        return point
+    raise NumericsError("there is no periodic motion near the given one; it may have passed a fold")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,11 +14,10 @@ from numpy.typing import NDArray
 
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.response.backbone import Backbone
-from ancf_casadi.response.bode import Curve, bode_figure
 from ancf_casadi.response.curve import ResponseCurve
 from ancf_casadi.response.linear_frf import LinearFrf
 from ancf_casadi.response.periodic import FINE, PeriodicMotion
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.figures import SERIES, literal_text
 
 BIFURCATION_MARKERS = {"fold": "o", "branch point": "D", "period doubling": "s", "Neimark-Sacker": "^"}
@@ -26,8 +27,7 @@ UNSTABLE_DASH = (0, (4, 2))
 @literal_text
 def response_figure(curves: Mapping[str, ResponseCurve], point: float | None = None) -> Figure:
     """Draw amplitude and phase of a point along curves, by label; unstable motions are dashed, bifurcations marked."""
-    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    figure, above, below = _pair(sharex=True, height_ratios=(2, 1))
     first = next(iter(curves.values()))
     name, unit = first.quantity
     if any(curve.quantity != first.quantity for curve in curves.values()):
@@ -46,10 +46,17 @@ def response_figure(curves: Mapping[str, ResponseCurve], point: float | None = N
     above.set_ylabel("amplitude (mm)" if beam else "amplitude")
     below.set_ylabel("phase (degrees)")
     below.set_xlabel(f"{name} ({unit})" if unit else name)
-    for axes in (above, below):
-        axes.grid(alpha=0.3)
     _legend(above, kinds, any((~curve.stable).any() for curve in curves.values()))
     return figure
+
+
+def _pair(**settings: Any) -> tuple[Figure, Axes, Axes]:
+    """Return a figure with two diagrams, one below the other."""
+    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+    above, below = figure.subplots(2, 1, **settings)
+    for axes in (above, below):
+        axes.grid(alpha=0.3)
+    return figure, above, below
 
 
 def _draw(axes: Axes, x: Array, y: Array, stable: NDArray[np.bool_], colour: str, label: str) -> None:
@@ -80,8 +87,7 @@ def _legend(axes: Axes, kinds: set[str], unstable: bool) -> None:
 @literal_text
 def backbone_figure(backbones: Mapping[str, Backbone]) -> Figure:
     """Draw frequency and damping ratio against amplitude, by label."""
-    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
-    above, below = figure.subplots(2, 1, sharex=True)
+    figure, above, below = _pair(sharex=True)
     beam = next(iter(backbones.values())).motions[0].excited.model is not None
     for (label, curve), (colour, dash, _) in zip(backbones.items(), SERIES * len(backbones), strict=False):
         x = (1e3 if beam else 1.0) * curve.amplitudes
@@ -91,7 +97,6 @@ def backbone_figure(backbones: Mapping[str, Backbone]) -> Figure:
     below.set_ylabel("damping ratio (%)")
     below.set_xlabel("amplitude (mm)" if beam else "amplitude")
     for axes in (above, below):
-        axes.grid(alpha=0.3)
         axes.ticklabel_format(axis="y", useOffset=False)
     if any(backbones):
         above.legend()
@@ -101,8 +106,7 @@ def backbone_figure(backbones: Mapping[str, Backbone]) -> Figure:
 @literal_text
 def periodic_figure(motions: Mapping[str, PeriodicMotion]) -> Figure:
     """Draw the displacement of the tip, or of the first coordinate, over a period, and the size of its harmonics."""
-    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
-    above, below = figure.subplots(2, 1)
+    figure, above, below = _pair()
     beam = bool(next(iter(motions.values())).excited.unit)
     scale, phases = 1e3 if beam else 1.0, np.linspace(0.0, 1.0, FINE + 1)
     for (label, motion), (colour, dash, marker) in zip(motions.items(), SERIES * len(motions), strict=False):
@@ -113,8 +117,6 @@ def periodic_figure(motions: Mapping[str, PeriodicMotion]) -> Figure:
     unit = " (mm)" if beam else ""
     above.set(xlabel="time (periods of the excitation)", ylabel=f"displacement{unit}")
     below.set(xlabel="harmonic", ylabel=f"amplitude{unit}")
-    for axes in (above, below):
-        axes.grid(alpha=0.3)
     if any(motions):
         above.legend()
     return figure
@@ -132,3 +134,83 @@ def frf_figure(functions: Mapping[str, LinearFrf]) -> Figure:
         for name, values in zip(names, row, strict=True)
     ]
     return bode_figure([curves], first.kind.replace("-", " ") + (f", {first.unit}" if first.unit != "1" else ""))
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A curve of a Bode plot.
+
+    Parameters
+    ----------
+    name : str
+        Name in the legend; none if empty.
+    frequencies : array (k,)
+        Frequencies, Hz.
+    values : array (k,)
+        Complex values.
+    style : str, optional
+        A colour; the curve is then a thin line of it.  Curves without a style differ by colours and dashes.
+    phase : bool
+        Whether to draw the phase.
+    """
+
+    name: str
+    frequencies: Array
+    values: ComplexArray
+    style: str = ""
+    phase: bool = True
+
+
+@literal_text
+def bode_figure(columns: Sequence[Sequence[Curve]], label: str, titles: Sequence[str] = ()) -> Figure:
+    """Draw curves, one pair of plots per column: amplitude above, phase below.
+
+    Parameters
+    ----------
+    columns : sequence of sequence of Curve
+        The curves of each column.
+    label : str
+        Quantity and unit of the amplitude.
+    titles : sequence of str
+        Title of each column.
+    """
+    count = len(columns)
+    figure = Figure(figsize=(max(7.0, 4.2 * count), 5.5), layout="constrained")
+    plots = figure.subplots(2, count, squeeze=False, sharex="col", height_ratios=(1.7, 1))
+    for column, curves in enumerate(columns):
+        above, below = plots[:, column]
+        _draw_bode(above, below, curves)
+        if column < len(titles):
+            above.set_title(titles[column], fontsize="medium")
+        if any(curve.name for curve in curves) and len(curves) <= 12:  # curves of a plot in its legend
+            above.legend(frameon=False, fontsize="small")
+        below.set(xlabel="frequency, Hz")
+    plots[0, 0].set_ylabel(label)
+    plots[1, 0].set_ylabel("phase, degrees")
+    return figure
+
+
+def _draw_bode(above: Axes, below: Axes, curves: Sequence[Curve]) -> None:
+    """Draw curves in a pair of plots."""
+    for k, curve in enumerate(curves):
+        colour, dash, _ = SERIES[k % len(SERIES)]
+        line: dict[str, Any] = (
+            {"color": curve.style, "lw": 0.8} if curve.style else {"color": colour, "ls": dash, "lw": 1.2}
+        )
+        above.semilogy(curve.frequencies, np.abs(curve.values), label=curve.name or None, **line)
+        if curve.phase:
+            below.plot(curve.frequencies, _unbroken(np.degrees(np.angle(curve.values))), **line)
+    f = np.concatenate([curve.frequencies for curve in curves])
+    # highest over lowest frequency, beyond which the axis is logarithmic
+    if f.min() > 0.0 and f.max() > 8.0 * f.min():
+        below.set_xscale("log")
+    below.set(ylim=(-190.0, 190.0), yticks=[-180, -90, 0, 90, 180])
+    for axes in (above, below):
+        axes.grid(alpha=0.25, lw=0.6)
+
+
+def _unbroken(degrees: Array) -> Array:
+    """Return phase angles with nan where they jump by a turn, so that no line is drawn there."""
+    broken = degrees.copy()
+    broken[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan
+    return broken

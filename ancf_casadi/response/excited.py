@@ -22,11 +22,11 @@ from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
 from ancf_casadi.reduction.reduced import ReducedModel, reduce_model
-from ancf_casadi.response.harmonic_balance.balance import Setting
-from ancf_casadi.response.harmonic_balance.fourier import Fourier, basis_at, fourier
-from ancf_casadi.response.systems.beams import STRAIGHT, full_system, reduced_system
-from ancf_casadi.response.systems.drive import Drive, HarmonicForce, beam_drive, force_drive, no_drive
-from ancf_casadi.response.systems.system import SecondOrderSystem
+from ancf_casadi.response.harmonic_balance.balance import FIRST_HARMONICS, HarmonicBalance, Setting, least_samples
+from ancf_casadi.response.harmonic_balance.beams import STRAIGHT, full_system, reduced_system
+from ancf_casadi.response.harmonic_balance.drive import Drive, HarmonicForce, beam_drive, force_drive, no_drive
+from ancf_casadi.response.harmonic_balance.fourier import basis_at, fourier
+from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import check_instance, vector, whole
 
@@ -71,6 +71,12 @@ class Excited:
         along = abs(self.drive.direction[0] * ax + self.drive.direction[1] * ay)
         return bool((self.system.mirror < 0.0).any()) and along <= STRAIGHT
 
+    @property
+    def balance(self) -> HarmonicBalance:
+        """The equations with the numbers of harmonics and samples to begin with."""
+        series = fourier(FIRST_HARMONICS, least_samples(FIRST_HARMONICS), self.symmetric)
+        return HarmonicBalance(self.system, self.drive, series)
+
     def kinematics(self, C: Array, setting: Setting, phases: Array) -> tuple[Array, Array, Array]:
         """Return coordinates and velocities (n, k), and the excitation (e, k), at phases (k,), rad."""
         harmonics = len(C) // 2
@@ -79,68 +85,15 @@ class Excited:
         u, _, _ = self.drive.samples(phases, setting.omega, setting.amplitude)
         return (basis @ C).T, setting.omega * (slope @ C).T, u
 
-    def nodal(self, C: Array, setting: Setting, phases: Array) -> tuple[Array, Array]:
-        """Return nodal coordinates and velocities of a beam at phases (k,), each (k, 4 n + 4)."""
-        q, v, u = self.kinematics(C, setting, phases)
-        if isinstance(self.body, ReducedModel):
-            e, e_t = self.body.coordinates(q, v, u[:BASE_SIZE])
-            return e.full().T, e_t.full().T
-        assert isinstance(self.body, Model)
-        axis = np.tile(np.array(self.body.beam.axis)[:, None], (1, len(phases)))
-        clamped, clamped_t = np.vstack([u[:2], axis]), np.vstack([u[3:5], np.zeros((2, len(phases)))])
-        return np.vstack([clamped, q]).T, np.vstack([clamped_t, v]).T
-
     def displacement(
-        self,
-        C: Array,
-        setting: Setting,
-        phases: Array,
-        point: float | None,
-        direction: Sequence[float] | None,
-        relative: bool,
-    ) -> Array:
-        """Return the displacement of a point of a beam, m, or a coordinate of a system, at phases (k,).
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam, the coordinate does not exist, or the direction is no vector.
-        """
-        q, v, u = self.kinematics(C, setting, phases)
-        read = self._read(cs.DM(q), cs.DM(v), cs.DM(u), point, direction, relative)
-        return np.asarray(read.full().ravel())
-
-    def symbolic_displacement(
-        self,
-        series: Fourier,
-        C: cs.MX,
-        amplitude: cs.MX,
-        point: float | None,
-        direction: Sequence[float] | None,
-        *,
-        relative: bool,
-    ) -> cs.MX:
-        """Return the displacement, (1, N), at the samples of a Fourier series, for symbolic coefficients.
-
-        Raises
-        ------
-        InputError
-            If the point is not on the beam, the coordinate does not exist, or the direction is no vector.
-        """
-        _, _, shape = self.drive.samples(series.phases, 0.0, 1.0)
-        q = (cs.DM(series.basis) @ C).T
-        return cs.MX(self._read(q, 0 * q, amplitude * cs.DM(shape), point, direction, relative))
-
-    def _read(
-        self,
-        q: Any,
-        v: Any,
-        u: Any,
-        point: float | None,
-        direction: Sequence[float] | None,
-        relative: bool,
+        self, q: Any, u: Any, point: float | None, direction: Sequence[float] | None, *, relative: bool
     ) -> Any:
-        """Return the displacement (1, N) for coordinates and velocities (n, N) and the excitation (e, N), DM or MX."""
+        """Return the displacement of a point of a beam, m, or a coordinate of a system, (1, k), DM or MX.
+
+        Coordinates (n, k) and excitation (e, k) are DM or MX.
+
+        Raise InputError if the point is not on the beam, the coordinate does not exist, or the direction is no vector.
+        """
         model = self.model
         if model is None:
             return q[whole(0 if point is None else point, "point", 0, self.system.size - 1), :]
@@ -151,7 +104,7 @@ class Excited:
             raise InputError("must not be the zero vector", "direction")
         along = along / math.hypot(*along)
         if isinstance(self.body, ReducedModel):
-            motion = ReducedMotion(self.body.projection, q, v, u[:BASE_SIZE, :], gravity=cs.DM(2, 1))
+            motion = ReducedMotion(self.body.projection, q, 0 * q, u[:BASE_SIZE, :], gravity=cs.DM(2, 1))
             shape = cs.DM(interpolation[:1, ::2] @ self.body.projection.slopes.shape)
             relative_position = cs.vertcat(*(shape @ part for part in motion.slope))
         else:

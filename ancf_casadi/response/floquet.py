@@ -35,7 +35,6 @@ E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, Springer (1996
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
@@ -44,7 +43,7 @@ import numpy as np
 
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.response.harmonic_balance.fourier import basis_at
-from ancf_casadi.support.arrays import Array, ComplexArray, Index, Mask
+from ancf_casadi.support.arrays import Array, ComplexArray, Index
 
 FLOQUET_STAGES = 7
 STABILITY_TOLERANCE = 1e-6  # of a magnitude; undamped vibrations stay on the unit circle to rounding and truncation
@@ -91,10 +90,9 @@ def floquet_multipliers(
     steps = 2 * max(1, int(np.ceil(resolved)))
     taken = steps if mirror is None else steps // 2
     at_once = max(1, (2**22) // (FLOQUET_STAGES * size) ** 2)  # of the matrices that are solved at a time
-    matrices = [_series(A) for A in (K, D, M)]
     try:
         parts = [
-            _factors(matrices, np.arange(begin, min(begin + at_once, taken)), steps, period)
+            _factors((K, D, M), np.arange(begin, min(begin + at_once, taken)), steps, period)
             for begin in range(0, taken, at_once)
         ]
         monodromy = _product(np.concatenate(parts))
@@ -147,11 +145,11 @@ def _crossings(before: ComplexArray, after: ComplexArray, sign: int) -> int:
     return abs(_outside(before, sign) - _outside(after, sign))
 
 
-def _factors(matrices: Sequence[_Series], numbers: Index, steps: int, period: float) -> Array:
+def _factors(matrices: Sequence[Array], numbers: Index, steps: int, period: float) -> Array:
     """Return the matrices (k, 2n, 2n) of some steps, given by their numbers (k,), in terms of (x, h x_t)."""
     phases = 2 * np.pi * (numbers[:, None] + _nodes()).ravel() / steps
-    basis = basis_at(phases, max(matrix.harmonics for matrix in matrices))
-    K, D, M = (matrix.at(basis).reshape(len(numbers), FLOQUET_STAGES, *matrix.constant.shape) for matrix in matrices)
+    basis = basis_at(phases, (max(map(len, matrices)) - 1) // 2)
+    K, D, M = (_interpolated(A, basis).reshape(len(numbers), FLOQUET_STAGES, *A.shape[-2:]) for A in matrices)
     B, size, step = _derivative_matrix(), K.shape[-1], period / steps
     A = np.empty((len(numbers), FLOQUET_STAGES, size, FLOQUET_STAGES, size))  # of the increments z
     A[:] = (B @ B)[:, None, :, None] * M[:, :, :, None, :]
@@ -177,45 +175,17 @@ def _product(factors: Array) -> Array:
     return np.asarray(factors[0])
 
 
-@dataclass(frozen=True, eq=False)
-class _Series:
-    """A periodic matrix as the Fourier series through its samples.
-
-    Parameters
-    ----------
-    constant : array (n, n)
-        The matrix at one sample.
-    varying : array (n, n)
-        Mask of the k entries that vary.
-    coefficients : array (2 H + 1, k)
-        Fourier coefficients of these.
-    """
-
-    constant: Array
-    varying: Mask
-    coefficients: Array
-
-    @property
-    def harmonics(self) -> int:
-        """Number H of harmonics."""
-        return len(self.coefficients) // 2
-
-    def at(self, basis: Array) -> Array:
-        """Return the matrix (l, n, n) at the phases of a Fourier basis (l, 2 H + 1), which may have more harmonics."""
-        values = np.tile(self.constant, (len(basis), 1, 1))
-        values[:, self.varying] = basis[:, : len(self.coefficients)] @ self.coefficients
-        return values
-
-
-def _series(A: Array) -> _Series:
-    """Return the Fourier series of samples (N, n, n), or of a constant (n, n)."""
+def _interpolated(A: Array, basis: Array) -> Array:
+    """Return a periodic matrix, of samples (N, n, n) or a constant (n, n), at the phases of a Fourier basis."""
     A = A.reshape(-1, *A.shape[-2:])
     varying, harmonics = np.any(A != A[0], axis=0), (len(A) - 1) // 2
     spectrum = np.fft.rfft(A[:, varying], axis=0)[: harmonics + 1] / len(A)
     coefficients = np.empty((2 * harmonics + 1, spectrum.shape[1]))
     coefficients[0] = spectrum[0].real
     coefficients[1::2], coefficients[2::2] = 2 * spectrum[1:].real, -2 * spectrum[1:].imag
-    return _Series(A[0], varying, coefficients)
+    values = np.tile(A[0], (len(basis), 1, 1))
+    values[:, varying] = basis[:, : len(coefficients)] @ coefficients
+    return values
 
 
 def _nodes() -> Array:

@@ -1,8 +1,28 @@
 """Frequency response functions of small motion about an equilibrium.
 
-The receptance H_ij is the displacement at a point i per force at a point j, both along given directions, as complex
-amplitudes (``ancf_casadi.response.small_motion``).  The mobility is i omega H and the accelerance -omega^2 H.  The
-transmissibility is the displacement of a point per displacement of the base, absolute or relative to the base.
+Small displacements w of the free coordinates about an equilibrium obey
+
+    M w_tt + D w_t + K w = S_j^T f(t),
+
+with the tangent stiffness K at the equilibrium (gravity and loads included), the mass M, and D = dQ_damp/de_t at rest,
+the low-rank part of modal damping included.  The row S_j picks the displacement of the loaded point along the direction
+of the load, S_i that of a response.  Under f = F exp(i omega t), the receptance is
+
+    H_ij = S_i (K + i omega D - omega^2 M)^-1 S_j^T.
+
+If the base moves by u exp(i omega t) along a direction, with E the translation of all nodes along it, the motion
+relative to the base is w u exp(i omega t) with
+
+    (K + i omega D - omega^2 M) w = -(i omega D - omega^2 M) E    (rows of the free coordinates),
+
+because K E = 0.
+
+The equations are solved directly at each frequency, by LU factors of the banded matrix and Woodbury's identity for the
+modal damping, so that no mode is truncated.  Rounding K changes the resonances by less than 1e-10 of their frequency
+with 20 elements, and 1e-7 with 400.
+
+The mobility is i omega H and the accelerance -omega^2 H.  The transmissibility is the displacement of a point per
+displacement of the base, absolute or relative to the base.
 
 References
 ----------
@@ -18,16 +38,20 @@ from functools import cached_property
 from types import NoneType
 from typing import Any, Literal, get_args
 
+import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ancf_casadi.damping import DampingLaw, RayleighDamping
+from ancf_casadi.dynamics.equations import Equations
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import NODE, Model
-from ancf_casadi.response.small_motion import SmallMotion
 from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.support.banded import BandedFactors
 from ancf_casadi.support.inputs import LARGEST_TIME, array, check_instance, choice, is_sequence, number, vector
 from ancf_casadi.support.tables import Reported, Table, counted, spread
+from ancf_casadi.vibration.assembly import BANDWIDTH
 from ancf_casadi.vibration.equilibrium import Equilibrium, static_equilibrium
 from ancf_casadi.vibration.modes import Modes, natural_modes
 
@@ -239,14 +263,15 @@ def linear_frf(
     modes = natural_modes(model, count=min(5, model.size - NODE), equilibrium=rest)
     f = _chosen(modes, law) if frequencies is None else _frequencies(frequencies)
 
-    system = SmallMotion(rest, law)
-    outputs = system.rows(responding, response_direction)
+    rows = _rows(model, responding, response_direction)
     if moved:
-        values = system.relative_transmissibility(f, outputs, input_direction)
+        translation = np.tile([*input_direction, 0.0, 0.0], model.size // NODE)[:, None]
+        values = _responses(rest, law, f, rows, np.zeros((rows.shape[1], 1)), translation)
         if kind == "transmissibility":
             values += np.dot(response_direction, input_direction)
     else:
-        values = system.receptance(f, outputs, system.rows(loaded, input_direction))
+        forces = _rows(model, loaded, input_direction).T
+        values = _responses(rest, law, f, rows, forces, np.zeros((model.size, len(loaded))))
         values = values * (2j * np.pi * f) ** FRF_POWERS[kind]
     if not np.isfinite(values).all():
         raise InputError("one is a natural frequency of the beam, and there is no damping", "frequencies")
@@ -290,3 +315,37 @@ def _chosen(modes: Modes, law: DampingLaw) -> Array:
     even = np.geomspace(SPAN[0] * f[0], SPAN[1] * f[-1], 400)
     near = HALF_WIDTHS * np.sinh(np.linspace(-4.0, 4.0, 61)) / np.sinh(4.0)
     return np.unique(np.concatenate([even, *(own * (1 + ratio * near) for own, ratio in zip(f, ratios, strict=True))]))
+
+
+def _rows(model: Model, points: Sequence[float], direction: tuple[float, float]) -> Array:
+    """Return the rows S of points along a direction, (points, free)."""
+    return np.array([np.array(direction) @ model.interpolation(s)[:, model.free] for s in points])
+
+
+def _responses(
+    rest: Equilibrium, law: DampingLaw, f: Array, outputs: Array, forces: Array, translation: Array
+) -> ComplexArray:
+    """Return the displacements of points, given by rows, relative to the base, (outputs, inputs, k).
+
+    The inputs are forces on the free coordinates, (free, inputs), and translations of all nodes, (size, inputs), with
+    the base.
+    """
+    model, equations = rest.model, Equations(rest.model, law)
+    e, given = (cs.MX(cs.DM(values)) for values in (rest.coordinates, equations.parameters))
+    terms = equations.balance(given)
+    entries = terms.tangents(e, cs.MX.zeros(model.size), cs.MX.zeros(LOAD_SIZE))
+    _, D, M = (cs.evalf(model.matrix(values)).sparse() for values in entries)
+    B, d = law.projection(model), cs.evalf(cs.densify(terms.modal_coefficients)).full()
+    resisted, moved = (part[model.free] for part in (D @ translation + B @ (d * (B.T @ translation)), M @ translation))
+    _, stiffness, mass = rest.structure.linearisation(rest.exact)
+    coo, damping = D.tocoo(), np.zeros_like(stiffness)
+    rows, columns = coo.row - NODE, coo.col - NODE
+    inside = (rows >= 0) & (columns >= 0)
+    np.add.at(damping, (BANDWIDTH + rows[inside] - columns[inside], columns[inside]), coo.data[inside])
+    B, found = B[model.free], []
+    for ω in 2 * np.pi * f:
+        storage = np.zeros((3 * BANDWIDTH + 1, stiffness.shape[1]), dtype=complex, order="F")
+        storage[BANDWIDTH:] = stiffness + 1j * ω * damping - ω**2 * mass
+        factors = BandedFactors.of(storage, BANDWIDTH, 1j * ω * B * d.T, B)
+        found.append(outputs @ factors.solve(forces - 1j * ω * resisted + ω**2 * moved))
+    return np.stack(found, axis=2)

@@ -7,6 +7,9 @@ amplitude.
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Callable
+
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
@@ -14,22 +17,22 @@ from ancf_casadi.dynamics.base_motion import BaseMotion
 from ancf_casadi.dynamics.tip_load import TipLoad
 from ancf_casadi.exceptions import NumericsError
 from ancf_casadi.response.excited import Body, Excited, excited
-from ancf_casadi.response.harmonic_balance.accuracy import FIRST_HARMONICS, least_samples, size_of
-from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
+from ancf_casadi.response.harmonic_balance.balance import (
+    HarmonicBalance,
+    Setting,
+    size_of,
+)
 from ancf_casadi.response.harmonic_balance.continuation import (
     SMALLEST_SIZE,
     ContinuationStep,
-    Point,
+    endless,
     follow,
     located,
     point_at,
-    unit,
 )
-from ancf_casadi.response.harmonic_balance.family import Family
-from ancf_casadi.response.harmonic_balance.fourier import fourier
-from ancf_casadi.response.harmonic_balance.newton import Condition, NotFound
+from ancf_casadi.response.harmonic_balance.drive import HarmonicForce
+from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
 from ancf_casadi.response.periodic import PeriodicMotion
-from ancf_casadi.response.systems.drive import HarmonicForce
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import positive
 
@@ -100,77 +103,101 @@ def motion_of(subject: Excited, point: Point) -> PeriodicMotion:
 def grown(subject: Excited, omega: float, amplitude: float, tolerance: float) -> Point:
     """Return the motion, with the amplitude as the free entry, that a slowly growing excitation reaches.
 
-    Raises
-    ------
-    NumericsError
-        If the motion cannot be followed up to the amplitude.
+    Raise NumericsError if the motion cannot be followed up to the amplitude.
     """
-    series = fourier(FIRST_HARMONICS, least_samples(FIRST_HARMONICS), subject.symmetric)
-    balance = HarmonicBalance(subject.system, subject.drive, series)
-    at_rest, setting = rest(balance, omega), Setting(omega, 0.0)
-    linear = balance.linearised(at_rest, setting)
-    change = np.zeros_like(at_rest)
-    try:
-        change[balance.allowed] = -np.linalg.solve(linear.by_coefficients, linear.by_amplitude)
-    except np.linalg.LinAlgError:
-        raise _undamped(omega) from None
+    balance = subject.balance
+    response = linear_response(balance, omega)
     # largest size of the motion there, relative to the scale of the system
-    first = amplitude * min(FIRST_SHARE, 0.01 / max(size_of(balance, amplitude * change), SMALLEST_SIZE))
+    first = amplitude * min(FIRST_SHARE, 0.01 / max(size_of(balance, amplitude * response[1]), SMALLEST_SIZE))
     if first < 1e-9 * amplitude:
         raise _undamped(omega)
-    size = max(size_of(balance, first * change), SMALLEST_SIZE)
-    family = Family(balance, setting, ("amplitude",), (amplitude,), size)
-    start = family.joined(at_rest, setting)
-    moved = family.moved(start, family.joined(first * change, Setting(omega, first)))
-    row = unit(family, "amplitude")
+    return reached(small_motion_at(balance, omega, response, first, amplitude, tolerance), amplitude)
+
+
+def linear_response(balance: HarmonicBalance, omega: float) -> tuple[Array, Array]:
+    """Return the coefficients at rest, and their derivatives by the amplitude of the excitation, (2 H + 1, n) each.
+
+    Raise NumericsError if there is no equilibrium, or an undamped mode is in resonance.
+    """
+    at_rest = rest(balance, omega)
+    linear, change = balance.linearised(at_rest, Setting(omega, 0.0)), np.zeros_like(at_rest)
     try:
-        point = point_at(family, moved, Condition(row, start, first / amplitude), tolerance)
+        change[balance.allowed] = -np.linalg.solve(linear.by_coefficients, linear.by["amplitude"])
+    except np.linalg.LinAlgError:
+        raise _undamped(omega) from None
+    return at_rest, change
+
+
+def small_motion_at(
+    balance: HarmonicBalance,
+    omega: float,
+    response: tuple[Array, Array],
+    amplitude: float,
+    scale: float,
+    tolerance: float,
+) -> Point:
+    """Return the motion near the linear response to a small amplitude of the excitation, whose typical change is given.
+
+    Raise NumericsError if it is not found.
+    """
+    (at_rest, change), setting = response, Setting(omega, 0.0)
+    size = max(size_of(balance, amplitude * change), SMALLEST_SIZE)
+    family = Family(balance, setting, ("amplitude",), (scale,), size, tolerance)
+    start, moved = family.joined(at_rest, setting), family.joined(amplitude * change, Setting(omega, amplitude))
+    try:
+        return point_at(family, family.moved(start, moved), family.unit("amplitude"))
     except NotFound:
         raise NumericsError(
-            f"no steady state was found at {omega / (2 * np.pi):.6g} Hz even for {FIRST_SHARE:.0%} of the excitation: "
+            f"no steady state was found at {omega / (2 * np.pi):.6g} Hz even for a small part of the excitation: "
             "replace a force that jumps, such as dry friction, by a smooth one, or change the frequency"
         ) from None
-    return reached(point, amplitude, tolerance)
 
 
-def reached(point: Point, amplitude: float, tolerance: float) -> Point:
+def reached(point: Point, amplitude: float) -> Point:
     """Return the point at which the excitation first has an amplitude, on the curve of motions in its direction.
 
-    Raises
-    ------
-    NumericsError
-        If the curve does not reach it within 300 steps.
+    Raise NumericsError if the curve does not reach it within 300 steps.
     """
-    direction = np.sign(amplitude - point.setting.amplitude) * unit(point.family, "amplitude")
-    for count, step in enumerate(follow(point, direction, tolerance, 4.0)):
-        before, after = (end.setting.amplitude - amplitude for end in (step.start, step.end))
-        if (before < 0.0) != (after < 0.0):
-            return set_to(step, "amplitude", amplitude, tolerance)
-        if count == MOST_ONSET_STEPS:
-            break
-    raise NumericsError(
-        f"the amplitude of the excitation stays below {amplitude:g} for {MOST_ONSET_STEPS} steps along "
-        "the curve of motions; "
-        "without enough damping a resonance has no steady state: add damping, or change the frequency"
-    )
+    direction = np.sign(amplitude - point.setting.amplitude) * point.family.unit("amplitude")
+    step = crossing(point, direction, lambda end: end.setting.amplitude - amplitude, 4.0)
+    if step is None:
+        raise NumericsError(
+            f"the amplitude of the excitation stays below {amplitude:g} for {MOST_ONSET_STEPS} steps along "
+            "the curve of motions; "
+            "without enough damping a resonance has no steady state: add damping, or change the frequency"
+        )
+    return set_to(step, "amplitude", amplitude)
 
 
-def set_to(step: ContinuationStep, name: str, value: float, tolerance: float) -> Point:
+def crossing(
+    point: Point,
+    direction: Array,
+    test: Callable[[Point], float],
+    first_step: float,
+    longest: Callable[[Point, Array], float] = endless,
+) -> ContinuationStep | None:
+    """Return the first step along a curve in which a function changes its sign; None if there is none in 300 steps.
+
+    The other arguments are those of ``follow``.
+    """
+    for step in itertools.islice(follow(point, direction, first_step, longest), MOST_ONSET_STEPS + 1):
+        if (test(step.start) < 0.0) != (test(step.end) < 0.0):
+            return step
+    return None
+
+
+def set_to(step: ContinuationStep, name: str, value: float) -> Point:
     """Return the point of a step at which a free entry of the setting has a value.
 
-    Raises
-    ------
-    NumericsError
-        If it is not found.
+    Raise NumericsError if it is not found.
     """
     family = step.start.family
     scale = family.scale[family.place(name)]
     try:
-        near = located(step, lambda point, _: (getattr(point.setting, name) - value) / scale, tolerance)
-        own = near.family
-        row, scale = unit(own, name), own.scale[own.place(name)]
-        condition = Condition(row, near.z, (value - getattr(near.setting, name)) / scale)
-        return point_at(own, near.z, condition, tolerance, near.jacobian)
+        near = located(step, lambda point, _: (getattr(point.setting, name) - value) / scale)
+        guess = near.z.copy()
+        guess[near.family.place(name)] = value
+        return point_at(near.family, guess, near.family.unit(name), near)
     except NotFound:
         raise NumericsError(
             f"no periodic motion was found at {name} = {value:g}; try a slightly different value"
@@ -180,10 +207,7 @@ def set_to(step: ContinuationStep, name: str, value: float, tolerance: float) ->
 def rest(balance: HarmonicBalance, omega: float) -> Array:
     """Return the coefficients at rest without excitation, (2 H + 1, n).
 
-    Raises
-    ------
-    NumericsError
-        If there is no equilibrium near ``system.rest``.
+    Raise NumericsError if there is no equilibrium near ``system.rest``.
     """
     C = np.zeros((balance.fourier.size, balance.system.size))
     C[0] = balance.system.rest

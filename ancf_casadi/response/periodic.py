@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
+import casadi as cs
 import numpy as np
 
 from ancf_casadi.dynamics.trajectory import IntegratorUse, Trajectory
@@ -18,10 +19,9 @@ from ancf_casadi.reduction.reduced import ReducedModel
 from ancf_casadi.reduction.stepping import ReducedTrajectory
 from ancf_casadi.response.excited import Excited, half_range
 from ancf_casadi.response.floquet import is_stable
-from ancf_casadi.response.harmonic_balance.accuracy import Errors
-from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
+from ancf_casadi.response.harmonic_balance.balance import Errors, HarmonicBalance, Setting
+from ancf_casadi.response.harmonic_balance.beams import base_force
 from ancf_casadi.response.harmonic_balance.fourier import fourier
-from ancf_casadi.response.systems.beams import base_force
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import whole
 from ancf_casadi.support.tables import Reported, Table, counted
@@ -115,7 +115,9 @@ class PeriodicMotion(Reported):
             If the point or coordinate does not exist.
         """
         phases = fourier(0, FINE).phases
-        return self.excited.displacement(self.coefficients, self.setting, phases, point, direction, relative)
+        q, _, u = self.excited.kinematics(self.coefficients, self.setting, phases)
+        read = self.excited.displacement(cs.DM(q), cs.DM(u), point, direction, relative=relative)
+        return np.asarray(read.full().ravel())
 
     def amplitude(
         self, point: float | None = None, *, direction: Sequence[float] | None = None, relative: bool = True
@@ -179,7 +181,8 @@ class PeriodicMotion(Reported):
         instants = phases / setting.omega
         if isinstance(body, ReducedModel):
             return ReducedTrajectory(body, instants, q.T, v.T, u[:BASE_SIZE].T, 0, time.perf_counter() - began)
-        e, e_t = self.excited.nodal(self.coefficients, setting, phases)
+        slope = np.tile(np.array(body.beam.axis)[:, None], (1, count + 1))
+        e, e_t = np.vstack([u[:2], slope, q]).T, np.vstack([u[3:5], np.zeros_like(slope), v]).T
         own = replace(self.balance, fourier=fourier(self.harmonic_count, count))
         motion, parameters = own.motion(self.coefficients, setting), own.parameters(setting)
         force = base_force(body, law).map(count)(*motion, np.tile(parameters[:, None], count)).full()

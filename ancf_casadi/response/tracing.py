@@ -31,18 +31,15 @@ from ancf_casadi.response.floquet import Bifurcation, bifurcations
 from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance
 from ancf_casadi.response.harmonic_balance.continuation import (
     ContinuationStep,
-    Point,
     carried,
     follow,
     located,
     point_at,
-    unit,
 )
-from ancf_casadi.response.harmonic_balance.family import Family
-from ancf_casadi.response.harmonic_balance.newton import Condition, NotFound, jacobian_at
+from ancf_casadi.response.harmonic_balance.drive import HarmonicForce
+from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
 from ancf_casadi.response.onset import RESPONSE_ERROR, grown, motion_of, reached, set_to
 from ancf_casadi.response.periodic import PeriodicMotion
-from ancf_casadi.response.systems.drive import HarmonicForce
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.inputs import LARGEST_TIME, check_instance, choice, physical, positive, vector, whole
 
@@ -116,7 +113,7 @@ def frequency_response(
         point = _near(subject, start, tolerance)
         if not min(omega, end) <= point.setting.omega <= max(omega, end):
             raise InputError(f"vibrates at {start.frequency:.6g} Hz, outside the range of frequencies", "start")
-    return _traced(subject, point, "omega", (omega, end), points, tolerance)
+    return _traced(subject, point, "omega", (omega, end), points)
 
 
 def amplitude_response(
@@ -167,7 +164,7 @@ def amplitude_response(
     first, last = (physical(value, "amplitudes") for value in vector(amplitudes, "amplitudes"))
     subject, tolerance = excited(model, damping, base, load, force), positive(tolerance, "tolerance")
     point = grown(subject, subject.drive.omega, first, tolerance)
-    return _traced(subject, point, "amplitude", (first, last), points, tolerance)
+    return _traced(subject, point, "amplitude", (first, last), points)
 
 
 def parameter_response(
@@ -229,15 +226,9 @@ def parameter_response(
     given[index] = first
     subject = replace(subject, system=subject.system.with_values(given))
     point = grown(subject, subject.drive.omega, subject.drive.amplitude, tolerance)
-    point = replace(
-        point,
-        family=replace(
-            point.family,
-            balance=replace(point.family.balance, varied=index),
-            setting=replace(point.setting, value=first),
-        ),
-    )
-    return _traced(subject, point, "value", (first, last), points, tolerance)
+    balance, setting = replace(point.family.balance, varied=index), replace(point.setting, value=first)
+    point = replace(point, family=replace(point.family, balance=balance, setting=setting))
+    return _traced(subject, point, "value", (first, last), points)
 
 
 def _near(subject: Excited, start: PeriodicMotion, tolerance: float) -> Point:
@@ -254,30 +245,26 @@ def _near(subject: Excited, start: PeriodicMotion, tolerance: float) -> Point:
     if start.balance.system.size != subject.system.size:
         raise InputError("belongs to a system with another number of coordinates", "start")
     balance = HarmonicBalance(subject.system, subject.drive, start.balance.fourier)
-    family = Family(balance, start.setting, ("amplitude",), (start.setting.amplitude,), 1.0)
-    z = family.joined(start.coefficients, start.setting)
+    family = Family(balance, start.setting, ("amplitude",), (start.setting.amplitude,), 1.0, tolerance)
     try:
-        point = point_at(family, z, Condition(unit(family, "amplitude"), z, 0.0), tolerance)
+        point = point_at(family, family.joined(start.coefficients, start.setting), family.unit("amplitude"))
     except NotFound:
         raise NumericsError("the system has no steady state near the given start; give another one") from None
     amplitude = subject.drive.amplitude
-    return point if start.drive_amplitude == amplitude else reached(point, amplitude, tolerance)
+    return point if start.drive_amplitude == amplitude else reached(point, amplitude)
 
 
-def _traced(
-    subject: Excited, start: Point, name: Free, ends: tuple[float, float], points: int, tolerance: float
-) -> ResponseCurve:
+def _traced(subject: Excited, start: Point, name: Free, ends: tuple[float, float], points: int) -> ResponseCurve:
     """Return the curve from a motion, in one free entry of the setting, until it leaves the range or closes."""
     points = whole(points, "points", 2)
     if ends[0] == ends[1]:
         raise InputError("the first and the last value are equal", RANGES[name])
     family = replace(start.family, setting=start.setting, free=(name,), scales=(abs(ends[1] - ends[0]),))
-    z = family.joined(start.coefficients, start.setting)
-    point = replace(start, family=family, z=z, jacobian=jacobian_at(family, z), row=unit(family, name))
+    point = family.at(family.joined(start.coefficients, start.setting), family.unit(name))
     motions, found, closed = [motion_of(subject, point)], list[BifurcationPoint](), False
     try:
-        for step in _steps(point, name, ends, points, tolerance):
-            for kind, motion in _bifurcations(subject, step, name, tolerance):
+        for step in _steps(point, name, ends, points):
+            for kind, motion in _bifurcations(subject, step, name):
                 found.append(BifurcationPoint(kind, len(motions), motion))
                 motions.append(motion)
             motions.append(motion_of(subject, step.end))
@@ -294,31 +281,27 @@ def _traced(
     return ResponseCurve(name, tuple(motions), tuple(found), closed)
 
 
-def _steps(
-    point: Point, name: Free, ends: tuple[float, float], points: int, tolerance: float
-) -> Iterator[ContinuationStep]:
+def _steps(point: Point, name: Free, ends: tuple[float, float], points: int) -> Iterator[ContinuationStep]:
     """Yield the steps along a curve from its first point; the last ends at a limit of the range."""
     lowest, highest = min(ends), max(ends)
-    direction = np.sign(ends[1] - ends[0]) * unit(point.family, name)
+    direction = np.sign(ends[1] - ends[0]) * point.family.unit(name)
     place, most = point.family.place(name) - len(point.z), (highest - lowest) / points
 
     def longest(at: Point, tangent: Array) -> float:
         rate = abs(tangent[place]) * at.family.scale[place]
         return float(most / rate) if rate else math.inf
 
-    for step in follow(point, direction, tolerance, 0.1, longest):
+    for step in follow(point, direction, 0.1, longest):
         value = getattr(step.end.setting, name)
         if lowest < value < highest:
             yield step
             continue
-        last = set_to(step, name, highest if value >= highest else lowest, tolerance)
+        last = set_to(step, name, highest if value >= highest else lowest)
         yield replace(step, end=last, end_tangent=last.tangent(carried(step.tangent, step.start, last)))
         return
 
 
-def _bifurcations(
-    subject: Excited, step: ContinuationStep, name: Free, tolerance: float
-) -> Iterator[tuple[Bifurcation, PeriodicMotion]]:
+def _bifurcations(subject: Excited, step: ContinuationStep, name: Free) -> Iterator[tuple[Bifurcation, PeriodicMotion]]:
     """Yield the bifurcations in a step."""
     along = [tangent[point.family.place(name)] for point, tangent in
              ((step.start, step.tangent), (step.end, step.end_tangent))]  # fmt: skip
@@ -327,7 +310,7 @@ def _bifurcations(
         test = _test(kind, name)
         at_start, at_end = test(step.start, step.tangent), test(step.end, step.end_tangent)
         try:
-            point = located(step, test, tolerance) if at_start * at_end < 0.0 else step.end
+            point = located(step, test) if at_start * at_end < 0.0 else step.end
         except NotFound:
             point = step.end
         yield kind, motion_of(subject, point)

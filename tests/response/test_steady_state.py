@@ -18,7 +18,7 @@ from ancf_casadi import (
     reduce_model,
     simulate,
 )
-from ancf_casadi.response.systems.beams import full_system, reduced_system
+from ancf_casadi.response.harmonic_balance.beams import full_system, reduced_system
 
 MODAL_RATIOS = (0.0100, 0.0028, 0.0028, 0.0023, 0.0030)
 AMPLITUDE = {1: 1.5e-3, 3: 0.3e-3}  # of the base, m; the tip swings up to 0.23 L in mode 1

@@ -1,1 +1,1 @@
-"""Harmonic balance, and the continuation of its solutions."""
+"""Harmonic balance of second-order systems, those of the full and the reduced beam among them, and continuation."""

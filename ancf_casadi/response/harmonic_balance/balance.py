@@ -12,6 +12,16 @@ are 2 H + 1 equations for each coordinate (alternating frequency-time method).  
     dF/domega = W (D q' + M (2 omega q'' - xi q') + U du/domega),
     dF/dA     = W U du/dA,      dF/dxi = -W M v,      dF/dp = W dR/dp.
 
+Error.  A motion with H harmonics and N samples is put into the equation of motion at 2 N samples.  The harmonics of the
+residual beyond H would drive the missing harmonics of the motion,
+
+    x_k = -Z_k^-1 r_k,    Z_k = K + i k omega D - (k omega)^2 M    with the mean matrices of a period,
+
+and those up to H, which vanish at N samples, shift the unknowns along the normal of the curve.  The missing harmonics
+change the residual up to H as well, and near a resonance this shifts the unknowns by more than the missing harmonics
+themselves, by a factor of about 1/zeta.  All are compared with the size of the motion.  Forces with a kink, such as
+drag and friction, decide both numbers: their harmonics fall as 1/k^3 and 1/k.
+
 References
 ----------
 T. M. Cameron, J. H. Griffin, An alternating frequency/time domain method for calculating the steady-state response of
@@ -23,7 +33,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import casadi as cs
@@ -31,11 +42,15 @@ import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
 
-from ancf_casadi.response.harmonic_balance.fourier import Fourier
-from ancf_casadi.response.systems.drive import Drive
-from ancf_casadi.response.systems.system import SampledFunctions, SecondOrderSystem
+from ancf_casadi.response.harmonic_balance.drive import Drive
+from ancf_casadi.response.harmonic_balance.fourier import Fourier, fourier, resized
+from ancf_casadi.response.harmonic_balance.system import SampledFunctions, SecondOrderSystem
 from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import evaluated
+
+FIRST_HARMONICS = 5
+MOST_HARMONICS = 199
+MOST_PERIOD_SAMPLES = 4096
 
 
 @dataclass(frozen=True)
@@ -68,17 +83,14 @@ class BalanceDerivatives:
     ----------
     by_coefficients : array (c, c)
         dF/dC for the c coefficients that are not zero by symmetry, in the order of ``C.ravel()``.
-    by_omega, by_amplitude, by_growth, by_value : array (c,)
-        Derivatives with respect to the setting.
+    by : mapping
+        Derivatives (c,) with respect to each field of the setting, by name.
     matrices : (array, array, array)
         Entries of K, D and M at the samples, (N, k).
     """
 
     by_coefficients: Array
-    by_omega: Array
-    by_amplitude: Array
-    by_growth: Array
-    by_value: Array
+    by: Mapping[str, Array]
     matrices: tuple[Array, Array, Array]
 
 
@@ -138,12 +150,11 @@ class HarmonicBalance:
         drag = d - growth * m
         J = self._assembled((k, omega * drag, omega**2 * m))
         speed = self._times(drag, v / omega) + self._times(m, 2 / omega * a) + by_growing
-        analysed = (series.analysis @ part.T for part in (speed, by_shape, -self._times(m, v)))
-        by_omega, by_amplitude, by_growth = (part[self.allowed] for part in analysed)
-        by_value = np.zeros_like(by_omega)
+        sampled = {"omega": speed, "amplitude": by_shape, "growth": -self._times(m, v)}
+        by = {name: (series.analysis @ part.T)[self.allowed] for name, part in sampled.items()}
         if self.varied is not None:
-            by_value = self.by_parameters(C, setting, np.eye(len(system.parameters))[:, [self.varied]])[:, 0]
-        return BalanceDerivatives(J, by_omega, by_amplitude, by_growth, by_value, (k.T, d.T, m.T))
+            by["value"] = self.by_parameters(C, setting, np.eye(len(system.parameters))[:, [self.varied]])[:, 0]
+        return BalanceDerivatives(J, by, (k.T, d.T, m.T))
 
     def by_parameters(self, C: Array, setting: Setting, directions: Array) -> Array:
         """Return dF/dp times directions (l, k) in the space of the parameters, (c, k)."""
@@ -219,3 +230,81 @@ def _directional(function: cs.Function) -> cs.Function:
     direction = cs.MX.sym("direction", symbols[4].numel())
     product = cs.jtimes(cs.vec(function(*symbols)), symbols[4], direction)
     return cs.Function("directional", [*symbols, direction], [cs.reshape(cs.densify(product), *symbols[0].shape)])
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Estimated errors of a motion, relative to its size.
+
+    Parameters
+    ----------
+    harmonics : float
+        Size of the missing harmonics, and of the error of the others that is due to them.
+    samples : float
+        Error of the coefficients due to the sampling.
+    """
+
+    harmonics: float
+    samples: float
+
+    @property
+    def largest(self) -> float:
+        """The larger of both."""
+        return max(self.harmonics, self.samples)
+
+
+def size_of(balance: HarmonicBalance, C: Array) -> float:
+    """Return the size of the motion about its mean, relative to the scale of the system."""
+    return float((np.abs(C[1:]) / balance.system.scale).max())
+
+
+def errors_of(
+    balance: HarmonicBalance,
+    C: Array,
+    setting: Setting,
+    matrices: tuple[Array, Array, Array],
+    size: float,
+    shift: Callable[[Array], Array],
+) -> Errors:
+    """Return the estimated errors of a motion, relative to a size.
+
+    Parameters
+    ----------
+    balance, C, setting
+        The motion.
+    matrices : (array, array, array)
+        Entries of K, D and M at the samples, (N, k).
+    size : float
+        Size of the motion.
+    shift : callable
+        Returns the change of the coefficients, (2 H + 1, n), due to a residual (2 H + 1, n).
+    """
+    series, system = balance.fourier, balance.system
+    # harmonics of the residual are checked up to this multiple of H
+    most = min(3 * series.harmonics, series.samples - 1)
+    finer = replace(balance, fourier=fourier(series.harmonics, 2 * series.samples, series.half))
+    whole = fourier(most, 2 * series.samples, series.half)
+    r = np.where(whole.allowed(system.mirror), whole.analysis @ finer.sampled_residual(C, setting).T, 0.0)
+    K, D, M = (system.matrix(entries.mean(axis=0)) for entries in matrices)
+    if series.half:
+        K, D, M = (matrix * (system.mirror[:, None] == system.mirror) for matrix in (K, D, M))
+    D = D - setting.growth * M
+    k = setting.omega * np.arange(series.harmonics + 1, most + 1)
+    missing = r[series.size :: 2] - 1j * r[series.size + 1 :: 2]
+    Z = K + 1j * k[:, None, None] * D - k[:, None, None] ** 2 * M
+    x = np.linalg.solve(Z, missing[:, :, None])[:, :, 0]
+    longer = resized(C, most)
+    longer[series.size :: 2], longer[series.size + 1 :: 2] = -x.real, x.imag
+    R = replace(balance, fourier=whole).sampled_residual(longer, setting).T
+    feedback, sampling = (whole.analysis @ R - r)[: series.size], r[: series.size] - balance.residual(C, setting)
+
+    def largest(change: Array) -> float:
+        return float((change / system.scale).max(initial=0.0)) / size
+
+    shifted, sampled = (np.abs(shift(part)) for part in (feedback, sampling))
+    return Errors(max(largest(np.abs(x)), largest(shifted)), largest(sampled))
+
+
+def least_samples(harmonics: int) -> int:
+    """Return the number of samples to begin with, 4 (H + 1)."""
+    return 4 * (harmonics + 1)

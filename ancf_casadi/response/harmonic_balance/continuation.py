@@ -6,7 +6,7 @@ From a point z_0 with the unit tangent t, in scaled unknowns (``family``), the n
 
 which is regular at folds, where the curve turns in frequency.  The step h follows the angle between successive tangents
 and is halved where Newton's method fails or the angle is large.  At each point the numbers of harmonics and samples are
-increased until the estimated error (``accuracy``) is below the tolerance.
+increased until the estimated error (``balance``) is below the tolerance.
 
 References
 ----------
@@ -18,99 +18,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
 
 import numpy as np
 
 from ancf_casadi.exceptions import NumericsError
-from ancf_casadi.response.floquet import floquet_multipliers
-from ancf_casadi.response.harmonic_balance.accuracy import (
+from ancf_casadi.response.harmonic_balance.balance import (
     FIRST_HARMONICS,
     MOST_HARMONICS,
     MOST_PERIOD_SAMPLES,
-    Errors,
-    errors_of,
     least_samples,
-    refined,
     size_of,
 )
-from ancf_casadi.response.harmonic_balance.balance import Setting
-from ancf_casadi.response.harmonic_balance.family import Family
-from ancf_casadi.response.harmonic_balance.newton import (
-    Condition,
-    Jacobian,
-    NotFound,
-    ScaledFactors,
-    jacobian_at,
-    solve,
-)
-from ancf_casadi.support.arrays import Array, ComplexArray
+from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point, solve
+from ancf_casadi.support.arrays import Array
 
 SMALLEST_SIZE = 1e-12  # of a motion, relative to the scale of the system
 LOCATED = 1e-9  # width of the interval around a located point, relative to the step
-
-
-@dataclass(frozen=True, eq=False)
-class Point:
-    """A point of a curve of periodic motions.
-
-    Parameters
-    ----------
-    family : Family
-        The equations, with the numbers of harmonics and samples of the point.
-    z : array
-        Unknowns.
-    jacobian : Jacobian
-        Derivatives of the equations at the point.
-    row : array
-        A row across the curve, which completes the derivatives to a regular matrix.
-    """
-
-    family: Family
-    z: Array
-    jacobian: Jacobian
-    row: Array
-
-    @property
-    def coefficients(self) -> Array:
-        """C, (2 H + 1, n)."""
-        return self.family.split(self.z)[0]
-
-    @property
-    def setting(self) -> Setting:
-        """Frequency, amplitude of the drive and so on."""
-        return self.family.split(self.z)[1]
-
-    @cached_property
-    def errors(self) -> Errors:
-        """Estimated errors relative to the size of the motion."""
-        shift, family = partial(_shift, self.family, self.factors), self.family
-        return errors_of(family.balance, self.coefficients, self.setting, self.jacobian.linear, family.size, shift)
-
-    @cached_property
-    def multipliers(self) -> ComplexArray:
-        """Floquet multipliers, the largest first."""
-        system = self.family.balance.system
-        K, D, M = (system.matrix(part) for part in self.jacobian.linear.matrices)
-        D = D - self.setting.growth * M
-        period = 2 * np.pi / self.setting.omega
-        if not self.family.balance.fourier.half:
-            return floquet_multipliers(K, D, M, period)
-        signs = system.mirror[:, None] * system.mirror
-        K, D, M = (np.concatenate([half, signs * half]) for half in (K, D, M))
-        return floquet_multipliers(K, D, M, period, mirror=system.mirror)
-
-    def tangent(self, along: Array) -> Array:
-        """Return the unit tangent of the curve in scaled unknowns, in the direction of another vector."""
-        right = np.zeros(len(self.z))
-        right[-1] = 1.0
-        t = self.factors.solve(right)
-        return np.asarray(np.copysign(1.0, t @ along) * t / np.linalg.norm(t))
-
-    @cached_property
-    def factors(self) -> ScaledFactors:
-        """LU factors of the derivatives with the row."""
-        return self.jacobian.factorised(self.row, self.family.scale)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,17 +66,8 @@ def endless(point: Point, tangent: Array) -> float:
     return math.inf
 
 
-def unit(family: Family, name: str) -> Array:
-    """Return the unit vector of a free entry of the setting."""
-    row = np.zeros(len(family.scale))
-    row[family.place(name)] = 1.0
-    return row
-
-
-def point_at(
-    family: Family, guess: Array, condition: Condition, tolerance: float, near: Jacobian | None = None
-) -> Point:
-    """Return the point near a guess that fulfils a condition, with enough harmonics and samples.
+def point_at(family: Family, guess: Array, row: Array, near: Point | None = None) -> Point:
+    """Return the point with row . (z - guess)/s = 0, with enough harmonics and samples.
 
     Raises
     ------
@@ -164,10 +78,11 @@ def point_at(
     """
     coarser: Point | None = None
     while True:
-        z = solve(family, guess, condition, near)
-        jacobian, balance, series = jacobian_at(family, z), family.balance, family.balance.fourier
-        size = max(size_of(balance, family.split(z)[0]), SMALLEST_SIZE)
-        point = Point(replace(family, size=size), z, jacobian, condition.row)
+        z, series = solve(family, guess, row, near), family.balance.fourier
+        family = replace(family, size=max(size_of(family.balance, family.split(z)[0]), SMALLEST_SIZE))
+        point = family.at(z, row)
+        if math.isinf(family.tolerance):
+            return point
         errors = point.errors
         if not np.isfinite(errors.largest):
             raise NotFound
@@ -175,32 +90,27 @@ def point_at(
         if coarser and 0.5 * coarser.errors.largest < errors.largest <= 1e-6:
             return coarser
         coarser = point
-        if errors.largest <= tolerance:
+        if errors.largest <= family.tolerance:
             return coarser
-        harmonics, samples = refined(errors, series.harmonics, series.samples, tolerance)
+        harmonics, samples = series.harmonics, series.samples
+        if errors.harmonics > family.tolerance:
+            harmonics += max(2, harmonics // 3)
+            samples = max(samples, least_samples(harmonics))
+        if errors.samples > family.tolerance:
+            samples *= 2
         if harmonics > MOST_HARMONICS or samples > MOST_PERIOD_SAMPLES:
             raise NumericsError(
                 f"the motion needs more than {MOST_HARMONICS} harmonics or {MOST_PERIOD_SAMPLES} samples per period: "
                 f"its error is {errors.largest:.1g}; use a larger tolerance, a smoother force, or more damping of the "
                 "high modes"
             )
-        guess, near = family.resized(z, harmonics), None
-        row, origin = (family.resized(part, harmonics) for part in (condition.row, condition.origin))
-        condition = replace(condition, row=row, origin=origin)
+        guess, row, near = family.resized(z, harmonics), family.resized(row, harmonics), None
         family = family.with_series(harmonics, samples)
-
-
-def _shift(family: Family, factors: ScaledFactors, residual: Array) -> Array:
-    """Return the change of the coefficients due to a residual of harmonic balance, (2 H + 1, n)."""
-    right = np.zeros(len(family.scale))
-    right[: family.balance.allowed.sum()] = residual[family.balance.allowed]
-    return family.split(family.scale * factors.solve(right))[0]
 
 
 def follow(
     first: Point,
     direction: Array,
-    tolerance: float,
     first_step: float,
     longest: Callable[[Point, Array], float] = endless,
 ) -> Iterator[ContinuationStep]:
@@ -212,8 +122,6 @@ def follow(
         First point.
     direction : array
         Vector that has a positive product with the tangent at the first point.
-    tolerance : float
-        Largest error of each motion, relative to its size.
     first_step : float
         First arclength.
     longest : callable
@@ -228,7 +136,7 @@ def follow(
     while True:
         length = min(length, longest(point, tangent))
         try:
-            new = stepped(point, tangent, length, tolerance)
+            new = stepped(point, tangent, length)
         except NotFound:
             angle = np.inf
         else:
@@ -243,44 +151,34 @@ def follow(
                 )
             continue
         yield ContinuationStep(point, tangent, length, new, after)
-        point = _lean(new, after, tolerance)
+        point = _lean(new, after)
         tangent = carried(after, new, point)
         # rad between successive tangents that the steps aim at
         length = min(length * min(2.0, max(0.5, 0.25 / max(angle, 1e-3))), 4.0)
 
 
-def stepped(point: Point, tangent: Array, length: float, tolerance: float) -> Point:
-    """Return the point at an arclength along the tangent.
-
-    Raises
-    ------
-    NotFound
-        If Newton's method does not converge.
-    """
+def stepped(point: Point, tangent: Array, length: float) -> Point:
+    """Return the point at an arclength along the tangent; raise NotFound if Newton's method does not converge."""
     family = point.family
     guess = family.moved(point.z, length * family.scale * tangent)
-    condition = Condition(tangent, point.z, length)
     try:
-        return point_at(family, guess, condition, tolerance, point.jacobian)
+        return point_at(family, guess, tangent, point)
     except NotFound:
-        if family.plain:
+        if family.balance.system.corrections is None:
             raise
-        return point_at(family, guess, condition, tolerance)
+        return point_at(family, guess, tangent)
 
 
-def located(step: ContinuationStep, test: Callable[[Point, Array], float], tolerance: float) -> Point:
+def located(step: ContinuationStep, test: Callable[[Point, Array], float]) -> Point:
     """Return the point of a step at which a test function of point and tangent, of opposite signs at its ends, is zero.
 
-    Raises
-    ------
-    NotFound
-        If Newton's method does not converge.
+    Raise NotFound if Newton's method does not converge.
     """
     at_start, at_end = test(step.start, step.tangent), test(step.end, step.end_tangent)
     size, shortest, kept = max(abs(at_start), abs(at_end)), LOCATED * step.length, ""
     for _ in range(30):
         length = step.length * at_start / (at_start - at_end)
-        found = stepped(step.start, step.tangent, length, tolerance)
+        found = stepped(step.start, step.tangent, length)
         tangent = found.tangent(carried(step.tangent, step.start, found))
         value = test(found, tangent)
         if step.length <= shortest or abs(value) <= LOCATED * size:
@@ -306,18 +204,18 @@ def carried(vector: Array, old: Point, new: Point) -> Array:
     return np.asarray(resized / np.linalg.norm(resized))
 
 
-def _lean(point: Point, tangent: Array, tolerance: float) -> Point:
+def _lean(point: Point, tangent: Array) -> Point:
     """Return the point, with two harmonics less if they are far below the tolerance."""
-    balance, series = point.family.balance, point.family.balance.fourier
+    balance, series, tolerance = point.family.balance, point.family.balance.fourier, point.family.tolerance
     highest = float((np.abs(point.coefficients[-4:]) / balance.system.scale).max()) / point.family.size
     # size of the two highest harmonics, relative to the tolerance, at which they are dropped
-    if series.harmonics <= FIRST_HARMONICS or highest > 2e-2 * tolerance:
+    if math.isinf(tolerance) or series.harmonics <= FIRST_HARMONICS or highest > 2e-2 * tolerance:
         return point
     harmonics = series.harmonics - 2
     family = point.family.with_series(harmonics, max(least_samples(harmonics), series.samples // 2))
     z, row = (point.family.resized(part, harmonics) for part in (point.z, tangent))
     try:
-        return point_at(family, z, Condition(row, z, 0.0), tolerance)
+        return point_at(family, z, row)
     except NotFound:
         return point
 

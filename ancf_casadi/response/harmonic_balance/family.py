@@ -1,31 +1,50 @@
-"""A family of periodic motions with one free dimension, as equations for the continuation.
+"""A family of periodic motions with one free dimension, and Newton's method for its points.
 
 The unknowns z = (C, y) are the coefficients of the motion that are not zero by symmetry, and some entries y of its
-setting: the frequency, the amplitude of the drive, a parameter of the system, or the negative damping.  With k entries
-in y, the equations are those of harmonic balance and k - 1 constraints g(C) = 0.  Their solutions form a curve.
+setting: the frequency, the amplitude of the drive, a parameter of the system, or the negative damping.
 
-    curve                       y                   constraint
+    curve                       y                   further equation
     frequency response          omega               -
     amplitude response          A                   -
-    held response amplitude     omega, A            |first harmonic| = constant
     backbone                    omega, xi           phase of the mode
 
 Lengths along the curve are measured in z/s with the scale s of each unknown.
+
+One more equation, row . (z - guess)/s = 0, selects a point of the curve: the row is the tangent (pseudo-arclength), the
+unit vector of an entry that is prescribed, or any other row across the curve.  The derivatives cost more than ten
+residuals and are kept, also from the last point of a curve, as long as each step of Newton's method reduces the error
+fivefold; large matrices are kept as long as it reduces it twofold.  For a beam that turns, residuals are turned back to
+the motion at which the derivatives were evaluated, and corrections forth (``beams``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+import warnings
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
+import scipy.linalg
 
-from ancf_casadi.response.harmonic_balance.balance import BalanceDerivatives, HarmonicBalance, Setting
+from ancf_casadi.response.floquet import floquet_multipliers
+from ancf_casadi.response.harmonic_balance.balance import (
+    BalanceDerivatives,
+    Errors,
+    HarmonicBalance,
+    Setting,
+    errors_of,
+)
 from ancf_casadi.response.harmonic_balance.fourier import fourier, resized
-from ancf_casadi.response.systems.system import NO_CORRECTIONS
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, ComplexArray
 
-Constraint = Callable[[Array], tuple[float, Array]]  # C -> g and dg/dC
+NEWTON_ERROR = 1e-11  # error of the unknowns relative to their scales
+LARGEST_NEWTON_STEP = 100.0  # largest step, relative to the scales
+
+
+class NotFound(Exception):
+    """No point was found near a guess; the continuation shortens its step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +63,11 @@ class Family:
         Typical change of each of them.
     size : float
         Typical size of the motion, relative to the scale of the system.
-    constraints : tuple of callable
-        As many as there are free entries, less one.
+    tolerance : float
+        Largest estimated error of each motion, relative to its size; if infinite, the numbers of harmonics and samples
+        stay as they are.
+    phase : array (n,), optional
+        Functional of the coordinates whose cosine in the first harmonic is zero, if there are two free entries.
     """
 
     balance: HarmonicBalance
@@ -53,24 +75,24 @@ class Family:
     free: tuple[str, ...]
     scales: tuple[float, ...]
     size: float
-    constraints: tuple[Constraint, ...] = ()
+    tolerance: float
+    phase: Array | None = None
 
-    @property
+    @cached_property
     def scale(self) -> Array:
         """Scale s of the unknowns."""
-        coefficients = np.tile(self.size * self.balance.system.scale, (self.balance.fourier.size, 1))[
-            self.balance.allowed
-        ]
-        return np.concatenate([coefficients, self.scales])
-
-    @property
-    def cheap(self) -> bool:
-        """True if the matrices are small."""
-        return len(self.scale) <= 400  # unknowns
+        coefficients = np.tile(self.size * self.balance.system.scale, (self.balance.fourier.size, 1))
+        return np.concatenate([coefficients[self.balance.allowed], self.scales])
 
     def place(self, name: str) -> int:
         """Return the place of a free entry of the setting among the unknowns."""
         return len(self.scale) - len(self.free) + self.free.index(name)
+
+    def unit(self, name: str) -> Array:
+        """Return the unit vector of a free entry of the setting."""
+        row = np.zeros(len(self.scale))
+        row[self.place(name)] = 1.0
+        return row
 
     def joined(self, C: Array, setting: Setting) -> Array:
         """Return the unknowns of a motion."""
@@ -84,71 +106,63 @@ class Family:
         C[self.balance.allowed] = z[:-count]
         return C, replace(self.setting, **values)
 
+    def residual(self, z: Array) -> Array:
+        """Return the left sides of all equations but that of the row."""
+        C, setting = self.split(z)
+        F = self.balance.residual(C, setting)[self.balance.allowed]
+        return F if self.phase is None else np.append(F, self.phase @ C[1])
+
+    def at(self, z: Array, row: Array) -> Point:
+        """Return the derivatives at z as a point with a row."""
+        return Point(self, z, row, self.balance.linearised(*self.split(z)))
+
     def moved(self, z: Array, change: Array) -> Array:
         """Return the unknowns moved by a change."""
-        if self.plain:
-            return z + change
-        end = z + change
+        end, turning, count = z + change, self.balance.system.corrections, len(z) - len(self.free)
+        if turning is None:
+            return end
         q, carried = self._relative(z), self._carried(end)
-        moved = self.balance.system.corrections.moved(q, self._sampled(end) - carried - q)
-        return self._analysed(moved + carried, end[-len(self.free) :])
+        moved = turning.moved(q, self._sampled(end[:count]) - carried - q)
+        return self._analysed(moved + carried, end[count:])
 
     def forth(self, reference: Array, z: Array, change: Array) -> Array:
         """Return the change at z that corresponds to a change at a reference."""
-        if self.plain or reference is z:
-            return change
-        forth = self.balance.system.corrections.forth
-        turned = forth(self._relative(reference), self._relative(z), self._sampled(change))
-        return self._analysed(turned, change[-len(self.free) :])
+        return self._turned(reference, z, change, "forth")
 
     def back(self, reference: Array, z: Array, residual: Array) -> Array:
         """Return the left sides at a reference that correspond to those at z."""
-        if self.plain or reference is z:
-            return residual
-        count = int(self.balance.allowed.sum())
-        padded = np.append(residual[:count], np.zeros(len(self.free)))
-        back = self.balance.system.corrections.back
-        turned = back(self._relative(reference), self._relative(z), self._sampled(padded))
-        return self._analysed(turned, residual[count:])
+        return self._turned(reference, z, residual, "back")
 
-    @property
-    def plain(self) -> bool:
-        """True if corrections are simply added."""
-        return self.balance.system.corrections is NO_CORRECTIONS
+    def _turned(self, reference: Array, z: Array, vector: Array, way: Literal["forth", "back"]) -> Array:
+        """Return a vector whose first entries belong to the coefficients, these turned with the beam."""
+        turning, count = self.balance.system.corrections, len(z) - len(self.free)
+        if turning is None or reference is z:
+            return vector
+        turn = turning.forth if way == "forth" else turning.back
+        turned = turn(self._relative(reference), self._relative(z), self._sampled(vector[:count]))
+        return self._analysed(turned, vector[count:])
 
-    def _sampled(self, z: Array) -> Array:
-        """Return the coordinates at the samples, (n, N)."""
-        return np.asarray((self.balance.fourier.basis @ self.split(z)[0]).T)
+    def _sampled(self, coefficients: Array) -> Array:
+        """Return the coordinates at the samples, (n, N), of the coefficients that are not zero by symmetry."""
+        C = np.zeros(self.balance.allowed.shape)
+        C[self.balance.allowed] = coefficients
+        return np.asarray((self.balance.fourier.basis @ C).T)
 
     def _carried(self, z: Array) -> Array:
-        """Return the rigid displacements due to the excitation at the samples."""
-        _, setting = self.split(z)
-        u, _, _ = self.balance.drive.samples(self.balance.fourier.phases, setting.omega, setting.amplitude)
-        return self.balance.system.corrections.carried(u)
+        """Return the displacements of the clamp at all nodes and samples, (n, N)."""
+        setting, series = self.split(z)[1], self.balance.fourier
+        u, _, _ = self.balance.drive.samples(series.phases, setting.omega, setting.amplitude)
+        displacement = np.vstack([u[:2], np.zeros_like(u[:2])])
+        return np.tile(displacement, (self.balance.system.size // len(displacement), 1))
 
     def _relative(self, z: Array) -> Array:
-        """Return the coordinates at the samples relative to the rigid displacements."""
-        return np.asarray(self._sampled(z) - self._carried(z))
+        """Return the coordinates at the samples relative to the clamp."""
+        return np.asarray(self._sampled(z[: len(z) - len(self.free)]) - self._carried(z))
 
     def _analysed(self, samples: Array, last: Array) -> Array:
         """Return the coefficients of sampled coordinates, followed by other entries."""
         C = self.balance.fourier.analysis @ samples.T
         return np.concatenate([C[self.balance.allowed], last])
-
-    def residual(self, z: Array) -> Array:
-        """Return the left sides of all equations."""
-        C, setting = self.split(z)
-        F = self.balance.residual(C, setting)[self.balance.allowed]
-        return np.concatenate([F, [g(C)[0] for g in self.constraints]])
-
-    def jacobian(self, z: Array) -> tuple[Array, BalanceDerivatives]:
-        """Return the derivatives of all equations, with one column more than rows, and those of harmonic balance."""
-        C, setting = self.split(z)
-        linear = self.balance.linearised(C, setting)
-        columns = [getattr(linear, f"by_{name}") for name in self.free]
-        J = np.hstack([linear.by_coefficients, np.stack(columns, axis=1)])
-        rows = [np.append(g(C)[1][self.balance.allowed], np.zeros(len(self.free))) for g in self.constraints]
-        return np.vstack([J, *rows]), linear
 
     def with_series(self, harmonics: int, samples: int) -> Family:
         """Return the family with other numbers of harmonics and samples."""
@@ -160,3 +174,118 @@ class Family:
         (C, _), series = self.split(z), self.balance.fourier
         allowed = fourier(harmonics, 4 * harmonics + 2, series.half).allowed(self.balance.system.mirror)
         return np.append(resized(C, harmonics)[allowed], z[-len(self.free) :])
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A point of a curve of periodic motions, or near it, with the derivatives of the equations there.
+
+    Parameters
+    ----------
+    family : Family
+        The equations, with the numbers of harmonics and samples of the point.
+    z : array
+        Unknowns.
+    row : array
+        A row across the curve, in scaled unknowns, which completes the derivatives to a regular matrix.
+    linear : BalanceDerivatives
+        Derivatives of harmonic balance.
+    """
+
+    family: Family
+    z: Array
+    row: Array
+    linear: BalanceDerivatives
+
+    @property
+    def coefficients(self) -> Array:
+        """C, (2 H + 1, n)."""
+        return self.family.split(self.z)[0]
+
+    @property
+    def setting(self) -> Setting:
+        """Frequency, amplitude of the drive and so on."""
+        return self.family.split(self.z)[1]
+
+    @cached_property
+    def errors(self) -> Errors:
+        """Estimated errors relative to the size of the motion."""
+        family = self.family
+
+        def shift(residual: Array) -> Array:
+            right = np.zeros(len(family.scale))
+            right[: family.balance.allowed.sum()] = residual[family.balance.allowed]
+            return family.split(family.scale * self.solve(right))[0]
+
+        return errors_of(family.balance, self.coefficients, self.setting, self.linear.matrices, family.size, shift)
+
+    @cached_property
+    def multipliers(self) -> ComplexArray:
+        """Floquet multipliers, the largest first."""
+        system, setting = self.family.balance.system, self.setting
+        K, D, M = (system.matrix(part) for part in self.linear.matrices)
+        D = D - setting.growth * M
+        period = 2 * np.pi / setting.omega
+        if not self.family.balance.fourier.half:
+            return floquet_multipliers(K, D, M, period)
+        signs = system.mirror[:, None] * system.mirror
+        K, D, M = (np.concatenate([half, signs * half]) for half in (K, D, M))
+        return floquet_multipliers(K, D, M, period, mirror=system.mirror)
+
+    def tangent(self, along: Array) -> Array:
+        """Return the unit tangent of the curve in scaled unknowns, in the direction of another vector."""
+        t = self.solve(np.append(np.zeros(len(self.z) - 1), 1.0))
+        return np.asarray(np.copysign(1.0, t @ along) * t / np.linalg.norm(t))
+
+    def solve(self, right: Array) -> Array:
+        """Return the change of the scaled unknowns that changes all equations, the row last, by the right side."""
+        factors, rows = self._factors
+        return np.asarray(scipy.linalg.lu_solve(factors, (right.T / rows).T, check_finite=False))
+
+    @cached_property
+    def _factors(self) -> tuple[Any, Array]:
+        """LU factors of the derivatives by the scaled unknowns, and the numbers by which their rows are divided."""
+        family = self.family
+        matrix = np.column_stack([self.linear.by_coefficients, *(self.linear.by[name] for name in family.free)])
+        if family.phase is not None:
+            gradient = np.zeros(family.balance.allowed.shape)
+            gradient[1] = family.phase
+            matrix = np.vstack([matrix, np.append(gradient[family.balance.allowed], np.zeros(len(family.free)))])
+        matrix *= family.scale
+        rows = np.append(np.abs(matrix).max(axis=1), 1.0)
+        with warnings.catch_warnings(), np.errstate(divide="ignore", invalid="ignore"):
+            warnings.simplefilter("ignore", scipy.linalg.LinAlgWarning)  # steps from a singular matrix are not finite
+            return scipy.linalg.lu_factor(np.vstack([matrix, self.row]) / rows[:, None], check_finite=False), rows
+
+
+def solve(family: Family, guess: Array, row: Array, near: Point | None = None) -> Array:
+    """Return the unknowns of the point with row . (z - guess)/s = 0, first with the derivatives of a point nearby.
+
+    Raise NotFound if the iteration does not converge.
+    """
+    scale, z, evaluations, last = family.scale, guess, 1, math.inf
+    # with a slower decrease, the derivatives are evaluated anew; the factors of a large matrix are expensive
+    contraction = 0.2 if len(scale) <= 400 else 0.5
+    fresh, distance = near is None, math.inf
+    used = family.at(z, row) if near is None else replace(near, family=family, row=row)
+    for _ in range(30):
+        gap = row @ ((z - guess) / scale)
+        residual = family.back(used.z, z, family.residual(z))
+        step = -family.forth(used.z, z, scale * used.solve(np.append(residual, gap))) / scale
+        length = float(np.abs(step).max())
+        if not np.isfinite(length) or (fresh and length > LARGEST_NEWTON_STEP):
+            raise NotFound
+        if length > min(LARGEST_NEWTON_STEP, contraction * last):
+            # a step below 1e-6 stagnates by rounding, with derivatives from within 1e-3
+            if distance <= 1e-3 and last <= 1e-6 and length > last / 2:
+                return z
+            if evaluations == 10:
+                raise NotFound
+            used, evaluations, last, fresh = family.at(z, row), evaluations + 1, math.inf, True
+            continue
+        distance = length if fresh else distance
+        z, fresh = family.moved(z, scale * step), False
+        if min(length / last, 1.0) * length <= NEWTON_ERROR and (last < math.inf or length <= NEWTON_ERROR):
+            return z
+        last = length
+    raise NotFound

@@ -1,6 +1,6 @@
 """Measured response curves as a block of a fit, and the reduced model that is fitted to them.
 
-``residuals`` has the distance of the points to the curves, ``weights`` their standard deviations.  The beam is the
+``residuals`` has the distance of the points to the curves, and their standard deviations.  The beam is the
 reduced model in a few modes, each with several harmonics; a last evaluation with one mode and two harmonics more shows
 the effect of this truncation.
 """
@@ -22,14 +22,13 @@ from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import rebuilt
+from ancf_casadi.response.harmonic_balance.drive import beam_drive
 from ancf_casadi.support.arrays import Array, Index, root_mean_square
 from ancf_casadi.support.tables import known
-from problems.beam.curves.balance import DrivenBalance
 from problems.beam.curves.driven import Driven, driven
 from problems.beam.curves.points import Measured, PointMotion
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.curves.residuals import Responses
-from problems.beam.curves.weights import CurveWeights, first_weights
+from problems.beam.curves.residuals import CurveWeights, Responses
 from problems.beam.names import frequency_name
 from problems.beam.properties import Owners
 
@@ -84,12 +83,12 @@ class CurveBlock(Block):
     @property
     def series(self) -> list[int]:
         """Lengths of the series of residuals: amplitudes and, if they were measured, phases of each record."""
-        return list(self.weights.lengths)
+        return [one.length for one in self.weights.series]
 
     @property
     def owners(self) -> Index:
         """Record of each residual."""
-        return np.repeat([record for record, _ in self.weights.owners], self.weights.lengths)
+        return np.repeat([one.record for one in self.weights.series], self.series)
 
     @property
     def scale(self) -> float:
@@ -99,7 +98,7 @@ class CurveBlock(Block):
     @property
     def negligible(self) -> float:
         """Norm of the error of the computation."""
-        return 1e-6 * math.sqrt(sum(self.series))  # accuracy of the computed points, in standard deviations
+        return 1e-6 * math.sqrt(self.weights.size)  # accuracy of the computed points, in standard deviations
 
     @property
     def meaningful(self) -> float:
@@ -221,7 +220,7 @@ class CurveBlock(Block):
             found.append([Measured(2 * math.pi * f, row, own) for f, row, own in pairs])
         return found
 
-    def balances(self, values: Mapping[str, float]) -> list[DrivenBalance]:
+    def driven(self, values: Mapping[str, float]) -> list[Driven]:
         """Return the driven beam of each record, for values of the unknowns by name."""
         factors = [values.get(name, one) / one if name in self.of_model else 1.0 for name, one in self.first.items()]
         model = self._owners.changed(self.model, np.array(factors))
@@ -231,9 +230,8 @@ class CurveBlock(Block):
         found = []
         for record in self.records:
             kind = record.sensor, record.load, record.base and record.base.direction
-            kinds[kind] = kinds.get(kind) or driven(reduced, record)
-            size = record.base.amplitude if record.base else kinds[kind].drive.amplitude
-            found.append(DrivenBalance(kinds[kind], self.harmonics, size))
+            kinds[kind] = kinds.get(kind) or driven(reduced, record, self.harmonics)
+            found.append(replace(kinds[kind], drive=beam_drive(record.base, record.load)))
         return found
 
     @cached_property
@@ -251,24 +249,31 @@ class CurveBlock(Block):
         without = {*(MODULUS if free else ()), *(() if beam.tip_mass else ("tip_mass",))}
         return tuple(name for name in self.first if name not in without)
 
+    @cached_property
+    def _places(self) -> dict[str, tuple[int, float]]:
+        """Place of each possible unknown in s (``driven``), and the derivative of s by it."""
+        names = [*(own.name for own in self.law.parameters), *(frequency_name(k) for k in range(self.modes))]
+        moduli = [name for name in MODULUS if name in self.first and name not in self.of_model]
+        places = {name: (k, 1.0) for k, name in enumerate(names)}
+        return places | {name: (len(names), 1 / self.first[name]) for name in moduli}
+
     def shared(self, values: Mapping[str, float]) -> Array:
         """Return the unknowns s of the equation of motion (``driven``), for values by name."""
-        law = [values.get(own.name, own.value) for own in self.law.parameters]
-        modulus = [values[name] / self.first[name] for name in MODULUS if name in self.first and name in values]
-        modulus = modulus if not set(MODULUS) & set(self.of_model) else []
-        return np.array([*law, *(values.get(frequency_name(k), 1.0) for k in range(self.modes)), *(modulus or [1.0])])
+        s = np.array([*(own.value for own in self.law.parameters), *np.ones(self.modes + 1)])
+        for name in self._places.keys() & values.keys():
+            place, slope = self._places[name]
+            s[place] = slope * values[name]
+        return s
 
-    def shared_columns(self) -> list[tuple[int, int, float]]:
-        """Return the column in s and the place of each unknown that is in s, and the derivative of s by it."""
-        own = [parameter.name for parameter in self.law.parameters]
-        known = [*own, *(frequency_name(k) for k in range(self.modes))]
-        found = []
-        for place, name in enumerate(self.names):
-            if name in known:
-                found.append((known.index(name), place, 1.0))
-            elif name in MODULUS and name not in self.of_model:
-                found.append((len(known), place, 1 / self.first[name]))
-        return found
+    @cached_property
+    def shared_directions(self) -> Array:
+        """Derivatives of s by the unknowns of the fit, (s, n)."""
+        directions = np.zeros((len(self.law.parameters) + self.modes + 1, len(self.names)))
+        for k, name in enumerate(self.names):
+            if name in self._places:
+                place, slope = self._places[name]
+                directions[place, k] = slope
+        return directions
 
 
 def _truncation_warnings(shifts: Array, names: Sequence[str]) -> list[str]:
@@ -298,5 +303,5 @@ def curve_block(
     harmonics: int,
 ) -> CurveBlock:
     """Return response curves as a block with first weights."""
-    weights = first_weights([record for _, record in numbered])
+    weights = CurveWeights(tuple(record for _, record in numbered), np.ones((len(numbered), 2)))
     return CurveBlock(model, tuple(numbered), law, tuple(names), first, modes, harmonics, weights)

@@ -11,131 +11,94 @@ stiffness that is added to mode k makes its angular frequency at rest c_k w_k ex
 from the measured ones by more than a fraction of the damping ratio has another response altogether, so that the factors
 belong to every fit of a damping law.
 
-The sensor reads an expression of the nodal coordinates that belong to q (``derivatives.reading``).
+The sensor reads an expression of the nodal coordinates that belong to q (``derivatives.reading``).  The reading h at
+the N samples tau_j of a motion has the fundamental
+
+    Y exp(i phi) = sum_j 2/N (sin tau_j + i cos tau_j) h_j.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import casadi as cs
-import numpy as np
 
-from ancf_casadi.damping import Parameter
 from ancf_casadi.dynamics.derivatives.reading import SampledMotion
 from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.tip_load import LOAD_SIZE
 from ancf_casadi.reduction import ReducedModel
-from ancf_casadi.response.differentiable import GRAVITY_SIZE
-from ancf_casadi.response.systems.beams import reduced_system
-from ancf_casadi.response.systems.drive import Drive, beam_drive
-from ancf_casadi.response.systems.system import Derived, SampledFunctions, SecondOrderSystem
+from ancf_casadi.response.harmonic_balance.balance import HarmonicBalance, Setting
+from ancf_casadi.response.harmonic_balance.beams import tuned_system
+from ancf_casadi.response.harmonic_balance.drive import Drive, beam_drive
+from ancf_casadi.response.harmonic_balance.family import Family
+from ancf_casadi.response.harmonic_balance.fourier import Fourier, fourier
+from ancf_casadi.response.harmonic_balance.system import SecondOrderSystem
+from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.compilation import evaluated
 from problems.beam.curves.record import ResponseRecord
-
-INPUTS = ("q", "v", "a", "tau", "omega", "size", "s")
-VARIED = ("q", "v", "a", "size", "s")  # inputs by which the reading has Jacobians
 
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """A reduced beam under the excitation of a record.
+    """A reduced beam under the excitation of a record, with its sensor.
 
     Parameters
     ----------
     system : SecondOrderSystem
         The beam; its parameters are the unknowns s.
     drive : Drive
-        The excitation.
+        The excitation at level 1.
+    fourier : Fourier
+        Harmonics and samples.
     reading : Function
-        (q, v, a, tau, omega, size, s) at one instant -> the reading of the sensor, and its Jacobians by q, v, a, size
-        and s; size is the amplitude of the excitation.
+        (C and amplitude of the excitation (d + 1,), omega, s) -> Y and phi (2,), and their Jacobians by the first and
+        the last input; d = (2 H + 1) n.
     """
 
     system: SecondOrderSystem
     drive: Drive
+    fourier: Fourier
     reading: cs.Function
 
-    @property
-    def modes(self) -> int:
-        """Number of modes n."""
-        return self.system.size
+    def curve(self, omega: float, s: Array) -> Family:
+        """Return the curve of motions at a frequency for values of the unknowns; its free entry is the amplitude."""
+        balance = HarmonicBalance(self.system.with_values(s), self.drive, self.fourier)
+        size = self.drive.amplitude
+        return Family(balance, Setting(omega, size), ("amplitude",), (size,), 1.0, math.inf)
 
-    @property
-    def shared(self) -> int:
-        """Number of unknowns s."""
-        return len(self.system.parameters)
+    def read(self, curve: Family, z: Array) -> tuple[Array, Array, Array]:
+        """Return Y and phi of the motion with the unknowns z of a curve, and their derivatives by z and by s."""
+        polar, by_z, by_s = evaluated(self.reading, z, curve.setting.omega, curve.balance.system.values)
+        return polar.ravel(), by_z, by_s
 
 
-def driven(reduced: ReducedModel, record: ResponseRecord) -> Driven:
-    """Return a reduced beam under the kind of excitation of a record, with its sensor.
+def driven(reduced: ReducedModel, record: ResponseRecord, harmonics: int) -> Driven:
+    """Return a reduced beam under the excitation of a record, with its sensor, for a number of harmonics.
 
-    Parameters
-    ----------
-    reduced : ReducedModel
-        The beam and the damping law.
-    record : ResponseRecord
-        The excitation and the sensor.
-
-    Raises
-    ------
-    InputError
-        If the sensor is not on the beam.
+    Raise InputError if the sensor is not on the beam.
     """
     drive = beam_drive(record.base, record.load)
-    return Driven(_tuned(reduced), drive, _reading(reduced, record, drive))
+    # enough samples for the products of a few harmonics, and for the kink of |v| v
+    series = fourier(harmonics, max(32, 6 * harmonics + 2))
+    return Driven(tuned_system(reduced), drive, series, _reading(reduced, record, drive, series))
 
 
-def _tuned(reduced: ReducedModel) -> SecondOrderSystem:
-    """Return the reduced beam with the unknowns s as its parameters."""
-    plain, n = reduced_system(reduced), reduced.count
-    factors = [Parameter(f"frequency_{k + 1}", 1.0, "1", f"factor on the frequency of mode {k + 1}") for k in range(n)]
-    modulus = Parameter("elastic_modulus", 1.0, "1", "factor on the elastic modulus")
-    return SecondOrderSystem(
-        functions=Derived(_tuned_functions, reduced),
-        entries=plain.entries,
-        parameters=(*plain.parameters[GRAVITY_SIZE:], *factors, modulus),
-        excitation=plain.excitation,
-        rest=np.zeros(n),
-        scale=plain.scale,
-        mirror=plain.mirror,
-    )
-
-
-def _tuned_functions(samples: int, reduced: ReducedModel) -> SampledFunctions:
-    plain, n, laws = reduced_system(reduced), reduced.count, len(reduced.law.parameters)
-    rest, bending = cs.DM(reduced.projection.rest_force), cs.DM(reduced.projection.bending_stiffness)
-    squares = cs.DM(reduced.modes.angular_frequencies**2)
-    given = plain.functions(samples)
-    q, v, a, u, p = (given.balance.mx_in(name) for name in ("q", "v", "a", "u", "p"))
-    s = cs.MX.sym("s", laws + n + 1)
-    p = cs.vertcat(cs.DM(reduced.values[:GRAVITY_SIZE]), s[:laws])
-    added = cs.diag((s[laws:-1] ** 2 - 1) * squares)
-    R = given.balance(q, v, a, u, p) + added @ q
-    R += (s[-1] - 1) * (cs.repmat(rest, 1, samples) + bending @ q)
-    directions = [given.tangents.mx_in(name) for name in ("u_1", "u_2")]
-    K, *others = given.tangents(q, v, a, u, p, *directions)
-    K += cs.repmat(cs.vec(cs.densify(added + (s[-1] - 1) * bending)), 1, samples)
-    symbols, names = [q, v, a, u, s], ["q", "v", "a", "u", "p"]
-    balance = cs.Function("balance", symbols, [R], names, ["R"])
-    return SampledFunctions(
-        balance,
-        cs.Function("tangents", [*symbols, *directions], [K, *others], [*names, "u_1", "u_2"],
-                    ["K", "D", "M", "R_1", "R_2"]),
-        cs.Function("powers", symbols, [*given.powers(q, v, a, u, p)], names, ["lost", "supplied"]),
-        balance,
-    )  # fmt: skip
-
-
-def _reading(reduced: ReducedModel, record: ResponseRecord, drive: Drive) -> cs.Function:
-    """Return the reading of the sensor with its Jacobians, as in ``Driven``."""
+def _reading(reduced: ReducedModel, record: ResponseRecord, drive: Drive, series: Fourier) -> cs.Function:
+    """Return the fundamental of the reading with its Jacobians, as in ``Driven``."""
     n, laws = reduced.count, len(reduced.law.parameters)
-    sizes = dict(zip(INPUTS, (n, n, n, 1, 1, 1, laws + n + 1), strict=True))
-    q, v, a, tau, omega, size, s = symbols = [cs.SX.sym(name, count) for name, count in sizes.items()]
-    u = drive.expression(tau, omega, size)
-    y = _sensor(reduced, record)(q, v, a, u[:-LOAD_SIZE], u[-LOAD_SIZE:], s[:laws])
-    jacobians = [cs.densify(cs.jacobian(y, symbols[INPUTS.index(name)])) for name in VARIED]
-    names = ["value", *(f"by_{name}" for name in VARIED)]
-    return cs.Function("reading", symbols, cs.cse([cs.densify(y), *jacobians]), [*INPUTS], names)
+    z, omega, s = cs.MX.sym("z", n * series.size + 1), cs.MX.sym("omega"), cs.MX.sym("s", laws + n + 1)
+    C = cs.reshape(z[:-1], n, series.size)
+    q, v, a = (cs.mtimes(C, cs.DM(part.T)) for part in (series.basis, series.slope, series.curvature))
+    u = drive.expression(series.phases, omega, z[-1])
+    law = cs.repmat(s[:laws], 1, series.samples)
+    h = _sensor(reduced, record).map(series.samples)(
+        q, omega * v, omega**2 * a, u[:-LOAD_SIZE, :], u[-LOAD_SIZE:, :], law
+    )
+    sine, cosine = cs.vertsplit(cs.mtimes(cs.DM(series.analysis[[2, 1]]), h.T))
+    polar = cs.vertcat(cs.hypot(sine, cosine), cs.atan2(cosine, sine))
+    jacobians = [cs.densify(cs.jacobian(polar, by)) for by in (z, s)]
+    return cs.Function("reading", [z, omega, s], [polar, *jacobians], ["z", "omega", "s"], ["polar", "by_z", "by_s"])
 
 
 def _sensor(reduced: ReducedModel, record: ResponseRecord) -> cs.Function:

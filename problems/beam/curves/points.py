@@ -11,7 +11,8 @@ phi(Y) are therefore single-valued: the response-controlled form, in which nothi
     [F_C  F_l] [dC]     [0]
     [Y_C  Y_l] [dl]  =  [1] dY
 
-follow l' and phi'.  With the standard deviations of a measured point, m = (Y/s_Y, phi/s_phi, l/s_l), and
+follow l' and phi'; the second equation is also the row of Newton's method (``harmonic_balance.family``).  With the
+standard deviations of a measured point, m = (Y/s_Y, phi/s_phi, l/s_l), and
 
     g(Y) = (Y/s_Y, phi(Y)/s_phi, l(Y)/s_l),
 
@@ -20,8 +21,8 @@ moves smoothly with them, also where a fold has moved past the frequency or the 
 folds, and with a level that is much more certain than the response, the distance is the error of the response.  It also
 decides the branch: the one that the measured amplitude is on.
 
-Start.  The linear response at rest, scaled to the measured amplitude, and increased in steps if Newton's method does
-not converge from there.  This finds the motions on the curve that begins at rest, and no isola.
+Start.  The curve is followed from the linear response at rest to the measured amplitude, by the continuation of
+``ancf_casadi.response``.  This finds the motions on the curve that begins at rest, and no isola.
 
 References
 ----------
@@ -34,18 +35,22 @@ control-based continuation, Journal of Sound and Vibration 367 (2016), for curve
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from ancf_casadi.exceptions import NumericsError
-from ancf_casadi.response.harmonic_balance.fourier import resized
+from ancf_casadi.response.harmonic_balance.continuation import point_at
+from ancf_casadi.response.harmonic_balance.family import Family, NotFound, Point
+from ancf_casadi.response.onset import crossing, linear_response, small_motion_at
 from ancf_casadi.support.arrays import Array
-from problems.beam.curves.balance import DrivenBalance, Linearised
+from problems.beam.curves.driven import Driven
 
-POINT_NEWTON_ERROR = 1e-9  # Newton step, relative to the coefficients
 POINT_STEP_ERROR = 1e-6  # step along the curve, in standard deviations
+# shares of the measured amplitude at which the continuation from rest begins: the first where the response is nearly
+# linear; with friction, which holds a small motion, only the smaller ones are (test_laws_are_told_apart)
+FIRST_SHARES = (0.1, 1e-2, 1e-3, 1e-4, 1e-6)
 
 
 class NoMotionError(NumericsError):
@@ -88,39 +93,45 @@ class PointMotion:
 
     Parameters
     ----------
-    coefficients : array (d,)
-        Fourier coefficients C.
-    level : float
-        Level l of the excitation.
-    at : Linearised
-        The balance at this motion.
+    driven : Driven
+        The beam with its excitation and sensor.
+    point : Point
+        The motion as a point of the curve at its frequency.
     """
 
-    coefficients: Array
-    level: float
-    at: Linearised
+    driven: Driven
+    point: Point
 
-    @property
+    @cached_property
     def values(self) -> Array:
         """Amplitude, phase and level, (3,)."""
-        return np.append(self.at.polar, self.level)
+        return np.append(self.reading[0], self.point.z[-1] / self.driven.drive.amplitude)
+
+    @property
+    def level(self) -> float:
+        """Level l of the excitation."""
+        return float(self.values[2])
+
+    @cached_property
+    def reading(self) -> tuple[Array, Array, Array]:
+        """Amplitude and phase, (2,), and their derivatives by the unknowns z and s."""
+        return self.driven.read(self.point.family, self.point.z)
+
+    @cached_property
+    def bordered(self) -> Point:
+        """The point with the direction of increasing amplitude as its row."""
+        row = self.reading[1][0] * self.point.family.scale
+        return replace(self.point, row=row / np.linalg.norm(row))
 
     @cached_property
     def tangent(self) -> Array:
-        """Derivatives of coefficients and level by the amplitude, (d + 1,)."""
-        return np.asarray(_solved(self.at, _along(len(self.coefficients)))[0])
+        """Derivatives of the unknowns z by the amplitude, (d + 1,)."""
+        return self._changed(np.zeros((len(self.point.z) - 1, 1)), np.ones(1))[:, 0]
 
-    @property
+    @cached_property
     def slopes(self) -> Array:
         """Derivatives of amplitude, phase and level by the amplitude, (3,): 1, phi', l'."""
-        return _slopes(self.at, self.tangent)
-
-    def padded(self, modes: int, more_modes: int, harmonics: int) -> PointMotion:
-        """Return the motion with zeros for modes and harmonics that it does not have, to start from."""
-        own = resized(self.coefficients.reshape(-1, modes), harmonics)
-        more = np.zeros((len(own), more_modes))
-        more[:, :modes] = own
-        return PointMotion(more.ravel(), self.level, self.at)
+        return np.array([1.0, self.reading[1][1] @ self.tangent, self.tangent[-1] / self.driven.drive.amplitude])
 
     def sensitivities(self, forces: Array, polar: Array) -> Array:
         """Return the derivatives of amplitude, phase and level by unknowns, at the same amplitude, (3, k).
@@ -130,143 +141,81 @@ class PointMotion:
         forces, polar : array (d, k), (2, k)
             Derivatives of the balance and of the reading by the unknowns, at the same coefficients and level.
         """
-        if not forces.shape[1]:
-            return np.zeros((3, 0))
-        change = _solved(self.at, *-np.vstack([forces, polar[:1]]).T).reshape(-1, len(self.coefficients) + 1).T
-        phase = polar[1] + self.at.polar_by_coefficients[1] @ change[:-1] + self.at.polar_by_level[1] * change[-1]
-        return np.array([np.zeros(len(phase)), phase, change[-1]])
+        change = self._changed(-forces, -polar[0])
+        phase = polar[1] + self.reading[1][1] @ change
+        return np.array([np.zeros(len(phase)), phase, change[-1] / self.driven.drive.amplitude])
+
+    def moved(self, along: float) -> PointMotion:
+        """Return the motion on the curve whose amplitude is larger by about a step.
+
+        Raise NotFound if Newton's method does not converge.
+        """
+        own = self.bordered
+        return PointMotion(self.driven, point_at(own.family, own.z + along * self.tangent, own.row, own))
+
+    def _changed(self, forces: Array, amplitudes: Array) -> Array:
+        """Return the changes (d + 1, k) of z that change the balance (d, k) and the amplitude (k,)."""
+        scale = self.point.family.scale
+        along = amplitudes / np.linalg.norm(self.reading[1][0] * scale)
+        return np.asarray(scale[:, None] * self.bordered.solve(np.vstack([forces, along])))
 
 
-def motion_at(
-    balance: DrivenBalance,
-    omega: float,
-    amplitude: float,
-    s: Array,
-    near: tuple[Array, float],
-    farthest: float = math.inf,
-) -> PointMotion:
-    """Return the motion with a given amplitude of the reading.
+def motion_from_rest(driven: Driven, measured: Measured, s: Array) -> PointMotion:
+    """Return a motion with nearly the measured amplitude, on the curve that begins at rest.
 
-    Parameters
-    ----------
-    balance : DrivenBalance
-        The driven beam.
-    omega : float
-        Angular frequency, rad/s.
-    amplitude : float
-        Amplitude of the reading.
-    s : array
-        Unknowns.
-    near : (array, float)
-        Coefficients and level to start from.
-    farthest : float
-        Largest distance of the motion from ``near``, relative; twice this for its level.
-
-    Raises
-    ------
-    NoMotionError
-        If Newton's method does not converge, or moves too far.
+    Raise NumericsError if the curve cannot be followed, or the sensor does not move.
     """
-    C, level = near
-    for _ in range(12):  # Newton steps at a given amplitude
-        at = balance.at(C, level, omega, s)
-        step = _solved(at, np.append(-at.forces, amplitude - at.polar[0]))[0]
-        C, level = C + step[:-1], level + float(step[-1])
-        if not np.isfinite(step).all() or not _near(C, level, near, farthest):
-            break
-        if np.linalg.norm(step[:-1]) <= POINT_NEWTON_ERROR * np.linalg.norm(C):
-            return PointMotion(C, level, balance.at(C, level, omega, s))
-    raise NoMotionError("Newton's method does not converge to a steady motion")
-
-
-def motion_from_rest(balance: DrivenBalance, measured: Measured, s: Array) -> PointMotion:
-    """Return the motion with the measured amplitude, on the curve that begins at rest.
-
-    Raises
-    ------
-    NoMotionError
-        If the curve cannot be followed, or the sensor does not move.
-    """
-    goal, omega = float(measured.values[0]), measured.omega
-    slight = 1e-9
-    rest = balance.at(np.zeros(balance.unknowns), slight, omega, s)
-    C = np.asarray(np.linalg.solve(rest.by_coefficients, -rest.forces))
-    size = float(balance.at(C, slight, omega, s).polar[0])
-    if not size > 0.0:
+    goal, curve, size = float(measured.values[0]), driven.curve(measured.omega, s), driven.drive.amplitude
+    response, slight = linear_response(curve.balance, measured.omega), 1e-9 * size
+    z = curve.joined(response[0] + slight * response[1], replace(curve.setting, amplitude=slight))
+    amplitude = float(driven.read(curve, z)[0][0]) / slight
+    if not amplitude > 0.0:
         raise NoMotionError("the sensor does not move")
-    here = (C * 0.0, 0.0, 0.0)  # coefficients, level and amplitude of the last motion
-    slope = C / size, slight / size
-    step = goal
-    while here[2] < goal:
-        trial = min(here[2] + step, goal)
-        ahead = trial - here[2]
-        expected = here[0] + ahead * slope[0], here[1] + ahead * slope[1]
+
+    def reached(point: Point) -> float:
+        return float(driven.read(point.family, point.z)[0][0])
+
+    for share in FIRST_SHARES:
+        level = share * goal / amplitude
         try:
-            # largest change of a motion by Newton's method on the way from rest, relative; twice this for its level
-            found = motion_at(balance, omega, trial, s, expected, 0.3)
-        except (NoMotionError, np.linalg.LinAlgError):
-            step = min(step, ahead) / 2
-            # least increase of the amplitude on the way from rest, relative to the measured one
-            if step < 1e-4 * goal:
-                raise NoMotionError(
-                    f"the response cannot be followed beyond the amplitude {here[2]:.3g} of {goal:.3g}"
-                ) from None
+            first = small_motion_at(curve.balance, measured.omega, response, level, size, math.inf)
+        except NumericsError:
             continue
-        here, step = (found.coefficients, found.level, trial), 2 * step
-        slope = found.tangent[:-1], float(found.tangent[-1])
-    return found if found.level > 0.0 else _half_period_later(balance, found, omega, s)
+        if abs(reached(first) / (share * goal) - 1) <= 0.1:
+            break
+    else:
+        raise NoMotionError("no small motion near rest is found")
+
+    def longest(point: Point, tangent: Array) -> float:
+        (found, _), by_z, _ = driven.read(point.family, point.z)
+        rate = float(by_z[0] @ (tangent * point.family.scale))
+        return (goal - found) / rate if rate > 0.0 else math.inf
+
+    # the search for the closest point needs the amplitude to a few per cent
+    step = crossing(first, first.row, lambda point: reached(point) / goal - 0.98, math.inf, longest)
+    if step is None:
+        raise NoMotionError(f"the response cannot be followed to the amplitude {goal:.3g}")
+    found = PointMotion(driven, step.end)
+    return found if found.level > 0.0 else _half_period_later(found)
 
 
-def _near(C: Array, level: float, expected: tuple[Array, float], farthest: float) -> bool:
-    """Return whether a motion is near the one expected, and not on another curve."""
-    moved = float(np.linalg.norm(C - expected[0])) <= farthest * float(np.linalg.norm(C))
-    return moved and abs(level - expected[1]) <= 2 * farthest * max(abs(level), abs(expected[1]))
-
-
-def _half_period_later(balance: DrivenBalance, motion: PointMotion, omega: float, s: Array) -> PointMotion:
+def _half_period_later(motion: PointMotion) -> PointMotion:
     """Return the same motion with a level of the other sign: the time begins half a period later."""
-    signs = (-1.0) ** balance.fourier.orders
-    C, level = (signs[:, None] * motion.coefficients.reshape(len(signs), -1)).ravel(), -motion.level
-    return PointMotion(C, level, balance.at(C, level, omega, s))
+    family, setting = motion.point.family, motion.point.setting
+    C = (-1.0) ** family.balance.fourier.orders[:, None] * motion.point.coefficients
+    z = family.joined(C, replace(setting, amplitude=-setting.amplitude))
+    return PointMotion(motion.driven, family.at(z, motion.point.row))
 
 
-def closest(balance: DrivenBalance, measured: Measured, s: Array, near: PointMotion) -> PointMotion:
-    """Return the motion closest to a measured point, from one nearby.
+def closest(driven: Driven, measured: Measured, s: Array, near: PointMotion) -> PointMotion:
+    """Return the motion closest to a measured point, from one nearby, by steps that each reduce the distance.
 
-    Raises
-    ------
-    NoMotionError
-        If the search does not converge.
+    Raise NumericsError if the search does not converge.
     """
-    quick = _quickly(balance, measured, s, near)
-    return quick or _carefully(balance, measured, s, near)
-
-
-def _quickly(balance: DrivenBalance, measured: Measured, s: Array, near: PointMotion) -> PointMotion | None:
-    """Return the closest motion by Newton's method for motion and amplitude at once; None if steps are not small."""
-    C, level, last = near.coefficients, near.level, None
-    for _ in range(8):  # steps of the quick search
-        at = balance.at(C, level, measured.omega, s)
-        correction, tangent = _solved(at, np.append(-at.forces, 0.0), _along(len(C)))
-        values, slopes = np.append(at.polar, level), _slopes(at, tangent)
-        along, size = _step(measured, values, slopes, last)
-        last = values[0], slopes
-        moved = float(np.linalg.norm(correction[:-1] + along * tangent[:-1]) / np.linalg.norm(C))
-        if not moved <= 0.05:  # relative to the coefficients
-            return None
-        step = correction + along * tangent
-        C, level = C + step[:-1], level + float(step[-1])
-        if (
-            np.linalg.norm(correction[:-1]) <= POINT_NEWTON_ERROR * np.linalg.norm(C)
-            and abs(along) * size <= POINT_STEP_ERROR
-        ):
-            return PointMotion(C, level, balance.at(C, level, measured.omega, s))
-    return None
-
-
-def _carefully(balance: DrivenBalance, measured: Measured, s: Array, near: PointMotion) -> PointMotion:
-    """Return the closest motion by steps along the curve, each of which reduces the distance."""
-    here = motion_at(balance, measured.omega, float(near.values[0]), s, (near.coefficients, near.level))
+    try:
+        here = _again(driven, driven.curve(measured.omega, s), near)
+    except NotFound:
+        raise NoMotionError("Newton's method does not converge to a steady motion") from None
     last: tuple[float, Array] | None = None
     for _ in range(60):  # steps along the curve to the closest point
         values, slopes = here.values, here.slopes
@@ -276,22 +225,34 @@ def _carefully(balance: DrivenBalance, measured: Measured, s: Array, near: Point
         last = float(values[0]), slopes
         # longest step along the curve, relative to the amplitude, and as a phase, rad
         farthest = min(0.2 * values[0], 0.3 / max(abs(slopes[1]), np.finfo(float).tiny))
-        along = math.copysign(min(abs(along), farthest), along)
-        here = _nearer(balance, measured, s, here, along)
+        here = _nearer(measured, here, math.copysign(min(abs(along), farthest), along))
     raise NoMotionError("the motion closest to the measured point is not found")
 
 
-def _nearer(balance: DrivenBalance, measured: Measured, s: Array, here: PointMotion, along: float) -> PointMotion:
+def _again(driven: Driven, curve: Family, near: PointMotion) -> PointMotion:
+    """Return the motion on a curve near one on another, which may have fewer modes and harmonics."""
+
+    def padded(vector: Array) -> Array:
+        own, setting = near.point.family.split(vector)
+        C = np.zeros((curve.balance.fourier.size, curve.balance.system.size))
+        C[: len(own), : own.shape[1]] = own
+        return curve.joined(C, setting)
+
+    z, row = padded(near.point.z), padded(near.bordered.row)
+    curve = replace(curve, size=near.point.family.size)
+    return PointMotion(driven, point_at(curve, z, row, near.point if len(z) == len(near.point.z) else None))
+
+
+def _nearer(measured: Measured, here: PointMotion, along: float) -> PointMotion:
     """Return the motion after a step of the amplitude, which is halved until the distance decreases."""
     distance = float(np.sum(measured.distance(here.values) ** 2))
     for _ in range(12):  # halvings of a step along the curve
-        near = here.coefficients + along * here.tangent[:-1], here.level + along * float(here.tangent[-1])
         try:
-            found = motion_at(balance, measured.omega, float(here.values[0]) + along, s, near)
-        except (NoMotionError, np.linalg.LinAlgError):
+            found = here.moved(along)
+        except NotFound:
             found = None
         # relative increase of a squared distance that counts as none
-        if found is not None and float(np.sum(measured.distance(found.values) ** 2)) <= distance * (1 + 1e-12):
+        if found is not None and float(np.sum(measured.distance(found.values) ** 2)) <= distance * (1 + 1e-9):
             return found
         along /= 2
     raise NoMotionError("the curve cannot be followed to the measured point")
@@ -309,21 +270,3 @@ def _step(measured: Measured, values: Array, slopes: Array, last: tuple[float, A
         curvature = (slopes - last[1]) / (values[0] - last[0]) / measured.deviations
         second += max(0.0, float(curvature[2] * distance[2]))
     return -gradient / second, math.sqrt(float(slope @ slope))
-
-
-def _along(size: int) -> Array:
-    return np.append(np.zeros(size), 1.0)
-
-
-def _solved(at: Linearised, *columns: Array) -> Array:
-    """Return the solutions of the bordered system for right sides (d + 1,), as rows."""
-    top = np.column_stack([at.by_coefficients, at.by_level])
-    bottom = np.append(at.polar_by_coefficients[0], at.polar_by_level[0])
-    scale = np.abs(top).max(axis=1)
-    sides = np.column_stack(columns) / np.append(scale, 1.0)[:, None]
-    return np.asarray(np.linalg.solve(np.vstack([top / scale[:, None], bottom]), sides).T)
-
-
-def _slopes(at: Linearised, tangent: Array) -> Array:
-    phase = at.polar_by_coefficients[1] @ tangent[:-1] + at.polar_by_level[1] * tangent[-1]
-    return np.array([1.0, phase, tangent[-1]])

@@ -21,12 +21,11 @@ import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import LARGEST_PREDICTION_ERROR
-from ancf_casadi.exceptions import FitError
+from ancf_casadi.exceptions import FitError, NumericsError
 from ancf_casadi.support.arrays import Array, Mask, root_mean_square
 from ancf_casadi.support.tables import Displayed, Table, known
 from problems.beam.curves.block import CurveBlock
 from problems.beam.curves.record import ResponseRecord
-from problems.beam.curves.residuals import FAILURES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -168,11 +167,12 @@ def predicted(block: CurveBlock, fit: Fit) -> ResponsePrediction:
         If the response at a point cannot be computed.
     """
     (record,), values = block.records, fit.estimates
-    loose = block.weights.proportions[0] * np.array([FREE_STD, FREE_STD, 1.0])[:, None]
-    responses = replace(block, weights=replace(block.weights, proportions=(loose,))).evaluation()
+    amplitude_std, phase_std, level_std = record.stds * np.array([FREE_STD, FREE_STD, 1.0])[:, None]
+    loose = replace(record, amplitude_std=amplitude_std, phase_std=phase_std, level_std=level_std)
+    responses = replace(block, weights=replace(block.weights, records=(loose,))).evaluation()
     try:
         motions, changes = responses.motions(values)[0], responses.sensitivities(values)[0]
-    except FAILURES as error:
+    except NumericsError as error:
         raise FitError(f"the response cannot be predicted: {error}") from None
     found = np.array([one.values for one in motions])
     places = [fit.names.index(name) for name in block.names]

@@ -17,12 +17,11 @@ numbers, so that standard deviations alone tell the tests apart:
     of a      ``CURVE_ERROR`` of a
 
 and a tenth of ``CURVE_ERROR`` for the controlled number, a or Y, without a floor.  These defaults are proportions: the
-scatter of the residuals sets the size of those that are measured (``weights``).
+scatter of the residuals sets the size of those that are measured (``residuals``).
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 from types import NoneType
@@ -36,6 +35,7 @@ from ancf_casadi.dynamics.tip_load import HarmonicLoad
 from ancf_casadi.exceptions import InputError
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.records.sensor import Sensor
+from ancf_casadi.response.harmonic_balance.drive import beam_drive
 from ancf_casadi.support.arrays import Array, ComplexArray
 from ancf_casadi.support.inputs import array, check_instance, choice, complex_array
 from ancf_casadi.support.tables import Displayed, counted, spread
@@ -118,16 +118,11 @@ class ResponseRecord(Displayed):
     def __post_init__(self) -> None:
         """Validate, and keep arrays; complex values become amplitudes and phases."""
         check_instance(self.sensor, "sensor", Sensor)
-        check_instance(self.base, "base", HarmonicBase, NoneType)
-        check_instance(self.load, "load", HarmonicLoad, NoneType)
         check_instance(self.name, "name", str)
         check_instance(self.model, "model", Model, NoneType)
-        if (self.base is None) == (self.load is None):
+        if self.base is None and self.load is None:
             raise InputError("give the base motion (base) or the tip load (load) that excites the beam", "base")
-        if (self.base is not None and self.base.stop != math.inf) or (
-            self.load is not None and self.load.stop != math.inf
-        ):
-            raise InputError("must not stop: the response is steady", "base" if self.base else "load")
+        beam_drive(self.base, self.load)  # refuses what cannot excite a steady vibration
         choice(self.control, get_args(Control), "control")
         if self.sweep is not None:
             choice(self.sweep, get_args(Sweep), "sweep")
@@ -196,8 +191,10 @@ class ResponseRecord(Displayed):
         """Name of the record; sensor, level and sweep if it has none."""
         if self.name:
             return self.name
-        size = f"{1e3 * self.base.amplitude * np.median(self.a):.3g} mm" if self.base else _size(self.load, self.a)
-        return ", ".join([f"{self.sensor.quantity} {self.sensor.label}", size, *([self.sweep] if self.sweep else [])])
+        drive = beam_drive(self.base, self.load)
+        size = drive.amplitude * float(np.median(self.a))
+        level = f"{1e3 * size:.3g} mm" if self.base else f"{size:.3g} {drive.unit}"
+        return ", ".join([f"{self.sensor.quantity} {self.sensor.label}", level, *([self.sweep] if self.sweep else [])])
 
     @cached_property
     def stds(self) -> Array:
@@ -233,11 +230,3 @@ def _each(values: Array, count: int, where: str) -> Array:
     if values.shape not in ((), (count,)):
         raise InputError(f"must be one number, or {count}, one per frequency, got {values.shape}", where)
     return np.broadcast_to(values, (count,)).copy()
-
-
-def _size(load: HarmonicLoad | None, levels: Array) -> str:
-    """Return the size of a tip load as text."""
-    if load is None:
-        return ""
-    force = math.hypot(*load.force)
-    return f"{force * np.median(levels):.3g} N" if force else f"{load.moment * np.median(levels):.3g} N m"

@@ -14,9 +14,15 @@ residuals by the unknowns therefore are the components of T dg/dx at fixed Y (va
 sum of squares is exact.
 
 Properties, tip mass and clamp enter the constants of the reduced model, except for the elastic modulus if the damping
-does not contain it.  The derivatives of F and of the reading by
-these are central differences at fixed coefficients, between two models at the relative distances ``DIFFERENCE``; all
-other derivatives are exact.
+does not contain it.  The derivatives of F and of the reading by these are central differences at fixed coefficients,
+between two models at the relative distances ``DIFFERENCE``; all other derivatives are exact.
+
+Weights.  A record has standard deviations of its amplitudes, phases and levels (``ResponseRecord.stds``).  Those that
+were not given are proportions: a first fit takes them as they are, and the root mean square of its residuals gives one
+factor c for the amplitudes and levels of all records of one sensor, and one for their phases; a second fit uses these
+(iteratively reweighted least squares).  A factor of its own for each record would follow the scatter of a few points,
+and make the intervals too narrow.  The fit weighs the residuals, distances in units of c s, by the geometric mean G of
+the factors (``ancf_casadi.estimation.solve``).
 
 References
 ----------
@@ -27,48 +33,103 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.exceptions import NumericsError
-from ancf_casadi.support.arrays import Array
+from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.callbacks import Differentiable
-from problems.beam.curves.balance import DrivenBalance
+from problems.beam.curves.driven import Driven
 from problems.beam.curves.points import Measured, NoMotionError, PointMotion, closest, motion_from_rest
+from problems.beam.curves.record import ResponseRecord
 
 if TYPE_CHECKING:
     from problems.beam.curves.block import CurveBlock
 
 DIFFERENCE = 1e-4  # relative change of a property for its derivative
-FAILURES = (NumericsError, np.linalg.LinAlgError)
+
+
+class Series(NamedTuple):
+    """Residuals of one kind of one record: its number, row 0 for amplitudes or 1 for phases, length, and std given."""
+
+    record: int
+    row: int
+    length: int
+    known: bool
 
 
 @dataclass(frozen=True, eq=False)
-class Neighbours:
-    """The driven beam of each record with a property a little larger and a little smaller.
+class CurveWeights:
+    """Standard deviations of all points.
 
     Parameters
     ----------
-    place : int
-        Place of the property among the unknowns.
-    width : float
-        Difference of the two values.
-    above, below : list of DrivenBalance
-        The driven beams.
+    records : tuple of ResponseRecord
+        The records.
+    factors : array (records, 2)
+        Factor c of the amplitudes and levels, and of the phases, of each record.
     """
 
-    place: int
-    width: float
-    above: list[DrivenBalance]
-    below: list[DrivenBalance]
+    records: tuple[ResponseRecord, ...]
+    factors: Array
 
-    def of(self, record: int) -> tuple[int, float, DrivenBalance, DrivenBalance]:
-        """Return place, difference, and the two driven beams of a record."""
-        return self.place, self.width, self.above[record], self.below[record]
+    @cached_property
+    def series(self) -> list[Series]:
+        """The series of residuals: the amplitudes and, if they were measured, the phases of each record."""
+        return [
+            Series(k, row, record.f.size, given is not None)
+            for k, record in enumerate(self.records)
+            for row, given in enumerate(_measured_stds(record))
+            if row == 0 or record.phases is not None
+        ]
+
+    @property
+    def size(self) -> int:
+        """Number of residuals."""
+        return sum(one.length for one in self.series)
+
+    @property
+    def scale(self) -> float:
+        """The geometric mean G of the factors."""
+        return math.exp(
+            sum(one.length * math.log(self.factors[one.record, one.row]) for one in self.series) / self.size
+        )
+
+    @property
+    def improvable(self) -> bool:
+        """True if residuals would change the factors."""
+        return not all(one.known for one in self.series)
+
+    def deviations(self, record: int) -> Array:
+        """Return the standard deviations of amplitudes, phases and levels of a record, (3, m)."""
+        return np.asarray(self.records[record].stds * self.factors[record, [0, 1, 0], None])
+
+    def improved(self, residuals: Array) -> CurveWeights:
+        """Return the weights with the factors of residuals where no standard deviation was given."""
+        factors = self.factors.copy()
+        parts = np.split(residuals, np.cumsum([one.length for one in self.series]))[:-1]
+        kinds = [(own.sensor, own.control, *(std is None for std in _measured_stds(own))) for own in self.records]
+        for k, kind in enumerate(kinds):
+            for row in range(2):
+                own = [
+                    part
+                    for one, part in zip(self.series, parts, strict=True)
+                    if (kinds[one.record], one.row, one.known) == (kind, row, False)
+                ]
+                if own:
+                    # least factor: below it, residuals are those of the computation
+                    factors[k, row] = max(factors[k, row] * root_mean_square(np.concatenate(own)), 1e-6)
+        return replace(self, factors=factors)
+
+
+def _measured_stds(record: ResponseRecord) -> tuple[object, object]:
+    """Return the standard deviations that were given of the measured quantity, amplitude or level, and of the phase."""
+    measured = record.level_std if record.control == "response" else record.amplitude_std
+    return measured, record.phase_std
 
 
 class Responses:
@@ -84,14 +145,14 @@ class Responses:
         self.block = block
         self.failure = ""
         self._last: list[list[PointMotion]] = []
-        self._constant: list[DrivenBalance] = []
+        self._constant: list[Driven] = []
 
     def continued(self, before: Responses) -> Responses:
         """Return the residuals, from the last motions of a block with other weights, or fewer modes and harmonics."""
         old, new = before.block, self.block
         if (new.modes, new.harmonics) == (old.modes, old.harmonics):
             self._constant = before._constant
-        self._last = [[one.padded(old.modes, new.modes, new.harmonics) for one in own] for own in before._last]
+        self._last = before._last
         return self
 
     def residuals(self, given: Mapping[str, cs.MX]) -> cs.MX:
@@ -104,23 +165,20 @@ class Responses:
     @cached_property
     def _differentiable(self) -> Differentiable:
         """The residuals as a CasADi Function of the unknowns, nan where a motion is not found."""
-        return Differentiable(self._or_nan, sum(self.block.weights.lengths), len(self.block.names))
+        return Differentiable(self._respond, self.block.weights.size, len(self.block.names))
 
     def motions(self, values: Mapping[str, float]) -> list[list[PointMotion]]:
         """Return the motion closest to each point, record by record, for values of the unknowns by name.
 
-        Raises
-        ------
-        NoMotionError
-            If one is not found; the message names it.
+        Raise NoMotionError if one is not found; the message names it.
         """
-        s, balances, found = self.block.shared(values), self._balances(values), []
+        s, beams, found = self.block.shared(values), self._driven(values), []
         for k, (record, points) in enumerate(zip(self.block.records, self.block.measured(values), strict=True)):
             own: list[PointMotion] = []
             for j, point in enumerate(points):
                 try:
-                    own.append(_motion(balances[k], point, s, self._last[k][j] if self._last else None))
-                except FAILURES as error:
+                    own.append(_motion(beams[k], point, s, self._last[k][j] if self._last else None))
+                except NumericsError as error:
                     raise NoMotionError(f"{record.label}, {record.f[j]:.6g} Hz: {error}") from None
             found.append(own)
         self._last = found
@@ -131,10 +189,7 @@ class Responses:
 
         Those that are not given have their guesses.
 
-        Raises
-        ------
-        NoMotionError
-            If a motion is not found.
+        Raise NoMotionError if a motion is not found.
         """
         motions, points = self.motions(values), self.block.measured(values)
         residuals, jacobians = [], []
@@ -155,54 +210,46 @@ class Responses:
         """
         s, neighbours = self.block.shared(values), []
         for name in self.block.of_model:
-            above, below = (
-                self.block.balances({**values, name: (1 + side * DIFFERENCE) * values[name]}) for side in (1, -1)
-            )
-            neighbours.append(Neighbours(self.block.names.index(name), 2 * DIFFERENCE * values[name], above, below))
+            ends = [self.block.driven({**values, name: (1 + side * DIFFERENCE) * values[name]}) for side in (1, -1)]
+            neighbours.append((self.block.names.index(name), 2 * DIFFERENCE * values[name], ends))
         found = []
         for k, (number, record) in enumerate(self.block.numbered):
-            factor = self.block.excitation(number)
-            own = zip(self._last[k], 2 * math.pi * record.f, strict=True)
-            changes = [self._change(motion, omega, s, [one.of(k) for one in neighbours]) for motion, omega in own]
-            if factor:
+            own = [(place, width, [end[k] for end in ends]) for place, width, ends in neighbours]
+            changes = [self._change(motion, s, own) for motion in self._last[k]]
+            if factor := self.block.excitation(number):
                 for change, level in zip(changes, record.a, strict=True):
                     change[2, self.block.names.index(factor)] -= level
             found.append(changes)
         return found
 
-    def _change(
-        self,
-        motion: PointMotion,
-        omega: float,
-        s: Array,
-        neighbours: Sequence[tuple[int, float, DrivenBalance, DrivenBalance]],
-    ) -> Array:
+    def _change(self, motion: PointMotion, s: Array, neighbours: Sequence[tuple[int, float, list[Driven]]]) -> Array:
         """Return the derivatives of amplitude, phase and level of a motion at the same amplitude, (3, n)."""
-        forces, polar = np.zeros((len(motion.at.forces), len(self.block.names))), np.zeros((2, len(self.block.names)))
-        for own, place, slope in self.block.shared_columns():
-            forces[:, place] = slope * motion.at.by_unknowns[:, own]
-            polar[:, place] = slope * motion.at.polar_by_unknowns[:, own]
-        for place, width, *ends in neighbours:
-            above, below = (balance.at(motion.coefficients, motion.level, omega, s) for balance in ends)
-            forces[:, place] = (above.forces - below.forces) / width
-            polar[:, place] = (above.polar - below.polar) / width
+        z, balance, setting = motion.point.z, motion.point.family.balance, motion.point.setting
+        directions = self.block.shared_directions
+        forces = balance.by_parameters(motion.point.coefficients, setting, directions)
+        polar = motion.reading[2] @ directions
+        for place, width, ends in neighbours:
+            curves = [end.curve(setting.omega, s) for end in ends]
+            above, below = (curve.residual(z) for curve in curves)
+            forces[:, place] = (above - below) / width
+            above, below = (end.read(curve, z)[0] for end, curve in zip(ends, curves, strict=True))
+            polar[:, place] = (above - below) / width
         return motion.sensitivities(forces, polar)
 
-    def _balances(self, values: Mapping[str, float]) -> list[DrivenBalance]:
+    def _driven(self, values: Mapping[str, float]) -> list[Driven]:
         """Return the driven beams; they are built anew only if properties change."""
         if self.block.of_model:
-            return self.block.balances(values)
-        self._constant = self._constant or self.block.balances({})
+            return self.block.driven(values)
+        self._constant = self._constant or self.block.driven({})
         return self._constant
 
-    def _or_nan(self, x: Array) -> tuple[Array, Array]:
-        """Return residuals and Jacobian; nan where a motion is not found, and keep the reason."""
+    def _respond(self, x: Array) -> tuple[Array, Array]:
+        """Return residuals and Jacobian; if a motion is not found, keep the reason."""
         try:
             return self.at(dict(zip(self.block.names, x.tolist(), strict=True)))
-        except FAILURES as error:
+        except NumericsError as error:
             self.failure = self.failure or str(error)
-            m = sum(self.block.weights.lengths)
-            return np.full(m, math.nan), np.full((m, len(self.block.names)), math.nan)
+            raise
 
 
 def across(slope: Array, response_controlled: bool, has_phase: bool) -> Array:
@@ -226,11 +273,11 @@ def across(slope: Array, response_controlled: bool, has_phase: bool) -> Array:
     return np.asarray(rotation[[row for row in rows if has_phase or row != 1]])
 
 
-def _motion(balance: DrivenBalance, point: Measured, s: Array, last: PointMotion | None) -> PointMotion:
+def _motion(driven: Driven, point: Measured, s: Array, last: PointMotion | None) -> PointMotion:
     """Return the motion closest to a point, from the last one or, if there is none or that fails, from rest."""
     if last is not None:
         try:
-            return closest(balance, point, s, last)
-        except FAILURES:
+            return closest(driven, point, s, last)
+        except NumericsError:
             pass
-    return closest(balance, point, s, motion_from_rest(balance, point, s))
+    return closest(driven, point, s, motion_from_rest(driven, point, s))

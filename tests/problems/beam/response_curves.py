@@ -16,14 +16,14 @@ def swept(model: Model, law, record: ResponseRecord, *, modes: int, harmonics: i
     """Return amplitude and phase at the points of a record (m, 2), on the branch that its sweep reaches."""
     first = {"elastic_modulus": 1.0} if "elastic_modulus" in values else {}  # values are factors
     block = curve_block(model, [(1, record)], law, tuple(first), first, modes=modes, harmonics=harmonics)
-    balance, s = block.balances({})[0], block.shared(values)
+    driven, s = block.driven({})[0], block.shared(values)
     motion, found = None, []
     for f, level in zip(record.f, record.a, strict=True):
         wanted = [Measured(2 * math.pi * f, np.array([size, math.nan, level]), ONLY_LEVEL) for size in SIZES]
         starts = [] if motion is None else [(wanted[0], motion)]
         for point, near in [*starts, *((one, None) for one in wanted)]:
             try:
-                motion = closest(balance, point, s, near or motion_from_rest(balance, point, s))
+                motion = closest(driven, point, s, near or motion_from_rest(driven, point, s))
             except NoMotionError:
                 continue
             if abs(motion.level / level - 1) < 1e-6 and motion.slopes[2] > 0.0:

@@ -21,7 +21,7 @@ from ancf_casadi import (
 )
 from problems import FrequencyRecord, MarkerRecord, ResponseRecord, compare_laws, fit_beam
 from problems.beam.curves.block import curve_block
-from problems.beam.curves.points import Measured, motion_from_rest
+from problems.beam.curves.points import Measured, closest, motion_from_rest
 from tests.problems.beam.response_curves import noisy, swept
 
 RATIO, ETA2, FREQUENCY = 0.006, 1.0, 1.01
@@ -181,9 +181,10 @@ def test_the_response_may_be_held_instead_of_the_excitation(model, modes, curves
 def held(model, law, record):
     """Return amplitude, phase and level of the motions with the amplitudes of a record, (m, 3)."""
     block = curve_block(model, [(1, record)], law, (), {}, modes=3, harmonics=5)
-    balance, s = block.balances({})[0], block.shared({"frequency_1": FREQUENCY})
-    points = (Measured(2 * np.pi * f, np.array([0.03, np.nan, 1.0]), np.ones(3)) for f in record.f)
-    return np.array([motion_from_rest(balance, point, s).values for point in points])
+    beam, s = block.driven({})[0], block.shared({"frequency_1": FREQUENCY})
+    deviations = np.array([1e-6, 1e6, 1e6])
+    points = [Measured(2 * np.pi * f, np.array([0.03, np.nan, 1.0]), deviations) for f in record.f]
+    return np.array([closest(beam, point, s, motion_from_rest(beam, point, s)).values for point in points])
 
 
 @pytest.mark.slow

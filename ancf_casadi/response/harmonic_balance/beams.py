@@ -10,25 +10,24 @@ operation is a product of matrices; the derivatives follow column by column, for
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw, Parameter
-from ancf_casadi.dynamics.equations import Balance, Equations
+from ancf_casadi.dynamics.equations import Equations
 from ancf_casadi.dynamics.signals import Signal, parameter_signals
-from ancf_casadi.dynamics.tip_load import tip_force
+from ancf_casadi.dynamics.tip_load import LOAD_SIZE, tip_force
 from ancf_casadi.mechanics.model import NODE, Model
 from ancf_casadi.mechanics.strain import gauss
 from ancf_casadi.reduction.forces import BASE_SIZE, ReducedMotion
 from ancf_casadi.reduction.reduced import ReducedModel
-from ancf_casadi.response.systems.drive import BEAM_EXCITATION
-from ancf_casadi.response.systems.system import (
-    Corrections,
-    Derived,
+from ancf_casadi.response.harmonic_balance.drive import BEAM_EXCITATION
+from ancf_casadi.response.harmonic_balance.system import (
+    KEPT_FUNCTIONS,
     SampledFunctions,
     SecondOrderSystem,
     dense_entries,
@@ -38,6 +37,7 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.compilation import compiled
 from ancf_casadi.vibration.equilibrium import static_equilibrium
 
+GRAVITY_SIZE = 2  # first parameters of a beam, which do not vary
 KEPT = 8  # systems whose Functions are kept
 STRAIGHT = 1e-9  # of the length of the beam, or of a direction
 
@@ -48,14 +48,11 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
 
     Its parameters are gravity, the properties of each element in turn, and the parameters of the law.
 
-    Raises
-    ------
-    EquilibriumError
-        If there is no equilibrium under gravity.
+    Raise EquilibriumError if there is no equilibrium under gravity.
     """
     rest = static_equilibrium(model).coordinates[NODE:]
     return SecondOrderSystem(
-        functions=Derived(_full_functions, model, law),
+        functions=partial(_full_functions, model, law),
         entries=_one_sample(model, law)[0],
         parameters=parameters_of(parameter_signals(Equations(model, law)), law),
         excitation=BEAM_EXCITATION,
@@ -66,46 +63,100 @@ def full_system(model: Model, law: DampingLaw) -> SecondOrderSystem:
     )
 
 
-def _full_functions(samples: int, model: Model, law: DampingLaw) -> SampledFunctions:
+@lru_cache(maxsize=KEPT_FUNCTIONS)
+def _full_functions(model: Model, law: DampingLaw, samples: int) -> SampledFunctions:
     return several(samples, *_one_sample(model, law)[1])
 
 
 @lru_cache(maxsize=KEPT)
 def _one_sample(model: Model, law: DampingLaw) -> tuple[tuple[Index, Index], SampledFunctions]:
     """Return rows and columns of the entries of the matrices, and the Functions of one sample."""
-    motion = FullMotion.of(Equations(model, law, compiled))
-    symbols, names = motion.symbols, ["q", "v", "a", "u", "p"]
-    plain = FullMotion(Equations(model, law), *symbols)
+    equations = Equations(model, law, compiled)
+    symbols, names = _symbols(equations), ["q", "v", "a", "u", "p"]
+    *_, u, p = symbols
+    forces, powers, (e, e_t, _) = _full_motion(equations, symbols)
+    plain, *_ = _full_motion(Equations(model, law), symbols)
     directions = [cs.MX.sym(name, BEAM_EXCITATION) for name in ("u_1", "u_2")]
-    entries, matrices, by_excitation = motion.tangents
-    driven = [by_excitation @ direction for direction in directions]
-    balance, differentiable = (
-        cs.Function("balance", symbols, [one.forces[NODE:]], names, ["R"]) for one in (motion, plain)
-    )
-    tangents = cs.Function("tangents", [*symbols, *directions], [cs.densify(part) for part in (*matrices, *driven)],
+    terms, load = equations.balance_for(p), u[BASE_SIZE:]
+    K, D, M = (model.matrix(entries) for entries in terms.tangents(e, e_t, load))
+    B = terms.turned_projection(e)
+    if B.shape[1]:
+        D += B @ cs.diag(terms.modal_coefficients) @ B.T
+    at_tip = cs.vertcat(cs.MX.zeros(model.size - 2 * NODE, BEAM_EXCITATION), cs.jacobian(tip_force(e, load), u))
+    U = cs.horzcat(*(cs.horzcat(matrix[NODE:, :2], cs.MX(model.size - NODE, 1)) for matrix in (K, D, M)),
+                   cs.MX(model.size - NODE, LOAD_SIZE)) - at_tip  # fmt: skip
+    free = [matrix[NODE:, NODE:] for matrix in (K, D, M)]
+    pattern = free[0].sparsity() + free[1].sparsity()
+    outputs = [*(cs.project(matrix, pattern).nz[:] for matrix in free), *(U @ direction for direction in directions)]
+    balance, differentiable = (cs.Function("balance", symbols, [own[NODE:]], names, ["R"]) for own in (forces, plain))
+    tangents = cs.Function("tangents", [*symbols, *directions], [cs.densify(part) for part in outputs],
                            [*names, "u_1", "u_2"], ["K", "D", "M", "R_1", "R_2"])  # fmt: skip
-    powers = cs.Function("powers", symbols, [*motion.powers], names, ["lost", "supplied"])
-    return entries, SampledFunctions(balance, tangents, powers, differentiable)
+    entries = np.array(pattern.row()), np.array(pattern.get_col())
+    return entries, SampledFunctions(
+        balance, tangents, cs.Function("powers", symbols, powers, names, ["lost", "supplied"]), differentiable
+    )
+
+
+def _symbols(equations: Equations) -> list[cs.MX]:
+    """Return symbols of the free coordinates, their velocities and accelerations, the excitation and the parameters."""
+    free, parameters = equations.free, len(parameter_signals(equations))
+    sizes = {"q": free, "v": free, "a": free, "u": BEAM_EXCITATION, "p": parameters}
+    return [cs.MX.sym(name, size) for name, size in sizes.items()]
+
+
+def _full_motion(equations: Equations, symbols: Sequence[cs.MX]) -> tuple[cs.MX, list[cs.MX], list[cs.MX]]:
+    """Return the forces of a beam whose clamp does not rotate, powers, and coordinates of all nodes with their rates.
+
+    The forces are the left side of the equation of motion, (4 n + 4,); the first four are those of the base.  The
+    powers are lost to damping, and supplied at the base and the tip, W.
+    """
+    *free, u, p = symbols
+    still = cs.MX.zeros(2)
+    clamped = [cs.vertcat(u[3 * k : 3 * k + 2], still) for k in range(3)]
+    clamped[0][2:] = cs.DM(equations.model.beam.axis)
+    e, e_t, e_tt = nodes = [cs.vertcat(*pair) for pair in zip(clamped, free, strict=True)]
+    terms = equations.balance_for(p)
+    low_rank = terms.of_low_rank(e, e_t)
+    local, lost, supplied = terms.local(e, e_t, e_tt, u[BASE_SIZE:])
+    forces = local + low_rank
+    return forces, [lost + cs.dot(e_t, low_rank), supplied + cs.dot(e_t[:2], forces[:2])], nodes
 
 
 def base_force(model: Model, law: DampingLaw) -> cs.Function:
     """Return the Function of q, v, a, u and p that gives the force of the base on the clamped node, (4,)."""
-    motion = FullMotion.of(Equations(model, law))
-    return cs.Function("base_force", motion.symbols, [motion.forces[:NODE]])
+    equations = Equations(model, law)
+    symbols = _symbols(equations)
+    return cs.Function("base_force", symbols, [_full_motion(equations, symbols)[0][:NODE]])
 
 
 @lru_cache(maxsize=KEPT)
 def reduced_system(reduced: ReducedModel) -> SecondOrderSystem:
-    """Return a reduced model as a second-order system.
+    """Return a reduced model as a second-order system; its parameters are gravity and those of the law."""
+    parameters = parameters_of(reduced.parameters, reduced.law)
+    return _reduced_system(reduced, parameters, partial(_reduced_functions, reduced, False))
 
-    Its parameters are gravity and the parameters of the law.  The clamp may move but not rotate.
+
+def tuned_system(reduced: ReducedModel) -> SecondOrderSystem:
+    """Return a reduced model with factors c on its natural frequencies w and E on its elastic modulus.
+
+    Their forces are diag((c_k^2 - 1) w_k^2) q + (E - 1) dU/dq.  The parameters are those of the law, c and E.
     """
+    n = reduced.count
+    factors = [Parameter(f"frequency_{k + 1}", 1.0, "1", f"factor on the frequency of mode {k + 1}") for k in range(n)]
+    modulus = Parameter("elastic_modulus", 1.0, "1", "factor on the elastic modulus")
+    parameters = (*parameters_of(reduced.parameters, reduced.law)[GRAVITY_SIZE:], *factors, modulus)
+    return _reduced_system(reduced, parameters, partial(_reduced_functions, reduced, True))
+
+
+def _reduced_system(
+    reduced: ReducedModel, parameters: tuple[Parameter, ...], functions: Callable[[int], SampledFunctions]
+) -> SecondOrderSystem:
     m, model, projection = reduced.count, reduced.model, reduced.projection
     rest = reduced.modes.equilibrium.coordinates[NODE:]
     return SecondOrderSystem(
-        functions=Derived(_reduced_functions, reduced),
+        functions=functions,
         entries=dense_entries(m),
-        parameters=parameters_of(reduced.parameters, reduced.law),
+        parameters=parameters,
         excitation=BEAM_EXCITATION,
         rest=np.zeros(m),
         scale=np.full(m, model.beam.length * np.sqrt(projection.total_mass)),
@@ -113,15 +164,23 @@ def reduced_system(reduced: ReducedModel) -> SecondOrderSystem:
     )
 
 
-def _reduced_functions(samples: int, reduced: ReducedModel) -> SampledFunctions:
+@lru_cache(maxsize=KEPT_FUNCTIONS)
+def _reduced_functions(reduced: ReducedModel, tuned: bool, samples: int) -> SampledFunctions:
     m, law, model, projection = reduced.count, reduced.law, reduced.model, reduced.projection
     q, v, a = coordinates = [cs.MX.sym(name, m, samples) for name in ("q", "v", "a")]
-    u, p = cs.MX.sym("u", BEAM_EXCITATION, samples), cs.MX.sym("p", len(reduced.parameters))
+    laws = len(law.parameters)
+    u, p = cs.MX.sym("u", BEAM_EXCITATION, samples), cs.MX.sym("p", laws + (m + 1 if tuned else GRAVITY_SIZE))
+    values = cs.vertcat(cs.DM(reduced.values[:GRAVITY_SIZE]), p) if tuned else p
+    gravity, of_law, factors = cs.vertsplit(values, [0, GRAVITY_SIZE, GRAVITY_SIZE + laws, values.numel()])
     directions = [cs.MX.sym(name, BEAM_EXCITATION, samples) for name in ("u_1", "u_2")]
-    motion = ReducedMotion(projection, q, v, u[:BASE_SIZE, :], gravity=p[:2])
-    damping, tip = motion.damping(law, p[2:], model), motion.tip_force(u[BASE_SIZE:, :])
+    motion = ReducedMotion(projection, q, v, u[:BASE_SIZE, :], gravity=gravity)
+    damping, tip = motion.damping(law, of_law, model), motion.tip_force(u[BASE_SIZE:, :])
     forces = motion.undamped_forces(a) + damping - tip
     velocity, balance = cs.vertcat(v, u[3:5, :]), forces[:m, :]
+    if tuned:
+        by_bending = cs.repmat(cs.DM(projection.rest_force), 1, samples) + cs.DM(projection.bending_stiffness) @ q
+        balance += cs.diag((factors[:-1] ** 2 - 1) * reduced.modes.angular_frequencies**2) @ q
+        balance += (factors[-1] - 1) * by_bending
     supplied = cs.sum1(u[3:5, :] * forces[m:, :]) + cs.sum1(velocity * tip)
     rows = [cs.DM.zeros(m, samples) for _ in range(m)]
     for k, row in enumerate(rows):
@@ -167,7 +226,7 @@ def parameters_of(signals: Sequence[Signal], law: DampingLaw) -> tuple[Parameter
 
 
 @dataclass(frozen=True, eq=False)
-class Turning(Corrections):
+class Turning:
     """Corrections of the free coordinates that turn the slopes of a beam; a sum would stretch it.
 
     The coordinates are equivalent to pairs G q + g: the slopes r' at the two Gauss points of each element and, with an
@@ -197,10 +256,6 @@ class Turning(Corrections):
         pairs = np.vstack(rows)
         constant = pairs[:, :NODE] @ np.array([0.0, 0.0, *model.beam.axis])
         return Turning(pairs[:, NODE:], constant, 2 * n + model.root)
-
-    def carried(self, u: Array) -> Array:
-        """Return the displacement of the clamp at all nodes, (4 n, N)."""
-        return np.tile(np.vstack([u[:2], np.zeros_like(u[:2])]), (len(self.matrix) // NODE, 1))
 
     def moved(self, q: Array, change: Array) -> Array:
         """Return coordinates (4 n, N) after corrections (4 n, N)."""
@@ -243,104 +298,3 @@ class Turning(Corrections):
         both = np.stack([cosine * a - sine * b, sine * a + cosine * b], axis=1) / size[:, None]
         turned[: self.slopes] = both
         return turned.reshape(pairs.shape)
-
-
-@dataclass(frozen=True, eq=False)
-class FullMotion:
-    """A motion of the full beam, and its forces.
-
-    Parameters
-    ----------
-    equations : Equations
-        The equation of motion.
-    q, v, a : MX
-        Free coordinates, their velocities and accelerations.
-    u : MX
-        Excitation, (12,).
-    p : MX
-        Gravity, properties of the elements and parameters of the law.
-    """
-
-    equations: Equations
-    q: cs.MX
-    v: cs.MX
-    a: cs.MX
-    u: cs.MX
-    p: cs.MX
-
-    @staticmethod
-    def of(equations: Equations) -> FullMotion:
-        """Return a motion of symbols."""
-        free, parameters = equations.free, len(parameter_signals(equations))
-        sizes = {"q": free, "v": free, "a": free, "u": BEAM_EXCITATION, "p": parameters}
-        return FullMotion(equations, *(cs.MX.sym(name, size) for name, size in sizes.items()))
-
-    @property
-    def symbols(self) -> list[cs.MX]:
-        """Coordinates, velocities, accelerations, excitation and parameters."""
-        return [self.q, self.v, self.a, self.u, self.p]
-
-    @cached_property
-    def balance(self) -> Balance:
-        """The terms of the equation of motion."""
-        return self.equations.balance_for(self.p)
-
-    @cached_property
-    def clamped(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """Position, velocity and acceleration of the clamped node, each (4,)."""
-        ax, ay = self.equations.model.beam.axis
-        angle, rate, acceleration = self.u[2], self.u[5], self.u[8]
-        slope = cs.vertcat(cs.cos(angle) * ax - cs.sin(angle) * ay, cs.sin(angle) * ax + cs.cos(angle) * ay)
-        turned = cs.vertcat(-slope[1], slope[0])
-        return (
-            cs.vertcat(self.u[:2], slope),
-            cs.vertcat(self.u[3:5], rate * turned),
-            cs.vertcat(self.u[6:8], acceleration * turned - rate**2 * slope),
-        )
-
-    @cached_property
-    def nodes(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """Coordinates e, velocities e_t and accelerations e_tt of all nodes, each (4 n + 4,)."""
-        e, e_t, e_tt = (cs.vertcat(*pair) for pair in zip(self.clamped, (self.q, self.v, self.a), strict=True))
-        return e, e_t, e_tt
-
-    @cached_property
-    def low_rank(self) -> cs.MX:
-        """The low-rank part of the damping force, (4 n + 4,)."""
-        return self.balance.of_low_rank(*self.nodes[:2])
-
-    @cached_property
-    def local(self) -> tuple[cs.MX, cs.MX, cs.MX]:
-        """All other forces, (4 n + 4,), and the powers lost to local damping and supplied at the tip."""
-        return self.balance.local(*self.nodes, self.u[BASE_SIZE:])
-
-    @property
-    def forces(self) -> cs.MX:
-        """The left side of the equation of motion, (4 n + 4,); its first four rows are the force of the base."""
-        return self.local[0] + self.low_rank
-
-    @property
-    def powers(self) -> tuple[cs.MX, cs.MX]:
-        """The power lost to damping, and the power supplied at the base and the tip, W."""
-        _, lost, supplied = self.local
-        base = cs.dot(self.clamped[1], self.forces[:NODE])
-        return lost + cs.dot(self.nodes[1], self.low_rank), supplied + base
-
-    @property
-    def tangents(self) -> tuple[tuple[Index, Index], list[cs.MX], cs.MX]:
-        """Rows and columns of the entries of K, D and M; these entries; and U."""
-        model, (e, e_t, _), load = self.equations.model, self.nodes, self.u[BASE_SIZE:]
-        K, D, M = (model.matrix(entries) for entries in self.balance.tangents(e, e_t, load))
-        B = self.balance.turned_projection(e)
-        if B.shape[1]:
-            D += B @ cs.diag(self.balance.modal_coefficients) @ B.T
-        by_clamped = cs.MX.zeros(model.size - NODE, BEAM_EXCITATION)
-        for matrix, part in zip((K, D, M), self.clamped, strict=True):
-            by_clamped += matrix[NODE:, :NODE] @ cs.jacobian(part, self.u)
-        at_tip = cs.vertcat(
-            cs.MX.zeros(model.size - 2 * NODE, BEAM_EXCITATION), cs.jacobian(tip_force(e, load), self.u)
-        )
-        free = [matrix[NODE:, NODE:] for matrix in (K, D, M)]
-        pattern = free[0].sparsity() + free[1].sparsity()
-        entries = [cs.project(matrix, pattern).nz[:] for matrix in free]
-        return (np.array(pattern.row()), np.array(pattern.get_col())), entries, by_clamped - at_tip

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from types import NoneType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import casadi as cs
 import numpy as np
@@ -28,31 +28,10 @@ from ancf_casadi.support.arrays import Array, Index
 from ancf_casadi.support.inputs import array, check_instance, instances
 from ancf_casadi.support.tables import Displayed, counted
 
+if TYPE_CHECKING:
+    from ancf_casadi.response.harmonic_balance.beams import Turning
 
-class Corrections:
-    """Corrections (n, N) of coordinates (n, N): how they are added, and carried from one motion to another.
-
-    The coordinates are relative to those to which the excitation moves the system as a rigid body (``carried``).
-    """
-
-    def carried(self, u: Array) -> Array:
-        """Return the rigid displacements (n, N) due to the excitation (e, N)."""
-        return np.zeros(1)
-
-    def moved(self, q: Array, change: Array) -> Array:
-        """Return coordinates after corrections."""
-        return q + change
-
-    def forth(self, reference: Array, q: Array, change: Array) -> Array:
-        """Return the corrections at q that correspond to corrections at a reference."""
-        return change
-
-    def back(self, reference: Array, q: Array, residual: Array) -> Array:
-        """Return the residuals at a reference that correspond to residuals at q."""
-        return residual
-
-
-NO_CORRECTIONS = Corrections()
+KEPT_FUNCTIONS = 64  # sets of Functions, each of a system and a number of samples, that are kept
 
 
 class SampledFunctions(NamedTuple):
@@ -96,8 +75,8 @@ class SecondOrderSystem(Displayed):
         Typical size of each coordinate.
     mirror : array (n,)
         Signs P of a mirror symmetry, R(P q, P v, P a, -u) = P R(q, v, a, u); ones if there is none.
-    corrections : Corrections
-        How corrections move the coordinates.
+    corrections : Turning, optional
+        Turns corrections of the coordinates with a beam; they are added if there is none.
 
     Examples
     --------
@@ -120,7 +99,7 @@ class SecondOrderSystem(Displayed):
     rest: Array
     scale: Array
     mirror: Array
-    corrections: Corrections = NO_CORRECTIONS
+    corrections: Turning | None = None
 
     @classmethod
     def of(
@@ -236,34 +215,14 @@ def dense_entries(size: int) -> tuple[Index, Index]:
     return rows, columns
 
 
-class Derived:
-    """Functions for a number of samples, derived once for each number; another process derives its own.
-
-    Parameters
-    ----------
-    derive : callable
-        A function of a module: (number of samples, *of) -> Functions.
-    of : tuple
-        Its further arguments.
-    """
-
-    def __init__(self, derive: Callable[..., SampledFunctions], *of: object) -> None:
-        self._derive, self._of = derive, of
-        # numbers of samples for which the Functions of a system are kept
-        self._kept = lru_cache(maxsize=32)(lambda samples: derive(samples, *of))
-
-    def __call__(self, samples: int) -> SampledFunctions:
-        """Return the Functions for a number of samples."""
-        return self._kept(samples)
-
-    def __reduce__(self) -> tuple[type[Derived], tuple[object, ...]]:
-        """Pickle what the Functions are derived from."""
-        return Derived, (self._derive, *self._of)
-
-
 def several(samples: int, *ones: cs.Function) -> SampledFunctions:
     """Return the Functions of N samples that evaluate those of one."""
     return SampledFunctions(*(side_by_side(one, samples) for one in ones))
+
+
+@lru_cache(maxsize=KEPT_FUNCTIONS)
+def _of_one(balance: cs.Function, tangents: cs.Function, powers: cs.Function, samples: int) -> SampledFunctions:
+    return several(samples, balance, tangents, powers, balance)
 
 
 def side_by_side(one: cs.Function, samples: int, shared: int = 4) -> cs.Function:
@@ -291,7 +250,7 @@ def _sampled(
                            ["K", "D", "M", "R_1", "R_2"], {"cse": True})  # fmt: skip
     powers = cs.Function("powers", list(symbols), [cs.densify(lost), cs.densify(supplied)], names, ["lost", "supplied"])
 
-    return Derived(several, balance, tangents, powers, balance)
+    return partial(_of_one, balance, tangents, powers)
 
 
 def _vector(given: Array | Sequence[float] | None, size: int, default: float, where: str) -> Array:

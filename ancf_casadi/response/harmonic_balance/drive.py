@@ -96,12 +96,12 @@ class Drive:
         """True if the excitation is a motion of the base."""
         return bool(self.parts[1].any())
 
-    def expression(self, tau: cs.SX, omega: cs.SX, amplitude: cs.SX) -> cs.SX:
-        """Return u, (e,), as a CasADi expression."""
-        position, velocity, acceleration = (cs.DM(part) for part in self.parts)
-        return amplitude * (
-            position * cs.sin(tau) + omega * velocity * cs.cos(tau) - omega**2 * acceleration * cs.sin(tau)
-        )
+    def expression(self, phases: Array, omega: cs.MX, amplitude: cs.MX) -> cs.MX:
+        """Return u at phases (k,) as an expression, (e, k)."""
+        position, velocity, acceleration = self.parts[:, :, None]
+        sine, cosine = np.sin(phases), np.cos(phases)
+        shape = cs.DM(position * sine) + omega * cs.DM(velocity * cosine) - omega**2 * cs.DM(acceleration * sine)
+        return amplitude * shape
 
     def samples(self, phases: Array, omega: float, amplitude: float) -> tuple[Array, Array, Array]:
         """Return u and its derivatives with respect to omega and A at phases (k,), each (e, k)."""
@@ -120,10 +120,7 @@ def no_drive(components: int) -> Drive:
 def beam_drive(base: BaseMotion | None, load: TipLoad | None) -> Drive:
     """Return the excitation of a beam by its base or at its tip, at its full amplitude.
 
-    Raises
-    ------
-    InputError
-        If there is not exactly one of them, it is not harmonic, or it ends.
+    Raise InputError if there is not exactly one of them, it is not harmonic, or it ends.
     """
     if (base is None) == (load is None):
         raise InputError("give either a HarmonicBase or a HarmonicLoad", "base" if base is not None else "load")
@@ -150,10 +147,7 @@ def beam_drive(base: BaseMotion | None, load: TipLoad | None) -> Drive:
 def force_drive(force: HarmonicForce, components: int) -> Drive:
     """Return the excitation of a system by a harmonic force.
 
-    Raises
-    ------
-    InputError
-        If its direction does not have one entry per component of the excitation.
+    Raise InputError if its direction does not have one entry per component of the excitation.
     """
     if len(force.direction) != components:
         raise InputError(f"has {len(force.direction)} entries for {components} of the excitation", "direction")

@@ -10,13 +10,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, Self
 
 import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
+from ancf_casadi.estimation.solver.least_squares import residual_function
+from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
+from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, Index
 
 
@@ -71,7 +75,7 @@ class Fitted:
     @property
     def errors(self) -> Array:
         """Standard errors (m,) of the computed values due to those of the estimates, in standard deviations."""
-        return self.fit.errors_of(self.fit.jacobian[self.rows] / self.scale)
+        return np.nan_to_num(self.fit.errors_of(self.fit.jacobian[self.rows] / self.scale))
 
 
 @dataclass(frozen=True)
@@ -168,3 +172,26 @@ class Block(ABC):
     @abstractmethod
     def account(self, fitted: Fitted) -> Account:
         """Return what a result says of the block."""
+
+    @abstractmethod
+    def channels(self, fitted: Fitted) -> Sequence[PredictedChannel]:
+        """Return measured and computed values."""
+
+    def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
+        """Return the values of the block, whose records were not fitted, at the estimates of a fit of some kind.
+
+        Raises
+        ------
+        FitError
+            If they cannot be computed.
+        """
+        evaluation = self.evaluation()
+        evaluate = residual_function(
+            lambda *x: evaluation.residuals(dict(zip(fit.names, x, strict=True))), fit.coordinates
+        )
+        residuals, jacobian = residuals_and_jacobian(evaluate, fit.values / fit.scale)
+        if evaluation.failure:
+            raise FitError(f"the record cannot be predicted: {evaluation.failure}")
+        own = replace(fit, residuals=residuals, jacobian=jacobian / fit.scale)
+        fitted = Fitted(own, slice(None), 1.0, np.zeros(len(fit.names)), evaluation)
+        return RecordPrediction(kind, tuple(self.channels(fitted)))

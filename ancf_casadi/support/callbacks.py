@@ -50,6 +50,7 @@ class Differentiable(cs.Callback):
         self._respond, self._size, self._inputs = respond, size, inputs
         self._last: tuple[Array, tuple[Array, Array]] | None = None
         self._jacobians: list[cs.Callback] = []
+        self.failure = ""  # reason of the first failure
         self.construct("response", {})
 
     def at(self, inputs: Array) -> tuple[Array, Array]:
@@ -57,7 +58,8 @@ class Differentiable(cs.Callback):
         if self._last is None or not np.array_equal(self._last[0], inputs):
             try:
                 found = self._respond(inputs)
-            except (AncfError, np.linalg.LinAlgError):
+            except (AncfError, np.linalg.LinAlgError) as error:
+                self.failure = self.failure or str(error)
                 found = np.full(self._size, math.nan), np.full((self._size, self._inputs), math.nan)
             self._last = inputs, found
         return self._last[1]

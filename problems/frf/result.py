@@ -182,8 +182,11 @@ class FrfFit(LeastSquaresResult):
         errors = np.hypot(*np.nan_to_num(parts).swapaxes(0, 1)).T * deviations
         noise = np.sqrt(np.mean(first_deviations(values) ** 2, axis=0))
         columns = zip(record.names(), values.T, found.fitted.T, errors.T, noise.tolist(), strict=True)
-        channels = tuple(PredictedChannel(name, record.unit, *rest) for name, *rest in columns)
-        return RecordPrediction(self.kind, channels, record.frequencies, "frequency, Hz")
+        channels = tuple(
+            PredictedChannel(name, record.unit, measured, fitted, error, record.frequencies, "frequency, Hz", std)
+            for name, measured, fitted, error, std in columns
+        )
+        return RecordPrediction(self.kind, channels)
 
     def resampled(self, noise: Array) -> Array:
         """Return the estimates (p,) from a fit to the fitted functions plus noise of each residual (m,)."""

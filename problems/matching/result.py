@@ -225,8 +225,9 @@ class FrequencyMatch(FitResult):
         errors = errors if known.noisy else np.full(len(size), math.nan)
         noise = float(np.sqrt(np.mean(np.square(measured.frequency_std or math.nan)))) if one.noisy else math.nan
         predicted = size * (1 + response.residuals(self.unknowns))
-        channel = PredictedChannel("frequency", "Hz", size, predicted, errors, noise)
-        return RecordPrediction(self.kind, (channel,), np.arange(1.0, len(size) + 1.0), "target")
+        places = np.arange(1.0, len(size) + 1.0)
+        channel = PredictedChannel("frequency", "Hz", size, predicted, errors, places, "target", noise)
+        return RecordPrediction(self.kind, (channel,))
 
     def resampled(self, noise: Array) -> Array:
         """Return the properties (p,) of the match to the modes of this beam plus noise of each residual (m,)."""

@@ -18,6 +18,8 @@ import numpy as np
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping
 from ancf_casadi.damping.law import SumOfLaws
 from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
@@ -27,6 +29,7 @@ from ancf_casadi.support.tables import known
 from problems.beam.curves.balance import DrivenBalance
 from problems.beam.curves.driven import Driven, driven
 from problems.beam.curves.points import Measured, PointMotion
+from problems.beam.curves.prediction import predicted_response, response_channels
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.residuals import Responses
 from problems.beam.curves.weights import CurveWeights, first_weights
@@ -131,6 +134,21 @@ class CurveBlock(Block):
         return replace(
             self, modes=min(self.modes + 1, most), harmonics=self.harmonics + 2, refinements=self.refinements + 1
         )
+
+    def channels(self, fitted: Fitted) -> list[PredictedChannel]:
+        """Return computed amplitudes, and phases if they were measured, without standard errors."""
+        motions = fitted.evaluation.motions(fitted.values)
+        found = []
+        for record, own in zip(self.records, motions, strict=True):
+            values = np.array([one.values[:2] for one in own]).T
+            prefix = f"{record.label}: " if len(self.records) > 1 else ""
+            own_channels = response_channels(record, values, np.full(values.shape, math.nan), prefix)
+            found += own_channels if record.measured_phases is not None else own_channels[:1]
+        return found
+
+    def predicted(self, fit: Fit, kind: str) -> RecordPrediction:
+        """Return amplitudes and phases at the levels of the record."""
+        return predicted_response(self, fit, kind)
 
     def account(self, fitted: Fitted) -> Account:
         """Return errors of the amplitudes, the effects of truncation and levels, and points without a stable motion."""

@@ -23,7 +23,7 @@ MOTION_TABLES = {"beam", "damping", "base", "load", "release", "records", "frequ
 
 
 class MotionNumbers(TypedDict):
-    """Fit to measured motion, as ``BeamFit.to_dict``, and predictions, as ``MotionPrediction.to_dict``."""
+    """Fit to measured motion, as ``BeamFit.to_dict``, and predictions, as ``RecordPrediction.to_dict``."""
 
     fit: dict[str, Any]
     predictions: list[dict[str, Any]]

@@ -203,3 +203,6 @@ class Mean(Block):
 
     def account(self, fitted):
         return Account()
+
+    def channels(self, fitted):
+        return []

@@ -9,9 +9,8 @@ if TYPE_CHECKING:
     from ancf_casadi.estimation.prediction import RecordPrediction
     from ancf_casadi.estimation.resampling import MonteCarlo, monte_carlo
     from ancf_casadi.estimation.saved import SavedFit, load_fit
-    from problems.beam.comparison import compare_laws
     from problems.beam.curves.record import ResponseRecord
-    from problems.beam.fitting import fit_beam
+    from problems.beam.fitting import compare_laws, fit_beam
     from problems.beam.motions.marker_record import MarkerRecord
     from problems.beam.motions.record import Camera, Channel, MotionRecord
     from problems.beam.result import BeamFit

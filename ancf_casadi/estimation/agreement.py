@@ -14,8 +14,8 @@ expectation K - 1.  The interval of the mean includes this scatter,
 with t of Student's distribution with K - 1 degrees of freedom, or if tau = 0 of the normal distribution.  Two records
 hardly determine tau, and their interval is wide.
 
-``parts`` has the estimates from parts of the residuals of a fit, to first order: one Gauss-Newton step from the
-estimates x of the whole fit, with the rows J_k, r_k of a part,
+``part_estimates`` has the estimates from a part of the residuals of a fit, to first order: one Gauss-Newton step from
+the estimates x of the whole fit, with the rows J_k, r_k of the part,
 
     x_k = x - (J_k' J_k)^-1 J_k' r_k,
 
@@ -39,7 +39,8 @@ from typing import Any
 import numpy as np
 import scipy  # its packages are imported on first use
 
-from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, Estimates, quantile
+from ancf_casadi.estimation.fit import Fit
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, quantile
 from ancf_casadi.estimation.solver.loss import row_weights
 from ancf_casadi.estimation.solver.noise import estimated_noise
 from ancf_casadi.support.arrays import Array, Mask
@@ -163,23 +164,7 @@ def agreement(name: str, unit: str, values: Array, errors: Array) -> Agreement:
     )
 
 
-@dataclass(frozen=True, eq=False)
-class PartEstimate:
-    """Estimates from a part of the residuals of a fit, to first order.
-
-    Parameters
-    ----------
-    values : ndarray
-        Estimates (n,); nan for unknowns that the part does not determine, or that are at a bound.
-    covariance : ndarray
-        Covariance (n, n), nan for the same unknowns.
-    """
-
-    values: Array
-    covariance: Array
-
-
-def agreement_of_parts(fit: Estimates, masks: Sequence[Mask]) -> tuple[Agreement, ...]:
+def agreement_of_parts(fit: Fit, masks: Sequence[Mask]) -> tuple[Agreement, ...]:
     """Return the agreement of parts of the residuals of a fit on each unknown that two or more of them determine.
 
     The noise of a part counts as no less than that of the fit: a few values may be near their curve by chance.
@@ -193,10 +178,10 @@ def agreement_of_parts(fit: Estimates, masks: Sequence[Mask]) -> tuple[Agreement
     """
     if len(masks) < 2:
         return ()
-    found, y = [_part(fit, mask, math.sqrt(fit.noise.variance)) for mask in masks], fit.coordinates
-    values = np.array([y.unknowns(part.values) for part in found])
-    steps = np.array([np.sqrt(np.diag(part.covariance)) for part in found])
-    errors = steps * np.abs([y.slopes(part.values) for part in found])
+    found, y = [part_estimates(fit, mask, math.sqrt(fit.noise.variance)) for mask in masks], fit.coordinates
+    values = np.array([y.unknowns(part) for part, _ in found])
+    steps = np.array([np.sqrt(np.diag(covariance)) for _, covariance in found])
+    errors = steps * np.abs([y.slopes(part) for part, _ in found])
     own = [np.flatnonzero((steps[:, k] > 0.0) & (steps[:, k] < fit.scale[k])) for k in range(len(fit.names))]
     return tuple(
         agreement(fit.names[k], fit.units[k], values[rows, k], errors[rows, k])
@@ -205,25 +190,25 @@ def agreement_of_parts(fit: Estimates, masks: Sequence[Mask]) -> tuple[Agreement
     )
 
 
-def parts(fit: Estimates, masks: Sequence[Mask]) -> list[PartEstimate]:
-    """Return the estimates from each part of the residuals of a fit, a mask (m,) of its rows."""
-    return [_part(fit, mask) for mask in masks]
+def part_estimates(fit: Fit, mask: Mask, least: float = 0.0) -> tuple[Array, Array]:
+    """Return the estimates (n,) from a part of the residuals of a fit, to first order, and their covariance (n, n).
 
-
-def _part(fit: Estimates, mask: Mask, least: float = 0.0) -> PartEstimate:
+    Both are nan for unknowns that the part does not determine, or that are at a bound.  The noise of the part counts as
+    no less than a standard deviation ``least``.
+    """
     n = len(fit.names)
     weights = row_weights(fit.residuals[mask], fit.huber)
     rows = fit.jacobian[mask] * fit.scale * weights[:, None]
     free = np.flatnonzero(~fit.active_bounds & (np.linalg.norm(rows, axis=0) > 0.0))
     values, covariance = np.full(n, math.nan), np.full((n, n), math.nan)
     if not 0 < len(free) < len(rows):
-        return PartEstimate(values, covariance)
+        return values, covariance
     length = np.linalg.norm(rows[:, free], axis=0)
     basis, triangle = np.linalg.qr(rows[:, free] / length)
     size = np.abs(np.diag(triangle))
     # part of a column that the other columns do not explain, relative, below which it is undetermined
     if size.min() < 1e-10 * size.max():
-        return PartEstimate(values, covariance)
+        return values, covariance
     inverse = (fit.scale[free] / length)[:, None] * np.linalg.inv(triangle)
     r = weights * fit.residuals[mask]
     values[free] = fit.values[free] - inverse @ (basis.T @ r)
@@ -232,4 +217,4 @@ def _part(fit: Estimates, mask: Mask, least: float = 0.0) -> PartEstimate:
     noise = estimated_noise(r - basis @ (basis.T @ r), basis, series, times).at_least(least)
     allowance = len(rows) * fit.systematic**2 * np.eye(len(free))
     covariance[np.ix_(free, free)] = inverse @ (noise.form(basis) + allowance) @ inverse.T
-    return PartEstimate(values, covariance)
+    return values, covariance

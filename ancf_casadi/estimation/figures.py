@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ancf_casadi.estimation.agreement import Agreement
-from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
+from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel
 from ancf_casadi.estimation.solver.noise import autocorrelation
 from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.figures import COMPUTED, MEASURED, literal_text, prefixed
@@ -120,21 +120,25 @@ def saved_figure(fits: Mapping[str, Any]) -> Figure:
     return figure
 
 
-@literal_text
-def prediction_figure(predictions: Mapping[str, RecordPrediction]) -> Figure:
-    """Draw the channels of predictions by their labels (``channels_figure``)."""
-    return channels_figure({label: one.channels for label, one in predictions.items()})
+def channels_or_estimates(fits: Mapping[str, Any]) -> Figure:
+    """Draw the channels of a fit; the estimates of several."""
+    return saved_figure(fits) if len(fits) > 1 else channels_figure(fits)
 
 
 @literal_text
-def channels_figure(parts: Mapping[str, Sequence[PredictedChannel]]) -> Figure:
+def channels_figure(results: Mapping[str, Any]) -> Figure:
     """Draw measured (dots) and computed values, amplitudes of complex ones, and their differences below.
 
-    Channels of one part that share a diagram, unit and axis are drawn over one another.
+    Channels of one result that share a diagram, unit and axis are drawn over one another.
+
+    Parameters
+    ----------
+    results : mapping of str to RecordPrediction, or to the result of a fit with ``channels``
+        The results by their labels.
     """
     diagrams: dict[tuple[str, ...], list[PredictedChannel]] = {}
-    for label, channels in parts.items():
-        for one in channels:
+    for label, result in results.items():
+        for one in result.channels:
             diagrams.setdefault((label, one.diagram or one.name, one.unit, one.axis), []).append(one)
     columns = min(PLOTS_PER_ROW, len(diagrams))
     rows = -(-len(diagrams) // columns)

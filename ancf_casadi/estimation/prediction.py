@@ -155,7 +155,7 @@ class RecordPrediction(Reported):
     {'position x, tip': True, 'position y, tip': True}
     """
 
-    _drawing = "ancf_casadi.estimation.figures.prediction_figure"
+    _drawing = "ancf_casadi.estimation.figures.channels_figure"
 
     kind: str
     channels: tuple[PredictedChannel, ...]

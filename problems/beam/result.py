@@ -19,7 +19,7 @@ from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts
 from ancf_casadi.estimation.block import Account, Block
 from ancf_casadi.estimation.determination import certainty
 from ancf_casadi.estimation.fit import colour_warning
-from ancf_casadi.estimation.prediction import RecordPrediction
+from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.result import LeastSquaresResult
 from ancf_casadi.estimation.solve import FitSolution
 from ancf_casadi.exceptions import InputError
@@ -31,7 +31,6 @@ from problems.beam.curves.block import CurveBlock, curve_block
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.motions.block import MotionBlock, motion_block
 from problems.beam.motions.marker_record import motion_record
-from problems.beam.names import load_name, loads
 from problems.beam.properties import (
     CLAMP_STIFFNESS,
     PROPERTY_POWERS,
@@ -42,6 +41,7 @@ from problems.beam.properties import (
     unit_of,
     value_of,
 )
+from problems.beam.unknowns import load_name, loads
 from problems.beam.values.block import ValueBlock
 from problems.beam.values.records import PropertyRecord
 
@@ -78,7 +78,7 @@ class BeamFit(LeastSquaresResult):
     """
 
     kind = "beam"
-    _drawing = "problems.beam.figures.beam_figure"
+    _drawing = "ancf_casadi.estimation.figures.channels_or_estimates"
 
     given: Model
     guess: DampingLaw
@@ -164,6 +164,11 @@ class BeamFit(LeastSquaresResult):
     def accounts(self) -> tuple[Account, ...]:
         """Lines, warnings and data of each block of measurements."""
         return tuple(block.account(fitted) for block, fitted in self.solution.parts)
+
+    @property
+    def channels(self) -> tuple[PredictedChannel, ...]:
+        """Measured and computed values of all records."""
+        return tuple(one for block, fitted in self.solution.parts for one in block.channels(fitted))
 
     @property
     def residuals(self) -> list[Array]:

@@ -11,7 +11,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.estimation.agreement import Agreement, agreement
-from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL, Quantities
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, Quantities
 from ancf_casadi.estimation.prediction import RecordPrediction
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.records.measurement import Measurement

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ancf_casadi.estimation.estimates import CONFIDENCE_LEVEL
+from ancf_casadi.estimation.intervals import CONFIDENCE_LEVEL, profile_interval
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
-from ancf_casadi.estimation.profile import profile_interval
 from ancf_casadi.estimation.result import Interval, LeastSquaresResult
 from ancf_casadi.exceptions import FitError, InputError
 from ancf_casadi.support.arrays import Array, ComplexArray

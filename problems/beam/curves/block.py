@@ -33,8 +33,8 @@ from problems.beam.curves.prediction import predicted_response, response_channel
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.residuals import Responses
 from problems.beam.curves.weights import CurveWeights, first_weights
-from problems.beam.names import frequency_name
 from problems.beam.properties import Owners
+from problems.beam.unknowns import frequency_name
 
 MODULUS = (
     "elastic_modulus",

@@ -7,7 +7,7 @@ the residuals are
 
     (h_c(t_i) + z_c - y_ci)/s_c
 
-record by record and channel by channel.  ``evaluation`` has these expressions, ``tolerance`` the accuracy of the
+record by record and channel by channel.  ``evaluation`` has these expressions, ``weights`` the accuracy of the
 integration.  Only the model is differentiated: records are never integrated.  A trial that takes ``MOST_STEP_RATIO``
 times the steps of the first run is abandoned.
 """
@@ -33,8 +33,15 @@ from ancf_casadi.support.interrupts import delayed_interrupts
 from ancf_casadi.support.tables import known
 from problems.beam.motions.evaluation import MotionEvaluation
 from problems.beam.motions.record import Channel, MotionRecord, labels_of
-from problems.beam.motions.tolerance import CHECK_RATIO, TIGHTEST, first_tolerance, tighter
-from problems.beam.motions.weights import MODEL_STD, Weights, first_weights
+from problems.beam.motions.weights import (
+    CHECK_RATIO,
+    MODEL_STD,
+    TIGHTEST,
+    Weights,
+    first_tolerance,
+    first_weights,
+    tighter,
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,8 +22,8 @@ from ancf_casadi.mechanics.beam import LUMPED
 from ancf_casadi.records.sensor import Sensor
 from ancf_casadi.support.arrays import Array
 from problems.beam.motions.record import Channel, MotionRecord
-from problems.beam.names import base_name, load_name, loads
 from problems.beam.properties import Owners
+from problems.beam.unknowns import base_name, load_name, loads
 
 if TYPE_CHECKING:
     from problems.beam.motions.block import MotionBlock

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import Any, TypedDict, final
 
 from ancf_casadi.exceptions import InputError
-from problems.beam.comparison import compare_laws
-from problems.beam.fitting import fit_beam
+from problems.beam.fitting import compare_laws, fit_beam
 from problems.schema.file import StudyFile
 from problems.schema.records import read_measurements
 from problems.study.data_table import Column, DataTable

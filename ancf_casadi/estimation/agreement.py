@@ -34,6 +34,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -58,23 +59,43 @@ class Agreement:
     name, unit : str
         The quantity.
     values, errors : ndarray
-        Estimates (K,) and their standard errors (K,), K of 2 or more.
-    scatter : float
-        Standard deviation tau between the records, beyond the standard errors.
-    probability : float
-        Probability of a Q as large or larger if the estimates agree.
-    mean, error : float
-        Mean of the estimates and its standard error, which includes the scatter.
+        Estimates (K,) and their standard errors (K,), all positive; K is 2 or more.
     """
 
     name: str
     unit: str
     values: Array
     errors: Array
-    scatter: float
-    probability: float
-    mean: float
-    error: float
+
+    @cached_property
+    def scatter(self) -> float:
+        """Standard deviation tau between the records, beyond the standard errors."""
+        freedom = len(self.values) - 1
+        if self._excess(0.0) <= freedom:
+            return 0.0
+        widest = float(np.ptp(self.values)) ** 2
+        return math.sqrt(scipy.optimize.brentq(lambda variance: self._excess(variance) - freedom, 0.0, widest))
+
+    @property
+    def probability(self) -> float:
+        """Probability of a Q as large or larger if the estimates agree."""
+        return float(scipy.special.chdtrc(len(self.values) - 1, self._excess(0.0)))
+
+    @property
+    def mean(self) -> float:
+        """Weighted mean x of the estimates."""
+        return float(np.average(self.values, weights=1 / (self.errors**2 + self.scatter**2)))
+
+    @property
+    def error(self) -> float:
+        """Standard error of the mean, which includes the scatter."""
+        variance, freedom = self.scatter**2, len(self.values) - 1
+        return math.sqrt(max(1.0, self._excess(variance) / freedom) / float(np.sum(1 / (self.errors**2 + variance))))
+
+    def _excess(self, variance: float) -> float:
+        """Return Q for a variance tau^2."""
+        weights = 1 / (self.errors**2 + variance)
+        return float(weights @ (self.values - np.average(self.values, weights=weights)) ** 2)
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -136,34 +157,6 @@ class Agreement:
         }
 
 
-def agreement(name: str, unit: str, values: Array, errors: Array) -> Agreement:
-    """Return the agreement of estimates (K,) with standard errors (K,), all positive; K is 2 or more."""
-    freedom = len(values) - 1
-
-    def mean_and_excess(variance: float) -> tuple[float, float, float]:
-        weights = 1 / (errors**2 + variance)
-        mean = float(weights @ values / weights.sum())
-        return mean, float(weights @ (values - mean) ** 2), float(weights.sum())
-
-    Q = mean_and_excess(0.0)[1]
-    τ2 = 0.0
-    if freedom < Q:
-        widest = float(np.ptp(values)) ** 2
-        τ2 = float(scipy.optimize.brentq(lambda variance: mean_and_excess(variance)[1] - freedom, 0.0, widest))
-    mean, excess, total = mean_and_excess(τ2)
-    error = math.sqrt(max(1.0, excess / freedom) / total)
-    return Agreement(
-        name=name,
-        unit=unit,
-        values=values,
-        errors=errors,
-        scatter=math.sqrt(τ2),
-        probability=float(scipy.special.chdtrc(freedom, Q)),
-        mean=mean,
-        error=error,
-    )
-
-
 def agreement_of_parts(fit: Fit, masks: Sequence[Mask]) -> tuple[Agreement, ...]:
     """Return the agreement of parts of the residuals of a fit on each unknown that two or more of them determine.
 
@@ -184,7 +177,7 @@ def agreement_of_parts(fit: Fit, masks: Sequence[Mask]) -> tuple[Agreement, ...]
     errors = steps * np.abs([y.slopes(part) for part, _ in found])
     own = [np.flatnonzero((steps[:, k] > 0.0) & (steps[:, k] < fit.scale[k])) for k in range(len(fit.names))]
     return tuple(
-        agreement(fit.names[k], fit.units[k], values[rows, k], errors[rows, k])
+        Agreement(fit.names[k], fit.units[k], values[rows, k], errors[rows, k])
         for k, rows in enumerate(own)
         if len(rows) > 1
     )

@@ -102,18 +102,18 @@ class Block(ABC):
 
     @property
     @abstractmethod
-    def records(self) -> Sequence[Any]:
-        """The measurements."""
+    def lengths(self) -> Sequence[Sequence[int]]:
+        """Lengths of the series of residuals of each record, which follow one another; 1 for single values."""
 
     @property
-    @abstractmethod
     def series(self) -> list[int]:
-        """Lengths of the series of residuals, which follow one another; 1 for single values."""
+        """Lengths of all series of residuals."""
+        return [length for record in self.lengths for length in record]
 
     @property
-    @abstractmethod
     def owners(self) -> Index:
         """Record of each residual, from 0, (m,)."""
+        return np.repeat(np.arange(len(self.lengths)), [sum(record) for record in self.lengths])
 
     @property
     def times(self) -> Array:

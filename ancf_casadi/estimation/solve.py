@@ -97,7 +97,7 @@ class FitProblem:
         for block, rows in zip(self.blocks, self.rows, strict=True):
             owners = np.full(sum(self.series), -1)
             owners[rows] = block.owners
-            found += [owners == k for k in range(len(block.records))]
+            found += [owners == k for k in range(len(block.lengths))]
         return found
 
     @property

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from ancf_casadi.estimation.agreement import agreement, agreement_of_parts, part_estimates
+from ancf_casadi.estimation.agreement import Agreement, agreement_of_parts, part_estimates
 from ancf_casadi.estimation.solver.least_squares import least_squares
 from ancf_casadi.estimation.solver.unknown import Unknown
 
 
 def test_estimates_that_agree_have_their_weighted_mean():
     values, errors = np.array([1.0, 1.2, 0.9]), np.array([0.2, 0.1, 0.4])
-    found = agreement("x", "m", values, errors)
+    found = Agreement("x", "m", values, errors)
     weights = 1 / errors**2
     assert found.agrees and found.scatter == 0.0
     assert found.mean == pytest.approx(np.average(values, weights=weights))
@@ -27,7 +27,7 @@ def test_estimates_that_agree_have_their_weighted_mean():
 def test_estimates_with_equal_errors_that_differ_have_the_interval_of_their_scatter():
     """Then the mean, its error and its interval are those of the bare values."""
     values = np.array([1.063, 0.988, 0.936])
-    found = agreement("elastic_modulus", "", values, np.full(3, 0.002))
+    found = Agreement("elastic_modulus", "", values, np.full(3, 0.002))
     assert not found.agrees
     assert found.scatter**2 == pytest.approx(values.var(ddof=1) - 0.002**2)
     assert found.interval == pytest.approx(stats.t.interval(0.95, 2, values.mean(), stats.sem(values)))
@@ -40,7 +40,7 @@ def test_the_interval_covers_the_mean_over_all_takes():
     errors = np.array([0.5, 1.0, 1.0, 1.5, 1.0])
     hits = 0
     for _ in range(2000):
-        low, high = agreement("x", "", 2.0 * rng.standard_normal(5) + errors * rng.standard_normal(5), errors).interval
+        low, high = Agreement("x", "", 2.0 * rng.standard_normal(5) + errors * rng.standard_normal(5), errors).interval
         hits += low < 0.0 < high
     assert 0.93 < hits / 2000 < 0.97
 

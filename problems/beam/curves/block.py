@@ -24,7 +24,7 @@ from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
 from ancf_casadi.mechanics.model import Model
 from ancf_casadi.reduction import ReducedModel, reduce_model
 from ancf_casadi.reduction.reduced import rebuilt
-from ancf_casadi.support.arrays import Array, Index, root_mean_square
+from ancf_casadi.support.arrays import Array, root_mean_square
 from ancf_casadi.support.tables import known
 from problems.beam.curves.balance import DrivenBalance
 from problems.beam.curves.driven import Driven, driven
@@ -85,14 +85,9 @@ class CurveBlock(Block):
         return [record for _, record in self.numbered]
 
     @property
-    def series(self) -> list[int]:
-        """Lengths of the series of residuals: amplitudes and, if they were measured, phases of each record."""
-        return list(self.weights.lengths)
-
-    @property
-    def owners(self) -> Index:
-        """Record of each residual."""
-        return np.repeat([record for record, _ in self.weights.owners], self.weights.lengths)
+    def lengths(self) -> list[list[int]]:
+        """Number of amplitudes and, if they were measured, of phases of each record."""
+        return [[record.f.size] * (1 if record.phases is None else 2) for record in self.records]
 
     @property
     def scale(self) -> float:

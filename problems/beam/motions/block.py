@@ -28,7 +28,7 @@ from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solve import LARGEST_SHIFT
 from ancf_casadi.mechanics.model import Model
-from ancf_casadi.support.arrays import Array, Index
+from ancf_casadi.support.arrays import Array
 from ancf_casadi.support.interrupts import delayed_interrupts
 from ancf_casadi.support.tables import known
 from problems.beam.motions.evaluation import MotionEvaluation
@@ -88,20 +88,14 @@ class MotionBlock(Block):
         return [channel for record in self.records for channel in record.own_channels]
 
     @property
-    def series(self) -> list[int]:
-        """Number of samples of each channel."""
-        return [channel.measurement.time.size for channel in self.sensors]
+    def lengths(self) -> list[list[int]]:
+        """Number of samples of each channel of each record."""
+        return [[channel.measurement.time.size for channel in record.own_channels] for record in self.records]
 
     @property
     def times(self) -> Array:
         """Times of the residuals on the clocks of their records, s."""
         return np.concatenate([channel.measurement.time for channel in self.sensors])
-
-    @property
-    def owners(self) -> Index:
-        """Record of each residual."""
-        sizes = [sum(one.measurement.time.size for one in record.own_channels) for record in self.records]
-        return np.repeat(np.arange(len(sizes)), sizes)
 
     @property
     def scale(self) -> float:

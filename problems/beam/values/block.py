@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
@@ -13,7 +13,6 @@ import numpy as np
 
 from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
 from ancf_casadi.estimation.prediction import PredictedChannel
-from ancf_casadi.support.arrays import Index
 from ancf_casadi.support.callbacks import Differentiable
 from problems.beam.properties import Owners
 from problems.beam.values.records import PropertyRecord
@@ -41,19 +40,9 @@ class ValueBlock(Block):
         return type(self), (self.record, self.first)
 
     @property
-    def records(self) -> Sequence[PropertyRecord]:
-        """The record."""
-        return [self.record]
-
-    @property
-    def series(self) -> list[int]:
-        """Single values."""
-        return [1] * len(self.record.measured)
-
-    @property
-    def owners(self) -> Index:
-        """Zeros: there is one record."""
-        return np.zeros(len(self.record.measured), dtype=np.int64)
+    def lengths(self) -> list[list[int]]:
+        """Single values of one record."""
+        return [[1] * len(self.record.measured)]
 
     @property
     def stated(self) -> bool:

@@ -8,6 +8,7 @@ weights once residuals are known, and for a finer discretisation once its error 
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,6 +20,7 @@ import numpy as np
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solver.least_squares import residual_function
+from ancf_casadi.estimation.solver.loss import noise_of
 from ancf_casadi.estimation.solver.polish import residuals_and_jacobian
 from ancf_casadi.exceptions import FitError
 from ancf_casadi.support.arrays import Array, Index
@@ -95,6 +97,55 @@ class Account:
     lines: Sequence[str] = ()
     warnings: Sequence[str] = ()
     data: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class SeriesWeights:
+    """Standard deviations of the series of residuals of a block, which groups of series share.
+
+    Parameters
+    ----------
+    lengths : array of int (c,)
+        Lengths of the series.
+    deviations : array (c,)
+        Standard deviation of each series, in its unit.
+    floors : array (c,)
+        Least standard deviation of each series that residuals may give.
+    groups : tuple of tuple of int
+        Series that share a standard deviation.
+    known : tuple of bool
+        Whether the user gave the standard deviation of a group.
+    """
+
+    lengths: Index
+    deviations: Array
+    floors: Array
+    groups: tuple[tuple[int, ...], ...]
+    known: tuple[bool, ...]
+
+    @property
+    def scale(self) -> float:
+        """The geometric mean G of the standard deviations."""
+        return math.exp(float(self.lengths @ np.log(self.deviations)) / float(self.lengths.sum()))
+
+    def root_mean_square(self, sizes: Array) -> float:
+        """Return the root mean square of the residuals if those of series c have the size ``sizes[c]`` (its unit)."""
+        return math.sqrt(float(self.lengths @ (sizes / self.deviations) ** 2) / float(self.lengths.sum()))
+
+    def split(self, residuals: Array) -> list[Array]:
+        """Return the residuals of each series, in its unit, from those of all in standard deviations."""
+        parts = np.split(residuals, np.cumsum(self.lengths)[:-1])
+        return [part * deviation for part, deviation in zip(parts, self.deviations.tolist(), strict=True)]
+
+    def improved(self, series: Sequence[Array], *, robust: bool = False) -> SeriesWeights:
+        """Return the weights with the standard deviations of noise, one array per series, where none is known."""
+        deviations = self.deviations.copy()
+        for group, known in zip(self.groups, self.known, strict=True):
+            if not known:
+                noise, own = np.concatenate([series[k] for k in group]), list(group)
+                size = (noise_of(noise) if robust else math.sqrt(float(np.mean(noise**2)))) if noise.size else 0.0
+                deviations[own] = np.maximum(size, self.floors[own])
+        return replace(self, deviations=deviations)
 
 
 class Block(ABC):

@@ -84,12 +84,13 @@ class PredictedChannel:
     @property
     def warning(self) -> str | None:
         """Warning if the error is beyond noise and uncertainty; None if not."""
-        scatter = np.hypot(self.errors, self.noise)
-        error, expected = root_mean_square(np.abs(self.residuals)[np.isfinite(scatter)]), root_mean_square(scatter)
-        if not error > LARGEST_PREDICTION_ERROR * expected:
+        scatter = np.hypot(self.errors if np.ndim(self.noise) else self.standard_error, self.noise)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = root_mean_square(np.abs(self.residuals) / scatter)
+        if not ratio > LARGEST_PREDICTION_ERROR:
             return None
         return (
-            f"{self.name}: the error {error:.2g} is {error / expected:.2g} times as large as "
+            f"{self.name}: the error {self.rms_error:.2g} is {ratio:.2g} times as large as "
             "noise and the uncertainty of the estimates explain; the model does not hold for this record"
         )
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from ancf_casadi.damping import DampingLaw, FrictionDamping, ModalDamping, QuadraticDamping
 from ancf_casadi.damping.law import SumOfLaws
-from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
+from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted, SeriesWeights
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solve import LARGEST_SHIFT, meaningful
@@ -32,7 +32,7 @@ from problems.beam.curves.points import Measured, PointMotion
 from problems.beam.curves.prediction import predicted_response, response_channels
 from problems.beam.curves.record import ResponseRecord
 from problems.beam.curves.residuals import Responses
-from problems.beam.curves.weights import CurveWeights, first_weights
+from problems.beam.curves.weights import first_weights
 from problems.beam.properties import Owners
 from problems.beam.unknowns import frequency_name
 
@@ -63,10 +63,12 @@ class CurveBlock(Block):
         First values of the unknown properties by name, SI units.
     modes, harmonics : int
         Numbers of modes and of harmonics of the motion.
-    weights : CurveWeights
-        The standard deviations.
+    weights : SeriesWeights
+        The factors on the standard deviations of amplitudes and levels, and of phases.
     refinements : int
         Number of times that modes and harmonics were added.
+    looseness : tuple of float
+        Further factors on the standard deviations of amplitudes, phases and levels.
     """
 
     model: Model
@@ -76,8 +78,9 @@ class CurveBlock(Block):
     first: Mapping[str, float]
     modes: int
     harmonics: int
-    weights: CurveWeights
+    weights: SeriesWeights
     refinements: int = 0
+    looseness: tuple[float, float, float] = (1.0, 1.0, 1.0)
 
     @property
     def records(self) -> Sequence[ResponseRecord]:
@@ -111,9 +114,9 @@ class CurveBlock(Block):
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the factors on the standard deviations that residuals show."""
-        if not self.weights.improvable:
+        if all(self.weights.known):
             return None
-        return replace(self, weights=self.weights.improved(residuals))
+        return replace(self, weights=self.weights.improved(self.weights.split(residuals)))
 
     def error(self, values: Mapping[str, float], residuals: Array, evaluation: Any) -> Array:
         """Return the error of residuals, from one mode and two harmonics more."""
@@ -226,11 +229,15 @@ class CurveBlock(Block):
     def measured(self, values: Mapping[str, float]) -> list[list[Measured]]:
         """Return the points of each record, with the levels that belong to values of the unknowns by name."""
         found = []
-        for k, (number, record) in enumerate(self.numbered):
+        factors = iter(self.weights.deviations.tolist())
+        for number, record in self.numbered:
+            amplitude = next(factors)
+            phase = 1.0 if record.phases is None else next(factors)
+            deviations = record.stds.T * (np.array([amplitude, phase, amplitude]) * self.looseness)
             factor = values.get(self.excitation(number) or "", 1.0)
             phases = np.full(record.f.size, math.nan) if record.measured_phases is None else record.measured_phases
             rows = np.array([record.amplitudes, phases, factor * record.a]).T
-            pairs = zip(record.f, rows, self.weights.deviations(k).T, strict=True)
+            pairs = zip(record.f, rows, deviations, strict=True)
             found.append([Measured(2 * math.pi * f, row, own) for f, row, own in pairs])
         return found
 

@@ -68,8 +68,7 @@ def predicted_response(block: CurveBlock, fit: Fit, kind: str) -> RecordPredicti
         If the response at a point cannot be computed.
     """
     (record,), values = block.records, fit.estimates
-    loose = block.weights.proportions[0] * np.array([FREE_STD, FREE_STD, 1.0])[:, None]
-    responses = replace(block, weights=replace(block.weights, proportions=(loose,))).evaluation()
+    responses = replace(block, looseness=(FREE_STD, FREE_STD, 1.0)).evaluation()
     try:
         motions, changes = responses.motions(values)[0], responses.sensitivities(values)[0]
     except FAILURES as error:

@@ -23,7 +23,7 @@ import casadi as cs
 import numpy as np
 
 from ancf_casadi.damping import DampingLaw
-from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted
+from ancf_casadi.estimation.block import Account, Block, Evaluation, Fitted, SeriesWeights
 from ancf_casadi.estimation.fit import Fit
 from ancf_casadi.estimation.prediction import TIME_AXIS, PredictedChannel, RecordPrediction
 from ancf_casadi.estimation.solve import LARGEST_SHIFT
@@ -37,7 +37,6 @@ from problems.beam.motions.weights import (
     CHECK_RATIO,
     MODEL_STD,
     TIGHTEST,
-    Weights,
     first_tolerance,
     first_weights,
     tighter,
@@ -62,7 +61,7 @@ class MotionBlock(Block):
         Unknown components of the tip load at the start.
     tolerance : float
         Tolerance of the integration.
-    weights : Weights
+    weights : SeriesWeights
         The weights of the channels.
     adaptive : bool
         Whether the tolerance may become smaller.
@@ -74,7 +73,7 @@ class MotionBlock(Block):
     first: Mapping[str, float]
     load: tuple[str, ...]
     tolerance: float
-    weights: Weights
+    weights: SeriesWeights
     adaptive: bool = True
 
     @property
@@ -105,13 +104,13 @@ class MotionBlock(Block):
     @property
     def systematic(self) -> float:
         """Root mean square of the systematic error of the records."""
-        return self.weights.systematic
+        return self.weights.root_mean_square(self.weights.floors)
 
     @property
     def negligible(self) -> float:
         """Norm of the integration error of all readings."""
         # effect of an undetermined combination of unknowns, in units of the tolerance times the travel
-        return 3.0 * self.tolerance * self.weights.travel
+        return 3.0 * self.tolerance * math.sqrt(sum(self.series)) * self.systematic / MODEL_STD
 
     def evaluation(self, before: Evaluation | None = None) -> MotionEvaluation:
         """Return the motions as differentiable Functions; those of ``before`` serve other weights too."""
@@ -121,9 +120,9 @@ class MotionBlock(Block):
 
     def reweighted(self, residuals: Array, *, robust: bool) -> Self | None:
         """Return the block with the standard deviations that residuals show."""
-        if not (robust or self.weights.improvable):
-            return None
-        return replace(self, weights=self.weights.improved(residuals, robust=robust))
+        if not robust and (len(self.weights.groups) == 1 or all(self.weights.known)):
+            return None  # one standard deviation for all does not matter
+        return replace(self, weights=self.weights.improved(self.weights.split(residuals), robust=robust))
 
     def error(self, values: Mapping[str, float], residuals: Array, evaluation: Any) -> Array:
         """Return the error of residuals, from one integration of each record at a smaller tolerance."""

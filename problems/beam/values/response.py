@@ -100,7 +100,7 @@ def static_response(
         values, jacobians = (np.array(part) for part in zip(*found, strict=True))
         values = values[1:] - from_rest * values[0]
         jacobians = jacobians[1:] - from_rest[:, None] * jacobians[0]
-        return values.ravel(), jacobians.reshape(-1, owners.count)
+        return values.ravel(), jacobians.reshape(values.size, owners.count)
 
     return respond
 

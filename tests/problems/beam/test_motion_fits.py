@@ -196,7 +196,7 @@ def weighted(record):
 
 def test_the_noise_of_a_record_is_separated_from_its_motion(model, driven):
     weights = weighted(driven)
-    assert weights.scale * weights.systematic == pytest.approx(MODEL_STD * travel(driven))
+    assert weights.scale * weights.root_mean_square(weights.floors) == pytest.approx(MODEL_STD * travel(driven))
     time = np.arange(400) / 100.0
     swing = 0.02 * np.stack([np.sin(8 * time), np.cos(5 * time)], axis=1)
     given = NOISE * np.random.default_rng(3).normal(size=swing.shape)

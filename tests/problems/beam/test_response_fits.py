@@ -81,7 +81,7 @@ def test_another_start_gives_the_same_estimates(model, modes, curves, fit):
 
 @pytest.mark.slow
 def test_the_noise_sets_the_weights_unless_it_is_given(fit):
-    factors = fit.solution.problem.blocks[0].weights.factors
+    factors = fit.solution.problem.blocks[0].weights.deviations
     assert (np.abs(factors - 1.0) < 0.5).all()
     assert fit.fit.residual_rms == pytest.approx(fit.solution.problem.scale, rel=0.05)
 

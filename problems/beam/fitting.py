@@ -190,17 +190,16 @@ def fit_beam(
     if not listed:
         raise InputError("nothing is to be estimated; name properties, or free a parameter of the law", "unknowns")
     own = tuple(restricted(listed, bounds or {}, priors or {}))
-    shared = _known_to_curves(own, law, first)
     blocks: list[Block] = []
     for one, numbered in _configured(motions, model, models):
         load = tuple(name.removeprefix("start_") for name in LOADS if name in wanted)
         blocks.append(motion_block(one, numbered, law, first, load=load, tolerance=tolerance, robust=robust))
     for one, numbered in _configured(curves, model, models):
-        number, most = whole(harmonics, "harmonics", 1), one.size - one.free.start
         # modes of the reduced model above the highest that a response curve is about
         enough = max(mode_of(record, frequencies) for record in curves) + 1 + 2
-        count = min(enough, most) if modes is None else whole(modes, "modes", 1, most)
-        blocks.append(curve_block(one, numbered, law, shared, first, modes=count, harmonics=number))
+        count = enough if modes is None else whole(modes, "modes", 1, one.size - one.free.start)
+        number, names = whole(harmonics, "harmonics", 1), [unknown.name for unknown in own]
+        blocks.append(curve_block(one, numbered, law, names, first, modes=count, harmonics=number))
     blocks += [ValueBlock(record.with_model(models[id(record.model)]), first) for record in values]
     solution = solve(FitProblem(tuple(blocks), own, robust), _starts(own, only_values=not motions and not curves))
     again = partial(_again, model, damping, {
@@ -332,13 +331,6 @@ def _configured(records: Sequence[Any], model: Model, models: Mapping[int, Model
 def _frequencies(model: Model) -> Array:
     # modes among which those of the response curves are sought
     return natural_modes(model, count=min(12, model.size - model.free.start)).frequencies
-
-
-def _known_to_curves(unknowns: Sequence[Unknown], law: DampingLaw, first: Mapping[str, float]) -> tuple[str, ...]:
-    """Return the unknowns on which response curves depend."""
-    known = {*first, *(own.name for own in law.parameters)}
-    prefixes = ("frequency_", "excitation")
-    return tuple(one.name for one in unknowns if one.name in known or one.name.startswith(prefixes))
 
 
 def _starts(unknowns: Sequence[Unknown], *, only_values: bool) -> list[dict[str, float]]:

@@ -312,11 +312,9 @@ class BeamFit(LeastSquaresResult):
         model = self._started(one.model or self.given)
         if isinstance(one, ResponseRecord):
             curves = [block for block in blocks if isinstance(block, CurveBlock)]
-            names = {"excitation", *self.first, *(own.name for own in self.guess.parameters)}
-            kept = [name for name in self.fit.names if name in names or name.startswith("frequency_")]
-            finest = max(((block.modes, block.harmonics) for block in curves), default=(3, 5))
-            modes = min(finest[0], model.size - model.free.start)
-            return curve_block(model, [(none, one)], self.guess, kept, self.first, modes=modes, harmonics=finest[1])
+            modes, harmonics = max(((block.modes, block.harmonics) for block in curves), default=(3, 5))
+            names, law = self.fit.names, self.guess
+            return curve_block(model, [(none, one)], law, names, self.first, modes=modes, harmonics=harmonics)
         motions = [block for block in blocks if isinstance(block, MotionBlock)]
         tolerance = min((block.tolerance for block in motions), default=None)
         own = motion_block(model, [(none, one)], self.guess, self.first, tolerance=tolerance)

@@ -317,6 +317,8 @@ def curve_block(
     modes: int,
     harmonics: int,
 ) -> CurveBlock:
-    """Return response curves as a block with first weights."""
-    weights = first_weights([record for _, record in numbered])
-    return CurveBlock(model, tuple(numbered), law, tuple(names), first, modes, harmonics, weights)
+    """Return response curves as a block with first weights, which knows those of the unknowns that matter to it."""
+    weights, known = first_weights([record for _, record in numbered]), {*first, *(own.name for own in law.parameters)}
+    own = tuple(name for name in names if name in known or name.startswith(("frequency_", "excitation")))
+    most = model.size - model.free.start
+    return CurveBlock(model, tuple(numbered), law, own, first, min(modes, most), harmonics, weights)

@@ -158,8 +158,8 @@ def channels_figure(results: Mapping[str, Any]) -> Figure:
         lower.set(ylabel=f"difference, {unit}".removesuffix(", "), xlabel=axis)
         if all((one.places == np.rint(one.places)).all() for one in channels):
             lower.xaxis.set_major_locator(MaxNLocator(integer=True))
-        if len(channels) > 1:
-            upper.legend(frameon=False, fontsize="small")
+        upper.lines[0].set_label("measured")
+        upper.legend(frameon=False, fontsize="small")
     for unused in plots.reshape(rows, 2, columns).swapaxes(1, 2).reshape(-1, 2)[len(diagrams) :].ravel():
         figure.delaxes(unused)
     return figure
